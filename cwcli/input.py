@@ -15,13 +15,14 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from threading import Thread
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from cwcli.errors import InputError, OutputError
+from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

@@ -9,8 +9,9 @@ command line library.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
+
+from cwcli.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True)

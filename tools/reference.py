@@ -78,8 +78,8 @@ def readme() -> str:
     import io
     import textwrap
 
-    from cwcli.cli.app import EXIT_CODES_TEXT
     from cwcli.cli.main import run_command_line
+    from cwcli.cli.root_help import EXIT_CODES_TEXT
 
     arguments = ["info", "sample_logs/intersection.mcap"]
     printed = io.StringIO()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import CONTROL_POSE, CONTROL_STATE, CONTROL_STEP
 from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.control.encounter import POLICIES
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 

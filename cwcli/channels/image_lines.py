@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.channels.published import Channel
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, StreamedChannel, encode_strings
 
 LINE_LOOP, LINE_STRIP = 2, 3

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
@@ -15,6 +14,7 @@ from cwcli.channels.lens import Lenses, lens_fields
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.painted_frames import StartImages, painted_frames_channel
 from cwcli.channels.published import LANE_LINES, LANES
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel, StreamedChannel
 from cwcli.signals.leaf_fields import read_integers, read_numbers
 from cwcli.vision.boundary_lines import BoundaryLines

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, STATE_NAMES, FrameStatus, LateralTrack, count_frame_statuses
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, unusable_field_error
 from cwcli.signals.resample import resample

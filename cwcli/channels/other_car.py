@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_MS, NS_PER_S

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from cwcli.channels.image_lines import LINE_LOOP, LINE_STRIP, ImageShape, line_t
 from cwcli.channels.lanes import LaneRows
 from cwcli.channels.painted_frames import StartImages, painted_frames_channel
 from cwcli.channels.published import OBSERVER_PATH_LINES
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array, StreamedChannel
 from cwcli.signals.row_order import Rows, sort_rows_by_stamp

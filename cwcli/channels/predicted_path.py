@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ from cwcli.channels.output import first_row_of_each_period, make_output_channel
 from cwcli.channels.published import Channel
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.plan import PathPlan, SelectedPaths
 from cwcli.signals.columns import (

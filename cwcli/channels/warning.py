@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import WARNING_LOG, WARNINGS
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Strings, repeat_string
 from cwcli.signals.leaf_fields import read_integers, read_numbers, read_texts
 from cwcli.warning.rows import HELD, RAISED, WarningRows

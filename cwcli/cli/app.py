@@ -6,7 +6,6 @@ rich help costs 60 ms of import and breaks lines differently on a terminal and i
 
 from __future__ import annotations
 
-import inspect
 import os
 import re
 import sys
@@ -18,31 +17,21 @@ import typer.main
 
 from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
+from cwcli.cli.load import load_function
 from cwcli.cli.options.complete import run_completion_with_bash_equals_fix
 from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_options
-from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand_dataclass_parameters
+from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
+from cwcli.cli.options.lazy_typer import use_typer_declarations
 from cwcli.cli.options.plain_coercion import use_plain_coercion
-from cwcli.cli.options.stage import make_all_stage_options_classes
-from cwcli.errors import EXIT_CODES, UsageError
+from cwcli.cli.root_help import ABOUT, EPILOG
+from cwcli.errors import UsageError
 from cwcli.input import remember_inputs
-from cwcli.pipeline.stage import import_named_module
-from cwcli.stages import STAGES
 from cwcli.text import shorten_and_escape
 
 MAX_VALUE_CHARS = 60
 """Longest part of a wrong value that an error shows, in characters; chosen by hand."""
 MAX_OPTIONS_WITHOUT_HEADINGS = 15
 """Commands with at most this many options list them without headings; chosen by hand."""
-EXIT_CODES_TEXT = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
-"""All exit codes with their meanings, for the help."""
-HELP_EPILOG = f"""
-Exit codes: {EXIT_CODES_TEXT}.
-
-\b
-Example:
-  cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/
-"""
-"""Text at the end of `cwcli --help`."""
 
 
 class PlainCommand(typer.core.TyperCommand):
@@ -99,18 +88,11 @@ def load_command(name: str) -> Any:
     Raises:
         UsageError: Its module is missing.
     """
-    if name in STAGES:
-        from cwcli.cli.stage_command import make_stage_command
-
-        function, examples = make_stage_command(STAGES[name])
-    else:
-        module = import_named_module(f"cwcli.cli.commands.{name}", f"the command {name}")
-        stages = make_all_stage_options_classes() if "stages" in inspect.signature(module.command).parameters else ()
-        function, examples = expand_dataclass_parameters(module.command, name, stages=stages), module.EXAMPLES
+    function, examples = load_function(name)
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
     heading = "Example:" if len(examples) == 1 else "Examples:"
     epilog = "\n".join(["\b", heading, *(f"  {example}" for example in examples)])
-    single.command(name, cls=PlainCommand, epilog=epilog)(function)
+    single.command(name, cls=PlainCommand, epilog=epilog)(use_typer_declarations(function))
     return typer.main.get_command(single)
 
 
@@ -124,18 +106,19 @@ app = typer.Typer(
     cls=LazyGroup,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    epilog=HELP_EPILOG,
+    help=ABOUT,
+    epilog=EPILOG,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
-@app.callback()
+@app.callback(help=ABOUT)
 def root_command(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """From a recorded drive to states, predicted paths and collision warnings, on MCAP logs."""
+    """Take the options of the whole command line."""
 
 
 def dispatch_command(arguments: list[str]) -> int:

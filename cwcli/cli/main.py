@@ -36,9 +36,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
     """Run `cwcli` with arguments, print its output and errors, and return the exit code; raises only `SystemExit`."""
     try:
         _make_streams_robust()
-        from cwcli.cli.app import dispatch_command
-
-        code = dispatch_command(list(arguments))
+        code = _dispatch(list(arguments))
         _flush_stdout()
     except CwcliError as error:
         code = error.exit_code
@@ -63,6 +61,25 @@ def run_command_line(arguments: Sequence[str]) -> int:
             code = error.exit_code
             _report_known_error(error)
     return code
+
+
+def _dispatch(arguments: list[str]) -> int:
+    """Run the command line: plain arguments without Typer, which takes half of the start of a short command."""
+    if arguments in (["--help"], ["-h"]) and "_CWCLI_COMPLETE" not in os.environ:
+        from cwcli.cli.root_help import format_root_help
+
+        text = format_root_help()
+        if text is not None and sys.stdout is not None:
+            sys.stdout.write(text)
+            return 0
+    from cwcli.cli.plain_arguments import run_plain_command
+
+    code = run_plain_command(arguments)
+    if code is not None:
+        return code
+    from cwcli.cli.app import dispatch_command
+
+    return dispatch_command(arguments)
 
 
 def _raise_terminated(number: int, frame: object) -> NoReturn:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from cwcli.cli.options.shared import ReadingOptions, WritingOptions, source_name
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Call
 from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, SkipRules, run_stages
 from cwcli.pipeline.selection import resolve_selection

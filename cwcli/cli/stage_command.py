@@ -50,8 +50,7 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
     ) -> None:
         known = calibration.load_if_named()
         first = {
-            name: stage_call_from_options(make_stage_options_class(name)(**values), sensors, known)
-            for name, values in stage.first.items()
+            name: stage_call_from_options(make_stage_options_class(name)(), sensors, known) for name in stage.first
         }
         job = Job(
             stage.name,

@@ -7,12 +7,12 @@ section 4. Every warning moment of a study is run at once: the arrays have one r
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.control.car import CarResponse, CarState, advance_car
 from cwcli.control.controller import fuzzy_throttle_and_pressure, speed_difference_along_heading_mps
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 COLLISION_DISTANCE_M = 2.5

@@ -9,11 +9,11 @@ brakes in the ego's own way; the other drives as recorded. Rows of every array a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures import fuzzy_safety
 from cwcli.measures.outlines import Size, outline_separation_m
 from cwcli.signals.columns import FloatArray

@@ -5,7 +5,6 @@ The tracks are cut to the time around the warning, extended beyond their end, an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -20,6 +19,7 @@ from cwcli.control.closed_loop import (
     fuzzy_controller_pedals,
     replay_with_policy,
 )
+from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S

@@ -8,10 +8,10 @@ tests compare this one with integrals worked out by hand and with scikit-fuzzy's
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 

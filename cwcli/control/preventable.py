@@ -7,7 +7,7 @@ brakes when it sees danger. The other drives as recorded, and at its last speed 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from cwcli.control.driver_models import (
     EgoCases,
     simulate_driver_cases,
 )
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.outlines import Size
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.table import ColumnDoc, Table

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cwcli.control.controller import speed_difference_along_heading_mps
 from cwcli.control.encounter import POLICIES, ReplayedWarning
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.outlines import outline_distance_m
 from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.columns import FloatArray, Int64Array

@@ -11,7 +11,6 @@ What the paper leaves open, and how it is read here (the reasons are in docs/pap
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from math import isnan
 
@@ -29,6 +28,7 @@ from cwcli.dynamics.steering import dynamic_steering_correction, steering_angle_
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import Begin
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.units import MPS_PER_KMH, NS_PER_S

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from typing import Annotated, Literal
 
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_M
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 
 

@@ -7,13 +7,14 @@ wrong, what is permitted.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from cwcli.errors import InputError, UsageError
 from cwcli.input import read_file
+from cwcli.lazy_dataclass import dataclass
 from cwcli.toml_text import parse_toml
 
 VEHICLE_FILE_SUFFIX = ".toml"

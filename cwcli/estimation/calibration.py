@@ -16,7 +16,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from typing import Any
 from cwcli.errors import InputError, UsageError
 from cwcli.estimation.measurements import Kind
 from cwcli.input import read_file
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.student import student_factor
 from cwcli.text import replace_surrogates
 from cwcli.toml_text import parse_toml

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from cwcli.estimation.prepare import PreparedSeries, clean_measurements, earlies
 from cwcli.estimation.score import GATE_PROBABILITY, is_prediction_clearly_better, row_log_likelihoods
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Literal
 
 from cwcli.errors import UsageError
 from cwcli.estimation.calibration import Calibration
+from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 
 ModelName = Literal["cwcli", "song2016"]

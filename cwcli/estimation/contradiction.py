@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from cwcli.estimation.measurements import RATE_KINDS, Kind
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.role import Role
 
 _ROLE_OF_KIND = {

@@ -8,10 +8,9 @@ log disagree by many of the sigmas that a model of white noise promises.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 SCATTER_BLOCK_S = 10.0

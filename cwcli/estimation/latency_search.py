@@ -21,7 +21,7 @@ blocks from which it was not found better than a constant, the latency drifts, a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,6 +47,7 @@ from cwcli.estimation.trial import (
     gate_outliers,
 )
 from cwcli.kernels.ekf import UpdateStatus
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 LATENCY_GRID_STEP_S = 0.25

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from cwcli.kernels import ekf
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 

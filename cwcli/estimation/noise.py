@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.stamp_noise import NoiseFit, fit_stamp_errors, may_have_stamp_errors
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.trial import FilterTrials, trial_key
+from cwcli.lazy_dataclass import dataclass
 
 AVERAGING_HZ = 10.0
 """Rate to which inertial series and speeds are averaged, Hz. Chosen: manoeuvres are slower."""

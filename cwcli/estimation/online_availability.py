@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +11,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.result import SourceReport
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 

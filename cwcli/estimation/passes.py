@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from cwcli.estimation.median import median
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import lay_steps
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 N_MOTION_STATES = 8

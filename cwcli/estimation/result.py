@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import NO_PARAMETER, NO_SLOW_ERROR, NO_STAMP_ERROR, Parameter, SlowError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array, Strings, repeat_string
 
 

@@ -10,11 +10,10 @@ sender has fallen silent, and only in part if the sender is heard less often tha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import FloatArray, Int64Array

@@ -7,9 +7,9 @@ or time, and is told as a contradiction instead of being used. docs/estimation.m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from cwcli.estimation.measurements import Kind
+from cwcli.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from itertools import combinations
 
@@ -29,6 +29,7 @@ from cwcli.estimation.step_motion import (
     compute_step_motion,
     step_edges_s,
 )
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)

@@ -8,7 +8,7 @@ other one is left out. Of two sources of which neither is a position both are le
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.source_checks import Judgement, SourceComparison, compare_all_source_pairs
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 MIN_GRAVITY_SHARE = 0.5

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from cwcli.estimation.score import (
 )
 from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
 from cwcli.estimation.trial import gate_outliers
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 

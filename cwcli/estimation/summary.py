@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.measurements import QUANTITIES
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.verdict import NeesOfQuantity, consistency_verdict_sentence
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import MetricRow, Table, table_of_metric_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -60,6 +60,7 @@ from cwcli.estimation.start import (
 from cwcli.estimation.state_flags import compute_state_flags
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import chi_square_mean_bounds, gate_nis
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.units import NS_PER_S

@@ -12,7 +12,7 @@ series share their start and their time order, and those with the same stamps th
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -29,6 +29,7 @@ from cwcli.estimation.score import GATE_PROBABILITY
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels import ekf
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import gate_nis
 
 N_REMEMBERED_PASSES = 6

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +39,7 @@ from cwcli.estimation.sensor_search import (
     series_whose_ahead_may_be_latency,
 )
 from cwcli.kernels import ekf
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 

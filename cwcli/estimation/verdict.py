@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.measurements import RATE_KINDS
 from cwcli.estimation.result import SourceReport
+from cwcli.lazy_dataclass import dataclass
 
 TOLERATED_VARIANCE_FACTOR = 2.0
 """Factor by which a variance may be wrong without a fault being reported. Chosen by hand; not fitted."""

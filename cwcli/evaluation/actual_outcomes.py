@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
@@ -12,6 +11,7 @@ from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.evaluation.conflicts import RealConflict, find_real_conflicts
 from cwcli.evaluation.records import find_collision_warning_record, warning_config_from_record
 from cwcli.evaluation.scored_warnings import NS_PER_H
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.pipeline.call import Selection

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.evaluation.system.topics import OtherSystemTopics
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector
 from cwcli.metrics.table import Table

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.evaluation.actual_outcomes import read_actual_states
 from cwcli.evaluation.evaluation_context import EvaluationContext
 from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states, knowledge_of_stage_input
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.metrics.table import Table, TableColumn

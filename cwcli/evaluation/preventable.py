@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cwcli.control.preventable import DRIVER_MODELS, DriverVerdict, judge_preventability
 from cwcli.evaluation.actual_outcomes import ActualOutcomes
 from cwcli.evaluation.conflicts import RealConflict
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.gap import MEASURE as GAP
 from cwcli.measures.pair import Pair
 from cwcli.metrics.headline import HeadlineCollector

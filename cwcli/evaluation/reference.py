@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cwcli.channels.published import EGO_ONLINE
@@ -11,6 +9,7 @@ from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.errors import MissingSignalError
 from cwcli.evaluation.evaluation_context import EvaluationContext
 from cwcli.evaluation.knowledge import HINDSIGHT, ONLINE, TRUTH, comparison_label
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import find_metric
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray, Int64Array

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from cwcli.evaluation.conflicts import (
     find_real_conflicts,
     judge_warning,
 )
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures import MEASURES
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.table import ColumnDoc, Table, table_from_records

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import MetricRow
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.builders.motion import MAP_FRAME_IDS

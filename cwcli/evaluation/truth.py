@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from cwcli.estimation.consistency import ErrorTableRow, compare_errors_with_trut
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.verdict import NeesOfQuantity
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import chi_square_mean_bounds
 from cwcli.metrics.table import MetricRow
 from cwcli.pipeline.result import Cell, SummaryTable

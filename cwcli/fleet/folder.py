@@ -16,13 +16,13 @@ import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
 from cwcli.errors import InputError, OutputError
 from cwcli.input import note_input
+from cwcli.lazy_dataclass import dataclass
 from cwcli.output import make_folder, open_output
 
 if TYPE_CHECKING:

@@ -6,11 +6,12 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from cwcli import __version__
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.source import MAX_PIPE_BYTES
 from cwcli.pipeline.call import StageCall
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, LogFolder, RecordedRun, read_output_folder
 from cwcli.input import read_file
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.headline import METRICS_TABLE_COLUMNS, OPTIONAL_COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, metric_rows_by_name, notes_from_metadata

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy
 import pyarrow.parquet
-import pyproj
 import zstandard
 
 import cwcli.fleet.worker
@@ -17,7 +16,7 @@ import cwcli.logs.read.message_reader
 import cwcli.logs.write.annotate
 from cwcli.stages import DEFAULT_STAGES, STAGES
 
-__all__ = ["cwcli", "numpy", "pyarrow", "pyproj", "zstandard"]
+__all__ = ["cwcli", "numpy", "pyarrow", "zstandard"]
 
 for name in DEFAULT_STAGES:
     STAGES[name].import_module  # noqa: B018 - imports it

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.pair import Pair
 from cwcli.metrics.table import unit_of_column
 from cwcli.signals.columns import FloatArray

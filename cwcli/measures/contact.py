@@ -7,11 +7,10 @@ during one interval of time, with it during at most two.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.pair import OtherInHostAxes, Pair
 from cwcli.signals.columns import FloatArray
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.base import Measure
 from cwcli.measures.crossing import MIN_CROSSING_SINE
 from cwcli.measures.outlines import outline_separation_m

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 
 from cwcli.errors import UsageError, names_hint
+from cwcli.lazy_dataclass import dataclass
 
 MAX_LENGTH = 2000
 """Greatest number of characters of a gate; chosen by hand."""

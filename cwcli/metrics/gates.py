@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
 from functools import cached_property
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.gate_syntax import (
     Aggregate,
     AnyAll,

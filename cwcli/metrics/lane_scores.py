@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]

@@ -7,7 +7,7 @@ from the column's name (`speed_mps`, `error_mean_m`), so a table only names it w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.output import AtomicGroup, open_output
 from cwcli.output_stream import Bytes, OutputStream
 from cwcli.signals.columns import NumericArray, Ragged, Strings

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.stage import Stage
 
 if TYPE_CHECKING:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.channels.lanes import read_lanes
 from cwcli.channels.published import LANES
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import read_configuration, read_input_counts, read_number, read_run_records
 from cwcli.signals.role import Role

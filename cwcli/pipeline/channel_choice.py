@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections import ChainMap
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from cwcli.channels.published import published_topics
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.stage import Stage
 
 if TYPE_CHECKING:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from cwcli.errors import DataError, MissingSignalError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Call, Selection
 from cwcli.pipeline.channel_choice import ChannelChoice
 from cwcli.pipeline.missing import MissingSignals

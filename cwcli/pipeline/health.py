@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.errors import DataError, InputError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.clocks import MAX_STAMP_NS, find_stamp_gaps

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from cwcli.channels.other_car import (
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states, write_vehicle_states
 from cwcli.errors import DataError, MissingSignalError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Call, Selection
 from cwcli.pipeline.execute import run_stages

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cwcli.channels.binding import ROLE_TEXT, bind_roles
 from cwcli.channels.published import REMOTE_PATH, REMOTE_STATE
 from cwcli.errors import MissingSignalError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.needs import Table, stage_readiness
 from cwcli.pipeline.stage import Stage

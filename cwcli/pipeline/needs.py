@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.stage import Stage
 
 Table = Mapping[str, Stage]

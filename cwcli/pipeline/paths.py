@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from cwcli.channels.predicted_path import (
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import MissingSignalError, UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import Record, read_configuration, read_run_records, to_int_or_none
 from cwcli.pipeline.states import StatesSelection, bind_state_channels, read_selected_states

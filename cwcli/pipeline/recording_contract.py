@@ -15,11 +15,11 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from cwcli.errors import UsageError
 from cwcli.input import read_file
+from cwcli.lazy_dataclass import dataclass
 from cwcli.toml_text import parse_toml
 
 LOG_CONDITIONS = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")

@@ -9,11 +9,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.errors import DataError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.geodesy import LocalMap

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from cwcli.estimation.from_signals import remote_station_to_measurements
 from cwcli.estimation.online_availability import not_overtaken_message_mask
 from cwcli.estimation.summary import TrackSummary, summarise_track
 from cwcli.estimation.track import estimate_hindsight_and_online, map_in_threads
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
 from types import ModuleType
 from typing import Any
 
 from cwcli.channels.published import PUBLISHED_CHANNELS
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Stage:
         instead_of: The stage that this one is an alternative to, "" for none. It runs only if named by the user;
             `cwcli info` lists it for the logs on which it can run.
         on_request: `cwcli run` runs it only if the user names it.
-        first: Stage -> values of its options: the stages that its command runs first on a log without their channels.
+        first: The stages that its command runs first, with their default options, on a log without their channels.
         evaluation: Module that evaluates the stage's result, "" for none (see `cwcli.pipeline.call`).
         package: Package of its module, which holds the function and its configuration, named like the stage
             (`warn_lane`, `WarnLaneConfig`), and `EXAMPLES`.
@@ -38,7 +38,7 @@ class Stage:
     used: tuple[str, ...] = ()
     instead_of: str = ""
     on_request: bool = False
-    first: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    first: tuple[str, ...] = ()
     evaluation: str = ""
     package: str = "cwcli.stages"
 

@@ -7,12 +7,12 @@ It ships as `fleet_prior.toml`, which says what it was learned from; `python -m 
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.row_products import multiply_rows_reproducibly
 from cwcli.signals.columns import FloatArray
 

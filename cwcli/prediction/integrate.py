@@ -12,12 +12,11 @@ every right side. Written out for step n -> n+1 it is one node per step with v =
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import paths as kernel
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, interpolate_acting_time_s
 from cwcli.prediction.models.base import Model, Responses

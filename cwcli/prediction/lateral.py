@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.single_track import steady_lateral_speed_per_yaw_rate_m
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import UsageError, names_hint
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.calibrate import actual_positions_at_knots, initial_log_scale, scale_covariance_by_outcomes
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (

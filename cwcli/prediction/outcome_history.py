@@ -21,13 +21,13 @@ Everything at a moment comes from states that were known by then (log time).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import record as kernel
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, FleetPrior, acting_time_s, load_fleet_prior
 from cwcli.prediction.outcome import actual_positions
 from cwcli.signals.columns import FloatArray, Int64Array

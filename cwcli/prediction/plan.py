@@ -6,11 +6,10 @@ A path has the same numbers whichever others are computed with it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.prediction.scales import scale_covariance_in_place

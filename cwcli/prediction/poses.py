@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cwcli.dynamics.samples import LateralTrack
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.lateral import dead_reckon_poses
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.driver import DriverPrior, displacement_variance_s4, fading_accel_displacement_s2
 from cwcli.prediction.integrate import IntegratedPaths, integrate_paths
 from cwcli.prediction.models import HYPOTHESES, MODELS

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from cwcli.evaluation.records import (
     warning_config_from_record,
 )
 from cwcli.evaluation.system.warnings import FlagScores
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
 from cwcli.pipeline.records import map_from_record, read_input_counts, read_run_records

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from cwcli.channels.lanes import LaneRows
 from cwcli.errors import CwcliError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.report.drive import Drive

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from cwcli import __version__
 from cwcli.errors import InputError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.gates import GateResult
 from cwcli.metrics.pooling import LogMetrics
 from cwcli.report.gates import build_gate_views, gate_badge_of_run

@@ -13,11 +13,11 @@ import gzip
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import UsageError, install_hint
+from cwcli.lazy_dataclass import dataclass
 from cwcli.report.pooled import PooledMetric, PooledSource
 from cwcli.report.story import Badge
 from cwcli.report.tiles import TileServer

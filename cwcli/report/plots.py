@@ -5,13 +5,13 @@ from __future__ import annotations
 import io
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cwcli.errors import MissingSignalError, UsageError, install_hint
 from cwcli.evaluation.evaluation_context import EgoTruth
+from cwcli.lazy_dataclass import dataclass
 from cwcli.report.drive import Drive
 from cwcli.report.map_figure import insert_line_breaks
 from cwcli.report.sensors import MAX_INTERPOLATION_GAP_S, truth_error_curves

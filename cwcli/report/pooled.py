@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import find_metric
 from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pool_all_metrics
 from cwcli.pipeline.records import Record, read_json_entry, read_latency_s, read_number

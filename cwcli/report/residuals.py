@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from cwcli.estimation.imu import level_imu
 from cwcli.estimation.latency import MAX_DRIFT_REACH_S
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import ParameterStatus
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.records import read_json_entry, read_latency_s, read_number, read_recorded_summary
 from cwcli.report.decimate import first_row_per_grid_cell
 from cwcli.report.drawing import (

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cwcli.channels.predicted_path import read_predicted_paths
 from cwcli.channels.published import EGO_PATH, REMOTE_PATH
 from cwcli.errors import CwcliError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import map_from_record
 from cwcli.prediction.paths import Paths

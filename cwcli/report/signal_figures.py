@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import GatedMeasurements
+from cwcli.lazy_dataclass import dataclass
 from cwcli.report.decimate import decimate_band, first_row_per_grid_cell, min_max_row_indices
 from cwcli.report.drawing import (
     EGO_COLOUR,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from cwcli.errors import InputError
 from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, RecordedLog, read_output_folder
 from cwcli.fleet.results import read_metrics_table
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.pooling import MetricRow, metric_rows_by_name
 from cwcli.url import name_url

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE
 from cwcli.evaluation.estimate import driven_distance_m
 from cwcli.evaluation.preventable import simulate_careful_driver
 from cwcli.evaluation.records import find_collision_warning_record
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.records import read_configuration
 from cwcli.report.drive import Drive
 from cwcli.report.encounters import DriveEncounters, Encounter

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 MAX_TEMPLATE_CHARACTERS = 500
 """The greatest length of the address template, in characters. Chosen by hand; not fitted."""

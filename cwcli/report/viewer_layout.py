@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from cwcli.channels.binding import ChannelLike, bind_roles
 from cwcli.channels.published import (
@@ -27,6 +27,7 @@ from cwcli.channels.published import (
     published_topics,
 )
 from cwcli.control.encounter import POLICIES
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.report.viewer_panels import (
     Mosaic,

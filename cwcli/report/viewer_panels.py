@@ -9,8 +9,10 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
+
+from cwcli.lazy_dataclass import dataclass
 
 PANEL_TYPES = ("3D", "Image", "map", "Plot", "RawMessages", "RosOut", "SourceInfo", "StateTransitions", "Tab")
 """Types of panels that are used here, as the viewer names them; `RosOut` is the Log panel."""

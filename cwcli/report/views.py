@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.report.drawing import Figure
 from cwcli.report.story import Badge, Story
 

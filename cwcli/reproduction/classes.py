@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from cwcli.lazy_dataclass import dataclass
 
 REPRODUCED = "reproduced"
 """The class of the paper's number within the tolerance, on inputs that were not fitted to it."""

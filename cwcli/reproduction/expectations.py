@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.reproduction.classes import (
     BETTER,
     CLASS_MEANINGS,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.intervals import bootstrap_interval
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.signals.columns import FloatArray

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.pipeline.result import Cell, StageSummary, SummaryTable
 from cwcli.reproduction.classes import BINDING_CLASSES, CLASS_MEANINGS, Expectation, Finding

@@ -9,12 +9,12 @@ Here stand the signals that several builders or stages share; that of one builde
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.direction_of_travel import YawMounting
 from cwcli.signals.road_events import RoadEvents

@@ -19,13 +19,13 @@ The rules, in order, for the rows of one sender (docs/signals.md has the table):
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.quality import S_PER_NS, BoolArray, Gap, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S

@@ -14,10 +14,10 @@ import math
 import operator
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 MAX_CONDITION_CHARACTERS = 500
 """The largest number of characters of a condition; chosen by hand."""

@@ -1,22 +1,20 @@
 """The local map: east-north-up about an origin on the WGS84 ellipsoid.
 
-The transformation is PROJ's geocentric-to-topocentric one (EPSG method 9837), exact up to rounding at any distance; it
-is not a map projection, so distances near the origin are not scaled.
+The transformation is the geographic-to-topocentric one (EPSG method 9837), exact up to rounding at any distance; it is
+not a map projection, so distances near the origin are not scaled. A kernel computes it, because importing PROJ takes as
+long as importing NumPy; tests/unit/signals/test_geodesy.py compares every bit with PROJ's.
 """
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.kernels.geodesy import TangentPlane
 from cwcli.signals.columns import FloatArray
-
-if TYPE_CHECKING:
-    from pyproj import Transformer
 
 
 class LocalMap:
@@ -42,15 +40,13 @@ class LocalMap:
     def __repr__(self) -> str:
         return f"LocalMap({self.origin_lat_deg!r}, {self.origin_lon_deg!r}, {self.origin_alt_m!r})"
 
-    @cached_property
-    def _proj_transformer(self) -> Transformer:
-        from pyproj import Transformer
+    def __reduce__(self) -> tuple[type[LocalMap], tuple[float, float, float]]:
+        """What makes an equal one: a pickle and a copy hold the origin alone."""
+        return LocalMap, (self.origin_lat_deg, self.origin_lon_deg, self.origin_alt_m)
 
-        return Transformer.from_pipeline(
-            "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84 "
-            f"+step +proj=topocentric +ellps=WGS84 +lat_0={self.origin_lat_deg!r} +lon_0={self.origin_lon_deg!r} "
-            f"+h_0={self.origin_alt_m!r}"
-        )
+    @cached_property
+    def _plane(self) -> TangentPlane:
+        return TangentPlane(self.origin_lat_deg, self.origin_lon_deg, self.origin_alt_m)
 
     def map_from_wgs84(
         self, lat_deg: FloatArray, lon_deg: FloatArray, alt_m: FloatArray
@@ -90,8 +86,8 @@ class LocalMap:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         a, b, c = (np.array(values, dtype=np.float64) for values in np.broadcast_arrays(a, b, c))
         is_finite = np.isfinite(a) & np.isfinite(b)
-        direction = "INVERSE" if inverse else "FORWARD"
-        result = self._proj_transformer.transform(a, b, c, direction=direction)
+        transform = self._plane.inverse if inverse else self._plane.forward
+        result = transform(a.reshape(-1), b.reshape(-1), c.reshape(-1)).reshape(3, *a.shape)
         first, second, third = (np.where(is_finite, values, np.nan) for values in result)
         return first, second, third
 

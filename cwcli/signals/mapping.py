@@ -18,9 +18,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from cwcli.errors import UsageError, names_hint
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
 from cwcli.signals.units import MPS_PER_KMH, STANDARD_GRAVITY_MPS2

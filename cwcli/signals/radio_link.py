@@ -7,10 +7,10 @@ may have gone round is an absence (out of range, switched off), no loss.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.quality import BoolArray

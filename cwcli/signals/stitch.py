@@ -9,13 +9,14 @@ apart.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import lap
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import FloatArray, Int64Array, Strings

@@ -4,10 +4,11 @@ repaired."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.canonical import RemoteQuantities
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, RowLedger

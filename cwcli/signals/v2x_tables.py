@@ -15,9 +15,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+
+from cwcli.lazy_dataclass import dataclass
 
 _FOLDER = Path(__file__).with_suffix("")
 """The folder of the tables."""

@@ -6,11 +6,11 @@ pitch stays, and a car that turns on a slope changes its pitch without a pitch r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.streams import random_stream
 

@@ -7,8 +7,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 

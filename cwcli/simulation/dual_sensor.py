@@ -8,11 +8,11 @@ for `simulate_crossing_targets`. The sensors stand at the origin. Azimuth is cou
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.units import NS_PER_S
 
 FloatArray = npt.NDArray[np.float64]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples, ScalarSamples
 from cwcli.dynamics.vehicle import Vehicle
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, Road
 from cwcli.simulation.streams import random_stream, seconds_to_ns

@@ -6,12 +6,13 @@ road are computed at once. Its sensors are those of `lane_camera`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, lateral_state_derivatives, understeer_gradient
 from cwcli.dynamics.vehicle import Vehicle
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import TargetLineDriver
 from cwcli.simulation.streams import random_stream

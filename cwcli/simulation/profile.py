@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from numpy.polynomial.polynomial import polyder, polyroots, polyval
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.spec import LATERAL_KEYS, LONGITUDINAL_KEYS, check_scenario_table, scenario_value_error
 
 SEGMENT_EDGE_TOLERANCE_S = 1e-9

@@ -7,7 +7,6 @@ import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
@@ -17,6 +16,7 @@ import numpy as np
 
 from cwcli.errors import UsageError
 from cwcli.input import read_file
+from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.attitude import Attitude
 from cwcli.simulation.catalogue import scenario_names, scenario_text
 from cwcli.simulation.profile import MotionProfile, read_motion_profile

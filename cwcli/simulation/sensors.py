@@ -7,11 +7,11 @@ is logged at t + delay_s + jitter. Noise is white and Gaussian, but for the slow
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.attitude import LEVEL_ATTITUDE, Attitude

@@ -7,7 +7,6 @@ bound. The paper's linear model (eq. 20, 21) allows that. A car that stays in a 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -16,6 +15,7 @@ from cwcli.dynamics.matrix_exponential import discretise_held_input
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples, ScalarSamples
 from cwcli.dynamics.single_track import preview_state_matrices, steady_turn_state
 from cwcli.dynamics.vehicle import Vehicle
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
 from cwcli.simulation.streams import seconds_to_ns

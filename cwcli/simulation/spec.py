@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from cwcli.dynamics.friction import PEAK_FRICTION
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 REQUIRED = object()
 """Default that marks a key as required."""

@@ -7,12 +7,12 @@ is far below a micrometre. The vehicle is a point without side slip that moves a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import factorial
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.profile import MotionProfile

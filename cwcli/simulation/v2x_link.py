@@ -8,11 +8,11 @@ docs/papers/song2016-scenarios.md).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.bsm_sender import FILTER_STEP_S, apply_low_pass_filter, latch_heading_at_standstill
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED

@@ -89,7 +89,7 @@ STAGES: dict[str, Stage] = {
             "Replay each warning with a braking controller at the pedals.",
             required=("ego_state", "remote_state"),
             on_request=True,
-            first={"estimate": {}},
+            first=("estimate",),
         ),
     )
 }

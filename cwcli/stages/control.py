@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -15,6 +15,7 @@ from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.control.encounter import POLICIES, RecordedTrack, ReplaySpan, replay_warning
 from cwcli.control.replayed import PublishedReplay, control_series_table, control_table, control_table_row
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.paths import PathRequest, plan_paths_from_states

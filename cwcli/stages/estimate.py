@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Annotated
 
 import numpy as np
@@ -44,6 +44,7 @@ from cwcli.estimation.summary import (
     summarise_track,
 )
 from cwcli.estimation.track import estimate_hindsight_and_online
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.records import map_to_record_entry

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -14,6 +13,7 @@ from cwcli.channels.measures import write_measures
 from cwcli.channels.published import EGO_STATE
 from cwcli.control.preventable import JudgedConflict, judge_preventability, preventability_table
 from cwcli.errors import MissingSignalError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.measures.base import Measure

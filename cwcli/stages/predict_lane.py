@@ -7,7 +7,6 @@ the observed motion is added up from where the car was, and pointed, at its firs
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -22,6 +21,7 @@ from cwcli.channels.render_topic import check_render_topic
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError, UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.records import vehicle_from_log

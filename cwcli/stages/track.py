@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +12,7 @@ from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE, TARGETS_ONLINE
 from cwcli.channels.target import write_target_channels
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.json_names import CellWithValues

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from cwcli.channels.published import TARGETS
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import StageResult
 from cwcli.stages.warn import WarnConfig, warn_ego_of_others

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import operator
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from cwcli.errors import UsageError
 from cwcli.kernels import track as kernel
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.option import Option
 

@@ -9,13 +9,14 @@ frame when the car's states are given, else in the body frame.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import IntEnum
 from typing import Literal
 
 import numpy as np
 
 from cwcli.kernels.track import RowKind
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE, X, Y
 

@@ -8,12 +8,11 @@ multiplies its odds by P_D likelihood / clutter density, a miss in view by 1 - P
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import track as kernel
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.assignment import assign_in_groups
 from cwcli.tracking.config import TrackerConfig

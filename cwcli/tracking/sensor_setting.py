@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.tracking.detections import Axes
 
 N_SIGMA_VALUES = 3

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import track as kernel
 from cwcli.kernels.track import RowStatus
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import chi_square_mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.config import FilterConfig

@@ -7,10 +7,10 @@ y = height_px - v.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from math import nan
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import groupby
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.clocks import INVALID_LOG_TIME_REASON, MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.vision.depth_images import COMPRESSED_DEPTH_HEADER as DEPTH_HEADER
 from cwcli.vision.depth_images import DepthImageError, decode_compressed_depth, is_compressed_depth

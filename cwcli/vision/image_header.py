@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+
+from cwcli.lazy_dataclass import dataclass
 
 Bytes = bytes | memoryview
 

@@ -16,11 +16,11 @@ and through fx where a bend is tight.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.kernels import lane_ridge
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import Pinhole, arc_parameters_of_parallel_line, image_columns_of_arcs
 from cwcli.vision.camera import Camera, Mounting

@@ -10,11 +10,12 @@ its probability (`lane_belief`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary_probability import boundary_paint_shares
 from cwcli.vision.lane_detect import StripeEvidence, refine_lanes

@@ -8,9 +8,10 @@ lane change the line that is crossed keeps its own.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TypeVar
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary, LineColour, LineKind
 from cwcli.vision.lane_detect import StripeEvidence

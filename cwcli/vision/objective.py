@@ -11,12 +11,11 @@ The paper leaves three things open, its fig. 2 being lost in the text; the choic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import lane_search
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 

@@ -26,7 +26,7 @@ A net that gives columns at fixed rows (row anchors; Ultra-Fast-Lane-Detection a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ import numpy.typing as npt
 
 from cwcli.errors import InputError, UsageError
 from cwcli.input import read_file
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.toml_text import parse_toml
 from cwcli.vision.method import GreyImage

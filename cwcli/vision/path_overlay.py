@@ -8,11 +8,11 @@ the end of the path; what lies outside the image is left out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.vision.camera import Camera

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.vision.encoded import Image
 from cwcli.vision.frames import DecodedFrame
 from cwcli.vision.method import Method

@@ -11,10 +11,9 @@ would be left: a faint picture is stretched to the contrast of daylight before.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 

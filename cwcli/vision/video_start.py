@@ -7,7 +7,9 @@ version 0.7, section 6.2 (uncompressed header).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from cwcli.lazy_dataclass import dataclass
 
 NAL_START_CODE = b"\x00\x00\x01"
 """Bytes before each NAL unit (annex B)."""

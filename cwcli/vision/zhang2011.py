@@ -5,13 +5,13 @@ The image is squeezed to 320 x 240 whatever its aspect ratio: the regions and th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from math import nan
 
 import numpy as np
 
 from cwcli.kernels import lane_search
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit, LaneFrame, Method

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.collision_probability import UncertainPaths, collision_probability, is_touch_improbable
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures import MEASURES
 from cwcli.measures.base import COMPARISON_SIGNS, Measure
 from cwcli.measures.pair import Pair

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.conflict_definition import parse_conflict_definition

@@ -7,11 +7,10 @@ their end they go on straight at their last speed, and that is counted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.types import PathArrays, RemoteStateUse, VehicleTrack

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.signals.clocks import earliest_known_times_ns
 from cwcli.signals.columns import FloatArray, Int64Array

@@ -14,6 +14,7 @@ import typer.main
 from cwcli.cli.app import PlainCommand
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand_dataclass_parameters
+from cwcli.cli.options.lazy_typer import Option, use_typer_declarations
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions
 from cwcli.cli.options.stage import StageOptions
 from cwcli.cli.options.values import format_utc_time, parse_time_ns
@@ -25,9 +26,9 @@ from cwcli.signals.geodesy import parse_truth_origin
 @dataclass(frozen=True)
 class EstimateLikeOptions(StageOptions):
     stage: ClassVar[str] = "estimate"
-    model: Annotated[Literal["cwcli", "song2016"], typer.Option("--model")] = "cwcli"
-    causal: Annotated[bool, typer.Option("--causal/--no-causal")] = False
-    rate_hz: Annotated[float, typer.Option("--rate")] = 20.0
+    model: Annotated[Literal["cwcli", "song2016"], Option("--model")] = "cwcli"
+    causal: Annotated[bool, Option("--causal/--no-causal")] = False
+    rate_hz: Annotated[float, Option("--rate")] = 20.0
 
 
 def parse(command: str, *arguments: str) -> Any:
@@ -44,7 +45,7 @@ def parse(command: str, *arguments: str) -> Any:
         seen.extend((log, reading, stage, talk, sensors))
 
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command(command, cls=PlainCommand)(expand_dataclass_parameters(body, command))
+    app.command(command, cls=PlainCommand)(use_typer_declarations(expand_dataclass_parameters(body, command)))
     built = typer.main.get_command(app)
     with built.make_context(command, list(arguments)) as context:
         built.invoke(context)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
 
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import AllOption, MarkdownOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption
@@ -27,6 +26,7 @@ from cwcli.cli.text import (
     join_names,
 )
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError, UsageError, names_hint
+from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics

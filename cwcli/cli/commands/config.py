@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any
 
-import typer
-
 from cwcli.cli.console import Console
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.expand import expand_dataclass_parameters
 from cwcli.cli.options.stage import make_all_stage_options_classes
 from cwcli.cli.options.toml import format_toml

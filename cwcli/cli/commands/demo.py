@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from cwcli.cli.commands.run import add_all_stages, gather_default_options
 from cwcli.cli.console import Console
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions
 from cwcli.cli.pipeline import Job, job_document, print_outcome, run_and_write

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
 
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, PageAddressOption, SystemOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption
@@ -19,6 +18,7 @@ from cwcli.cli.tables import Cell, format_table
 from cwcli.cli.targets import check_output_files
 from cwcli.cli.text import escape_control_characters, finite_or_none, format_count, format_interval, wrap_paragraph
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError
+from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from cwcli.cli.console import Console, is_terminal, normalise_stdout_name
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, source_of_logs
 from cwcli.cli.report import print_written_files
 from cwcli.errors import UsageError, names_hint
 from cwcli.export.formats import TRACK_FORMATS
+from cwcli.lazy_dataclass import dataclass
 from cwcli.text import escape_control_characters, join_names
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from collections import Counter
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from cwcli.cli.console import Console
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, source_of_logs
 from cwcli.cli.options.values import format_utc_time

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
-
 from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import (
     BYTES_PER_GIGABYTE,
@@ -26,6 +24,7 @@ from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.text import shorten_and_escape
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 EXAMPLES = (
     "cwcli join ego.mcap other.mcap --role remote -o both.mcap",

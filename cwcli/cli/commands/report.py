@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import GatesOption, SystemOption
 from cwcli.cli.options.shared import ForceOption
@@ -16,6 +14,7 @@ from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.targets import check_file_suffix
 from cwcli.cli.text import format_count
+from cwcli.lazy_dataclass import dataclass
 
 EXAMPLES = (
     "cwcli report out/ -o report.html",

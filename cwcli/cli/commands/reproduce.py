@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from cwcli.cli.console import Console
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError, names_hint
+from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from cwcli.output import AtomicGroup

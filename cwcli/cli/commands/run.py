@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import typer
-
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import (
     LogsArgument,
@@ -19,6 +18,7 @@ from cwcli.cli.options.shared import (
 from cwcli.cli.options.stage import StageOptions, make_all_stage_options_classes, stage_call_from_options
 from cwcli.cli.pipeline import Job, run_write_and_print
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.channel_choice import ChannelChoice
 from cwcli.pipeline.execute import ALL_CHANNELS, SkipRules
 from cwcli.stages import DEFAULT_STAGES, STAGES

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import typer
+from cwcli.cli.options import lazy_typer as typer
 
 BASH_COMPLETION = "complete_bash"
 """Value of Typer's variable that asks for bash completions."""

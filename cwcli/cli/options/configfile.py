@@ -17,14 +17,14 @@ A configuration file can name no output files and can't allow overwriting, becau
 from __future__ import annotations
 
 from contextvars import ContextVar
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-import typer
-
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.shared import ReadingOptions, SensorOptions, WritingOptions
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 DEFAULT_CONFIG_NAME = "cwcli.toml"
 """Name of the file that is used when no file is named."""
@@ -51,7 +51,7 @@ def apply_config_file(ctx: typer.Context, value: str | None) -> str | None:
     if ctx.resilient_parsing or value == NO_FILE:
         return None
     is_found = value is None
-    value = value or _find_config_file()
+    value = value or find_config_file()
     if value is None:
         return None
     document = _load_toml(value)
@@ -93,7 +93,7 @@ def origins_of_configured_options() -> dict[str, str]:
     return _ORIGIN_BY_OPTION.get()
 
 
-def _find_config_file() -> str | None:
+def find_config_file() -> str | None:
     """Find the nearest `cwcli.toml`; None also if the working folder is deleted or a folder can't be searched."""
     try:
         folder = Path.cwd()

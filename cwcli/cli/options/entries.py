@@ -6,9 +6,9 @@ import dataclasses
 import functools
 import typing
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.stages import STAGES
 

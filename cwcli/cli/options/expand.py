@@ -11,12 +11,10 @@ import functools
 import inspect
 import typing
 from collections.abc import Callable, Collection, Sequence
-from copy import copy
-from typing import Annotated, Any
-
-from typer.models import OptionInfo
+from typing import Any
 
 from cwcli.cli.options.configfile import STAGE_SEPARATOR
+from cwcli.cli.options.lazy_typer import Declaration, change_declaration
 from cwcli.cli.options.stage import StageOptions
 
 ENVIRONMENT_PREFIX = "CWCLI"
@@ -111,43 +109,26 @@ def _keyword_parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
 def _add_environment_variable(hint: Any, prefix: str, name: str) -> Any:
     """Add the option's environment variable to a type hint: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
 
-    def change(option: OptionInfo) -> None:
-        option.envvar = f"{prefix}_{name}".upper()
-        option.show_envvar = False
-
-    return _change_option_info(hint, change)
+    return _change_option(hint, lambda option: option.change(envvar=f"{prefix}_{name}".upper(), show_envvar=False))
 
 
 def _set_help_heading(hint: Any, heading: str | None) -> Any:
     """Set in a type hint the heading of its option in the help."""
 
-    def change(option: OptionInfo) -> None:
-        option.rich_help_panel = heading
-
-    return _change_option_info(hint, change)
+    return _change_option(hint, lambda option: option.change(rich_help_panel=heading))
 
 
 def _add_stage_to_flags(hint: Any, stage: str) -> Any:
     """Add the stage's name to the flags in a type hint."""
 
-    def change(option: OptionInfo) -> None:
-        flags = (option.default, *(option.param_decls or ())) if isinstance(option.default, str) else ()
-        long = [flag for part in flags for flag in part.split("/") if flag.startswith("--")]
+    def change(option: Declaration) -> Declaration:
+        long = [flag for part in option.flags for flag in part.split("/") if flag.startswith("--")]
         renamed = [f"--no-{stage}-{flag[5:]}" if flag.startswith("--no-") else f"--{stage}-{flag[2:]}" for flag in long]
-        option.default = "/".join(renamed)
-        option.param_decls = ()
+        return option.change(flags=("/".join(renamed),))
 
-    return _change_option_info(hint, change)
+    return _change_option(hint, change)
 
 
-def _change_option_info(hint: Any, change: Callable[[OptionInfo], None]) -> Any:
-    if typing.get_origin(hint) is not Annotated:
-        return hint
-    kind, *extras = typing.get_args(hint)
-    changed = []
-    for extra in extras:
-        if isinstance(extra, OptionInfo):
-            extra = copy(extra)  # noqa: PLW2901
-            change(extra)
-        changed.append(extra)
-    return Annotated[(kind, *changed)]
+def _change_option(hint: Any, change: Callable[[Declaration], Declaration]) -> Any:
+    """Change the option in a type hint; an argument stays as it is."""
+    return change_declaration(hint, lambda found: change(found) if found.kind == "Option" else found)

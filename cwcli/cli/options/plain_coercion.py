@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, Literal, get_args, get_origin
 
-import typer
-
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.errors import names_hint
 
 
@@ -26,8 +25,10 @@ class _PlainCoercion:
         """Convert a value to the declared type."""
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
-        plain = _coerce_plain_value(self._annotation, value)
-        if plain is not _NOT_PLAIN and _is_within_bounds(plain, self._info.min, self._info.max):
+        plain = coerce_plain_value(self._annotation, value)
+        if is_infinite(plain):
+            raise typer.BadParameter(f"{value} is not a finite number")
+        if plain is not NOT_PLAIN and is_within_bounds(plain, self._info.min, self._info.max):
             return plain
         self._parameter._runtime_param = None
         full = self._parameter.get_runtime_param()
@@ -44,7 +45,7 @@ class _PlainCoercion:
             raise typer.BadParameter(what, ctx=ctx, param=param) from error
 
 
-_NOT_PLAIN = object()
+NOT_PLAIN = object()
 """Marks a value that is left to Typer's conversion."""
 _KIND_TEXT = {
     int: "a whole number",
@@ -75,31 +76,34 @@ def _shorten_repr(value: Any) -> str:
     return text if len(text) <= MAX_VALUE_CHARS else f"{text[: MAX_VALUE_CHARS - 1]}…"
 
 
-def _coerce_plain_value(annotation: Any, value: Any) -> Any:
+def coerce_plain_value(annotation: Any, value: Any) -> Any:
     if annotation is str and isinstance(value, str):
         return value
     if annotation == list[str] and isinstance(value, (list, tuple)):
-        return list(value) if all(isinstance(item, str) for item in value) else _NOT_PLAIN
+        return list(value) if all(isinstance(item, str) for item in value) else NOT_PLAIN
     if get_origin(annotation) is Literal and value in get_args(annotation):
         return value
     if annotation in (int, float):
         return _coerce_plain_number(annotation, value)
-    return _NOT_PLAIN
+    return NOT_PLAIN
 
 
 def _coerce_plain_number(kind: type[int] | type[float], value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        return _NOT_PLAIN
+        return NOT_PLAIN
     try:
         result = kind(value)
     except (ValueError, OverflowError):
-        return _NOT_PLAIN
-    if isinstance(result, float) and not math.isfinite(result):
-        raise typer.BadParameter(f"{value} is not a finite number")
-    return result if kind is float or str(result) == str(value) else _NOT_PLAIN
+        return NOT_PLAIN
+    return result if kind is float or str(result) == str(value) else NOT_PLAIN
 
 
-def _is_within_bounds(value: Any, least: float | None, most: float | None) -> bool:
+def is_infinite(value: Any) -> bool:
+    """Whether a value is a number that is not finite."""
+    return isinstance(value, float) and not math.isfinite(value)
+
+
+def is_within_bounds(value: Any, least: float | None, most: float | None) -> bool:
     """Whether a value is within the bounds of its option; Typer reports one that is not."""
     return (least is None or value >= least) and (most is None or value <= most)
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.complete import complete_system_topics
 
 GatesOption = Annotated[

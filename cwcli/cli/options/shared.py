@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-import typer
-
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.complete import complete_role_topics
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration

@@ -7,9 +7,8 @@ import functools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import typer
-
 from cwcli.cli.options.entries import OptionEntry, option_entries_of_stage
+from cwcli.cli.options.lazy_typer import Declaration
 from cwcli.cli.options.shared import SensorOptions
 from cwcli.errors import UsageError
 from cwcli.option import Option
@@ -66,18 +65,20 @@ def _field_default(default: Any) -> Any:
 
 
 def _make_typer_option(entry: OptionEntry) -> Any:
-    option = entry.option
-    registry = import_target(option.choices) if option.choices else None
-    text = option.help if isinstance(option.help, str) else option.help()
-    if registry is not None:
-        text = text.replace("{choices}", registry.format_help()).replace("{names}", ", ".join(registry))
-    return typer.Option(
-        option.flags,
-        metavar=option.metavar,
-        help=text,
-        show_default=option.default or (entry.default is not None and entry.default != []),
-        autocompletion=None if registry is None else registry.completions,
-    )
+    def settings() -> dict[str, Any]:
+        option = entry.option
+        registry = import_target(option.choices) if option.choices else None
+        text = option.help if isinstance(option.help, str) else option.help()
+        if registry is not None:
+            text = text.replace("{choices}", registry.format_help()).replace("{names}", ", ".join(registry))
+        return {
+            "metavar": option.metavar,
+            "help": text,
+            "show_default": option.default or (entry.default is not None and entry.default != []),
+            "autocompletion": None if registry is None else registry.completions,
+        }
+
+    return Declaration("Option", (entry.option.flags,), settings)
 
 
 def stage_call_from_options(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.tree import UndecodableMessage
 from cwcli.logs.read.reader import Log
 from cwcli.signals.clocks import MIN_OTHER_CLOCK_OFFSET_S

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from cwcli.channels.binding import parse_role_overrides
 from cwcli.errors import UsageError, names_hint
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.signals.field_condition import CONDITION_EXAMPLES_HINT, Condition, parse_condition
 

@@ -9,13 +9,13 @@ conflict counts as warned of if a warning fits it, even if that warning fits oth
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.evaluation.actual_outcomes import ActualOutcomes
 from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE, VERDICT_UNDECIDED, RealConflict
 from cwcli.evaluation.scored_warnings import WarningScores
+from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.quality import BoolArray

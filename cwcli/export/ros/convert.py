@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from cwcli import __version__
 from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.export.ros.messages import ROS_CONVERSIONS, fields_unknown_to_ros
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from cwcli.logs.write.cdr_fit import unrepresentable_row_masks

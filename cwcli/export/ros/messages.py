@@ -7,13 +7,13 @@ States, targets and paths become the standard messages that RViz and evo read; v
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.errors import DataError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.ros2msg import Definitions, find_message_fields, parse_message_definitions
 from cwcli.logs.write.cdr_encoder import encode_cdr
 from cwcli.logs.write.column_tree import ColumnError

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ from cwcli.kernels.cdr import (
     OP_SKIP,
     OP_STRING,
 )
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.ros2msg import (
     PRIMITIVE_DTYPES,
     STRING_TYPE,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels.message_scan import intern_spans
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Int64Array, NumericArray, Ragged, Strings
 
 BoolArray = npt.NDArray[np.bool_]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.column_buffers import BoolArray, Payloads
 from cwcli.signals.columns import Field, Int64Array
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
+
+from cwcli.lazy_dataclass import dataclass
 
 MAX_OBJECT_DEPTH = 256
 """The greatest depth of objects inside each other whose keys are learned; deeper ones are left out. Chosen by hand."""

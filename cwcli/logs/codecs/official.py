@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +10,7 @@ from mcap.decoder import DecoderFactory
 from mcap.records import Schema
 
 from cwcli.errors import InputError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.registry import ANY_SCHEMA_ENCODING, DECODER_MAKERS
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.codecs.tree import Decode, UndecodableMessage, make_protobuf_parser, make_tree_decoder

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from cwcli.kernels.protobuf import (
     ZIGZAG32,
     ZIGZAG64,
 )
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.ros2msg import SchemaError
 
 KIND_AND_DTYPE_BY_TYPE: dict[int, tuple[int, str]] = {

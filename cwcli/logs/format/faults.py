@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
+from cwcli.lazy_dataclass import dataclass
 
 MAX_NON_MESSAGE_RECORDS = 1 << 16
 """The greatest number of schemas, channels, attachments and runs of metadata in a file. Chosen by hand: many times what

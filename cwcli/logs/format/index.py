@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import field
 from operator import itemgetter
 from typing import NamedTuple, TypeVar
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.joined_file import ChannelRenumbering
 from cwcli.logs.format.metadata_table import MetadataRun, MetadataTable
 from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, Schema, Statistics

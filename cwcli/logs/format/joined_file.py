@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import accumulate
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import InputError
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO, InputFile
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.records import MESSAGE_HEADER_BYTES, Channel, Schema
 
 if TYPE_CHECKING:

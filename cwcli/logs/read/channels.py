@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.index import LogIndex
 
 

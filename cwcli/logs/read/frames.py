@@ -6,13 +6,13 @@ import base64
 import binascii
 import heapq
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.errors import InputError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.compressed_messages import zstd_message_mask
 from cwcli.logs.codecs.decoder import Decoder
 from cwcli.logs.codecs.ros2msg import short_message_name

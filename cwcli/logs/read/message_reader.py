@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from collections import Counter, deque
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from heapq import merge
 from operator import itemgetter
 
@@ -15,6 +14,7 @@ import numpy.typing as npt
 from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.kernels.message_scan import DAMAGED, FULL, Messages, scan_messages
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.column_buffers import ByteArray, Payloads
 from cwcli.logs.format.chunks import ChunkError, check_message_count, decompress_chunk, decompress_cut_chunk
 from cwcli.logs.format.faults import RECOVER_HINT, Faults

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cwcli.errors import InputError, UsageError
 from cwcli.input import InputFile, read_file
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.read.bounded_yaml import load_yaml
 from cwcli.logs.read.remote import file_names_below_url, is_remote_url, iter_remote_blocks

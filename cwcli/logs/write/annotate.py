@@ -8,11 +8,11 @@ header is dropped if a channel is not of ROS.
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from cwcli.errors import DataError, OutputError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import index_every_record
 from cwcli.logs.write.channel_ids import NewChannel, assign_channel_ids

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from cwcli.errors import OutputError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.write.output_schema import find_output_schema

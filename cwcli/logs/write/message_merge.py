@@ -6,11 +6,12 @@ Format: https://mcap.dev/spec
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.records import OPCODE_MESSAGE, RECORD_PREFIX
 from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_from_sizes, sliding_byte_windows
 from cwcli.signals.columns import Int64Array

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cache, partial
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.byte_rows import ByteRows
 from cwcli.logs.write.ros_schemas import is_ros2_message_name, ros2msg_schema_text
 from cwcli.signals.columns import OutputField

@@ -6,11 +6,11 @@ A piece is one part of every row: a number or a constant of fixed width, or byte
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.byte_rows import (
     ByteArray,
     ByteRows,

@@ -12,11 +12,11 @@ A model is these four functions of time, and how far it trusts the derivatives t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.driver import DriverPrior
 from cwcli.signals.columns import FloatArray
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import SAMPLING_TIME_S, filter_measurement_matrix, trailing_slope
 from cwcli.estimation.track import estimate_track
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.outcome_history import PathStarts, measure_acting_time_s

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import SAMPLING_TIME_S
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.reproduction.classes import MeasuredNumber

@@ -5,12 +5,11 @@ The paper's chain alone (its filter, its three families, its rule, its controlle
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cwcli.control.car import CarResponse
 from cwcli.control.closed_loop import fuzzy_controller_pedals, replay_with_policy
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import SummaryTable
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.expectations import load_expectations

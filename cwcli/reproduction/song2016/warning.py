@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.estimation.song2016 import SAMPLING_TIME_S
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.intervals import poisson_interval
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.reproduction.classes import MeasuredNumber

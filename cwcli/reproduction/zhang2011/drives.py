@@ -9,7 +9,6 @@ Each drive is seen twice: as simulated points of the boundaries, and in rendered
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +17,7 @@ from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.lateral import (
     SIGMAS_HOLDING_90_PERCENT,
     LateralPathConfig,

@@ -8,13 +8,13 @@ statistics begin with the seventh.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.lane_scores import BoundaryColumns, visual_standard_score
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import paper_camera

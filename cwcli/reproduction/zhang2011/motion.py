@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from cwcli.dynamics.config import FilterNoise, ObserverConfig
 from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart

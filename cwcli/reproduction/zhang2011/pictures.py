@@ -7,12 +7,11 @@ generations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import lane_search
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.intervals import proportion_interval
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart

@@ -6,12 +6,13 @@ rendered frames.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples
 from cwcli.dynamics.vehicle import Vehicle
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors
 from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, Road

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.role import Role
 
 if TYPE_CHECKING:  # binding channels to roles takes no numpy

@@ -6,10 +6,10 @@ A file of a family of messages says what its fields mean, as a `GnssFix`; here i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.motion import NO_ORIENTATION_REASON

@@ -6,10 +6,11 @@ frame_id says neither, or the user named the channel for the role, the role deci
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import HeadingSignal, SpeedSignal, VelocitySignal
 from cwcli.signals.clocks import build_timeline, signal_with_quality

@@ -8,12 +8,12 @@ The others are set aside. A sentence whose checksum is wrong or missing is rejec
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from operator import xor
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.gnss import (
     GnssFix,
     heading_from_compass_or_nan,

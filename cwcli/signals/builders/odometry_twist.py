@@ -6,10 +6,9 @@ pose: a device that is pitched sees a part of the speed in its z.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.motion import nan_if_always_zero, rotation_of
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.direction_of_travel import ComplexArray, heading_and_speed

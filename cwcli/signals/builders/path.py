@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.clocks import build_timeline
 from cwcli.signals.columns import Columns, FloatArray, Int64Array

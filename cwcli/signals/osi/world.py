@@ -8,11 +8,10 @@ Source: ASAM OSI 3.8.0, osi_object.proto, osi_common.proto.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, Strings

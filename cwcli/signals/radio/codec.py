@@ -7,11 +7,12 @@ of those that tell of what their sender perceived (CPM, SDSM); the others are se
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals import cpm, etsi, j2735, perceived, sdsm
 from cwcli.signals.columns import Columns, Field, Strings
 from cwcli.signals.denm import events_from_codes, format_notice

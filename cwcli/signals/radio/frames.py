@@ -7,12 +7,11 @@ is signed is unwrapped, not verified.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import radio_frames
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Columns, Field, Ragged
 from cwcli.signals.leaf_fields import find_field
 from cwcli.signals.quality import BoolArray

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import uper
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Open, Part, Seq, Sized, Type, Unread
 
 MAX_NESTING_DEPTH = 48

@@ -6,7 +6,9 @@ Names are those of the standards; restrictions that the encoding does not see ar
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from cwcli.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,12 @@ origin on the road below the camera. `pitch_rad` is nose down positive.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 MIN_IMAGE_SIZE_PX = (64, 48)

@@ -7,10 +7,11 @@ a random stream of their own, so that a drive without them stays as it is.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.scene import Light, Marking, Patch, RoadScene, Shadow

@@ -7,11 +7,11 @@ crest has g < 0, a sag g > 0), so each row shows one distance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
 

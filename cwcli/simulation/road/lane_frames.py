@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.lane_drive import LaneDriveTruth, Road
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
 from cwcli.simulation.road.drive import (

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.road import ground, weather
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.geometry import RoadAhead

@@ -6,7 +6,9 @@ driven through. Grey values are those of an 8-bit camera image of a sunlit road.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from cwcli.lazy_dataclass import dataclass
 
 ASPHALT_GREY = 95.0
 """Default grey of asphalt in sunlight, 0 to 255. Chosen by hand; not fitted."""

@@ -10,11 +10,12 @@ its rows; dashed lines (25 to 40 % painted) and double ones belong to `hard`, wh
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
 from cwcli.simulation.road.conditions import CONDITIONS
 from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm

@@ -7,12 +7,12 @@ of two sums. Textures have fixed seeds, so they are the same in every process; s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 Float32Array = npt.NDArray[np.float32]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.estimation.calibration import Calibration
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputMessageCount

@@ -7,7 +7,6 @@ smoothed state go together over time, which no filter expects.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.dynamics.samples import LaneSamples, ScalarSamples, linearise_lanes
 from cwcli.errors import DataError, MissingSignalError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, VelocitySignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS

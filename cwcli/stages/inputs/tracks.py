@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from cwcli.channels.vehicle_state import (
     read_vehicle_states,
     require_ego_states,
 )
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures.base import Measure
 from cwcli.measures.evaluate import MeasuredPair, add_sigmas_to_extremes, stamps_of_extremes_with_sigma

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from cwcli.channels.published import WARNINGS
 from cwcli.channels.warning import read_warnings, write_warning_channels
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary, SummaryTable

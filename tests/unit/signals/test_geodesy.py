@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
+from pyproj import Transformer
 
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
@@ -95,3 +98,48 @@ def test_wgs84_from_map_leaves_its_arguments_alone() -> None:
 def test_local_map_refuses_an_origin_that_is_no_place(lat_deg: float, lon_deg: float) -> None:
     with pytest.raises(ValueError, match="not a place"):
         LocalMap(lat_deg, lon_deg)
+
+
+def proj(origin: tuple[float, float, float]) -> Transformer:
+    """PROJ's own pipeline from degrees to the plane."""
+    latitude_deg, longitude_deg, altitude_m = origin
+    return Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84 "
+        f"+step +proj=topocentric +ellps=WGS84 +lat_0={latitude_deg!r} +lon_0={longitude_deg!r} +h_0={altitude_m!r}"
+    )
+
+
+@pytest.mark.parametrize("origin", [*ORIGINS, (90.0, 0.0, 0.0), (-89.99999, -180.0, -30.0)])
+def test_the_plane_has_the_bits_of_proj(origin: tuple[float, float, float]) -> None:
+    rng = np.random.default_rng(13)
+    near = np.array(origin[:2])[:, None] + rng.normal(0.0, 0.02, (2, 5000))
+    lat, lon = np.concatenate([near, rng.uniform(-180.0, 180.0, (2, 5000)) * [[0.5], [1.0]]], axis=1)
+    lat[:6], lon[6:9] = [90.0, -90.0, 90.0 + 1e-11, 90.1, 0.0, 95.0], [180.0, 540.0, 600.0]  # some are no places
+    alt = rng.uniform(-100.0, 9000.0, len(lat))
+    xyz = proj(origin).transform(lon.copy(), lat.copy(), alt.copy())
+    is_place = np.isfinite(xyz[0])
+    assert not is_place[[3, 5, 8]].any()
+    assert np.count_nonzero(is_place) > 5000
+    found = LocalMap(*origin).map_from_wgs84(lat, lon, alt)
+    for mine, theirs in zip(found, xyz, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+@pytest.mark.parametrize("origin", [*ORIGINS, (90.0, 0.0, 0.0)])
+def test_the_way_back_has_the_bits_of_proj(origin: tuple[float, float, float]) -> None:
+    xyz = np.random.default_rng(14).normal(0.0, 1.0, (3, 10_000)) * np.repeat([10.0, 1e3, 1e5, 1e7], 2500)
+    lon, lat, alt = proj(origin).transform(*xyz.copy(), direction="INVERSE")
+    for mine, theirs in zip(LocalMap(*origin).wgs84_from_map(*xyz), (lat, lon, alt), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+
+
+def test_a_map_that_was_used_can_be_pickled() -> None:
+    local = LocalMap(48.0, 9.0, 100.0)
+    local.map_from_wgs84(np.zeros(1), np.zeros(1), np.zeros(1))
+    assert repr(pickle.loads(pickle.dumps(local))) == repr(local)
+
+
+def test_positions_may_be_single_numbers() -> None:
+    x, y, z = LocalMap(48.0, 9.0, 100.0).map_from_wgs84(np.float64(48.0), np.float64(9.0), np.float64(130.0))
+    assert np.shape(x) == ()
+    np.testing.assert_allclose([x, y, z], [0.0, 0.0, 30.0], atol=ATOL_M)

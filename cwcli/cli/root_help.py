@@ -1,0 +1,76 @@
+"""The text of `cwcli --help`, written without Typer; tests/cli/test_root_help.py compares it with Typer's own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+
+from cwcli.cli.commands import COMMANDS
+from cwcli.errors import EXIT_CODES
+
+ABOUT = "From a recorded drive to states, predicted paths and collision warnings, on MCAP logs."
+"""What cwcli does, below the usage."""
+EXIT_CODES_TEXT = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
+"""All exit codes with their meanings."""
+EPILOG = f"""
+Exit codes: {EXIT_CODES_TEXT}.
+
+\b
+Example:
+  cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/
+"""
+"""Text at the end, as Typer takes it; the paragraph behind `\\b` is not wrapped."""
+OPTIONS = {
+    "--version": "Print the version.",
+    "--install-completion": "Install completion for the current shell.",
+    "--show-completion": "Show completion for the current shell, to copy it or customize the installation.",
+    "-h, --help": "Show this message and exit.",
+}
+"""The options of the whole command line, most of them Typer's."""
+WIDTH = 78
+"""Width of help in columns where the terminal is not narrower: Typer's 80 less a margin of 2."""
+
+
+def format_root_help() -> str | None:
+    """The help, with a line feed at its end; None where a narrow terminal needs Typer's own."""
+    if _terminal_columns() < WIDTH + 2:
+        return None
+    lines = ["Usage: cwcli [OPTIONS] COMMAND [ARGS]...", "", *_wrap(ABOUT, "  "), ""]
+    for heading, rows in {"Options": OPTIONS, "Commands": COMMANDS}.items():
+        lines += [f"{heading}:", *_table(rows), ""]
+    wrapped, _, verbatim = EPILOG.partition("\b\n")
+    lines += [*_wrap(wrapped.strip(), "  "), "", *(f"  {line}" for line in verbatim.rstrip().splitlines())]
+    return "\n".join(lines) + "\n"
+
+
+def _terminal_columns() -> int:
+    """Columns of the terminal as `shutil.get_terminal_size` finds them."""
+    try:
+        return int(os.environ["COLUMNS"]) or WIDTH + 2
+    except (KeyError, ValueError):
+        pass
+    try:
+        return os.get_terminal_size(1).columns or WIDTH + 2
+    except (OSError, ValueError):
+        return WIDTH + 2
+
+
+def _table(rows: Mapping[str, str]) -> Sequence[str]:
+    first = max(map(len, rows)) + 4
+    lines = []
+    for name, text in rows.items():
+        wrapped = _wrap(text, " " * first)
+        lines += [f"  {name}".ljust(first) + wrapped[0][first:], *wrapped[1:]]
+    return lines
+
+
+def _wrap(text: str, indent: str) -> list[str]:
+    """Wrap a text at its spaces."""
+    lines = [""]
+    for word in text.split():
+        line = f"{lines[-1]} {word}".lstrip()
+        if len(indent) + len(line) <= WIDTH:
+            lines[-1] = line
+        else:
+            lines.append(word)
+    return [indent + line for line in lines]

@@ -1,0 +1,227 @@
+"""`dataclass` of the standard library, whose methods are compiled when they are first needed.
+
+The standard decorator compiles five methods for each class while its module is imported, half a millisecond each time:
+a fifth of a short `estimate`. This one gives the class small stand-ins. The first instances are filled by a loop over
+the fields; after `MAX_FILLED` of them, or when anything else of a data class is used (`==`, `hash`, `repr`, `replace`,
+`fields`, a wrong argument), the standard decorator makes the methods, and they take the place of the stand-ins.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass as dataclass  # noqa: PLC0414 - it is exported
+else:
+
+    def dataclass(cls: type | None = None, /, *, frozen: bool = False, kw_only: bool = False) -> Any:
+        """Make a class a data class, as `dataclasses.dataclass` does with these arguments."""
+        if cls is not None:
+            return _Deferred(cls, {}).owner
+        return lambda kind: _Deferred(kind, {"frozen": frozen, "kw_only": kw_only}).owner
+
+
+MAX_FILLED = 64
+"""Instances of a class that are filled by a loop before its methods are compiled; chosen by hand: the loop takes some
+microseconds an instance, and compiling as long as a hundred of them."""
+_COPIED = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "__init__")
+"""Methods and attributes that are taken from the compiled class; `__init__` comes last, so that threads see all."""
+_ON_DEMAND = ("__dataclass_fields__", "__dataclass_params__", "__match_args__", "__signature__")
+"""Class attributes whose first use compiles the class."""
+_lock = threading.RLock()
+_MISSING: Any = object()
+"""Marks a field without a default."""
+
+
+class _Attribute:
+    """A class attribute of a data class that is not there before the class is compiled."""
+
+    def __init__(self, deferred: _Deferred, name: str) -> None:
+        self._deferred = deferred
+        self._name = name
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        self._deferred.compile_methods()
+        return getattr(owner, self._name)  # without a `__signature__`, that of `__init__` counts
+
+
+class _Deferred:
+    """A data class whose methods are not compiled yet.
+
+    Args:
+        owner: The class.
+        settings: Arguments of the standard decorator.
+    """
+
+    def __init__(self, owner: type, settings: dict[str, bool]) -> None:
+        self.owner = owner
+        self.n_filled = 0
+        self.body = dict(vars(owner))
+        self._settings = settings
+        self._fields: tuple[tuple[str, Any, Any], ...] | None = None
+        self._stand_ins: set[str] = set()
+        self._is_compiled = False
+        _DEFERRED[owner] = self
+        for name, value in self.body.items():
+            if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
+                if _has(value.default):
+                    setattr(owner, name, value.default)
+                else:
+                    delattr(owner, name)
+        self._put_stand_ins()
+
+    def _put_stand_ins(self) -> None:
+        own, is_frozen = self.body, self._settings.get("frozen", False)
+        methods = {"__init__": _init(self), "__repr__": _compiling_method(self, "__repr__")}
+        methods["__eq__"] = _compiling_method(self, "__eq__")
+        if is_frozen and own.get("__hash__") is None and ("__hash__" not in own or "__eq__" in own):
+            methods["__hash__"] = _compiling_method(self, "__hash__")
+            self._put("__hash__", methods.pop("__hash__"))
+        elif "__hash__" not in own and "__eq__" not in own:
+            self._put("__hash__", None)
+        for name, value in methods.items():
+            if name not in own:
+                self._put(name, value)
+        for name in _ON_DEMAND:
+            self._put(name, _Attribute(self, name))
+        if is_frozen:
+            type.__setattr__(self.owner, "__setattr__", _refuse_to_set(self.owner))
+            type.__setattr__(self.owner, "__delattr__", _refuse_to_delete(self.owner))
+
+    def _put(self, name: str, value: object) -> None:
+        self._stand_ins.add(name)
+        setattr(self.owner, name, value)
+
+    def compile_methods(self) -> None:
+        """Let the standard decorator make the methods of the class."""
+        import dataclasses
+
+        with _lock:
+            if self._is_compiled:
+                return
+            owner = self.owner
+            body = {key: value for key, value in self.body.items() if key not in ("__dict__", "__weakref__")}
+            body |= {"__qualname__": owner.__qualname__, "__annotations__": self._annotations()}
+            twin: type = dataclasses.dataclass(**self._settings)(type(owner)(owner.__name__, owner.__bases__, body))
+            found = vars(twin)
+            self._is_compiled = True
+            type.__delattr__(owner, "__signature__")
+            for name in ("__dataclass_fields__", "__dataclass_params__", *_COPIED):
+                if name in found and (name in self._stand_ins or name not in self.body):
+                    setattr(owner, name, found[name])
+
+    def plain_fields(self) -> tuple[tuple[str, Any, Any], ...] | None:
+        """Name, default and default factory of each field, bases first; None where a loop can't fill them."""
+        if self._fields is None and not self._settings.get("kw_only"):
+            fields: dict[str, tuple[str, Any, Any]] = {}
+            for base in reversed(self.owner.__mro__):
+                deferred = _DEFERRED.get(base)
+                own = () if deferred is None else deferred._own_fields()
+                if own is None or (deferred is None and "__dataclass_fields__" in vars(base)):
+                    return None
+                fields.update((field[0], field) for field in own)
+            self._fields = tuple(fields.values())
+        return self._fields
+
+    def _annotations(self) -> dict[str, Any]:
+        """Those of the class itself, without its bases'."""
+        return dict(vars(self.owner).get("__annotations__", {}))
+
+    def _own_fields(self) -> list[tuple[str, Any, Any]] | None:
+        found = []
+        for name, annotation in self._annotations().items():
+            if not isinstance(annotation, str) or "InitVar" in annotation or "KW_ONLY" in annotation:
+                return None
+            if annotation.startswith(("ClassVar", "typing.ClassVar")):
+                continue
+            value: Any = self.body.get(name)
+            if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
+                if not value.init or value.kw_only is True:
+                    return None
+                default, factory = (each if _has(each) else _MISSING for each in (value.default, value.default_factory))
+                found.append((name, default, factory))
+            else:
+                found.append((name, getattr(self.owner, name, _MISSING), _MISSING))
+        return found
+
+
+_DEFERRED: dict[type, _Deferred] = {}
+"""Each class of this decorator -> how its methods are made."""
+
+
+def _has(value: object) -> bool:
+    """Whether a field's default, or its factory, is one: not the mark of `dataclasses` for none."""
+    return type(value).__name__ != "_MISSING_TYPE"
+
+
+def _init(deferred: _Deferred) -> Any:
+    owner: Any = deferred.owner
+
+    def __init__(self: Any, /, *args: Any, **kwargs: Any) -> None:
+        deferred.n_filled += 1
+        values = None if deferred.n_filled > MAX_FILLED else _bind(deferred.plain_fields(), args, kwargs)
+        if values is None:
+            deferred.compile_methods()
+            owner.__init__(self, *args, **kwargs)
+            return
+        self.__dict__.update(values)
+        after = getattr(self, "__post_init__", None)
+        if after is not None:
+            after()
+
+    return __init__
+
+
+def _bind(
+    fields: tuple[tuple[str, Any, Any], ...] | None, args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> dict[str, Any] | None:
+    """The value of each field by name; None where the arguments do not fit, which the compiled method says."""
+    if fields is None or len(args) > len(fields):
+        return None
+    values: dict[str, Any] = {}
+    n_named = 0
+    for k, (name, default, factory) in enumerate(fields):
+        if k < len(args):
+            values[name] = args[k]
+        elif name in kwargs:
+            values[name] = kwargs[name]
+            n_named += 1
+        elif factory is not _MISSING:
+            values[name] = factory()
+        elif default is not _MISSING:
+            values[name] = default
+        else:
+            return None
+    return values if n_named == len(kwargs) else None
+
+
+def _compiling_method(deferred: _Deferred, name: str) -> Any:
+    def method(self: Any, *args: Any) -> Any:
+        deferred.compile_methods()
+        return getattr(deferred.owner, name)(self, *args)
+
+    method.__name__ = name
+    return method
+
+
+def _refuse_to_set(owner: Any) -> Any:
+    def __setattr__(self: Any, name: str, value: object) -> None:
+        if type(self) is owner or name in owner.__dataclass_fields__:
+            from dataclasses import FrozenInstanceError
+
+            raise FrozenInstanceError(f"cannot assign to field {name!r}")
+        super(owner, self).__setattr__(name, value)
+
+    return __setattr__
+
+
+def _refuse_to_delete(owner: Any) -> Any:
+    def __delattr__(self: Any, name: str) -> None:
+        if type(self) is owner or name in owner.__dataclass_fields__:
+            from dataclasses import FrozenInstanceError
+
+            raise FrozenInstanceError(f"cannot delete field {name!r}")
+        super(owner, self).__delattr__(name)
+
+    return __delattr__

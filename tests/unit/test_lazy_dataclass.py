@@ -1,0 +1,211 @@
+"""A lazy data class behaves as the standard one, whatever is used of it first."""
+
+from __future__ import annotations
+
+import ast
+import copy
+import dataclasses
+import importlib
+import inspect
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import FrozenInstanceError, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, Generic, TypeVar
+
+import pytest
+
+from cwcli import lazy_dataclass
+
+ROOT = Path(__file__).parents[2]
+T = TypeVar("T")
+Decorator = Callable[..., Any]
+
+
+def classes(decorator: Decorator) -> dict[str, type[Any]]:
+    """The same classes by a decorator."""
+
+    @decorator(frozen=True)
+    class Point:
+        """A point."""
+
+        unit: ClassVar[str] = "m"
+        x: float
+        y: float = 2.0
+        tags: list[str] = field(default_factory=list)
+        note: str = field(default="", compare=False, repr=False)
+
+        @cached_property
+        def norm(self) -> float:
+            return abs(self.x) + abs(self.y)
+
+    @decorator(frozen=True)
+    class Place(Point):
+        """A point with a name."""
+
+        x: float = 1.0
+        name: str = "here"
+
+        def __post_init__(self) -> None:
+            if self.name == "nowhere":
+                raise ValueError(self.name)
+
+    @decorator
+    class Counter:
+        """It changes."""
+
+        n: int = 0
+
+    @decorator(frozen=True, kw_only=True)
+    class Named:
+        """By keyword only."""
+
+        a: int
+        b: int = 2
+
+    @decorator(frozen=True)
+    class Box(Generic[T]):  # noqa: PLW1641 - it gets a hash from the decorator
+        """Of anything, with its own words and its own equality."""
+
+        content: T
+
+        def __repr__(self) -> str:
+            return "a box"
+
+        def __eq__(self, other: object) -> bool:
+            return isinstance(other, Box)
+
+    @decorator(frozen=True)
+    class Late:
+        """Not all of it is an argument."""
+
+        a: int
+        twice: int = field(init=False, default=7)
+
+    class Plain(Point):
+        """No data class itself."""
+
+    return {kind.__name__: kind for kind in (Point, Place, Counter, Named, Box, Late, Plain)}
+
+
+def outcome(action: Callable[[dict[str, type[Any]]], Any], decorator: Decorator) -> str:
+    """What an action gives or raises."""
+    try:
+        return str(action(classes(decorator)))
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+ACTIONS: dict[str, Callable[[dict[str, type[Any]]], Any]] = {
+    "repr": lambda of: repr(of["Point"](1.0)),
+    "repr-of-a-subclass": lambda of: repr(of["Place"](name="there")),
+    "order-of-values": lambda of: vars(of["Place"](1.0, note="n", name="x")),
+    "defaults-are-separate": lambda of: of["Point"](1.0).tags is of["Point"](1.0).tags,
+    "equal": lambda of: (of["Point"](1.0) == of["Point"](1.0, note="b"), of["Point"](1.0) == of["Place"](1.0)),
+    "not-equal": lambda of: of["Point"](1.0) != of["Point"](2.0),
+    "hash": lambda of: hash(of["Named"](a=1)) == hash(of["Named"](a=1)),
+    "hash-of-a-list": lambda of: hash(of["Point"](1.0)),
+    "hash-of-one-that-changes": lambda of: hash(of["Counter"]()),
+    "hash-with-own-equality": lambda of: hash(of["Box"](3)) == hash(of["Box"](3)),
+    "own-methods": lambda of: (of["Box"](1) == of["Box"](2), repr(of["Box"](1))),
+    "missing": lambda of: of["Point"](),
+    "unknown": lambda of: of["Point"](1.0, z=2),
+    "twice": lambda of: of["Point"](1.0, x=2),
+    "too-many": lambda of: of["Counter"](1, 2),
+    "keywords-only": lambda of: of["Named"](1),
+    "by-keyword": lambda of: of["Named"](a=1),
+    "refuses-to-set": lambda of: setattr(of["Point"](1.0), "x", 2),
+    "refuses-a-new-one": lambda of: setattr(of["Point"](1.0), "other", 2),
+    "refuses-to-delete": lambda of: delattr(of["Point"](1.0), "x"),
+    "a-plain-subclass": lambda of: (setattr(of["Plain"](1.0), "z", 2), repr(of["Plain"](1.0, 3.0))),
+    "a-plain-subclass-is-frozen": lambda of: setattr(of["Plain"](1.0), "x", 2),
+    "changes": lambda of: (counter := of["Counter"](), setattr(counter, "n", 5), counter.n)[2],
+    "after-init": lambda of: of["Place"](name="nowhere"),
+    "cached": lambda of: of["Point"](3.0).norm,
+    "class-attributes": lambda of: (of["Point"].y, of["Point"].note, hasattr(of["Point"], "tags"), of["Point"].unit),
+    "fields": lambda of: [each.name for each in dataclasses.fields(of["Place"])],
+    "names-of-fields": lambda of: list(of["Place"].__dataclass_fields__),
+    "replace": lambda of: dataclasses.replace(of["Place"](name="a"), x=9.0),
+    "asdict": lambda of: dataclasses.asdict(of["Point"](1.0)),
+    "is-dataclass": lambda of: (dataclasses.is_dataclass(of["Point"]), dataclasses.is_dataclass(of["Counter"]())),
+    "signature": lambda of: (inspect.signature(of["Point"]), inspect.signature(of["Place"])),
+    "signature-of-a-subclass": lambda of: inspect.signature(of["Plain"]),
+    "not-an-argument": lambda of: (of["Late"](1), of["Late"](1, 2)),
+    "late": lambda of: of["Late"](1),
+    "match": lambda of: of["Point"].__match_args__,
+    "params": lambda of: of["Named"].__dataclass_params__,
+    "copy": lambda of: copy.copy(of["Point"](1.0)) == of["Point"](1.0),
+    "many": lambda of: [of["Point"](float(k)).x for k in range(3 * lazy_dataclass.MAX_FILLED)],
+    "bases": lambda of: [kind.__name__ for kind in of["Place"].__mro__],
+    "words": lambda of: of["Point"].__doc__,
+}
+
+
+@pytest.mark.parametrize("name", ACTIONS)
+def test_it_does_what_the_standard_one_does(name: str) -> None:
+    expected = outcome(ACTIONS[name], dataclasses.dataclass)
+    assert outcome(ACTIONS[name], lazy_dataclass.dataclass) == expected
+
+
+@lazy_dataclass.dataclass(frozen=True)
+class Sent:
+    """For the pickle."""
+
+    a: int
+    b: tuple[int, ...] = ()
+
+
+def test_one_that_was_unpickled_before_any_was_made_is_equal_and_frozen() -> None:
+    code = f"import pickle; x = pickle.loads({pickle.dumps(Sent(1, (2,)))!r}); print(x); x.a = 3"
+    done = subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "Sent(a=1, b=(2,))\n"
+    assert "FrozenInstanceError: cannot assign to field 'a'" in done.stderr
+
+
+def test_threads_that_compile_a_class_at_once_all_make_instances() -> None:
+    for _ in range(20):
+        kind = classes(lazy_dataclass.dataclass)["Point"]
+        with ThreadPoolExecutor(8) as pool:
+            made = list(pool.map(lambda k, kind=kind: kind(float(k)), range(8 * lazy_dataclass.MAX_FILLED)))
+        assert [point.x for point in made] == [float(k) for k in range(len(made))]
+
+
+def test_the_first_instances_compile_nothing() -> None:
+    kind = classes(lazy_dataclass.dataclass)["Place"]
+    for _ in range(lazy_dataclass.MAX_FILLED):
+        kind()
+    assert "Place.__init__" not in kind.__init__.__qualname__
+    kind()
+    assert kind.__init__.__qualname__.endswith("Place.__init__")
+
+
+def test_frozen_ones_refuse_before_and_after() -> None:
+    sent = Sent(1)
+    for _ in range(2):
+        with pytest.raises(FrozenInstanceError):
+            sent.a = 2  # type: ignore[misc]
+        assert sent == Sent(1)
+
+
+def test_every_class_of_cwcli_can_be_compiled() -> None:
+    """A wrong field, such as a list as default, is otherwise found at the first use of its class."""
+    decorated = 0
+    for path in sorted((ROOT / "cwcli").rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        standard = [
+            node
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and node.module == "dataclasses" and path.name != "lazy_dataclass.py"
+        ]
+        names = {alias.name for node in standard for alias in node.names}
+        assert "dataclass" not in names, f"{path}: from cwcli.lazy_dataclass import dataclass"
+        decorated += any(isinstance(n, ast.ImportFrom) and n.module == "cwcli.lazy_dataclass" for n in ast.walk(tree))
+        if path.name not in {"__main__.py", "warm.py"}:
+            importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
+    assert decorated > 250
+    for kind in list(lazy_dataclass._DEFERRED):
+        dataclasses.fields(kind)
