@@ -388,6 +388,7 @@ OPENERS = {
     "simulation/catalogue.py": "comes with cwcli",
     "report/page.py": "comes with cwcli",
     "signals/radio/tables.py": "comes with cwcli",
+    "signals/v2x_tables.py": "comes with cwcli",
     "reproduction/expectations.py": "comes with cwcli",
 }
 """Modules that open files themselves, and which."""

@@ -50,8 +50,8 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
     ]
     columns = ("source", "quantity", "used", "gated", "latency [ms]", "latency status")
     gated = any(report.n_gated for report in ego.sources)
-    where = f" ({REJECTED.topic} lists the gated ones)" if gated else ""
-    return SummaryTable("sources", f"Ego sources: used and gated measurements, latencies{where}", columns, tuple(rows))
+    where = f" (gated: {REJECTED.topic})" if gated else ""
+    return SummaryTable("sources", f"Ego sources: measurements used and gated, latencies{where}", columns, tuple(rows))
 
 
 def _parameters_table(ego: TrackSummary) -> SummaryTable:
