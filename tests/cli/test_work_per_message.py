@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from cwcli import lazy_dataclass
 from cwcli.cli.main import run_command_line
-from cwcli.logs.write import message_merge
+from cwcli.logs.write import message_merge, writer
 from cwcli.metrics.chi_square import chi_square_quantile
 from tests.bench import make_log
 from tests.bench.make_log import CAR_HZ, GNSS_HZ, IMU_HZ, WRITERS, drive
@@ -28,9 +29,11 @@ WITHOUT_SEARCHES = ("--latency", "none", "--sensor-model", "none")
 @pytest.fixture(autouse=True)
 def small_logs_of_one_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
     """Logs have few cars, and one chunk each, so that work for each chunk does not grow with the drive."""
-    monkeypatch.setattr(message_merge, "NEW_CHUNK_BYTES", 1 << 30)
+    for module in (message_merge, writer):
+        monkeypatch.setattr(module, "NEW_CHUNK_BYTES", 1 << 30)
     monkeypatch.setattr(message_merge, "MAX_ROWS_ENCODED_AT_ONCE", 1 << 30)
     monkeypatch.setattr(make_log, "N_CARS", N_CARS)
+    monkeypatch.setattr(lazy_dataclass, "MAX_FILLED", 0)  # else methods are compiled between the two drives
 
 
 def lines_of_estimate(folder: Path, encoding: str, seconds: int, options: tuple[str, ...]) -> Counter[str]:

@@ -29,9 +29,9 @@ WITHOUT_WIDE_REGISTERS = "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
 
 
 def errors_in_kernels(code: str, tmp_path: Path) -> list[str]:
-    """Run Python code under memcheck and return the errors whose stack passes a kernel, one line each."""
+    """Run Python code under memcheck; return the reads of unwritten or foreign memory in a kernel, one line each."""
     report = tmp_path / "memcheck.xml"
-    memcheck = ("valgrind", "--xml=yes", f"--xml-file={report}", "--error-limit=no", "--num-callers=14", "--quiet")
+    memcheck = ("valgrind", "--xml=yes", f"--xml-file={report}", "--error-limit=no", "--leak-check=no", "--quiet")
     subprocess.run(
         [*memcheck, sys.executable, "-c", code],
         env={
@@ -47,6 +47,8 @@ def errors_in_kernels(code: str, tmp_path: Path) -> list[str]:
     )
     found = []
     for error in ElementTree.parse(report).getroot().iter("error"):
+        if error.findtext("kind", "").startswith("Leak"):
+            continue
         frames = [(frame.findtext("obj", ""), frame.findtext("fn", "")) for frame in error.iter("frame")]
         if any("cwcli/kernels/" in file for file, _ in frames):
             found.append(f"{error.findtext('kind')}: {' < '.join(name for _, name in frames[:4])}")
