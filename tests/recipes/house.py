@@ -25,6 +25,7 @@ COPIED = (
     "schemas",
     "docs",
     "tests/laws",
+    "tests/work.py",
     "tests/unit",
     "README.md",
     "CONTRIBUTING.md",
