@@ -73,7 +73,7 @@ class RadioLinkSummary:
         """Return sections on the stations and on the reception by distance; none without remote vehicles."""
         if not self.stations:
             return ()
-        titles = tuple(f"{name.removesuffix(f'_{doc.unit}')} [{doc.unit}]" if doc.unit else name
+        titles = tuple(f"{name.removesuffix(f'_{doc.unit.lower()}')} [{doc.unit}]" if doc.unit else name
                        for name, doc in LINK_TABLE_COLUMNS.items())  # fmt: skip
         sections = [
             SummaryTable(

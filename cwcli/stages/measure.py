@@ -195,9 +195,9 @@ def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tup
             rows.append((conflict.other_id, at_s, each.driver, outcome, brakes_s, each.impact_mps, chance_s))
     if not rows:
         return ()
-    columns = ("vehicle", "at [s]", "driver", "outcome", "brakes at [s]", "impact [m/s]", "last chance [s]")
+    columns = ("vehicle", "at [s]", "driver", "outcome", "brakes at [s]", "relative speed at crash [m/s]", "last chance [s]")
     return (
-        SummaryTable("preventability", "What other drivers would have made of the conflicts", columns, tuple(rows)),
+        SummaryTable("preventability", "The same conflicts with a model driving the ego", columns, tuple(rows)),
     )
 
 

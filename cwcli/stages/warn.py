@@ -181,7 +181,7 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
         )
         for event in found.events.rows_as_dicts()
     )
-    columns = ("event", "vehicle", "at [s]", "event in [s]", "pred. [m]")
+    columns = ("event", "vehicle", "at [s]", "event in [s]", "predicted closest [m]")
     counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts.items())
     counts += (("warnings withheld", found.n_withheld),)
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
