@@ -85,7 +85,7 @@ def move_to_map_and_clock(
     )
 
 
-def concat_states(some: VehicleStates, more: VehicleStates) -> VehicleStates:
+def merge_states_by_log_time(some: VehicleStates, more: VehicleStates) -> VehicleStates:
     """Concatenate the states of several vehicles in the order of their log times."""
     names = tuple(dict.fromkeys((*some.ids.values, *more.ids.values)))
     codes = [

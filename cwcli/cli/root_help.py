@@ -9,7 +9,7 @@ from cwcli.cli.commands import COMMANDS
 from cwcli.errors import EXIT_CODES
 
 ABOUT = "From a recorded drive to states, predicted paths and collision warnings, on MCAP logs."
-"""What cwcli does, below the usage."""
+"""The paragraph of `cwcli --help` below the usage line: what cwcli does."""
 EXIT_CODES_TEXT = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
 """All exit codes with their meanings."""
 EPILOG = f"""

@@ -20,8 +20,8 @@ from cwcli.cli.options.shared import (
 )
 from cwcli.cli.options.stage import (
     StageOptions,
+    command_reads_sensor_messages,
     make_stage_options_class,
-    reads_sensor_messages,
     stage_call_from_options,
     uses_calibration,
 )
@@ -69,7 +69,7 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
 
     command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.stage_function) or "")[0]
     without = [
-        *([] if reads_sensor_messages(stage) else ["sensors"]),
+        *([] if command_reads_sensor_messages(stage) else ["sensors"]),
         *([] if uses_calibration(stage) else ["calibration"]),
     ]
     return expand_dataclass_parameters(

@@ -105,7 +105,7 @@ def estimate_track_with_song2016(
     latencies = [latency_given_by_user(p.series, config) or NO_LATENCY for p in prepared]
     step = config.song2016_step_s
     series = [
-        _move_stamps_to_nearest_step(replace(p.series, latency_s=latency.applied_s), step)
+        _last_row_of_each_step(replace(p.series, latency_s=latency.applied_s), step)
         for p, latency in zip(prepared, latencies, strict=True)
     ]
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
@@ -262,7 +262,7 @@ def _step_numbers_without_pauses(
     return np.unique(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted]))
 
 
-def _move_stamps_to_nearest_step(s: SensorSeries, step: float) -> SensorSeries:
+def _last_row_of_each_step(s: SensorSeries, step: float) -> SensorSeries:
     """Move the stamps, corrected for the latency, to the nearest step; the last row of a step stays."""
     slot = np.round((s.time_s - s.latency_s) / step).astype(np.int64)
     last = np.append(slot[1:] != slot[:-1], True) if len(slot) else np.zeros(0, bool)

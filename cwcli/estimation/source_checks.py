@@ -69,7 +69,8 @@ HEADING_OFFSET_RANGE = ParameterRange(
 MIN_TURN_RAD = 0.25
 """Change of heading from one step to the next that is a turn and not a lane's curve or noise, rad."""
 MIN_COURSE_TURN_RAD = 0.5
-"""The same beside a course by fixes, rad: the chord of a step in which the car brakes and turns is off by up to 0.2."""
+"""Change of heading from one step to the next that is a turn where one of the two sources is a course by fixes, rad.
+Chosen by hand, well above the 0.2 by which the chord of a step is off when the car brakes and turns."""
 MIN_CHANGE_SIGMAS = 4.0
 """Least turn or change of speed in sigmas of the noise of fixes. Chosen by hand; not fitted."""
 MIN_SPEED_CHANGE_MPS = 2.0

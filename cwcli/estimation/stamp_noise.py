@@ -177,10 +177,10 @@ class _StampErrorSearch:
         value = STAMP_SIGMA_AT_STEP_ZERO_S * 2.0 ** (best[0] / GRID_STEPS_PER_OCTAVE) * math.exp(unit * move)
         sigma = value * unit / math.sqrt(bend) if bend > 0.0 else math.nan
         if not STAMP_SIGMA_RANGE.contains(value):
-            return self._fit_without_impossible_stamp_error()
+            return self._given_fit_with_contradicted_stamp_error()
         return self._refine_white_noise(best, Parameter(value, sigma, ParameterStatus.USED))
 
-    def _fit_without_impossible_stamp_error(self) -> NoiseFit:
+    def _given_fit_with_contradicted_stamp_error(self) -> NoiseFit:
         """The fit without an error of the stamps, because no link has one as large as what was found."""
         series = list(self._fit.series)
         series[self._i] = replace(series[self._i], stamp_error=Parameter(0.0, status=ParameterStatus.CONTRADICTS))
@@ -230,12 +230,12 @@ class _StampErrorSearch:
             if point[0] is None
             else Parameter(STAMP_SIGMA_AT_STEP_ZERO_S * 2.0 ** (point[0] / GRID_STEPS_PER_OCTAVE))
         )
-        return self._score_with_white_noise(point, error, self._white_noise_variance_factor(point, error))
+        return self._total_and_row_log_likelihoods(point, error, self._white_noise_variance_factor(point, error))
 
     def _log_likelihood_with_white_noise(self, point: Point, error: Parameter, white: float) -> float:
-        return self._score_with_white_noise(point, error, white)[0]
+        return self._total_and_row_log_likelihoods(point, error, white)[0]
 
-    def _score_with_white_noise(self, point: Point, error: Parameter, white: float) -> tuple[float, FloatArray]:
+    def _total_and_row_log_likelihoods(self, point: Point, error: Parameter, white: float) -> tuple[float, FloatArray]:
         """Return the log-likelihood of all rows, and that of each row of the position.
 
         Points whose numbers are the same, because a limit holds them, share a pass.

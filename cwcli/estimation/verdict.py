@@ -74,7 +74,7 @@ def consistency_verdict_sentence(
         *wrong,
         *surer,
         *_contradiction_texts(sources),
-        *_bridged_states_texts(n_states, n_flagged),
+        *_too_many_bridged_states_texts(n_states, n_flagged),
         *_understated_noise_texts(sources),
     ]
     if faults:
@@ -122,7 +122,7 @@ def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:
     return found
 
 
-def _bridged_states_texts(n_states: int, n_flagged: Mapping[str, int]) -> list[str]:
+def _too_many_bridged_states_texts(n_states: int, n_flagged: Mapping[str, int]) -> list[str]:
     share = n_flagged.get("bridged", 0) / n_states
     return [f"{100 * share:.0f} % of the states bridge gaps: leave out those flagged bridged"] * (
         share > MAX_BRIDGED_SHARE

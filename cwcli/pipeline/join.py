@@ -12,8 +12,8 @@ from cwcli.channels.binding import bind_roles
 from cwcli.channels.other_car import (
     RecorderClock,
     clock_difference_text,
-    concat_states,
     estimate_recorder_clock,
+    merge_states_by_log_time,
     move_to_map_and_clock,
 )
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
@@ -105,7 +105,7 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
         counts[target.topic] = len(within)
         n_outside = max(n_outside, len(states) - len(within))
         all_states = (
-            concat_states(read_vehicle_states(ours.columns(target.topic)), within)
+            merge_states_by_log_time(read_vehicle_states(ours.columns(target.topic)), within)
             if _has_messages(ours, target.topic)
             else within
         )

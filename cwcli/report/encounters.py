@@ -159,7 +159,7 @@ def find_encounters(drive: Drive) -> DriveEncounters:
     return DriveEncounters(
         encounters=tuple(encounters),
         missed_conflicts=tuple(missed) if drive.warnings is not None else (),
-        nearest=_find_nearest_approach(compared, pairs),
+        nearest=_find_nearest_moving_approach(compared, pairs),
         n_not_compared=max(0, len(ranked) - MAX_DETAILED_OTHERS),
         conflicts=tuple(happened),
         pairs=tuple((other, pairs[id(other)]) for other in compared),
@@ -257,7 +257,7 @@ def rows_of_moving_pair(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
     return np.flatnonzero(is_known if is_parked else is_known & moves), is_parked
 
 
-def _find_nearest_approach(others: Sequence[OtherTrack], pairs: dict[int, Pair]) -> NearestApproach | None:
+def _find_nearest_moving_approach(others: Sequence[OtherTrack], pairs: dict[int, Pair]) -> NearestApproach | None:
     """Find the nearest approach; pairs that always stood count only if there is no other pair."""
     found = []
     for other in others:

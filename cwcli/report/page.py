@@ -112,7 +112,7 @@ class PageRenderer:
         """Render the whole page as HTML.
 
         Args:
-            sections: What `log` returned.
+            sections: What `render_log_section` returned.
         """
         from markupsafe import Markup
 

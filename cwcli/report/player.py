@@ -21,7 +21,7 @@ def evenly_spaced_stamps_ns(drive: Drive, n: int) -> list[int]:
     return [drive.start_ns + span * k // max(n - 1, 1) for k in range(n)]
 
 
-def build_player(drive: Drive, pictures: Iterable[Thumbnail]) -> Player | None:
+def build_picture_player(drive: Drive, pictures: Iterable[Thumbnail]) -> Player | None:
     """Build the player of the frames in order of time, thinned out to fit; None of fewer than two."""
     unique = {picture.stamp_ns: picture for picture in pictures}
     shown = [unique[stamp] for stamp in sorted(unique)]

@@ -21,7 +21,7 @@ from cwcli.report.encounters import DriveEncounters, Encounter
 from cwcli.report.frames import Thumbnail, make_thumbnails
 from cwcli.report.map_figure import build_map_figure
 from cwcli.report.pairs import conflicts_table, pair_extremes_table, unwarned_conflict_links, warning_anchor_names
-from cwcli.report.player import build_player, evenly_spaced_stamps_ns
+from cwcli.report.player import build_picture_player, evenly_spaced_stamps_ns
 from cwcli.report.residuals import build_residual_plots
 from cwcli.report.sensors import build_sensors_view, truth_error_figure
 from cwcli.report.signal_figures import lane_figure, motion_figure
@@ -163,7 +163,7 @@ def build_log_view(
         signals=tuple(signals),
         system=tuple(other_system_tables(drive, entry.metrics)),
         frames=tuple(_pictures_in_time_order(drive, pictures)) if not chosen else (),
-        player=build_player(drive, over_all),
+        player=build_picture_player(drive, over_all),
         sensors=sensors,
         tables=tuple(build_log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),
         links=(

@@ -14,7 +14,7 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, empty_remote_rows
-from cwcli.signals.v2x_elements import decode_element, decode_enumeration, decode_whole_codes
+from cwcli.signals.v2x_elements import decode_element, decode_enumeration, decode_identifier_codes
 from cwcli.signals.v2x_tables import (
     load_message_table,
     ros_leaf_fields_of_components,
@@ -83,7 +83,7 @@ def _read_codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, 
         raw[name] = np.where(read_numbers(columns, flag) == 0, np.nan, raw[name])
     for name, element in _TABLE.elements.items():
         if name not in _PLACE_QUANTITIES:
-            raw[name] = decode_whole_codes(element, raw[name], ledger)
+            raw[name] = decode_identifier_codes(element, raw[name], ledger)
     return raw
 
 

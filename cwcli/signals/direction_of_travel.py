@@ -111,7 +111,7 @@ def find_yaw_mounting(
         return None
     turning = np.where(np.isfinite(yaw_rate_radps[use]), yaw_rate_radps[use], 0.0)
     regressors = np.column_stack([np.ones(len(left)), -turning / speed, turning * speed])
-    constant, sigma = _robust_constant(left, regressors, speed**2 / (speed**2 + WELL_MEASURED_SPEED_MPS**2))
+    constant, sigma = _huber_intercept_and_sigma(left, regressors, speed**2 / (speed**2 + WELL_MEASURED_SPEED_MPS**2))
     return YawMounting(wrap_angle(constant - axis), sigma, len(left))
 
 
@@ -177,7 +177,7 @@ def _front_axis(against_yaw: ComplexArray) -> float:
     return float(np.pi) if backward_m > 0.5 * float(speed.sum()) else 0.0
 
 
-def _robust_constant(values: FloatArray, regressors: FloatArray, weights: FloatArray) -> tuple[float, float]:
+def _huber_intercept_and_sigma(values: FloatArray, regressors: FloatArray, weights: FloatArray) -> tuple[float, float]:
     """The first coefficient of a Huber regression with priors on the others, and its sigma.
 
     Args:

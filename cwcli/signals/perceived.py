@@ -26,7 +26,7 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_MS
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
-from cwcli.signals.v2x_elements import decode_whole_codes, read_station_ids
+from cwcli.signals.v2x_elements import decode_identifier_codes, read_station_ids
 from cwcli.signals.v2x_tables import Element
 
 WGS84_EQUATOR_RADIUS_M = 6_378_137.0
@@ -82,7 +82,7 @@ def identify_objects(columns: Columns) -> Senders:
     """Return the senders of objects: each is named after its sender and its number, columns `station` and `object`."""
     n = len(columns)
     sender = read_station_ids(columns, "station")
-    number = decode_whole_codes(OBJECT_ID_ELEMENT, read_numbers(columns, "object"))
+    number = decode_identifier_codes(OBJECT_ID_ELEMENT, read_numbers(columns, "object"))
     names = (*sender.values, "unknown")
     numbered = np.flatnonzero(np.isfinite(number))
     key = sender.codes[numbered] * (OBJECT_ID_ELEMENT.high + 1) + number[numbered].astype(np.int64)
@@ -100,7 +100,7 @@ def make_object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2x
     def decode_numbered(columns: Columns, ledger: RowLedger) -> RemoteRows:
         read_station_ids(columns, "station", ledger=ledger)
         ledger.set_aside(
-            ~np.isfinite(decode_whole_codes(OBJECT_ID_ELEMENT, read_numbers(columns, "object"), ledger)),
+            ~np.isfinite(decode_identifier_codes(OBJECT_ID_ELEMENT, read_numbers(columns, "object"), ledger)),
             NO_OBJECT_ID_REASON,
         )
         return decode(columns, ledger)

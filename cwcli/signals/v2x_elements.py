@@ -44,7 +44,7 @@ def validate_decoded(element: Element, decoded_values: FloatArray, ledger: RowLe
     return np.where(np.isfinite(decoded), element.sign * decoded_values, np.nan)
 
 
-def decode_whole_codes(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+def decode_identifier_codes(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
     """Convert codes that name something (a cause, a station): fractional codes are out of range, too."""
     is_whole = np.isfinite(raw) & (raw == np.floor(raw))
     return decode_element(element, np.where(is_whole | np.isnan(raw), raw, element.high + 1.0), ledger)
@@ -65,5 +65,5 @@ def read_station_ids(columns: Columns, *paths: str, ledger: RowLedger | None = N
     """
     field = find_field(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1:
-        return format_numbers(decode_whole_codes(STATION_ID_ELEMENT, read_numbers(columns, *paths), ledger))
+        return format_numbers(decode_identifier_codes(STATION_ID_ELEMENT, read_numbers(columns, *paths), ledger))
     return read_texts(columns, *paths) or absent_strings(len(columns))

@@ -43,8 +43,9 @@ N_SPEED_COEFFICIENTS = 5
 """Number of coefficients of the speed: the integral of a smooth ramp of acceleration, which is cubic."""
 N_YAW_RATE_COEFFICIENTS = 8
 """Number of coefficients of the yaw rate: the product of a cubic curvature and a quartic speed is of degree 7."""
-_INTEGRAL_DIVISORS = np.arange(1, N_YAW_RATE_COEFFICIENTS + 1)
-"""Divisors of the coefficients in the integral of a yaw rate, shape (8,)."""
+_YAW_RATE_INTEGRAL_DIVISORS = np.arange(1, N_YAW_RATE_COEFFICIENTS + 1)
+"""1 to 8: the coefficient of t^k in the polynomial of the yaw rate is divided by k + 1 when it is integrated to the
+heading. Shape (8,)."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class TrueMotion:
     def _heading_rad(self, index: Int64Array, t: FloatArray) -> FloatArray:
         """The heading (n,), rad, at the times t since the edges of the pieces."""
         return self._pieces.heading_rad[index] + t * _evaluate_polynomials(
-            self._pieces.yaw_rate / _INTEGRAL_DIVISORS, index, t
+            self._pieces.yaw_rate / _YAW_RATE_INTEGRAL_DIVISORS, index, t
         )
 
     def _states_after_position(self, time_s: FloatArray) -> FloatArray:
@@ -164,7 +165,7 @@ def _merge_profile_pieces(profile: MotionProfile, heading_rad: float) -> _Profil
         w = polymul(turn, v) if turn_piece.is_curvature else turn  # yaw rate = curvature * speed
         speed[i, : len(v)], yaw_rate[i, : len(w)] = v, w
     spans = np.diff(edges)
-    turned = spans * _evaluate_polynomials(yaw_rate / _INTEGRAL_DIVISORS, np.arange(len(spans)), spans)
+    turned = spans * _evaluate_polynomials(yaw_rate / _YAW_RATE_INTEGRAL_DIVISORS, np.arange(len(spans)), spans)
     headings = heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
     return _ProfilePolynomials(edges, speed, yaw_rate, headings)
 

@@ -195,10 +195,16 @@ def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tup
             rows.append((conflict.other_id, at_s, each.driver, outcome, brakes_s, each.impact_mps, chance_s))
     if not rows:
         return ()
-    columns = ("vehicle", "at [s]", "driver", "outcome", "brakes at [s]", "relative speed at crash [m/s]", "last chance [s]")
-    return (
-        SummaryTable("preventability", "The same conflicts with a model driving the ego", columns, tuple(rows)),
+    columns = (
+        "vehicle",
+        "at [s]",
+        "driver",
+        "outcome",
+        "brakes at [s]",
+        "relative speed at crash [m/s]",
+        "last chance [s]",
     )
+    return (SummaryTable("preventability", "The same conflicts with a model driving the ego", columns, tuple(rows)),)
 
 
 def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTable:

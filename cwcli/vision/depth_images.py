@@ -29,7 +29,7 @@ def is_compressed_depth(format_name: str) -> bool:
     return "compresseddepth" in format_name.lower()
 
 
-def decode_compressed_depth(format_name: str, data: bytes | memoryview) -> Image:
+def decode_compressed_depth_as_grey(format_name: str, data: bytes | memoryview) -> Image:
     """A compressed depth image as grey, shape (height, width), uint8.
 
     Args:

@@ -18,7 +18,7 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.clocks import INVALID_LOG_TIME_REASON, MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.vision.depth_images import COMPRESSED_DEPTH_HEADER as DEPTH_HEADER
-from cwcli.vision.depth_images import DepthImageError, decode_compressed_depth, is_compressed_depth
+from cwcli.vision.depth_images import DepthImageError, decode_compressed_depth_as_grey, is_compressed_depth
 from cwcli.vision.encoded import FrameLike, Image
 from cwcli.vision.image_header import ImageHeader, has_image_end, read_image_header
 from cwcli.vision.opencv_versions import print_errors_only
@@ -220,7 +220,7 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_col
             image = decode_raw_as_grey(frame) if size_of else decode_raw_as_colour(frame)
         elif is_depth:
             image = _grey_or_three_channels(
-                decode_compressed_depth(frame.format, frame.data), is_grey=size_of is not None
+                decode_compressed_depth_as_grey(frame.format, frame.data), is_grey=size_of is not None
             )
         else:
             image = _decode_still_image(frame.data, header, wanted_size)

@@ -120,8 +120,8 @@ def add_contact_probabilities(
     time_s: FloatArray,
     *,
     horizon_s: float,
-    threshold: float,
-    deceleration_mps2: float,
+    min_probability_to_brake: float,
+    braking_deceleration_mps2: float,
     wanted: npt.NDArray[np.bool_] | None = None,
 ) -> Measures:
     """Add the probabilities of contact to the measures.
@@ -138,9 +138,13 @@ def add_contact_probabilities(
     distance = measures.min_distance_m if wanted is None else np.where(wanted, measures.min_distance_m, np.nan)
     in_time, late = pairs.contact_probability_by_times(distance, time_s, (horizon_s, float(time_s[-1]))).T
     braked = np.full(len(late), np.nan)
-    rows = np.flatnonzero((late >= threshold) & (late > 0.0)) if deceleration_mps2 > 0.0 else np.zeros(0, np.intp)
+    rows = (
+        np.flatnonzero((late >= min_probability_to_brake) & (late > 0.0))
+        if braking_deceleration_mps2 > 0.0
+        else np.zeros(0, np.intp)
+    )
     if len(rows):
-        braked[rows] = pairs.select_rows(rows).contact_probability_if_braking(deceleration_mps2, horizon_s)
+        braked[rows] = pairs.select_rows(rows).contact_probability_if_braking(braking_deceleration_mps2, horizon_s)
     return replace(measures, probability=in_time, late_probability=late, braked_probability=braked)
 
 

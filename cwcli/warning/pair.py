@@ -168,8 +168,8 @@ def _evaluate_window(
         add_contact_probabilities,
         time_s=time_s,
         horizon_s=config.horizon_s,
-        threshold=config.probability,
-        deceleration_mps2=config.min_deceleration_mps2 if rule.uses_braking else 0.0,
+        min_probability_to_brake=config.probability,
+        braking_deceleration_mps2=config.min_deceleration_mps2 if rule.uses_braking else 0.0,
     )
     measures = judged(measures, pairs)
     onset = None

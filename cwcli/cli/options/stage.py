@@ -127,6 +127,6 @@ def uses_calibration(stage: Stage) -> bool:
     return any(hasattr(STAGES[name].configuration_class(), "calibration") for name in (stage.name, *stage.first))
 
 
-def reads_sensor_messages(stage: Stage) -> bool:
+def command_reads_sensor_messages(stage: Stage) -> bool:
     """Whether the stage, or one that its command runs first, reads sensor messages."""
     return any(hasattr(STAGES[name].configuration_class(), "sources") for name in (stage.name, *stage.first))

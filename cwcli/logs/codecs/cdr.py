@@ -104,7 +104,7 @@ class CdrDecoder:
         self._reasons: dict[str, int] = {}
         self._n = 0
         for slot in self._slots:
-            slot.grow_to_capacity(self._capacity)
+            slot.ensure_capacity(self._capacity)
 
     def decode_batch(self, payloads: Payloads) -> None:
         """Decode a batch of messages."""
@@ -198,7 +198,7 @@ class CdrDecoder:
         if capacity != self._capacity:
             self._capacity = capacity
         for slot in self._slots:
-            slot.grow_to_capacity(capacity)
+            slot.ensure_capacity(capacity)
 
 
 def _make_column_buffer(leaf: LeafColumn) -> FixedColumnBuffer | StringColumnBuffer:

@@ -61,7 +61,7 @@ class FixedColumnBuffer:
     def __init__(self, dtype: npt.DTypeLike, count: int | None = None) -> None:
         self.array = np.zeros((0,) if count is None else (0, count), dtype)
 
-    def grow_to_capacity(self, capacity: int) -> None:
+    def ensure_capacity(self, capacity: int) -> None:
         """Allocate memory for `capacity` rows."""
         if len(self.array) < capacity:
             grown = np.zeros((capacity, *self.array.shape[1:]), self.array.dtype)
@@ -91,7 +91,7 @@ class StringColumnBuffer:
         self.values: list[bytes] = []
         self._known: dict[bytes, int] = {}
 
-    def grow_to_capacity(self, capacity: int) -> None:
+    def ensure_capacity(self, capacity: int) -> None:
         """Allocate memory for `capacity` rows."""
         if len(self.codes) < capacity:
             grown = np.zeros(capacity, np.int32)
@@ -125,7 +125,7 @@ class StringColumnBuffer:
 class BlobSpanBuffer(StringColumnBuffer):
     """The spans of the current batch alone: the places of the bytes of images."""
 
-    def grow_to_capacity(self, capacity: int) -> None:
+    def ensure_capacity(self, capacity: int) -> None:
         """Do nothing, because only the current batch is stored."""
 
     def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:

@@ -102,7 +102,7 @@ class ProtobufDecoder:
             return
         self._capacity = grown_capacity(self._capacity, first + n)
         for slot in (*self._slots, *self._presence):
-            slot.grow_to_capacity(self._capacity)
+            slot.ensure_capacity(self._capacity)
         for oneof in self._oneofs:
             oneof.array = np.zeros(n, np.int32)
         buffers, cursor_columns = begin_ragged_batch(

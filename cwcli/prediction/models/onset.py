@@ -39,7 +39,9 @@ def constant_jerk_responses(time_s: FloatArray, prior: DriverPrior) -> Responses
     return Responses(time_s, half_square, time_s, half_square)
 
 
-def trust_in_clear_rates(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
+def trust_in_derivatives_above_noise(
+    state: FloatArray, covariance: FloatArray | None, prior: DriverPrior
+) -> FloatArray:
     """Trust in acceleration and yaw rate by the prior, in their rates where they exceed their noise, (n, 4)."""
     out = prior.trust_in_derivatives(state, covariance)
     if covariance is None:
@@ -69,6 +71,6 @@ MODEL = Model(
     summary="a manoeuvre that has begun goes on to the car's limits",
     uses=(True, True, True, True),
     responses=constant_jerk_responses,
-    trust=trust_in_clear_rates,
+    trust=trust_in_derivatives_above_noise,
     hold=times_until_limits_s,
 )

@@ -14,9 +14,10 @@ from cwcli.signals.radio.messages import Octets
 WSMP_VERSION = 3
 """The version of the WAVE short message protocol that is read."""
 EXTENSIONS_FLAG = 0x08
-"""The flag of a network header with extensions."""
-ADDRESSED_BY_PSID, ADDRESSED_BY_EXTENDED_PSID = 0, 1
-"""The addressing by a PSID, and by a PSID with extensions."""
+"""The bit in the first octet of the network header that says that extensions follow (IEEE 1609.3-2016)."""
+ADDRESS_TYPE_PSID, ADDRESS_TYPE_PSID_WITH_EXTENSIONS = 0, 1
+"""Codes of the transport header's first field: addressed by a PSID, and by a PSID that extensions follow
+(IEEE 1609.3-2016)."""
 MAX_HEADER_EXTENSIONS = 16
 """The largest number of extensions that a header can have; chosen by hand."""
 
@@ -33,7 +34,7 @@ def extract_wsmp_payloads(octets: Octets) -> Octets:
     following = walk.peek_octet()
     # without extensions IEEE 1609.2 begins with the same octet, and goes on with another one
     is_wsmp = (head == WSMP_VERSION | EXTENSIONS_FLAG) | (
-        (head == WSMP_VERSION) & (following <= ADDRESSED_BY_EXTENDED_PSID)
+        (head == WSMP_VERSION) & (following <= ADDRESS_TYPE_PSID_WITH_EXTENSIONS)
     )
     is_wsmp &= octets.ends > octets.starts + 1
     if not is_wsmp.any():
@@ -41,12 +42,12 @@ def extract_wsmp_payloads(octets: Octets) -> Octets:
     walk.skip_extensions((head & EXTENSIONS_FLAG) != 0)
     to = walk.take_octet()
     walk.skip_psid()
-    walk.skip_extensions(to == ADDRESSED_BY_EXTENDED_PSID)
+    walk.skip_extensions(to == ADDRESS_TYPE_PSID_WITH_EXTENSIONS)
     size = walk.take_octet()
     is_long = size >= 0x80
     more = walk.take_octet(is_long)
     size = np.where(is_long, ((size & 0x3F) << 8) | more, size)
-    is_good = ~walk.is_short & (to <= ADDRESSED_BY_EXTENDED_PSID) & (walk.at + size <= octets.ends)
+    is_good = ~walk.is_short & (to <= ADDRESS_TYPE_PSID_WITH_EXTENSIONS) & (walk.at + size <= octets.ends)
     starts = np.where(is_wsmp, np.where(is_good, walk.at, octets.starts), octets.starts)
     ends = np.where(is_wsmp, np.where(is_good, walk.at + size, octets.starts), octets.ends)
     return Octets(octets.data, starts, ends)

@@ -7,8 +7,8 @@ import pytest
 
 from cwcli.channels.other_car import (
     clock_difference_text,
-    concat_states,
     estimate_recorder_clock,
+    merge_states_by_log_time,
     move_to_map_and_clock,
 )
 from cwcli.channels.vehicle_state import VehicleStates
@@ -88,7 +88,7 @@ def test_the_clocks_are_told() -> None:
 def test_two_cars_stand_in_the_order_of_their_log_times() -> None:
     one = states(3)
     two = move_to_map_and_clock(states(3), OURS, OURS, name="b", stamp_shift_ns=1, log_shift_ns=1)
-    both = concat_states(one, two)
+    both = merge_states_by_log_time(one, two)
     assert [both.ids.values[code] for code in both.ids.codes] == ["ego", "b"] * 3
     assert (np.diff(both.log_time_ns) >= 0).all()
     np.testing.assert_array_equal(both.state[::2], one.state)

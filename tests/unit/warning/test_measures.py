@@ -29,7 +29,9 @@ def between(host_paths: Paths, other_paths: Paths) -> Measures:
         other_size=CAR,
     )
     pairs = PathPairs(host_paths, other_paths, row, row, zero, CAR, CAR)
-    return add_contact_probabilities(measured, pairs, TIME_S, horizon_s=2.5, threshold=0.0, deceleration_mps2=2.0)
+    return add_contact_probabilities(
+        measured, pairs, TIME_S, horizon_s=2.5, min_probability_to_brake=0.0, braking_deceleration_mps2=2.0
+    )
 
 
 def at(sigma_m: float = 0.01, **values: float) -> Paths:
