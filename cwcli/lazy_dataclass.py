@@ -8,7 +8,10 @@ the fields; after `MAX_FILLED` of them, or when anything else of a data class is
 
 from __future__ import annotations
 
+import re
+import sys
 import threading
+from abc import ABCMeta
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,9 +20,9 @@ else:
 
     def dataclass(cls: type | None = None, /, *, frozen: bool = False, kw_only: bool = False) -> Any:
         """Make a class a data class, as `dataclasses.dataclass` does with these arguments."""
-        if cls is not None:
-            return _Deferred(cls, {}).owner
-        return lambda kind: _Deferred(kind, {"frozen": frozen, "kw_only": kw_only}).owner
+        if cls is None:
+            return lambda kind: _decorate(kind, {"frozen": frozen, "kw_only": kw_only})
+        return _decorate(cls, {})
 
 
 MAX_FILLED = 64
@@ -29,9 +32,48 @@ _COPIED = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "_
 """Methods and attributes that are taken from the compiled class; `__init__` comes last, so that threads see all."""
 _ON_DEMAND = ("__dataclass_fields__", "__dataclass_params__", "__match_args__", "__signature__")
 """Class attributes whose first use compiles the class."""
+_HAS_REPLACE = sys.version_info >= (3, 13)
+"""Whether data classes have a `__replace__`, for `copy.replace` (Python 3.13)."""
+_ANNOTATIONS_ARE_LAZY = sys.version_info >= (3, 14)
+"""Whether a class's body holds no annotations, but a function that makes them (PEP 649, Python 3.14)."""
+_CLASS_VARIABLE = re.compile(r"(\w+\.)*ClassVar\b")
+"""The annotations of what is no field."""
 _lock = threading.RLock()
 _MISSING: Any = object()
 """Marks a field without a default."""
+
+
+def _decorate(owner: type, settings: dict[str, bool]) -> type:
+    """Put off the methods of a class; one that is out of the ordinary gets the standard ones at once."""
+    if not _is_ordinary(owner, frozen=settings.get("frozen", False)):
+        from dataclasses import dataclass as standard
+
+        return standard(**settings)(owner)
+    return _Deferred(owner, settings).owner
+
+
+def _is_ordinary(owner: type, *, frozen: bool) -> bool:
+    """Whether nothing but the standard decorator's own checks and methods takes part in making the class."""
+    body = vars(owner)
+    if _ANNOTATIONS_ARE_LAZY or type(owner) not in (type, ABCMeta) or {"__slots__", "__setattr__"} & body.keys():
+        return False
+    for base in owner.__mro__[1:-1]:
+        if base.__module__ != "typing" and "__init_subclass__" in vars(base):
+            return False
+        parent = _DEFERRED.get(base)
+        if "__dataclass_fields__" in vars(base) and (parent is None or parent.is_frozen is not frozen):
+            return False
+    has_default = False
+    for name, annotation in body.get("__annotations__", {}).items():
+        default = body.get(name, _MISSING)
+        if isinstance(annotation, str) and _CLASS_VARIABLE.match(annotation):
+            continue
+        if default is _MISSING and has_default:
+            return False
+        has_default |= default is not _MISSING
+        if default is not _MISSING and (type(default).__hash__ is None or hasattr(type(default), "__set__")):
+            return False
+    return True
 
 
 class _Attribute:
@@ -60,7 +102,7 @@ class _Deferred:
         self.body = dict(vars(owner))
         self._settings = settings
         self._fields: tuple[tuple[str, Any, Any], ...] | None = None
-        self._stand_ins: set[str] = set()
+        self._stand_ins: dict[str, object] = {}
         self._is_compiled = False
         _DEFERRED[owner] = self
         for name, value in self.body.items():
@@ -71,10 +113,17 @@ class _Deferred:
                     delattr(owner, name)
         self._put_stand_ins()
 
+    @property
+    def is_frozen(self) -> bool:
+        """Whether its instances can't be changed."""
+        return self._settings.get("frozen", False)
+
     def _put_stand_ins(self) -> None:
-        own, is_frozen = self.body, self._settings.get("frozen", False)
+        own, is_frozen = self.body, self.is_frozen
         methods = {"__init__": _init(self), "__repr__": _compiling_method(self, "__repr__")}
         methods["__eq__"] = _compiling_method(self, "__eq__")
+        if _HAS_REPLACE:
+            methods["__replace__"] = _compiling_method(self, "__replace__")
         if is_frozen and own.get("__hash__") is None and ("__hash__" not in own or "__eq__" in own):
             methods["__hash__"] = _compiling_method(self, "__hash__")
             self._put("__hash__", methods.pop("__hash__"))
@@ -90,7 +139,7 @@ class _Deferred:
             type.__setattr__(self.owner, "__delattr__", _refuse_to_delete(self.owner))
 
     def _put(self, name: str, value: object) -> None:
-        self._stand_ins.add(name)
+        self._stand_ins[name] = value
         setattr(self.owner, name, value)
 
     def compile_methods(self) -> None:
@@ -108,7 +157,8 @@ class _Deferred:
             self._is_compiled = True
             type.__delattr__(owner, "__signature__")
             for name in ("__dataclass_fields__", "__dataclass_params__", *_COPIED):
-                if name in found and (name in self._stand_ins or name not in self.body):
+                now = vars(owner).get(name, _MISSING)
+                if name in found and (now is _MISSING or now is self._stand_ins.get(name, _MISSING)):
                     setattr(owner, name, found[name])
 
     def plain_fields(self) -> tuple[tuple[str, Any, Any], ...] | None:
@@ -118,7 +168,8 @@ class _Deferred:
             for base in reversed(self.owner.__mro__):
                 deferred = _DEFERRED.get(base)
                 own = () if deferred is None else deferred._own_fields()
-                if own is None or (deferred is None and "__dataclass_fields__" in vars(base)):
+                has_keywords = deferred is not None and deferred._settings.get("kw_only", False)
+                if own is None or has_keywords or (deferred is None and "__dataclass_fields__" in vars(base)):
                     return None
                 fields.update((field[0], field) for field in own)
             self._fields = tuple(fields.values())
@@ -133,7 +184,7 @@ class _Deferred:
         for name, annotation in self._annotations().items():
             if not isinstance(annotation, str) or "InitVar" in annotation or "KW_ONLY" in annotation:
                 return None
-            if annotation.startswith(("ClassVar", "typing.ClassVar")):
+            if _CLASS_VARIABLE.match(annotation):
                 continue
             value: Any = self.body.get(name)
             if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
@@ -197,9 +248,9 @@ def _bind(
 
 
 def _compiling_method(deferred: _Deferred, name: str) -> Any:
-    def method(self: Any, *args: Any) -> Any:
+    def method(self: Any, *args: Any, **kwargs: Any) -> Any:
         deferred.compile_methods()
-        return getattr(deferred.owner, name)(self, *args)
+        return getattr(deferred.owner, name)(self, *args, **kwargs)
 
     method.__name__ = name
     return method

@@ -6,7 +6,6 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -36,7 +35,7 @@ from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
 from cwcli.fleet.names import unique_log_ids
 from cwcli.fleet.plan import FleetPlan, LogTask
-from cwcli.fleet.worker import TaskResult, find_unchanged_log, record_entry
+from cwcli.fleet.worker import TaskResult, record_entry
 from cwcli.input import names_of_inputs_in_folder, note_input, remember_inputs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
@@ -141,20 +140,7 @@ def _run_tasks(tasks: list[LogTask], plan: FleetPlan, jobs: int | None, ray: str
         from cwcli.fleet.ray_backend import run_on_ray_cluster
 
         return run_on_ray_cluster(tasks, plan, ray, jobs)
-    return _run_locally(tasks, plan, min(jobs or count_available_processors(), max(len(tasks), 1)))
-
-
-def _run_locally(tasks: list[LogTask], plan: FleetPlan, jobs: int) -> Iterator[tuple[LogTask, TaskResult | WorkerDied]]:
-    """Find the logs that an earlier run has done, and start workers only for the others."""
-    waiting = []
-    with ThreadPoolExecutor(jobs) as pool:
-        for task, found in zip(tasks, pool.map(lambda task: find_unchanged_log(task, plan), tasks), strict=True):
-            if found is None:
-                waiting.append(task)
-            else:
-                yield task, found
-    if waiting:
-        yield from run_on_local_processes(waiting, plan, min(jobs, len(waiting)))
+    return run_on_local_processes(tasks, plan, min(jobs or count_available_processors(), max(len(tasks), 1)))
 
 
 def count_available_processors() -> int:

@@ -92,7 +92,11 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
         with _open_log_file(task, plan.max_pipe_bytes) as file:
             entry["sha256"] = file.begin_sha256().result()
             entry["key"] = plan.cache_key(entry["sha256"])
-            if _is_unchanged(folder, before, entry["key"], task):
+            if before is not None and folder.is_done(before, entry["key"]):
+                if before["source"] != task.source:
+                    folder.write_entry(
+                        {**before, "source": task.source}, [folder.out / name for name in before["outputs"]]
+                    )
                 return "unchanged"
             folder.remove_all_files()
             make_folder(folder.annotated_log_path.parent, parents=True)
@@ -109,36 +113,6 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
         entry["error"] = bug_to_entry(error, task.path)
     record_entry(folder, entry, outputs)
     return str(entry["status"])
-
-
-def find_unchanged_log(task: LogTask, plan: FleetPlan) -> TaskResult | None:
-    """The result of a log on this machine that an earlier run has done; None where a worker has to look at it.
-
-    Raises:
-        OutputError: The output folder can't be written.
-    """
-    folder = LogFolder(Path(task.out), task.id)
-    before = folder.read_entry()
-    if before is None or before.get("status") != "done" or is_remote_url(task.path):
-        return None
-    began_s = time.perf_counter()
-    try:
-        with _open_log_file(task, plan.max_pipe_bytes) as file:
-            key = plan.cache_key(file.begin_sha256().result())
-    except (CwcliError, OSError, ValueError):
-        return None
-    if not _is_unchanged(folder, before, key, task):
-        return None
-    return TaskResult(task.id, "unchanged", time.perf_counter() - began_s, 0.0, _peak_memory_mb())
-
-
-def _is_unchanged(folder: LogFolder, before: Document | None, key: str, task: LogTask) -> bool:
-    """Whether an earlier run has done the log with this key; notes its present name in its entry."""
-    if before is None or not folder.is_done(before, key):
-        return False
-    if before["source"] != task.source:
-        folder.write_entry({**before, "source": task.source}, [folder.out / name for name in before["outputs"]])
-    return True
 
 
 def record_entry(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:

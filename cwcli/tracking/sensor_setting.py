@@ -99,7 +99,7 @@ _RANGE_RATE_SETTINGS: dict[str, dict[str, bool]] = {
     "toward": {"is_rate_towards": True},
     "off": {"use_range_rate": False},
 }
-"""What a sensor's setting `rate=` may be (the sign of its range rate, or off) -> the fields of the setting."""
+"""A sensor's setting `rate=` (the sign of its range rate, or off) -> the fields that it sets."""
 _SETTING_PARSERS: dict[str, Callable[[str], dict[str, Any]]] = {
     "x": lambda text: {"x_m": _parse_number(text)},
     "y": lambda text: {"y_m": _parse_number(text)},

@@ -209,3 +209,110 @@ def test_every_class_of_cwcli_can_be_compiled() -> None:
     assert decorated > 250
     for kind in list(lazy_dataclass._DEFERRED):
         dataclasses.fields(kind)
+
+
+def keyword_base(decorator: Decorator) -> object:
+    """A base whose fields are keywords: those of the class itself come first."""
+
+    @decorator(kw_only=True)
+    class Base:
+        a: int = 1
+
+    @decorator(frozen=False)
+    class Child(Base):
+        b: int = 2
+
+    return Child(5).b
+
+
+def mutable_default(decorator: Decorator) -> object:
+    """A default that all instances would share."""
+
+    @decorator(frozen=True)
+    class Shared:
+        values: list[int] = []  # noqa: RUF012 - what is refused
+
+    return Shared().values
+
+
+def default_before_none(decorator: Decorator) -> object:
+    """A field without a default after one with it."""
+
+    @decorator(frozen=True)
+    class Late:
+        a: int = 1
+        b: int
+
+    return Late(1, 2)
+
+
+def frozen_child(decorator: Decorator) -> object:
+    """A frozen class of one that is not."""
+
+    @decorator(frozen=False)
+    class Base:
+        a: int = 1
+
+    @decorator(frozen=True)
+    class Child(Base):
+        b: int = 2
+
+    return Child().b
+
+
+def counted_subclasses(decorator: Decorator) -> object:
+    """A base that counts its subclasses."""
+    found: list[str] = []
+
+    class Base:
+        def __init_subclass__(cls) -> None:
+            found.append(cls.__name__)
+
+    @decorator(frozen=True)
+    class Child(Base):
+        a: int = 1
+
+    assert repr(Child()).endswith("Child(a=1)")
+    return found
+
+
+def own_setter(decorator: Decorator) -> object:
+    """A class that notes what is set."""
+    found: list[str] = []
+
+    @decorator(frozen=False)
+    class Noting:
+        a: int = 1
+
+        def __setattr__(self, name: str, value: object) -> None:
+            found.append(name)
+            object.__setattr__(self, name, value)
+
+    Noting()
+    return found
+
+
+def patched_repr(decorator: Decorator) -> object:
+    """A method that is replaced after the class is made stays replaced."""
+
+    @decorator(frozen=True)
+    class Patched:
+        a: int = 1
+
+    Patched.__repr__ = lambda self: "mine"  # type: ignore[method-assign]
+    assert Patched() == Patched()
+    return repr(Patched())
+
+
+ODD = (keyword_base, mutable_default, default_before_none, frozen_child, counted_subclasses, own_setter, patched_repr)
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_odd_class_is_as_by_the_standard_decorator(case: Callable[[Decorator], object]) -> None:
+    def outcome(decorator: Decorator) -> object:
+        try:
+            return case(decorator)
+        except (TypeError, ValueError) as error:
+            return type(error)
+
+    assert outcome(lazy_dataclass.dataclass) == outcome(dataclasses.dataclass)

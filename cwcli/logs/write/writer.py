@@ -19,6 +19,7 @@ from cwcli.logs.write.new_messages import feed_from_columns, feed_from_encoded_m
 from cwcli.logs.write.output_schema import find_output_schema
 from cwcli.output import open_output
 from cwcli.signals.columns import Int64Array, OutputChannel
+from cwcli.text import replace_surrogates
 
 LIBRARY_NAME = f"cwcli {cwcli.__version__}"
 """The library name in the header of new logs."""
@@ -52,7 +53,7 @@ class LogWriter:
         self._open = ExitStack()
         output = self._open.enter_context(open_output(target, force=force))
         self._writer = Writer(cast("IO[bytes]", output), chunk_size=NEW_CHUNK_BYTES)
-        self._writer.start(profile, library)
+        self._writer.start(replace_surrogates(profile), library)
 
     def __enter__(self) -> Self:
         return self
@@ -76,7 +77,9 @@ class LogWriter:
         self, topic: str, message_encoding: str, schema_id: int = 0, metadata: Mapping[str, str] | None = None
     ) -> int:
         """Add a channel and return its id; schema id 0 means that it has no schema."""
-        return self._writer.register_channel(topic, message_encoding, schema_id, dict(metadata or {}))
+        return self._writer.register_channel(
+            replace_surrogates(topic), message_encoding, schema_id, _encodable_texts(metadata or {})
+        )
 
     def write_columns(self, channel: OutputChannel) -> int:
         """Add a channel with all its messages and return its id.
@@ -119,7 +122,7 @@ class LogWriter:
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record: named texts."""
-        self._writer.add_metadata(name, dict(values))
+        self._writer.add_metadata(replace_surrogates(name), _encodable_texts(values))
 
     def close(self) -> None:
         """Write the messages and the summary.
@@ -137,3 +140,8 @@ class LogWriter:
     def _add_feed(self, feed: MessageFeed) -> None:
         self._counts[feed.channel_id] = self._counts.get(feed.channel_id, 0) + len(feed)
         self._feeds.append(feed)
+
+
+def _encodable_texts(values: Mapping[str, str]) -> dict[str, str]:
+    """Return texts by name, each one such that UTF-8 can encode it."""
+    return {replace_surrogates(name): replace_surrogates(text) for name, text in values.items()}

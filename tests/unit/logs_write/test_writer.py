@@ -178,3 +178,15 @@ def test_summary_crc_is_right(tmp_path: Path) -> None:
     data = write_example(tmp_path / "a.mcap").read_bytes()
     start = int.from_bytes(data[-28:-20], "little")
     assert int.from_bytes(data[-12:-8], "little") == zlib.crc32(data[start:-12])
+
+
+def test_names_that_are_not_utf_8_become_their_escapes(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "a.mcap") as log:
+        log.add_metadata("from \udcff", {"file": "s\udcff.toml"})
+        log.write_messages(log.add_channel("/t\udcff", "x"), np.array([1], np.int64), [b"1"])
+    with (tmp_path / "a.mcap").open("rb") as file:
+        reader = make_reader(file)
+        assert [(each.name, each.metadata) for each in reader.iter_metadata()] == [
+            ("from \\xff", {"file": "s\\xff.toml"})
+        ]
+        assert [channel.topic for _, channel, _ in reader.iter_messages()] == ["/t\\xff"]
