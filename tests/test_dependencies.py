@@ -18,7 +18,9 @@ PAGE = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
 NOT_INSTALLED = {
     "evo": "evo",
     "foxglove": "foxglove-sdk",
+    "grpc_tools": "grpcio-tools",
     "osi_utilities": "asam-osi-utilities",
+    "pycrate_asn1c": "pycrate",
     "pycrate_asn1dir": "pycrate",
     "rerun": "rerun-sdk",
     "sumo": "eclipse-sumo",

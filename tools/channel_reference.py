@@ -83,7 +83,7 @@ def _parse_field(line: str, kind: str, comment: str) -> ProtoField:
 
 def channel_reference() -> str:
     """The page."""
-    from cwcli.logs.write.schemas import schema_folder
+    from cwcli.logs.encoders.schemas import schema_folder
 
     folder = schema_folder() / "cwcli" / "v1"
     sources = sorted((entry for entry in folder.iterdir() if entry.name.endswith(".proto")), key=lambda e: e.name)

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from cwcli.logs.write.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
+from cwcli.logs.encoders.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
 
 
 def compile_schemas(folder: Path) -> bytes:

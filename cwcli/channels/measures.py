@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import PAIR_MEASURES
 from cwcli.channels.vehicle_state import VehicleStates
-from cwcli.logs.write.schemas import find_message_schema
+from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.signals.columns import OutputChannel
 
 PAIR_KEY_FIELDS = ("stamp_ns", "ego_id", "other_id")

@@ -146,7 +146,7 @@ def predetermine_latencies(series: Sequence[SensorSeries], config: EstimatorConf
 
 
 def is_reference_of_each_series(series: Sequence[SensorSeries]) -> list[bool]:
-    """Return for each series whether it is a reference of the others: see `_reference`."""
+    """Return for each series whether it is a reference of the others: see `_reference_source_and_kinds`."""
     source, kinds = _reference_source_and_kinds(series)
     return [s.source == source and s.kind in kinds for s in series]
 

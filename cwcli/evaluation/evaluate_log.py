@@ -13,7 +13,7 @@ from cwcli.evaluation.evaluation_context import TRUTH_AUTO, TRUTH_NONE, Evaluati
 from cwcli.evaluation.log_data import add_input_message_counts
 from cwcli.evaluation.reference import add_online_state_errors
 from cwcli.evaluation.system.metrics import add_metrics_of_other_system
-from cwcli.evaluation.system.topics import OtherSystemTopics
+from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.stages import STAGES

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import field
 
 from cwcli.channels.vehicle_state import VehicleStates
-from cwcli.evaluation.system.topics import OtherSystemTopics
+from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector

@@ -20,7 +20,7 @@ from cwcli.metrics.table import Table
 from cwcli.url import name_url
 
 if TYPE_CHECKING:
-    from cwcli.evaluation.system.topics import OtherSystemTopics
+    from cwcli.evaluation.system_topics import OtherSystemTopics
     from cwcli.logs.read.reader import Log
 
 STDIN_NAME = "-"

@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
 from cwcli.errors import CwcliError
-from cwcli.evaluation.system.topics import OtherSystemTopics
+from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.fleet.folder import log_id_of_annotated_file
 from cwcli.fleet.results import read_run_metrics
 from cwcli.logs.read.reader import Log

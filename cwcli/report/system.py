@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 from cwcli.evaluation.actual_outcomes import find_actual_outcomes
 from cwcli.evaluation.system.flag import read_flag_from_topic
-from cwcli.evaluation.system.topics import OtherSystemTopics
 from cwcli.evaluation.system.warnings import judge_flag_warnings
+from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.pooling import MetricRow
 from cwcli.metrics.system_pairs import pair_with_own

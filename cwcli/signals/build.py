@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.builders.mapped import build_mapped_signal
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns
 from cwcli.signals.inputs import find_input_for_role
+from cwcli.signals.mapped_signals import build_mapped_signal
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, FieldMapping
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role

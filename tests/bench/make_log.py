@@ -23,7 +23,7 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorP
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
 
-from cwcli.logs.write.schemas import find_message_schema
+from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.write.writer import LogWriter
 from tests.bench.ros_messages import BSM_TEXT, FIX_TEXT, IMAGE_TEXT, IMU_TEXT
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.evaluation.system.topics import parse_other_system_options
+from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.report.drive import read_drive

@@ -11,8 +11,8 @@ import pytest
 from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet
 from mcap.writer import CompressionType, Writer
 
+from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.schemas import find_message_schema
 from cwcli.signals.columns import Strings
 from tests.cli.bounded import bounded
 from tests.cli.rewritten_logs import Logged, of, read, write

@@ -381,7 +381,7 @@ OPENERS = {
     "fleet/run.py": "the lock of the output folder",
     "cli/main.py": "the null device",
     "registry.py": "what tells of a plug-in",
-    "logs/write/schemas.py": "comes with cwcli",
+    "logs/encoders/schemas.py": "comes with cwcli",
     "export/formats/osi.py": "what it has just written",
     "dynamics/vehicle.py": "comes with cwcli",
     "prediction/fleet.py": "comes with cwcli",

@@ -49,7 +49,7 @@ message Thing {
 def test_channels_page_has_every_field_of_the_compiled_schemas() -> None:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-    from cwcli.logs.write.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
+    from cwcli.logs.encoders.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
 
     page = next(text for path, text in pages().items() if path.name == "channels.md")
     sections = {part.split("\n")[0]: part for part in page.split("\n## ")[1:]}

@@ -16,7 +16,7 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 from mcap_ros2.writer import Writer as Ros2Writer
 
-from cwcli.logs.write.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
+from cwcli.logs.encoders.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
 from tests.laws.input_messages import DELAY_NS, Message, stamp_of
 from tests.laws.receiver_messages import DEFINITIONS
 

@@ -17,8 +17,8 @@ import foxglove.layouts as fl
 import pytest
 
 from cwcli.channels.published import published_topics
+from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.schemas import find_message_schema
 from cwcli.report.viewer_layout import TAB_TITLES, CameraTopics, LogTopics, build_viewer_layout, find_log_topics
 from cwcli.report.viewer_panels import PANEL_TYPES, PanelCollection, message_path, quote_topic
 

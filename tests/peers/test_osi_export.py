@@ -20,8 +20,8 @@ from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
 from cwcli.export.formats.base import Track
 from cwcli.export.formats.osi import _unique_numeric_ids, encode_osi_mcap_trace
+from cwcli.logs.encoders.schemas import OSI_DESCRIPTOR_SET_FILE, _serialize_descriptor_set, schema_folder
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.schemas import OSI_DESCRIPTOR_SET_FILE, _serialize_descriptor_set, schema_folder
 from tests.osi_traces import Actor, along, time_to_contact_s, write_trace
 
 VERSION = re.compile(r"\d+\.\d+\.\d+")

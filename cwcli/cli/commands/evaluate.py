@@ -89,7 +89,7 @@ def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, o
     run's manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no gate asks for the data
     alone.
     """
-    from cwcli.evaluation.system.topics import parse_other_system_options
+    from cwcli.evaluation.system_topics import parse_other_system_options
     from cwcli.fleet.results import read_run_metrics
     from cwcli.metrics.gate_syntax import parse_gate
     from cwcli.metrics.gates import check_gates

@@ -87,7 +87,7 @@ def command(
     gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli-drive[report]`.
     """
     from cwcli.array_memory import bound_array_memory
-    from cwcli.evaluation.system.topics import parse_other_system_options
+    from cwcli.evaluation.system_topics import parse_other_system_options
     from cwcli.output import check_targets, write_file
     from cwcli.report.build import build_report
     from cwcli.report.pdf import find_browser, print_pdf

@@ -27,7 +27,7 @@ def complete_role_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str,
 
 def complete_system_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Complete the roles of another system and their topics: `warning=/adas/fcw`."""
-    from cwcli.evaluation.system.topics import ROLE_DESCRIPTIONS
+    from cwcli.evaluation.system_topics import ROLE_DESCRIPTIONS
 
     return _matching_choices(ctx, incomplete, ROLE_DESCRIPTIONS)
 

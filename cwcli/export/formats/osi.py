@@ -17,8 +17,8 @@ import numpy as np
 
 from cwcli.export.formats.base import Track, TrackFormat
 from cwcli.export.text import format_iso_time
-from cwcli.logs.write.protobuf_encoder import encode_protobuf
-from cwcli.logs.write.schemas import find_message_schema
+from cwcli.logs.encoders.protobuf_encoder import encode_protobuf
+from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, Strings
 from cwcli.signals.resample import resample

@@ -14,9 +14,9 @@ from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.export.ros.messages import ROS_CONVERSIONS, fields_unknown_to_ros
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.encoders.cdr_fit import unrepresentable_row_masks
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import CopyOptions, annotate_log
-from cwcli.logs.write.cdr_fit import unrepresentable_row_masks
 from cwcli.logs.write.profile import matches_ros_profile
 from cwcli.pipeline.records import ORIGIN_NAMES, RUN_RECORD_PREFIX, map_from_record, read_run_records
 from cwcli.signals.columns import OutputChannel, select_column_rows

@@ -15,9 +15,9 @@ from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.errors import DataError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.ros2msg import Definitions, find_message_fields, parse_message_definitions
-from cwcli.logs.write.cdr_encoder import encode_cdr
-from cwcli.logs.write.column_tree import ColumnError
-from cwcli.logs.write.ros_schemas import ros2msg_schema_text
+from cwcli.logs.encoders.cdr_encoder import encode_cdr
+from cwcli.logs.encoders.column_tree import ColumnError
+from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
 from cwcli.signals.columns import (
     Columns,
     FloatArray,

@@ -12,10 +12,10 @@ from cwcli.kernels.protobuf import MESSAGE, OCTETS, TEXT
 from cwcli.logs.codecs.column_buffers import Payloads, matrix_if_equal_lengths, order_values_by_first_use
 from cwcli.logs.codecs.protobuf import ProtobufDecoder
 from cwcli.logs.codecs.protobuf_tables import KIND_AND_DTYPE_BY_TYPE, is_repeated_field
+from cwcli.logs.encoders.output_schema import PROTOBUF_MESSAGE_ENCODING, find_output_schema
+from cwcli.logs.encoders.protobuf_encoder import encode_protobuf
+from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.read.channels import ChannelInfo
-from cwcli.logs.write.output_schema import PROTOBUF_MESSAGE_ENCODING, find_output_schema
-from cwcli.logs.write.protobuf_encoder import encode_protobuf
-from cwcli.logs.write.schemas import find_message_schema
 from cwcli.signals.columns import (
     Columns,
     Field,

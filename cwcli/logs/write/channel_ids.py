@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from cwcli.errors import OutputError
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.write.output_schema import find_output_schema
 from cwcli.signals.columns import OutputChannel
 
 MAX_RECORD_ID = 0xFFFF

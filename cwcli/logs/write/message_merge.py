@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.encoders.byte_rows import ByteArray, ByteRows, copy_rows, offsets_from_sizes, sliding_byte_windows
 from cwcli.logs.format.records import OPCODE_MESSAGE, RECORD_PREFIX
-from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_from_sizes, sliding_byte_windows
 from cwcli.signals.columns import Int64Array
 
 MESSAGE_RECORD_DTYPE = np.dtype(

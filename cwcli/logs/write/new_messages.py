@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from cwcli.logs.write.byte_rows import ByteRows
-from cwcli.logs.write.column_tree import ColumnError
+from cwcli.logs.encoders.byte_rows import ByteRows
+from cwcli.logs.encoders.column_tree import ColumnError
+from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.write.message_merge import MessageFeed
-from cwcli.logs.write.output_schema import find_output_schema
 from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, slice_column
 
 N_PROBE_ROWS_OF_STREAM = 2

@@ -13,10 +13,10 @@ import numpy as np
 from mcap.writer import Writer
 
 import cwcli
-from cwcli.logs.write.byte_rows import ByteRows, join_rows
+from cwcli.logs.encoders.byte_rows import ByteRows, join_rows
+from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES, MessageFeed
 from cwcli.logs.write.new_messages import feed_from_columns, feed_from_encoded_messages
-from cwcli.logs.write.output_schema import find_output_schema
 from cwcli.output import open_output
 from cwcli.signals.columns import Int64Array, OutputChannel
 from cwcli.text import replace_surrogates

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.channels.published import CHANNEL_OF_ROLE, POLICY_PLACEHOLDER, PUBLISHED_CHANNELS, Channel, published_topics
-from cwcli.logs.write.schemas import find_message_schema, schema_folder
+from cwcli.logs.encoders.schemas import find_message_schema, schema_folder
 
 ROOT = Path(__file__).parents[3]
 TOPIC = re.compile(r"(?<!\w)/cwcli/[\w/<>]*[\w>]")

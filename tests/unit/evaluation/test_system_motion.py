@@ -16,7 +16,7 @@ from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.evaluation.system.placing import fit_frame_placement
-from cwcli.evaluation.system.topics import parse_other_system_options
+from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.pooling import MetricRow, metric_rows_by_name, notes_from_metadata
 from cwcli.signals.columns import OutputChannel

@@ -14,8 +14,8 @@ from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_TRUE, VERDICT_UNDE
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.evaluation.scored_warnings import count_verdicts
 from cwcli.evaluation.system.flag import read_flag_from_topic
-from cwcli.evaluation.system.topics import parse_other_system_options
 from cwcli.evaluation.system.warnings import judge_flag_warnings
+from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.pooling import metric_rows_by_name, notes_from_metadata
 from cwcli.signals.field_condition import parse_condition

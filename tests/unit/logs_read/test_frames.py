@@ -16,9 +16,9 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.writer import CompressionType
 
 from cwcli.errors import InputError
+from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.read.frames import BAD_BASE64_REASON, MAX_FRAMES_PER_BATCH
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.schemas import find_message_schema
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes, small_log
 from tests.unit.logs_read.official import read_officially
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from google.protobuf.internal.encoder import _VarintBytes
 
-from cwcli.logs.write.byte_rows import copy_rows, encode_varint, encode_varints, join_rows, offsets_from_sizes
+from cwcli.logs.encoders.byte_rows import copy_rows, encode_varint, encode_varints, join_rows, offsets_from_sizes
 
 
 @pytest.mark.parametrize("max_size", [0, 1, 5, 300])

@@ -12,12 +12,12 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cwcli.export.ros.messages import ROS_CONVERSIONS
 from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, STRING_TYPE, MessageField, parse_message_definitions
-from cwcli.logs.write import cdr_encoder
-from cwcli.logs.write.byte_rows import ByteRows
-from cwcli.logs.write.cdr_encoder import encode_cdr
-from cwcli.logs.write.cdr_fit import unrepresentable_mask, unrepresentable_row_masks
-from cwcli.logs.write.column_tree import ColumnError
-from cwcli.logs.write.ros_schemas import ros2msg_schema_text
+from cwcli.logs.encoders import cdr_encoder
+from cwcli.logs.encoders.byte_rows import ByteRows
+from cwcli.logs.encoders.cdr_encoder import encode_cdr
+from cwcli.logs.encoders.cdr_fit import unrepresentable_mask, unrepresentable_row_masks
+from cwcli.logs.encoders.column_tree import ColumnError
+from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
 from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, slice_column
 
 SCHEMAS = sorted({message.schema for message in ROS_CONVERSIONS.values()})

@@ -11,9 +11,9 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message_factory import GetMessageClass
 
 from cwcli.logs.codecs.protobuf_tables import is_repeated_field
-from cwcli.logs.write.byte_rows import ByteRows
-from cwcli.logs.write.protobuf_encoder import ColumnError, encode_protobuf
-from cwcli.logs.write.schemas import find_message_schema
+from cwcli.logs.encoders.byte_rows import ByteRows
+from cwcli.logs.encoders.protobuf_encoder import ColumnError, encode_protobuf
+from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, slice_column
 
 SCHEMAS = [

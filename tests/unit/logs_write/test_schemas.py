@@ -9,7 +9,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.logs.write.schemas import CWCLI_DESCRIPTOR_SET_FILE, find_message_schema, schema_folder
+from cwcli.logs.encoders.schemas import CWCLI_DESCRIPTOR_SET_FILE, find_message_schema, schema_folder
 from tools.compile_schemas import compile_schemas
 
 PROMISED = {

@@ -12,7 +12,7 @@ from cwcli.channels.measures import published_measure_names
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.vehicle_state import write_vehicle_states
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.logs.write.schemas import schema_folder
+from cwcli.logs.encoders.schemas import schema_folder
 from cwcli.measures import MEASURES
 from cwcli.pipeline.result import StageResult
 from cwcli.stages.measure import MeasureConfig, measure

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, Definitions, find_message_fields, parse_message_definitions
-from cwcli.logs.write.column_tree import Tree, build_column_tree, list_leaf_columns
-from cwcli.logs.write.ros_schemas import ros2msg_schema_text
+from cwcli.logs.encoders.column_tree import Tree, build_column_tree, list_leaf_columns
+from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated
 from cwcli.signals.units import NS_PER_S
 

@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.logs.codecs.protobuf_tables import is_repeated_field
-from cwcli.logs.write.byte_rows import ByteRows, encode_varint, encode_varints, join_rows
-from cwcli.logs.write.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
-from cwcli.logs.write.row_assembly import (
+from cwcli.logs.encoders.byte_rows import ByteRows, encode_varint, encode_varints, join_rows
+from cwcli.logs.encoders.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
+from cwcli.logs.encoders.row_assembly import (
     FixedPiece,
     Piece,
     VaryingPiece,

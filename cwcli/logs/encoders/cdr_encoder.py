@@ -21,11 +21,11 @@ from cwcli.logs.codecs.ros2msg import (
     find_message_fields,
     parse_message_definitions,
 )
-from cwcli.logs.write.byte_rows import ByteRows, join_rows
-from cwcli.logs.write.cdr_fit import SECONDS_TYPE, TIME_TYPES, unrepresentable_mask
-from cwcli.logs.write.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
-from cwcli.logs.write.ros_schemas import ros2msg_schema_text
-from cwcli.logs.write.row_assembly import FixedPiece, Piece, VaryingPiece, assemble_rows, constant_piece
+from cwcli.logs.encoders.byte_rows import ByteRows, join_rows
+from cwcli.logs.encoders.cdr_fit import SECONDS_TYPE, TIME_TYPES, unrepresentable_mask
+from cwcli.logs.encoders.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
+from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
+from cwcli.logs.encoders.row_assembly import FixedPiece, Piece, VaryingPiece, assemble_rows, constant_piece
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
 
@@ -41,7 +41,7 @@ def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> B
     """Encode n messages.
 
     Args:
-        schema_name: A message of `cwcli.logs.write.ros_schemas`.
+        schema_name: A message of `cwcli.logs.encoders.ros_schemas`.
         fields: Dotted field path -> n rows; a missing field is zero, empty or false. A time may be given as int64 ns
             under its own name, a sequence of messages as `Repeated` or as `Ragged` leaves.
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.write.byte_rows import ByteRows
-from cwcli.logs.write.ros_schemas import is_ros2_message_name, ros2msg_schema_text
+from cwcli.logs.encoders.byte_rows import ByteRows
+from cwcli.logs.encoders.ros_schemas import is_ros2_message_name, ros2msg_schema_text
 from cwcli.signals.columns import OutputField
 
 PROTOBUF_MESSAGE_ENCODING = "protobuf"
@@ -43,12 +43,12 @@ def find_output_schema(name: str) -> OutputSchema:
         KeyError: There is no such message.
     """
     if is_ros2_message_name(name):
-        from cwcli.logs.write.cdr_encoder import encode_cdr
+        from cwcli.logs.encoders.cdr_encoder import encode_cdr
 
         text = ros2msg_schema_text(name).encode()
         return OutputSchema(name, ROS_SCHEMA_ENCODING, text, ROS_MESSAGE_ENCODING, partial(encode_cdr, name))
-    from cwcli.logs.write.protobuf_encoder import encode_protobuf
-    from cwcli.logs.write.schemas import find_message_schema
+    from cwcli.logs.encoders.protobuf_encoder import encode_protobuf
+    from cwcli.logs.encoders.schemas import find_message_schema
 
     schema = find_message_schema(name)
     return OutputSchema(

@@ -106,7 +106,7 @@ def _definition_body(name: str) -> str:
     package, _, message = name.partition("/")
     if package != CWCLI_ROS_PACKAGE:
         return _STANDARD_DEFINITIONS[name]
-    from cwcli.logs.write.schemas import find_message_schema
+    from cwcli.logs.encoders.schemas import find_message_schema
 
     descriptor = find_message_schema(f"{CWCLI_PROTOBUF_PACKAGE}.{message}").descriptor
     return "".join(f"{line}\n" for line in _definition_lines(descriptor))

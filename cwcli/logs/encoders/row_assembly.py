@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.write.byte_rows import (
+from cwcli.logs.encoders.byte_rows import (
     ByteArray,
     ByteRows,
     copy_rows,

@@ -1,0 +1,1 @@
+"""Encodes columns as messages of the published schemas: protobuf and CDR."""
