@@ -23,8 +23,8 @@ from tests.requirements import (
 )
 
 ROOT = FOLDER.parent
-FOUND_OTHERWISE = {"grpc_tools", "s3fs", "valgrind"}
-"""Needs that a file has through a tool, fsspec or the counter."""
+FOUND_OTHERWISE = {"Cython", "grpc_tools", "s3fs", "valgrind"}
+"""Needs that a file has through `setup.py`, a tool, fsspec or the counter of instructions."""
 PEER_FILES = {path.relative_to(FOLDER).as_posix() for path in (FOLDER / "peers").glob("test_*.py")}
 
 
