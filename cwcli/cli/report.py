@@ -26,7 +26,8 @@ def print_stage_summary(console: Console, summary: StageSummary) -> None:
         console.print_summary(format_input_table(summary.inputs))
     if summary.verdict:
         console.print_summary("")
-        console.print_summary(wrap_paragraph(escape_control_characters(summary.verdict), first="verdict: ", rest="  "))
+        text = f"verdict on {summary.verdict_subject}: {escape_control_characters(summary.verdict)}"
+        console.print_summary(wrap_paragraph(text, rest="  "))
     console.print_summary("")
     for note in summary.notes:
         console.print_note(note)

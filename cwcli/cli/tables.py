@@ -33,8 +33,8 @@ def format_table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, widt
     """Format a table: headings, a rule and one line a row, each at most as wide as `width` or the terminal.
 
     Numbers are right-aligned. A table that is too wide first wraps its headings and its text cells; if that is not
-    enough, it is cut into several tables that repeat the first column. In a pipe, where `grep` reads, a topic is never
-    broken, even if its line becomes too long.
+    enough, it is cut into several tables, which repeat the leading columns that tell the rows apart. In a pipe, where
+    `grep` reads, a topic is never broken, even if its line becomes too long.
     """
     keeps_topics = width is None and terminal_width() is None
     width = width or terminal_width() or DEFAULT_WIDTH
@@ -46,9 +46,10 @@ def format_table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, widt
         max(least[i], _narrowest_column_width(head, [row[i] for row in cells], right[i]))
         for i, head in enumerate(heads)
     ]
+    n_repeated = _count_identifying_columns(cells, right, narrowest, width)
     blocks = [
         _format_block(heads, cells, right, part, narrowest, least, width)
-        for part in _split_columns_into_blocks(narrowest, width)
+        for part in _split_columns_into_blocks(narrowest, n_repeated, width)
     ]
     return "\n\n".join(blocks)
 
@@ -78,15 +79,35 @@ def _natural_column_width(head: str, column: Sequence[str]) -> int:
     return max(display_width(head), max((display_width(cell) for cell in column), default=0))
 
 
-def _split_columns_into_blocks(narrowest: Sequence[int], width: int) -> list[list[int]]:
-    """Split columns into blocks that fit `width` at their least widths; every block begins with column 0."""
+def _count_identifying_columns(
+    cells: Sequence[Sequence[str]], right: Sequence[bool], narrowest: Sequence[int], width: int
+) -> int:
+    """Return how many leading columns tell the rows apart, at least 1, as far as they take at most half of `width`.
+
+    Where no number of columns tells all rows apart, it is the number of the leading columns of text.
+    """
+    used, n_fitting = -len(COLUMN_GAP), 0
+    for needed in narrowest:
+        used += len(COLUMN_GAP) + needed
+        if used > width // 2:
+            break
+        n_fitting += 1
+        if len({tuple(row[:n_fitting]) for row in cells}) == len(cells):
+            return n_fitting
+    n_text = next((i for i, is_right in enumerate(right) if is_right), len(right))
+    return max(min(n_text, n_fitting), 1)
+
+
+def _split_columns_into_blocks(narrowest: Sequence[int], n_repeated: int, width: int) -> list[list[int]]:
+    """Split columns into blocks that fit `width` at their least widths; each begins with the first `n_repeated`."""
     parts: list[list[int]] = []
     part: list[int] = []
     used = 0
     for i, needed in enumerate(narrowest):
-        if len(part) > 1 and used + len(COLUMN_GAP) + needed > width:
+        if len(part) > n_repeated and used + len(COLUMN_GAP) + needed > width:
             parts.append(part)
-            part, used = [0], narrowest[0]
+            part = list(range(n_repeated))
+            used = sum(narrowest[:n_repeated]) + len(COLUMN_GAP) * (n_repeated - 1)
         used += needed + (len(COLUMN_GAP) if part else 0)
         part.append(i)
     parts.append(part)

@@ -43,6 +43,21 @@ LINK_TABLE_COLUMNS: Mapping[str, ColumnDoc] = {
     "range_m": ColumnDoc(unit="m", doc="greatest distance of reception from the ego"),
 }
 """Columns of the table `link`, which has one row per station."""
+LINK_HEADINGS = (
+    "station",
+    "received",
+    "sent",
+    "packet error ratio",
+    "rate [Hz]",
+    "median latency [s]",
+    "95 % of latencies below [s]",
+    "95 % of information ages below [s]",
+    "gaps",
+    "longest gap [s]",
+    "gaps too long to count losses",
+    "farthest heard [m]",
+)
+"""Headings of the table `link` on the terminal, in the order of its columns."""
 
 
 class RadioLinkSummary:
@@ -73,11 +88,13 @@ class RadioLinkSummary:
         """Return sections on the stations and on the reception by distance; none without remote vehicles."""
         if not self.stations:
             return ()
-        titles = tuple(f"{name.removesuffix(f'_{doc.unit.lower()}')} [{doc.unit}]" if doc.unit else name
-                       for name, doc in LINK_TABLE_COLUMNS.items())  # fmt: skip
         sections = [
             SummaryTable(
-                "link", "Radio link", titles, tuple(map(_station_row, self.stations)), names=tuple(LINK_TABLE_COLUMNS)
+                "link",
+                "Radio link",
+                LINK_HEADINGS,
+                tuple(map(_station_row, self.stations)),
+                names=tuple(LINK_TABLE_COLUMNS),
             )
         ]
         shown = self.reception.sent > 0
@@ -93,8 +110,9 @@ class RadioLinkSummary:
                 for k, (received, sent) in enumerate(zip(self.reception.received, self.reception.sent, strict=True))
                 if sent
             )
-            columns = ("distance [m]", "sent", "received", "loss_share")
-            sections.append(SummaryTable("reception", "Reception by distance", columns, rows))
+            columns = ("distance [m]", "sent", "received", "packet error ratio")
+            names = (*columns[:3], "loss_share")
+            sections.append(SummaryTable("reception", "Reception by distance", columns, rows, names=names))
         return tuple(sections)
 
     def build_tables(self) -> dict[str, Table]:

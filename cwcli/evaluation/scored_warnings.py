@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any
@@ -21,6 +22,7 @@ from cwcli.evaluation.conflicts import (
 )
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures import MEASURES
+from cwcli.measures.gap import MEASURE as GAP
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.units import NS_PER_S
@@ -88,12 +90,17 @@ def count_verdicts(pairs: Iterable[Sequence[WarningVerdict]], *, n_conflicts: in
 
 @dataclass(frozen=True)
 class ScoredPair:
-    """A pair with its actual motion, real conflicts and verdicts."""
+    """A pair with its actual motion, real conflicts and verdicts.
+
+    Attributes:
+        least_gaps_m: The least distance of the outlines in each conflict, m; negative where they overlapped: a crash.
+    """
 
     evaluation: PairEvaluation
     actual: Pair
     conflicts: list[RealConflict]
     verdicts: list[WarningVerdict]
+    least_gaps_m: list[float]
 
 
 @dataclass(frozen=True)
@@ -134,17 +141,22 @@ def score_warnings(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | 
     host, ids = found.host, found.event_ids
     pairs = [_score_pair(found, evaluation, actual or {}) for evaluation in found.pairs]
     hours = float(host.stamp_ns[-1] - host.stamp_ns[0]) / NS_PER_H if len(host.stamp_ns) else 0.0
-    verdicts = {ids[at, k]: verdict for at, pair in enumerate(pairs) for k, verdict in enumerate(pair.verdicts)}
+    verdicts = {
+        ids[at, k]: (verdict, pair.least_gaps_m[verdict.conflict_index] if verdict.conflict_index >= 0 else math.nan)
+        for at, pair in enumerate(pairs)
+        for k, verdict in enumerate(pair.verdicts)
+    }
     scores = count_verdicts(
         (pair.verdicts for pair in pairs), n_conflicts=sum(len(pair.conflicts) for pair in pairs), host_hours=hours
     )
+    n_crashes = sum(gap_m <= 0.0 for pair in pairs for gap_m in pair.least_gaps_m)
     return ScoredWarnings(
         rows=found.rows,
         events=_add_verdict_columns(found.events, [verdicts[number] for number in sorted(verdicts)]),
         conflicts=_build_conflicts_table(pairs, ids, host_id=host.id),
         pairs=_build_pairs_table(pairs, host_id=host.id),
         series=found.series,
-        scores=_build_scores_table(scores, found.config.rule, found.n_withheld),
+        scores=_build_scores_table(scores, found.config.rule, found.n_withheld, n_crashes=n_crashes),
         counts=found.evaluation_counts,
     )
 
@@ -161,19 +173,27 @@ def _score_pair(found: FoundWarnings, evaluation: PairEvaluation, actual: Mappin
         judge_warning(int(known_ns[span.raised]), int(known_ns[span.last]), conflicts, pair, config)
         for span in evaluation.spans
     ]
-    return ScoredPair(evaluation, pair, conflicts, verdicts)
+    return ScoredPair(evaluation, pair, conflicts, verdicts, [_least_gap_m(pair, each) for each in conflicts])
 
 
-def _add_verdict_columns(events: Table, verdicts: Sequence[WarningVerdict]) -> Table:
-    """Add the verdicts to the events, which are in order of their ids."""
+def _least_gap_m(pair: Pair, conflict: RealConflict) -> float:
+    """Return the least distance of the outlines in a conflict, m; NaN where it is not known."""
+    rows = (pair.stamp_ns >= conflict.onset_ns) & (pair.stamp_ns <= conflict.end_ns)
+    gap_m = pair.evaluate_measure(GAP)[rows]
+    return float(np.min(gap_m[np.isfinite(gap_m)], initial=math.inf)) if np.isfinite(gap_m).any() else math.nan
+
+
+def _add_verdict_columns(events: Table, verdicts: Sequence[tuple[WarningVerdict, float]]) -> Table:
+    """Add the verdicts, with the least gaps (m) of their conflicts, to the events, which are in order of their ids."""
     records = [
         {
             "verdict": verdict.kind,
             "lead_time_s": verdict.lead_time_s,
             "closest_stamp_ns": verdict.closest_ns,
             "closest_distance_m": verdict.closest_m,
+            "least_gap_m": least_gap_m,
         }
-        for verdict in verdicts
+        for verdict, least_gap_m in verdicts
     ]
     more = table_from_records(events.name, _VERDICT_COLUMN_TYPES, records, docs=_VERDICT_COLUMN_DOCS)
     return replace(events, columns={**events.columns, **more.columns}, docs={**events.docs, **more.docs})
@@ -194,13 +214,14 @@ def _build_conflicts_table(pairs: Sequence[ScoredPair], ids: Mapping[tuple[int, 
                     "end_stamp_ns": conflict.end_ns,
                     "closest_stamp_ns": conflict.closest_ns,
                     "closest_distance_m": conflict.closest_m,
+                    "least_gap_m": pair.least_gaps_m[index],
                     "event_id": ids[at, about[0]] if about else 0,
                     "lead_time_s": verdict.lead_time_s if verdict else float("nan"),
                     "outcome": verdict.kind if verdict else OUTCOME_MISSED,
                 }
             )
     rows.sort(key=lambda row: (int(row["onset_stamp_ns"]), str(row["other_id"])))
-    return table_from_records("conflicts", _CONFLICT_COLUMN_TYPES, rows)
+    return table_from_records("conflicts", _CONFLICT_COLUMN_TYPES, rows, docs={"least_gap_m": LEAST_GAP_DOC})
 
 
 def _build_pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
@@ -231,8 +252,8 @@ def _build_pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
     )
 
 
-def _build_scores_table(scores: WarningScores, rule: str, n_withheld: int) -> Table:
-    """Build the table with one row of counts over all pairs."""
+def _build_scores_table(scores: WarningScores, rule: str, n_withheld: int, *, n_crashes: int) -> Table:
+    """Build the table with one row of counts over all pairs; in `n_crashes` conflicts the outlines touched."""
     leads = scores.lead_times_s
     row = {
         "rule": rule,
@@ -246,6 +267,7 @@ def _build_scores_table(scores: WarningScores, rule: str, n_withheld: int) -> Ta
         "n_conflicts_warned": scores.n_in_time,
         "n_conflicts_late": scores.n_warned_late,
         "n_conflicts_missed": scores.n_conflicts - scores.n_in_time - scores.n_warned_late,
+        "n_crashes": n_crashes,
         "lead_time_mean_s": float(np.mean(leads)) if leads else float("nan"),
         "lead_time_min_s": min(leads, default=float("nan")),
         "host_hours": scores.host_hours,
@@ -258,12 +280,16 @@ _VERDICT_COLUMN_TYPES: dict[str, type] = {
     "lead_time_s": float,
     "closest_stamp_ns": int,
     "closest_distance_m": float,
+    "least_gap_m": float,
 }
 """Types of the columns that verdicts add to the table of events."""
+LEAST_GAP_DOC = ColumnDoc(doc="least distance of the outlines in the real conflict; 0 or less: they touched, a crash")
+"""Description of the column `least_gap_m` of the tables `events` and `conflicts`."""
 _VERDICT_COLUMN_DOCS = {
     "verdict": ColumnDoc(doc="true, late, false or undecided; see docs/warning.md"),
     "lead_time_s": ColumnDoc(doc="onset of the real conflict minus the time of the warning"),
     "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),
+    "least_gap_m": LEAST_GAP_DOC,
 }
 """Descriptions of the columns that verdicts add."""
 _CONFLICT_COLUMN_TYPES: dict[str, type] = {
@@ -273,6 +299,7 @@ _CONFLICT_COLUMN_TYPES: dict[str, type] = {
     "end_stamp_ns": int,
     "closest_stamp_ns": int,
     "closest_distance_m": float,
+    "least_gap_m": float,
     "event_id": int,
     "lead_time_s": float,
     "outcome": str,

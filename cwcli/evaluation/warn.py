@@ -64,17 +64,27 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
     scored = score_warnings(found, actual=actual)
     events, *others = outcome.sections
     rows = tuple(
-        (*row, event["verdict"], event["lead_time_s"], event["closest_distance_m"])
+        (*row, event["verdict"], event["lead_time_s"], event["closest_distance_m"], _crash_cell(event["least_gap_m"]))
         for row, event in zip(events.rows, scored.events.rows_as_dicts(), strict=True)
     )
     ((_, *counts),) = (row.items() for row in scored.scores.rows_as_dicts())
     cells = tuple((name.removeprefix("n_").replace("_", " "), value) for name, value in counts)
     sections = (
-        replace(events, columns=(*events.columns, "verdict", "lead [s]", "closest [m]"), rows=rows),
+        replace(
+            events,
+            columns=(*events.columns, "verdict", "lead time [s]", "closest centres [m]", "crash"),
+            rows=rows,
+            names=(*(events.names or events.columns), "verdict", "lead [s]", "closest [m]", "crash"),
+        ),
         SummaryTable("scores", "Against what really happened", ("measure", "value"), cells),
         *others,
     )
     return replace(outcome, tables=scored.tables, sections=sections)
+
+
+def _crash_cell(least_gap_m: float) -> bool | None:
+    """Return whether the outlines touched in the conflict of a warning; None without a conflict."""
+    return None if math.isnan(least_gap_m) else least_gap_m <= 0.0
 
 
 def add_metrics(context: EvaluationContext) -> None:

@@ -80,6 +80,7 @@ class StageSummary:
         sections, inputs, notes: Its tables, the counts of input messages, and notes.
         verdict: One sentence on the result, "" where the stage has none.
         contradictions: One sentence for each pair of sources that contradict each other; an error with `--strict`.
+        verdict_subject: What the verdict is about.
     """
 
     title: str
@@ -88,6 +89,7 @@ class StageSummary:
     notes: tuple[str, ...] = ()
     verdict: str = ""
     contradictions: tuple[str, ...] = ()
+    verdict_subject: str = "the result"
 
     def to_json(self) -> dict[str, Any]:
         """Return the summary for JSON, with names in snake_case; NaN, infinity and empty cells become None."""

@@ -28,12 +28,14 @@ def format_gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int)
         if not gaps:
             continue
         longest = max(gaps, key=lambda gap: gap.duration_s)
-        at_s = (longest.start_ns - start_ns) / NS_PER_S
-        count = len(gaps)
-        notes.append(
-            f"{signal.source}: {count} gap{'s' if count > 1 else ''}, the longest {longest.duration_s:.1f} s "
-            f"from {at_s:.1f} s on"
-        )
+        if longest.end_ns <= int(signal.stamp_ns.min()):
+            place = "before its first message"
+        elif longest.start_ns >= int(signal.stamp_ns.max()):
+            place = "after its last message"
+        else:
+            place = f"from {(longest.start_ns - start_ns) / NS_PER_S:.1f} s after the first message of any channel"
+        count = f"{len(gaps)} gaps without messages; the longest is" if len(gaps) > 1 else "a gap without messages,"
+        notes.append(f"{signal.source}: {count} {longest.duration_s:.1f} s {place}")
     return notes[:MAX_GAP_NOTES] + (
         [f"{len(notes) - MAX_GAP_NOTES} more channels have gaps"] if len(notes) > MAX_GAP_NOTES else []
     )

@@ -277,14 +277,15 @@ def _summary_tables(
     columns = (
         "event",
         "policy",
-        "hit",
-        "at [m/s]",
-        "least [m]",
-        "gap [m]",
-        "decel [m/s^2]",
-        "jerk [m/s^3]",
-        "stop [s]",
+        "crash",
+        "speed at crash [m/s]",
+        "least distance of centres [m]",
+        "least gap [m]",
+        "peak deceleration [m/s^2]",
+        "peak jerk [m/s^3]",
+        "stands after [s]",
     )
+    names = (*columns[:2], "hit", "at [m/s]", "least [m]", "gap [m]", "decel [m/s^2]", "jerk [m/s^3]", "stop [s]")
     return (
         SummaryTable(
             "warnings",
@@ -292,5 +293,11 @@ def _summary_tables(
             ("event", "vehicle", "at [s]", "distance [m]", "speed [m/s]"),
             tuple(warnings),
         ),
-        SummaryTable("control", "What would have come of them", columns, tuple(outcomes)),
+        SummaryTable(
+            "control",
+            "What would have happened with each braking policy (times from the warning)",
+            columns,
+            tuple(outcomes),
+            names=names,
+        ),
     )

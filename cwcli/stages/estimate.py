@@ -305,6 +305,7 @@ def _build_summary(
         tuple(dict.fromkeys(notes)),
         ego_verdict_sentence(tracks[EGO_ID]),
         tuple(each.contradiction_sentence for each in tracks[EGO_ID].contradictions),
+        verdict_subject="the ego's states",
     )
 
 

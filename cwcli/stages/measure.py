@@ -211,7 +211,7 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
     """Return the table of encounters, those with the least time to collision first, then the nearest."""
     found = [row for pair in pairs for row in _encounter_rows(pair, start_ns)]
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
-    columns = ("vehicle", "from [s]", "to [s]", *SHOWN_MEASURES.values())
+    columns = ("vehicle", "from [s]", "to [s]", "crash", *SHOWN_MEASURES.values())
     title = "Most critical encounters (within 50 m; times from the log's start)"
     if len(order) > MAX_ENCOUNTERS_SHOWN:
         title = (
@@ -231,6 +231,7 @@ def _encounter_rows(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float
         first = next(iter(extremes.values()))
         span = ((each - start_ns) / NS_PER_S for each in (first.begin_ns, first.end_ns))
         values = {name: extremes[name].value if name in extremes else math.nan for name in SHOWN_MEASURES}
+        has_crash = None if math.isnan(values["gap"]) else values["gap"] <= 0.0
         order = tuple(math.inf if math.isnan(values[name]) else values[name] for name in ("ttc", "gap"))
-        rows.append(((*order, float(first.begin_ns)), (pair.other_id, *span, *values.values())))
+        rows.append(((*order, float(first.begin_ns)), (pair.other_id, *span, has_crash, *values.values())))
     return rows

@@ -181,12 +181,13 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
         )
         for event in found.events.rows_as_dicts()
     )
-    columns = ("event", "vehicle", "at [s]", "event in [s]", "predicted closest [m]")
+    columns = ("event", "vehicle", "at [s]", "predicted conflict in [s]", "predicted closest centres [m]")
+    names = (*columns[:3], "event in [s]", "predicted closest [m]")
     counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts.items())
     counts += (("warnings withheld", found.n_withheld),)
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
     title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (
-        SummaryTable("events", title, columns, events),
+        SummaryTable("events", title, columns, events, names=names),
         SummaryTable("evaluations", "Evaluations of a pair of vehicles", ("result", "count"), counts),
     )

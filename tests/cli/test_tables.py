@@ -43,6 +43,19 @@ def test_table_with_too_many_columns_repeats_the_first_in_each_part() -> None:
     assert shown.count("10") >= 30
 
 
+def test_table_in_parts_repeats_every_column_that_tells_the_rows_apart() -> None:
+    """Two rows of /imu/data differ in their quantity alone: each part names it."""
+    columns = ("source", "quantity", *(f"value {i}" for i in range(12)))
+    rows = [("/imu/data", quantity, *(1000.25 + i for i in range(12))) for quantity in ("accel", "yaw rate")]
+    blocks = format_table(columns, rows, width=80).split("\n\n")
+    assert len(blocks) > 1
+    assert all([line.split()[:2] for line in block.split("\n")[-2:]] == [["/imu/data", "accel"], ["/imu/data", "yaw"]]
+               for block in blocks)  # fmt: skip
+    numbers = [(1, policy, *(1000.25 + i for i in range(12))) for policy in ("none", "fuzzy")]
+    blocks = format_table(("event", "policy", *columns[2:]), numbers, width=80).split("\n\n")
+    assert all([line.split()[1] for line in block.split("\n")[-2:]] == ["none", "fuzzy"] for block in blocks)
+
+
 def test_table_without_rows_shows_its_headings() -> None:
     assert format_table(("a", "b"), []) == "a  b\n-  -"
 

@@ -48,10 +48,12 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "used", "gated", "latency [ms]", "latency status")
+    columns = ("source", "quantity", "accepted", "gated", "latency [ms]", "latency status")
+    names = (*columns[:2], "used", *columns[3:])
     gated = any(report.n_gated for report in ego.sources)
     where = f" (gated: {REJECTED.topic})" if gated else ""
-    return SummaryTable("sources", f"Ego sources: measurements used and gated, latencies{where}", columns, tuple(rows))
+    title = f"Ego sources: measurements accepted and gated, latencies{where}"
+    return SummaryTable("sources", title, columns, tuple(rows), names=names)
 
 
 def _parameters_table(ego: TrackSummary) -> SummaryTable:
@@ -63,20 +65,21 @@ def _parameters_table(ego: TrackSummary) -> SummaryTable:
         if not math.isnan(report.bias):
             status = ParameterStatus.USED if is_bias_within_sensor_limits(report) else ParameterStatus.CONTRADICTS
             bias = _value_with_sigma_cell(report.bias, report.bias_sigma, ".3g", time_s=None)
-            rows.append((*name, "bias", bias, unit, status.value))
+            rows.append((*name, "bias", bias, unit, _status_cell(status)))
         for label, found, own_unit in (("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m"),
-                ("ahead", report.ahead_m, "m"), ("stamps err by", report.stamp_error, "s")):  # fmt: skip
+                ("ahead of reference point", report.ahead_m, "m"),
+                ("stamp jitter (sigma)", report.stamp_error, "s")):  # fmt: skip
             if found.status is not ParameterStatus.OFF:
                 is_refused = found.status is ParameterStatus.CONTRADICTS and found.value == 0.0
                 value = _value_with_sigma_cell(math.nan if is_refused else found.value, found.sigma, ".4g", time_s=None)
-                rows.append((*name, label, value, own_unit, found.status.value))
+                rows.append((*name, label, value, own_unit, _status_cell(found.status)))
         slow = report.slow_error
         if slow.status is not ParameterStatus.OFF:
             text = "" if math.isnan(slow.sigma) else f"{slow.sigma:.3g}"
             text += "" if math.isnan(slow.time_s) else f" for {slow.time_s:.3g} s"
             value = CellWithValues(text, {"": slow.sigma, "sigma": None, "time_s": slow.time_s})
             label = "grade" if report.kind is Kind.ACCEL else "slow error"
-            rows.append((*name, label, value, unit, slow.status.value))
+            rows.append((*name, label, value, unit, _status_cell(slow.status)))
     columns = ("source", "quantity", "parameter", "value", "unit", "status")
     return SummaryTable("parameters", "Ego sources: parameters found from the log", columns, tuple(rows))
 
@@ -98,9 +101,11 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "white noise", "from", "NIS/dof", "95 % bounds", "inside")
+    columns = ("source", "quantity", "white noise", "noise from", "NIS/dof", "95 % bounds", "inside")
     title = "Ego sources: noise and consistency of the innovations"
-    return SummaryTable("noise", title, columns, tuple(rows), names=(*columns[:5], "bounds_95", "inside"))
+    return SummaryTable(
+        "noise", title, columns, tuple(rows), names=(*columns[:3], "from", "NIS/dof", "bounds_95", "inside")
+    )
 
 
 def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
@@ -127,6 +132,11 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
         *(str(f.name).lower().replace("_", " ") for f in StateFlag),
     )
     return SummaryTable("vehicles", "Estimated tracks", columns, tuple(rows))
+
+
+def _status_cell(status: ParameterStatus) -> CellWithValues:
+    """Return the cell of a status. People read "applied", as of latencies, since "used" is said of measurements."""
+    return CellWithValues("applied" if status is ParameterStatus.USED else status.value, {"": status.value})
 
 
 def _value_with_sigma_cell(value: float, sigma: float, digits: str, **more: None) -> CellWithValues:

@@ -88,12 +88,12 @@ def test_table_of_parameters_has_a_line_for_each_that_was_looked_for() -> None:
     found = estimate_tables({"ego": TrackSummary(10, 1.0, 5.0, 0.1, FLAGGED, reports, ())})
     table = next(section for section in found if section.key == "parameters")
     assert table.rows == (
-        ("/gps", "position", "stamps err by", "0.0205 +- 0.00059", "s", "used"),
-        ("/gps", "position", "slow error", "0.8 for 12 s", "m", "used"),
-        ("/wheel", "speed", "scale", "0.9866 +- 0.0012", "", "used"),
+        ("/gps", "position", "stamp jitter (sigma)", "0.0205 +- 0.00059", "s", "applied"),
+        ("/gps", "position", "slow error", "0.8 for 12 s", "m", "applied"),
+        ("/wheel", "speed", "scale", "0.9866 +- 0.0012", "", "applied"),
         ("/wheel", "speed", "lever arm", "", "m", "not observable"),
-        ("/imu", "accel", "bias", "-1.75 +- 0.022", "m/s^2", "used"),
-        ("/imu", "accel", "grade", "0.3 for 30 s", "m/s^2", "used"),
+        ("/imu", "accel", "bias", "-1.75 +- 0.022", "m/s^2", "applied"),
+        ("/imu", "accel", "grade", "0.3 for 30 s", "m/s^2", "applied"),
     )
 
 

@@ -107,6 +107,8 @@ def test_a_crash_is_driven_again(tmp_path: Path) -> None:
     assert rows["RSS"]["avoided"]
     assert not rows["careful human"]["avoided"]
     assert [section.key for section in result.summary.sections] == ["encounters", "preventability"]
+    table = result.summary.sections[0]
+    assert [row[table.columns.index("crash")] for row in table.rows] == [True]
     assert not follower(tmp_path).tables["preventability"].rows_as_dicts()
 
 

@@ -79,6 +79,10 @@ def test_head_on() -> None:
     assert raised_s(result) == [2.45]
     assert column(result, "events", "lead_time_s") == [pytest.approx(172.5 / 35.0 - 2.45, abs=1e-4)]
     assert column(result, "events", "closest_distance_m") == [pytest.approx(0.0, abs=0.9)]
+    # a crash: full overlap over the width of 1.8 m, which is shorter than that over the length
+    assert column(result, "events", "least_gap_m") == [pytest.approx(-1.8, abs=1e-6)]
+    assert column(result, "conflicts", "least_gap_m") == [pytest.approx(-1.8, abs=1e-6)]
+    assert result.scores.columns["n_crashes"][0] == 1
 
 
 def test_crossing() -> None:
@@ -290,6 +294,8 @@ def test_false_late_missed_and_undecided() -> None:
     result = evaluate(host, [ahead], actual={"host": ActualTrack(stamps(time), stopped)})
     assert column(result, "events", "verdict") == ["false"]
     assert column(result, "events", "closest_distance_m") == [pytest.approx(30.0)]
+    assert np.isnan(column(result, "events", "least_gap_m")).all()
+    assert result.scores.columns["n_crashes"][0] == 0
     # the tracks end half a second after the warning: nobody knows
     early = 58
     short = ActualTrack(stamps(time[:early]), host.state[:early])
