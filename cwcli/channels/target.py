@@ -33,9 +33,10 @@ BALL_DIAMETER_M = 1.5
 TEXT_HEIGHT_M = 1.0
 """Height of the letters of a target's id, m; chosen by eye."""
 BALL_COLOR = (1.0, 0.55, 0.0, 0.8)
-"""Colour of the balls and arrows: red, green, blue, alpha."""
+"""Orange, the colour in which a viewer shows targets' balls and arrows: red, green, blue and opacity, each 0 to 1.
+Chosen by eye."""
 TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
-"""Colour of the ids: red, green, blue, alpha."""
+"""White, the colour in which a viewer shows targets' ids: red, green, blue and opacity, each 0 to 1. Chosen by eye."""
 
 
 def write_target_channels(

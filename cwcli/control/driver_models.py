@@ -78,11 +78,11 @@ class DriverModel:
 
     Attributes:
         summary: Name in words.
-        wants: Situation -> the deceleration that it requests, (n,); 0 where it sees no danger.
+        requested_deceleration_mps2: Situation -> the deceleration that it requests, (n,); 0 where it sees no danger.
         reaction_s: Time from seeing danger to braking.
         release_mps2: Deceleration while it reacts: the foot leaves the pedal.
         jerk_mps3: How fast the deceleration grows.
-        gives_up: Situation -> whether a case is no longer judged, (n,), because the cut-in left enough time.
+        is_no_longer_judged: Situation -> whether a case is no longer judged, (n,), because the cut-in left enough time.
     """
 
     summary: str

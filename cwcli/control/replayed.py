@@ -43,9 +43,11 @@ class PublishedReplay:
     other_size_m: tuple[float, float]
     encounter: ReplayedWarning
 
-    def stamp_ns(self, time_s: float) -> int:
-        """The stamp of a time of the replay, ns; -1 for NaN."""
-        return UNKNOWN_STAMP_NS if math.isnan(time_s) else self.warning_ns + round(time_s * NS_PER_S)
+    def stamp_ns(self, time_after_warning_s: float) -> int:
+        """The stamp of a time of the replay, which counts from the warning, ns; -1 for NaN."""
+        if math.isnan(time_after_warning_s):
+            return UNKNOWN_STAMP_NS
+        return self.warning_ns + round(time_after_warning_s * NS_PER_S)
 
     @property
     def step_stamps_ns(self) -> Int64Array:

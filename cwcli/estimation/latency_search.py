@@ -368,8 +368,8 @@ class _LatencySearch:
         with_zero = -self._log_likelihood(replace(target, latency_s=0.0))
         return with_zero - evidence.cross_validated_neg_log_likelihood() > LIKELIHOOD_FALL_AT_THREE_SIGMA
 
-    def _informative_series(self, target: SensorSeries) -> list[tuple[int, SensorSeries]]:
-        """Whose rows tell how likely a latency is: the target's, and the reference's as far as the motion predicts it.
+    def _scored_series(self, target: SensorSeries) -> list[tuple[int, SensorSeries]]:
+        """Return the series whose rows score a latency: the target, and the reference as far as the motion predicts it.
 
         An IMU is not predicted: the motion is loose, so that the state follows it.
 
@@ -379,16 +379,16 @@ class _LatencySearch:
         return [(0, target), *((i, s) for i, s in enumerate(self.reference, 1) if s.bias_state < 0)]
 
     def _informative_row_times_s(self, target: SensorSeries) -> FloatArray:
-        """When the telling rows were measured."""
-        return np.concatenate([s.time_s - s.latency_s for _, s in self._informative_series(target)])
+        """Return when the scored rows were measured, s since the epoch."""
+        return np.concatenate([s.time_s - s.latency_s for _, s in self._scored_series(target)])
 
     def _row_negative_log_likelihoods(self, target: SensorSeries) -> FloatArray:
-        """Of each telling row how unlikely it is after all before it; NaN where it lies before the start.
+        """Return for each scored row how unlikely it is after all before it; NaN where it lies before the start.
 
         It is the negative log-likelihood but for a constant; an outlier counts, but no more than as one.
         """
         nis = self._run_filter(target).nis
-        return np.concatenate([-row_log_likelihoods(s, nis[i]) for i, s in self._informative_series(target)])
+        return np.concatenate([-row_log_likelihoods(s, nis[i]) for i, s in self._scored_series(target)])
 
     def _run_filter(self, target: SensorSeries) -> PassResult:
         return self.trials.run_filter(self._trial_of(target))

@@ -23,7 +23,8 @@ MIN_ROWS_OF_CONSTANT_FIELD = 50
 MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
 """Least number of short gaps in a burst, and the part of the usual gap below which one is short. Chosen by hand."""
 MIN_NOISE_TO_ROUGHNESS_RATIO = 0.5
-"""Least noise of an IMU relative to what its second differences show. Chosen by hand; not fitted."""
+"""The noise that is fitted to an IMU is never below this share of the noise that its second differences show.
+Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)

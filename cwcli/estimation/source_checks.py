@@ -323,7 +323,8 @@ def _compare_yaw_rates_going_straight(one: StepMotion, other: StepMotion, step_s
     )
 
 
-def _compare_courses(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
+def _judge_median_course_difference(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
+    """Judge whether the median difference of two courses is one that a heading offset explains."""
     fixes = [m for m in (one, other) if m.kind in FIX_KINDS]
     if not (one.has_zero_angle and other.has_zero_angle and fixes):
         return UNKNOWN_STEP_COMPARISON
@@ -377,7 +378,7 @@ _COMPARE_FUNCTIONS: dict[SourceComparisonCheck, Callable[[StepMotion, StepMotion
     SourceComparisonCheck.WAY: _compare_distances,
     SourceComparisonCheck.TURN: _compare_turns,
     SourceComparisonCheck.YAW_RATE_BIAS: _compare_yaw_rates_going_straight,
-    SourceComparisonCheck.COURSE: _compare_courses,
+    SourceComparisonCheck.COURSE: _judge_median_course_difference,
     SourceComparisonCheck.SPEED_CHANGE: _compare_speed_changes,
     SourceComparisonCheck.ACCEL_BIAS: _compare_accelerations,
 }

@@ -51,8 +51,10 @@ _AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
     "sum": math.fsum,
 }
 """Function over all logs -> what computes it from the finite values, at least one."""
-_MEASURES, _EXTREMES = "measures.", ("min", "max")
-"""Beginning of the names of measures' metrics, and the extremes that may follow it."""
+MEASURE_METRIC_PREFIX = "measures."
+"""The metrics of a criticality measure have names that begin with this: `measures.min_ttc_s`."""
+MEASURE_EXTREMES = ("min", "max")
+"""A measure's most critical value in a log is its least or its greatest; its metric's name has one of these words."""
 FAILED_LOGS_GATE = "every log was evaluated"
 """Name of the additional gate that a run with failed logs fails."""
 
@@ -219,9 +221,9 @@ class _GateEvaluator:
         either its least or its greatest one.
         """
         if not name.is_pattern:
-            extremes = [function] if function in _EXTREMES else _EXTREMES
-            column = name.text.removeprefix(_MEASURES)
-            meant = [f"{_MEASURES}{each}_{column}" for each in extremes if name.text != column]
+            extremes = [function] if function in MEASURE_EXTREMES else MEASURE_EXTREMES
+            column = name.text.removeprefix(MEASURE_METRIC_PREFIX)
+            meant = [f"{MEASURE_METRIC_PREFIX}{each}_{column}" for each in extremes if name.text != column]
             return [
                 next(
                     (

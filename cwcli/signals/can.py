@@ -94,7 +94,7 @@ def decode_can_signals(columns: Columns, mapping: FieldMapping) -> tuple[Decoded
     is_whole = n_octets >= needed
     rejected = {FRAME_TOO_SHORT_REASON: int(np.count_nonzero(is_it & ~is_whole))}
     rows = np.flatnonzero(is_it & is_whole)
-    values, is_present, faults = _physical_values(octets[rows], message, signals)
+    values, is_present, faults = _decode_physical_values(octets[rows], message, signals)
     for reason, is_bad in faults.items():
         rejected[reason] = int(np.count_nonzero(is_bad & is_present))
         is_present &= ~is_bad
@@ -233,10 +233,10 @@ def _find_multiplexer_signal(message: Any, signal: Any) -> Any:
     return selector
 
 
-def _physical_values(
+def _decode_physical_values(
     octets: Octets, message: Any, signals: Sequence[Any]
 ) -> tuple[list[FloatArray], BoolArray, dict[str, BoolArray]]:
-    """Return the physical values, which frames hold these signals, and which frames say that there is no value."""
+    """Decode physical values; return them, which frames hold all signals, and by reason which frames have no value."""
     n = len(octets)
     is_present, is_none, is_beyond = np.ones(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     values = []

@@ -63,7 +63,7 @@ QUANTITIES_BY_VECTOR_FORM: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = 
 """The quantities of each form of a vector of the object (0 polar, 1 Cartesian), by vector."""
 
 
-def _vector_paths(vector: str) -> tuple[str, str]:
+def _presence_and_form_paths(vector: str) -> tuple[str, str]:
     """Return the leaf fields that say whether an object has a vector, and in which form."""
     return f"{ROS_OBJECTS_PATH}.{vector}_is_present", f"{ROS_OBJECTS_PATH}.{vector}.choice"
 
@@ -72,7 +72,7 @@ LEAF_FIELDS = (
     *(path for paths in ROS_SENDER_PATHS.values() for path in paths),
     *ROS_OBJECT_PATHS.values(),
     *ROS_PRESENCE_PATHS.values(),
-    *(path for vector in QUANTITIES_BY_VECTOR_FORM for path in _vector_paths(vector)),
+    *(path for vector in QUANTITIES_BY_VECTOR_FORM for path in _presence_and_form_paths(vector)),
 )
 """The leaf fields of the ROS message that are read."""
 
@@ -88,7 +88,9 @@ def read_ros_objects(columns: Columns) -> Objects:
         is_there = perceived.read_object_leaf(columns, path, counts) != 0
         values[name] = np.where(is_there, values[name], np.nan)
     for vector, forms in QUANTITIES_BY_VECTOR_FORM.items():
-        is_there, choice = (perceived.read_object_leaf(columns, path, counts) for path in _vector_paths(vector))
+        is_there, choice = (
+            perceived.read_object_leaf(columns, path, counts) for path in _presence_and_form_paths(vector)
+        )
         for k, names in enumerate(forms):
             values |= {name: np.where((is_there != 0) & (choice == k), values[name], np.nan) for name in names}
     return ((perceived.columns_per_object(columns, rows, values), OBJECT_CODEC),)

@@ -102,7 +102,7 @@ def find_yaw_mounting(
     if np.count_nonzero(use) < MIN_ROWS or travelled_m(stamp_ns, velocity) < MIN_TRAVEL_M:
         return None
     against_yaw = velocity[use] * np.exp(-1j * yaw_rad[use])
-    axis = _front_axis(against_yaw)
+    axis = _front_quarter_turn_rad(against_yaw)
     forward = against_yaw * np.exp(-1j * axis)
     is_reversing = forward.real < 0.0
     speed = np.where(is_reversing, -1.0, 1.0) * speed[use]
@@ -163,7 +163,7 @@ def travelled_m(stamp_ns: Int64Array, velocity: ComplexArray) -> float:
     return float(speed[use] @ step_s[use])
 
 
-def _front_axis(against_yaw: ComplexArray) -> float:
+def _front_quarter_turn_rad(against_yaw: ComplexArray) -> float:
     """The direction of the car's front against the device's x axis: 0, a quarter turn, half a turn or three quarters.
 
     The x axis is taken to point ahead (REP-103), unless the way lies across it, or most of it goes backwards faster

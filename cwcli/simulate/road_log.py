@@ -359,7 +359,7 @@ def _lateral_truth_channel(drive: RoadDrive, truths: Sequence[LaneTruth], stamp_
     """The channel of the true lateral motion, and of the lane ahead in the paper's signs."""
     states = drive.states_at(drive.time_s)
     preview = np.array([truth.lane_centre_at_preview(PAPER_PREVIEW_M) for truth in truths])
-    ahead = np.array([truth.lane_centre_at_distances(LATERAL_TRUTH_DISTANCES_M) for truth in truths])
+    ahead = np.array([truth.lane_centre_y_direction_curvature(LATERAL_TRUTH_DISTANCES_M) for truth in truths])
     columns: dict[str, OutputField] = {
         "stamp_ns": stamp_ns,
         "lateral_speed_mps": states[:, LATERAL_SPEED],

@@ -93,7 +93,7 @@ def simulate_lane_sensors(
     names = ("lane", str(run))
     index = _truth_rows_of_frames(truth, noise, random_stream(seed, *names, "jitter"))
     left, right = (
-        _line_in_body_frame(truth, run, index, road, vehicle, sign * 0.5 * road.lane_width_m, preview_m)[0]
+        _sample_line_from_camera(truth, run, index, road, vehicle, sign * 0.5 * road.lane_width_m, preview_m)[0]
         for sign in (1.0, -1.0)
     )
     fit = _boundary_fit_matrix()
@@ -162,7 +162,7 @@ def true_lane_at_preview(
     preview_m: float = DEFAULT_PREVIEW_M,
 ) -> FloatArray:
     """Exact y_L, e_L and K_L of the lane's centre line, shape (n, 3)."""
-    _, y, slope, station = _line_in_body_frame(truth, run, index, road, vehicle, 0.0, preview_m)
+    _, y, slope, station = _sample_line_from_camera(truth, run, index, road, vehicle, 0.0, preview_m)
     return np.column_stack([-y, -slope, -road.curvature_at_1pm(station)])
 
 
@@ -176,7 +176,7 @@ def _truth_rows_of_frames(
     return np.asarray(np.minimum(index + late, len(truth.time_s) - 1), dtype=np.intp)
 
 
-def _line_in_body_frame(
+def _sample_line_from_camera(
     truth: LaneDriveTruth,
     run: int,
     index: npt.NDArray[np.intp],
@@ -185,7 +185,7 @@ def _line_in_body_frame(
     offset_m: float,
     preview_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The line at an offset from the lane's centre, as seen from the camera at the frames.
+    """Sample the line at an offset (m, left positive) from the lane's centre, as the camera sees it in the frames.
 
     Returns:
         Lateral place at the sample distances, (n, 16); lateral place, direction and station at the preview point, (n,).

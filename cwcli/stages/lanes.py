@@ -44,8 +44,8 @@ from cwcli.vision.ground import (
     LaneGeometry,
     boundary_end_rows_px,
     compute_lane_geometry,
+    image_curves_of_flat_road,
     repeat_pinhole_per_frame,
-    road_curves_in_image,
 )
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
 from cwcli.vision.methods import DEFAULT_METHOD, check_method_and_model, load_method
@@ -356,7 +356,7 @@ class _LaneSearchRun:
             rows = np.flatnonzero((sizes == (image_w, image_h, search_w, search_h)).all(axis=1))
             camera = self._camera_of_searched_image((image_w, image_h), (search_w, search_h))
             parts.append((rows, compute_lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
-            roads[rows] = road_curves_in_image(fits[rows], camera)
+            roads[rows] = image_curves_of_flat_road(fits[rows], camera)
             pinhole[rows] = repeat_pinhole_per_frame(camera, len(rows))
             is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]

@@ -20,7 +20,7 @@ class BoundaryLines:
     Attributes:
         parabolas: Shape (n, 2, 3): a, b, c of x = a y^2 + b y + c, y up from the bottom; NaN where not found.
         roads: Shape (n, 2, 4): far, near, bend, spiral of curves on the ground, h rows below the horizon
-            (`ground.road_curves_in_image`, `arcs.image_columns_of_arcs`); NaN where they are not known: then the
+            (`ground.image_curves_of_flat_road`, `arcs.image_columns_of_arcs`); NaN where they are not known: then the
             parabolas are the lines.
         horizon_px: Shape (n,): row of the horizon from the top; NaN where it is not known.
         top_px: Shape (n,): row from the top at which lines end (`ground.boundary_end_rows_px`).

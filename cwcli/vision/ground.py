@@ -129,7 +129,7 @@ def compute_lane_geometry(
     return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in geometries]) for f in fields(LaneGeometry)))
 
 
-def road_curves_in_image(fits: FitColumns, camera: Camera) -> FloatArray:
+def image_curves_of_flat_road(fits: FitColumns, camera: Camera) -> FloatArray:
     """The boundaries as images of a flat road, x = far + near h + bend / h + spiral / h^2.
 
     h is in rows below the horizon; in a tight bend that curve touches the road beside the camera (`arcs`). A method's

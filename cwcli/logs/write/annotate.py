@@ -195,7 +195,7 @@ def write_body_and_summary(
         last_ns = copy.copy_item(writer, item)
         if last_ns is not None:
             last_ns = last_ns if until_ns is None else min(last_ns, until_ns)
-            for payload in merge.iter_chunk_payloads_until(last_ns, min_bytes=MIN_NEW_CHUNK_BYTES):
+            for payload in merge.iter_chunk_payloads_until(last_ns, min_waiting_bytes=MIN_NEW_CHUNK_BYTES):
                 writer.write_chunk(payload)
                 n_added += 1
     for payload in merge.iter_chunk_payloads_until(until_ns):

@@ -149,7 +149,7 @@ class MessageMerge:
         self._feed_of = np.repeat(np.arange(len(times), dtype=np.int32), [len(each) for each in times])[order]
         self._position = 0
 
-    def iter_chunk_payloads_until(self, time_ns: int | None, *, min_bytes: int = 0) -> Iterator[ChunkPayload]:
+    def iter_chunk_payloads_until(self, time_ns: int | None, *, min_waiting_bytes: int = 0) -> Iterator[ChunkPayload]:
         """Yield chunk contents of the remaining messages up to a log time.
 
         Args:
@@ -163,11 +163,11 @@ class MessageMerge:
         while self._position < stop:
             ahead = self._feed_of[self._position : min(stop, self._position + MAX_LOOK_AHEAD_MESSAGES)]
             expected_bytes = np.cumsum(mean_sizes[ahead])
-            if expected_bytes[-1] < min_bytes:
+            if expected_bytes[-1] < min_waiting_bytes:
                 return
             n = max(int(np.searchsorted(expected_bytes, NEW_CHUNK_BYTES, side="right")), 1)
             yield self._build_next_payload(ahead[:n])
-            min_bytes = 0
+            min_waiting_bytes = 0
 
     def _build_next_payload(self, feed_of: npt.NDArray[np.int32]) -> ChunkPayload:
         """Build the content of a chunk from the next messages; `feed_of` is the feed number of each."""

@@ -73,10 +73,10 @@ class LaneTruth:
 
     def lane_centre_at_preview(self, preview_m: float) -> tuple[float, float, float]:
         """y (m), direction (rad) and curvature (1/m) of the lane's centre preview_m ahead on the body's x axis."""
-        y_m, direction_rad, curvature_1pm = self.lane_centre_at_distances(np.array([preview_m]))[:, 0].tolist()
+        y_m, direction_rad, curvature_1pm = self.lane_centre_y_direction_curvature(np.array([preview_m]))[:, 0].tolist()
         return y_m, direction_rad, curvature_1pm
 
-    def lane_centre_at_distances(self, x_m: FloatArray) -> FloatArray:
+    def lane_centre_y_direction_curvature(self, x_m: FloatArray) -> FloatArray:
         """y, direction and curvature of the lane's centre at distances ahead (n,), shape (3, n).
 
         y (m) and curvature (1/m) are left positive, the direction in the body frame (rad) is counter-clockwise

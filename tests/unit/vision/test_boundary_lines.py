@@ -8,7 +8,7 @@ import pytest
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.ground import boundary_end_rows_px, road_curves_in_image
+from cwcli.vision.ground import boundary_end_rows_px, image_curves_of_flat_road
 from cwcli.vision.lane_model import fit_boundary_parabolas
 from cwcli.vision.method import LaneFit
 from tests.unit.vision.fit_lists import columns_of
@@ -31,7 +31,10 @@ def lines_of(*lanes: np.ndarray) -> BoundaryLines:
     fits = columns_of([fit_of(lane) for lane in lanes])
     horizon_px = CAMERA.horizon_row_px(fits.pitch_rad)
     return BoundaryLines(
-        fits.parabolas, road_curves_in_image(fits, CAMERA), horizon_px, boundary_end_rows_px(fits, CAMERA, horizon_px)
+        fits.parabolas,
+        image_curves_of_flat_road(fits, CAMERA),
+        horizon_px,
+        boundary_end_rows_px(fits, CAMERA, horizon_px),
     )
 
 
@@ -73,7 +76,7 @@ def test_where_the_method_finds_no_horizon_lines_end_at_five_eighths_or_below_th
     upright = columns_of(
         [LaneFit(Boundary(0.0, 0.0, 100.0, 1.0, 1.0, True), Boundary(0.0, 0.0, 200.0, 1.0, 1.0, True))]
     )
-    roads = road_curves_in_image(upright, CAMERA)
+    roads = image_curves_of_flat_road(upright, CAMERA)
     assert np.isnan(roads).all()
     lines = BoundaryLines(
         upright.parabolas, roads, np.array([horizon_px]), boundary_end_rows_px(upright, CAMERA, np.array([horizon_px]))
@@ -97,7 +100,10 @@ def test_one_boundary_alone_is_a_line() -> None:
     fits = columns_of([LaneFit(NOT_FOUND, fit.right, pitch_rad=fit.pitch_rad)])
     horizon_px = CAMERA.horizon_row_px(fits.pitch_rad)
     lines = BoundaryLines(
-        fits.parabolas, road_curves_in_image(fits, CAMERA), horizon_px, boundary_end_rows_px(fits, CAMERA, horizon_px)
+        fits.parabolas,
+        image_curves_of_flat_road(fits, CAMERA),
+        horizon_px,
+        boundary_end_rows_px(fits, CAMERA, horizon_px),
     )
     found = np.isfinite(lines.columns_at_heights_px(np.linspace(1.0, 240.0, 9)[None], 360.0)[0])
     assert not found[0].any()

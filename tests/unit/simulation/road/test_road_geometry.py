@@ -140,7 +140,7 @@ def test_a_lane_that_turns_back_has_no_place_beyond() -> None:
     assert np.isnan(truth.lane_centre_at_preview(33.5)).all()
     assert np.isfinite(truth.lane_centre_at_preview(20.0)).all()
     assert (
-        np.isnan(truth.lane_centre_at_distances(np.array([5.0, 20.0, 22.9, 33.5]))).tolist()
+        np.isnan(truth.lane_centre_y_direction_curvature(np.array([5.0, 20.0, 22.9, 33.5]))).tolist()
         == [[False, False, True, True]] * 3
     )
 
