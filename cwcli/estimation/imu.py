@@ -25,7 +25,7 @@ class ImuMounting:
     Attributes:
         nose_up_rad: Angle of its forward axis above the horizon.
         left_up_rad: Angle by which its left axis is turned up about the forward axis.
-        sigma_rad: One sigma of each, by the scatter of the mean specific force over LEVEL_BLOCKS parts of the log.
+        sigma_rad: One sigma of each, by the scatter of the mean specific force over N_MOUNTING_BLOCKS parts of the log.
     """
 
     nose_up_rad: float

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,14 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.estimation import EstimatorConfig, Kind, LatencyStatus, Measurements, estimate_track
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
-from cwcli.estimation.pooling import ConstantOfDrive, DriveEvidence, calibrate_from_drives, pool_constant_over_drives
+from cwcli.estimation.imu import ImuMounting
+from cwcli.estimation.pooling import (
+    ConstantOfDrive,
+    DriveEvidence,
+    calibrate_from_drives,
+    mounting_without_net_acceleration,
+    pool_constant_over_drives,
+)
 from cwcli.estimation.track import estimate_hindsight_and_online
 from tests.studies.city_drive import EPOCH_NS, city_drive, measure
 
@@ -45,6 +54,23 @@ def test_a_new_drive_of_logs_that_disagree_is_known_by_their_scatter_alone() -> 
     )
     assert found.i_squared_between_drives == pytest.approx(1.0 - 1.0 / 50.0)
     assert found.of_logs == (("monday", 0.0, 1.0), ("tuesday", 10.0, 1.0))
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 10.0])
+@pytest.mark.parametrize("end_mps", [0.0, 20.0])
+def test_a_drive_that_ends_faster_is_not_taken_for_a_tilted_imu(pitch_deg: float, end_mps: float) -> None:
+    """From 0 to 20 m/s in 20 s is 1 m/s^2, which looks like 5.8 degrees."""
+    up = 9.80665 * np.array([math.sin(math.radians(pitch_deg)), 0.0, math.cos(math.radians(pitch_deg))])
+    forward = np.array([math.cos(math.radians(pitch_deg)), 0.0, -math.sin(math.radians(pitch_deg))])
+    force = np.tile(up + end_mps / 20.0 * forward, (2000, 1))
+    taken = ImuMounting.from_mean_specific_force(force, np.zeros((2000, 3)))
+    assert taken is not None
+    state = np.zeros((2, 8))
+    state[1, 2] = end_mps
+    track: Any = SimpleNamespace(stamp_ns=np.array([0, 20_000_000_000]), state=state)
+    found = mounting_without_net_acceleration(taken, track)
+    assert math.degrees(found.nose_up_rad) == pytest.approx(pitch_deg, abs=1e-4)
+    assert found.left_up_rad == taken.left_up_rad
 
 
 def test_intervals_of_new_drives_hold_what_they_say() -> None:
