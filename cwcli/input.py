@@ -80,11 +80,11 @@ class InputFile:
         self._held = (0, memoryview(b""))
         try:
             found = _stat_after_clock_tick(descriptor)
-            self.state = _file_state(found)
+            self.state = _file_identity_size_and_time(found)
             self._size = found.st_size
             if not self._size:
                 raise InputError("the file is empty", where=name)
-            self._inputs = _remember(found, name)
+            self._inputs = _remember_run_input(found, name)
             if self._inputs is not None:
                 self._inputs.open.add(self)
         except BaseException:
@@ -175,7 +175,7 @@ class InputFile:
             found = os.fstat(self.descriptor) if self._path is None else self._path.stat()
         except OSError as error:
             raise self._changed_file_error(f"it is gone ({error.strerror})") from error
-        now = _file_state(found)
+        now = _file_identity_size_and_time(found)
         if now[:2] != self.state[:2]:
             raise self._changed_file_error("another file has its name now")
         if found.st_size != self._size:
@@ -292,13 +292,13 @@ def note_input(name: str | Path) -> None:
         OutputError: Standard output or standard error goes into it.
     """
     with suppress(OSError, ValueError):  # whoever reads it tells what is wrong
-        _remember(os.fstat(0) if str(name) == "-" else os.stat(name), str(name))  # noqa: PTH116 - a name may hold a zero byte
+        _remember_run_input(os.fstat(0) if str(name) == "-" else os.stat(name), str(name))  # noqa: PTH116 - a name may hold a zero byte
 
 
 def is_input(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
     """Return whether the file is an input of this run, or one of the files in `more`."""
     inputs = _RUN.get()
-    place = _file_state(found)[:2]
+    place = _file_identity_size_and_time(found)[:2]
     of_more = (file.state[:2] for each in more for file in each.disk_files)
     return (inputs is not None and place in inputs.names) or place in of_more
 
@@ -330,11 +330,11 @@ def read_file(path: str | Path, max_bytes: int = -1) -> bytes:
         OutputError: Standard output or standard error goes into it.
     """
     with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
-        _remember(os.fstat(file.fileno()), str(path))
+        _remember_run_input(os.fstat(file.fileno()), str(path))
         return file.read(max_bytes)
 
 
-def _remember(found: os.stat_result, name: str) -> InputsOfRun | None:
+def _remember_run_input(found: os.stat_result, name: str) -> InputsOfRun | None:
     """Remember a regular file as an input of the run; return the run's inputs, None outside of a run."""
     inputs = _RUN.get()
     if inputs is not None and stat.S_ISREG(found.st_mode):
@@ -362,6 +362,6 @@ def _stat_after_clock_tick(descriptor: int) -> os.stat_result:
     return os.fstat(descriptor)
 
 
-def _file_state(found: os.stat_result) -> tuple[int, int, int, int]:
+def _file_identity_size_and_time(found: os.stat_result) -> tuple[int, int, int, int]:
     """Return device, inode number, size in bytes and time of the last change [ns]."""
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

@@ -21,8 +21,8 @@ else:
     def dataclass(cls: type | None = None, /, *, frozen: bool = False, kw_only: bool = False) -> Any:
         """Make a class a data class, as `dataclasses.dataclass` does with these arguments."""
         if cls is None:
-            return lambda kind: _decorate(kind, {"frozen": frozen, "kw_only": kw_only})
-        return _decorate(cls, {})
+            return lambda kind: _defer_class_methods(kind, {"frozen": frozen, "kw_only": kw_only})
+        return _defer_class_methods(cls, {})
 
 
 MAX_FILLED = 64
@@ -43,7 +43,7 @@ _MISSING: Any = object()
 """Marks a field without a default."""
 
 
-def _decorate(owner: type, settings: dict[str, bool]) -> type:
+def _defer_class_methods(owner: type, settings: dict[str, bool]) -> type:
     """Put off the methods of a class; one that is out of the ordinary gets the standard ones at once."""
     if not _is_ordinary(owner, frozen=settings.get("frozen", False)):
         from dataclasses import dataclass as standard
@@ -107,7 +107,7 @@ class _Deferred:
         _DEFERRED[owner] = self
         for name, value in self.body.items():
             if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
-                if _has(value.default):
+                if _is_given_default(value.default):
                     setattr(owner, name, value.default)
                 else:
                     delattr(owner, name)
@@ -120,25 +120,25 @@ class _Deferred:
 
     def _put_stand_ins(self) -> None:
         own, is_frozen = self.body, self.is_frozen
-        methods = {"__init__": _init(self), "__repr__": _compiling_method(self, "__repr__")}
-        methods["__eq__"] = _compiling_method(self, "__eq__")
+        methods = {"__init__": _make_init(self), "__repr__": _make_compiling_method(self, "__repr__")}
+        methods["__eq__"] = _make_compiling_method(self, "__eq__")
         if _HAS_REPLACE:
-            methods["__replace__"] = _compiling_method(self, "__replace__")
+            methods["__replace__"] = _make_compiling_method(self, "__replace__")
         if is_frozen and own.get("__hash__") is None and ("__hash__" not in own or "__eq__" in own):
-            methods["__hash__"] = _compiling_method(self, "__hash__")
-            self._put("__hash__", methods.pop("__hash__"))
+            methods["__hash__"] = _make_compiling_method(self, "__hash__")
+            self._set_stand_in("__hash__", methods.pop("__hash__"))
         elif "__hash__" not in own and "__eq__" not in own:
-            self._put("__hash__", None)
+            self._set_stand_in("__hash__", None)
         for name, value in methods.items():
             if name not in own:
-                self._put(name, value)
+                self._set_stand_in(name, value)
         for name in _ON_DEMAND:
-            self._put(name, _Attribute(self, name))
+            self._set_stand_in(name, _Attribute(self, name))
         if is_frozen:
             type.__setattr__(self.owner, "__setattr__", _refuse_to_set(self.owner))
             type.__setattr__(self.owner, "__delattr__", _refuse_to_delete(self.owner))
 
-    def _put(self, name: str, value: object) -> None:
+    def _set_stand_in(self, name: str, value: object) -> None:
         self._stand_ins[name] = value
         setattr(self.owner, name, value)
 
@@ -151,7 +151,7 @@ class _Deferred:
                 return
             owner = self.owner
             body = {key: value for key, value in self.body.items() if key not in ("__dict__", "__weakref__")}
-            body |= {"__qualname__": owner.__qualname__, "__annotations__": self._annotations()}
+            body |= {"__qualname__": owner.__qualname__, "__annotations__": self._own_annotations()}
             twin: type = dataclasses.dataclass(**self._settings)(type(owner)(owner.__name__, owner.__bases__, body))
             found = vars(twin)
             self._is_compiled = True
@@ -175,13 +175,13 @@ class _Deferred:
             self._fields = tuple(fields.values())
         return self._fields
 
-    def _annotations(self) -> dict[str, Any]:
+    def _own_annotations(self) -> dict[str, Any]:
         """Those of the class itself, without its bases'."""
         return dict(vars(self.owner).get("__annotations__", {}))
 
     def _own_fields(self) -> list[tuple[str, Any, Any]] | None:
         found = []
-        for name, annotation in self._annotations().items():
+        for name, annotation in self._own_annotations().items():
             if not isinstance(annotation, str) or "InitVar" in annotation or "KW_ONLY" in annotation:
                 return None
             if _CLASS_VARIABLE.match(annotation):
@@ -190,7 +190,9 @@ class _Deferred:
             if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
                 if not value.init or value.kw_only is True:
                     return None
-                default, factory = (each if _has(each) else _MISSING for each in (value.default, value.default_factory))
+                default, factory = (
+                    each if _is_given_default(each) else _MISSING for each in (value.default, value.default_factory)
+                )
                 found.append((name, default, factory))
             else:
                 found.append((name, getattr(self.owner, name, _MISSING), _MISSING))
@@ -201,17 +203,17 @@ _DEFERRED: dict[type, _Deferred] = {}
 """Each class of this decorator -> how its methods are made."""
 
 
-def _has(value: object) -> bool:
+def _is_given_default(value: object) -> bool:
     """Whether a field's default, or its factory, is one: not the mark of `dataclasses` for none."""
     return type(value).__name__ != "_MISSING_TYPE"
 
 
-def _init(deferred: _Deferred) -> Any:
+def _make_init(deferred: _Deferred) -> Any:
     owner: Any = deferred.owner
 
     def __init__(self: Any, /, *args: Any, **kwargs: Any) -> None:
         deferred.n_filled += 1
-        values = None if deferred.n_filled > MAX_FILLED else _bind(deferred.plain_fields(), args, kwargs)
+        values = None if deferred.n_filled > MAX_FILLED else _bind_arguments(deferred.plain_fields(), args, kwargs)
         if values is None:
             deferred.compile_methods()
             owner.__init__(self, *args, **kwargs)
@@ -224,7 +226,7 @@ def _init(deferred: _Deferred) -> Any:
     return __init__
 
 
-def _bind(
+def _bind_arguments(
     fields: tuple[tuple[str, Any, Any], ...] | None, args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> dict[str, Any] | None:
     """The value of each field by name; None where the arguments do not fit, which the compiled method says."""
@@ -247,7 +249,7 @@ def _bind(
     return values if n_named == len(kwargs) else None
 
 
-def _compiling_method(deferred: _Deferred, name: str) -> Any:
+def _make_compiling_method(deferred: _Deferred, name: str) -> Any:
     def method(self: Any, *args: Any, **kwargs: Any) -> Any:
         deferred.compile_methods()
         return getattr(deferred.owner, name)(self, *args, **kwargs)

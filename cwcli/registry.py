@@ -83,7 +83,7 @@ class Plugin(NamedTuple):
         except BaseException as raised:
             if type(raised) is KeyboardInterrupt:
                 raise
-            raise self.plugin_error(f"{problem}: {_description(raised)}") from raised
+            raise self.plugin_error(f"{problem}: {_describe_error_with_place(raised)}") from raised
 
     def plugin_error(self, problem: str) -> PluginError:
         """Return the error for a problem of this plug-in."""
@@ -252,7 +252,7 @@ def guard_plugin_function(
     return call
 
 
-def _description(error: BaseException) -> str:
+def _describe_error_with_place(error: BaseException) -> str:
     """Format an error with its place: `ZeroDivisionError: division by zero (rule.py, line 7)`."""
     import traceback
     from pathlib import Path

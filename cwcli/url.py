@@ -43,25 +43,29 @@ MIN_SECRET_LENGTH = 3
 """Shorter values are not looked for in the words of others: `t=1` would hide every 1."""
 
 # plain strings, as `re` compiles them when the first URL comes: most runs have none
-_SCHEME = r"[A-Za-z][A-Za-z0-9+.\-]*://"
-_URL = _SCHEME + r"[^\s<>\"`\\^{|}]*"
-_TRAILING = "'),.;:]"
-_NAME_WITH_DIGEST = r"(?s)(.*\?\*\*\*(?:#\*\*\*)?)( \([0-9a-f]{8}\))"
+_SCHEME_PATTERN = r"[A-Za-z][A-Za-z0-9+.\-]*://"
+"""The beginning of a URL: its scheme (RFC 3986, section 3.1) and `://`."""
+_URL_PATTERN = _SCHEME_PATTERN + r"[^\s<>\"`\\^{|}]*"
+"""A URL in a sentence: everything up to a space or a character that no URL holds (RFC 3986)."""
+_TRAILING_PUNCTUATION = "'),.;:]"
+"""Characters at the end of a URL in a sentence that belong to the sentence."""
+_NAME_WITH_DIGEST_PATTERN = r"(?s)(.*\?\*\*\*(?:#\*\*\*)?)( \([0-9a-f]{8}\))"
+"""The name of a URL whose secrets are hidden, and the digest behind it (`name_url`)."""
 
 
 def redact_url(url: str) -> str:
     """A URL without its secrets: `https://***@host/drive.mcap?***#***`. Other text comes back as it is."""
-    found = list(re.finditer(_SCHEME, url)) if "://" in url else []
+    found = list(re.finditer(_SCHEME_PATTERN, url)) if "://" in url else []
     if not found:
         return url
-    if named := re.fullmatch(_NAME_WITH_DIGEST, url):
+    if named := re.fullmatch(_NAME_WITH_DIGEST_PATTERN, url):
         return redact_url(named[1]) + named[2]
     # one URL may hold another: `simplecache::https://...`, `https://host/?from=https://...`
     begin, end = found[0].start(), found[0].end()
     scheme = url[begin : end - 3].lower()
     if len(found) > 1 and not set("?#") & set(url[end : found[1].start()]):
         return url[: found[1].start()] + redact_url(url[found[1].start() :])
-    user, host, path, query, fragment = _split(scheme, url[end:])
+    user, host, path, query, fragment = _split_url_behind_scheme(scheme, url[end:])
     if user is not None:
         is_container = scheme in CONTAINER_SCHEMES and ":" not in user
         host = f"{user if is_container else HIDDEN}@{host}"
@@ -79,8 +83,8 @@ def redact_urls(text: str, url: str = "") -> str:
     """
     text = text.replace(url, redact_url(url)) if url else text
     if "://" in text:
-        text = re.sub(_URL, _redact_match, text)
-    for secret in _secrets(url):
+        text = re.sub(_URL_PATTERN, _redact_match, text)
+    for secret in _secret_spellings(url):
         text = text.replace(secret, HIDDEN)
     return text
 
@@ -94,8 +98,8 @@ def name_url(url: str) -> str:
     """
     shown = redact_url(url)
     scheme, _, rest = url.rpartition("::")[2].partition("://")
-    query = _split(scheme.lower(), rest)[3]
-    telling = _telling(query) if query is not None else []
+    query = _split_url_behind_scheme(scheme.lower(), rest)[3]
+    telling = _identifying_parameters(query) if query is not None else []
     if not telling:
         return shown
     import hashlib
@@ -109,10 +113,10 @@ def name_url(url: str) -> str:
 def path_of_url(url: str) -> str:
     """The path of a URL, without host, query and fragment: where a pattern may stand."""
     scheme, _, rest = url.partition("://")
-    return _split(scheme.lower(), rest)[2]
+    return _split_url_behind_scheme(scheme.lower(), rest)[2]
 
 
-def _telling(query: str) -> list[tuple[str, str]]:
+def _identifying_parameters(query: str) -> list[tuple[str, str]]:
     """The parameters of a query that may say which file is meant, in order of their names."""
     from urllib.parse import parse_qsl
 
@@ -128,11 +132,11 @@ def _telling(query: str) -> list[tuple[str, str]]:
 
 def _redact_match(match: re.Match[str]) -> str:
     found = match.group()
-    url = found.rstrip(_TRAILING)
+    url = found.rstrip(_TRAILING_PUNCTUATION)
     return redact_url(url) + found[len(url) :]
 
 
-def _split(scheme: str, rest: str) -> tuple[str | None, str, str, str | None, str | None]:
+def _split_url_behind_scheme(scheme: str, rest: str) -> tuple[str | None, str, str, str | None, str | None]:
     """User information, host, path, query and fragment of what stands behind `scheme://`; None where there is none."""
     authority = re.match(r"[^/?#]*", rest)
     assert authority is not None
@@ -156,15 +160,15 @@ def _is_cut_password(authority: str) -> bool:
     return bool(colon) and not port.isdecimal()
 
 
-def _secrets(url: str) -> list[str]:
+def _secret_spellings(url: str) -> list[str]:
     """What is hidden of a URL, in every spelling that a library may give it; the longest first."""
-    match = re.search(_SCHEME, url) if "://" in url else None
+    match = re.search(_SCHEME_PATTERN, url) if "://" in url else None
     if match is None:
         return []
     from urllib.parse import unquote, unquote_plus
 
     scheme = match.group()[:-3].lower()
-    user, _, _, query, fragment = _split(scheme, url[match.end() :])
+    user, _, _, query, fragment = _split_url_behind_scheme(scheme, url[match.end() :])
     if scheme in CONTAINER_SCHEMES and user is not None and ":" not in user:
         user = None
     name, _, password = (user or "").partition(":")

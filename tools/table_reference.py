@@ -88,7 +88,7 @@ def estimation_page(text: str) -> str:
         "accelerometer: grade": sensor_limits.GRADE_SIGMA_RANGE,
         "gyroscope: bias": sensor_limits.YAW_RATE_BIAS_RANGE,
         "position: slow error": sensor_limits.SLOW_POSITION_SIGMA_RANGE,
-        "position: stamps err by": sensor_limits.STAMP_SIGMA_RANGE,
+        "position: stamp jitter (sigma)": sensor_limits.STAMP_SIGMA_RANGE,
         "place ahead": sensor_limits.AHEAD_RANGE,
         "latency": sensor_limits.LATENCY_RANGE,
         **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGES.items()},

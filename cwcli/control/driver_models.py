@@ -262,8 +262,8 @@ def simulate_driver_cases(
 
 def _driving_situation(
     own: tuple[FloatArray, FloatArray, FloatArray],
-    speed: FloatArray,
-    accel: FloatArray,
+    speed_mps: FloatArray,
+    accel_mps2: FloatArray,
     other: CasePoses,
     ego_size: Size,
     other_size: Size,
@@ -282,8 +282,8 @@ def _driving_situation(
         gap_m=np.abs(ahead) - reach,
         lateral_gap_m=np.abs(left) - beside,
         reach_m=reach,
-        speed_mps=speed,
-        accel_mps2=accel,
+        speed_mps=speed_mps,
+        accel_mps2=accel_mps2,
         other_speed_mps=velocity_ahead,
         approach_mps=-np.sign(left) * velocity_left,
         is_behind=ahead < 0.0,

@@ -164,7 +164,7 @@ def _median_frame_period_s(dt_s: FloatArray) -> float:
 
 
 def _measured_or_vision_steering_rad(
-    lanes: LaneSamples, vehicle: Vehicle, v: FloatArray, config: ObserverConfig, steer: ScalarSamples | None
+    lanes: LaneSamples, vehicle: Vehicle, speed_mps: FloatArray, config: ObserverConfig, steer: ScalarSamples | None
 ) -> FloatArray:
     """The steering angle delta_D at each frame, shape (n,), rad: measured, or from vision by eq. 10 and 13."""
     if steer is not None:
@@ -174,10 +174,10 @@ def _measured_or_vision_steering_rad(
         np.asarray(lanes.stamp_ns, dtype=np.int64),
         np.asarray(lanes.heading_deviation_rad, dtype=np.float64),
         np.asarray(lanes.curvature_1pm, dtype=np.float64),
-        v,
+        speed_mps,
         rate=config.steer_rate,
     )
-    return kinematic * dynamic_steering_correction(vehicle, v)
+    return kinematic * dynamic_steering_correction(vehicle, speed_mps)
 
 
 def _hold_last_known_value(values: FloatArray) -> FloatArray:
@@ -188,15 +188,15 @@ def _hold_last_known_value(values: FloatArray) -> FloatArray:
 
 
 def _starts_and_statuses_of_frames(
-    dt_s: FloatArray, v: FloatArray, seen: npt.NDArray[np.bool_], config: ObserverConfig
+    dt_s: FloatArray, speed_mps: FloatArray, seen: npt.NDArray[np.bool_], config: ObserverConfig
 ) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int8]]:
     """Whether the observer starts, stops or goes on at each frame (`Begin`), and its status; shape (n,) each."""
-    n = len(v)
+    n = len(speed_mps)
     begin = np.full(n, Begin.GO_ON, dtype=np.int8)
     status = np.full(n, FrameStatus.LOST, dtype=np.int8)
     slowest = OBSERVER_SPEEDS_KMH[0] * MPS_PER_KMH * (1.0 - 1e-9)
     running, unseen_s = False, 0.0
-    for i, (dt, speed, is_seen) in enumerate(zip(dt_s.tolist(), v.tolist(), seen.tolist(), strict=True)):
+    for i, (dt, speed, is_seen) in enumerate(zip(dt_s.tolist(), speed_mps.tolist(), seen.tolist(), strict=True)):
         unseen_s += dt
         is_driving = speed >= slowest  # false for NaN
         if not is_driving or dt > config.max_gap_s or (unseen_s > config.max_coast_s and not is_seen):

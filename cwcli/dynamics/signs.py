@@ -24,12 +24,12 @@ def opposite_sign_note(name: str) -> str:
     return f"the {name} turns the other way than the lane: not used; check its sign or mounting"
 
 
-def yaw_rate_from_vision_radps(lanes: LaneSamples, v: FloatArray) -> FloatArray:
+def yaw_rate_from_vision_radps(lanes: LaneSamples, speed_mps: FloatArray) -> FloatArray:
     """A coarse yaw rate from the lane, shape (n,), rad/s: gamma = de_L/dt - v K_L (eq. 20 in body signs)."""
     change = median_slope_rate(
         np.asarray(lanes.stamp_ns, np.int64), np.asarray(lanes.heading_deviation_rad, np.float64)
     )
-    return change - v * np.asarray(lanes.curvature_1pm, np.float64)
+    return change - speed_mps * np.asarray(lanes.curvature_1pm, np.float64)
 
 
 def is_sign_opposite(samples: ScalarSamples, stamp_ns: Int64Array, vision: FloatArray) -> bool:

@@ -94,7 +94,7 @@ class FoundSensorModel:
     ahead_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     beyond: Mapping[Part, float] = field(default_factory=dict)
 
-    def drop_ahead_of_series(self, series: Sequence[int]) -> FoundSensorModel:
+    def mark_forward_arms_unobservable(self, series: Sequence[int]) -> FoundSensorModel:
         """Return the result with the lever arms ahead of some series marked as not observable."""
         parts: list[Part] = [(i, "ahead") for i in series]
         model = replace(self.model, ahead=self.model.ahead - set(series))
@@ -129,7 +129,9 @@ def find_sensor_model(
         trial = max(trial, still, key=lambda t: t.score)
     found = _drop_useless_errors(trials, trial)
     known = {} if before is None else before.status
-    return found.drop_ahead_of_series([i for i, name in known if name == "ahead" and (i, name) not in found.status])
+    return found.mark_forward_arms_unobservable(
+        [i for i, name in known if name == "ahead" and (i, name) not in found.status]
+    )
 
 
 def may_show_sensor_errors(series: Sequence[SensorSeries]) -> bool:

@@ -190,7 +190,7 @@ class _ParameterSearch:
             remaining_s = [each.remaining_sigma_s for each in told.applied]
             unclear = series_whose_ahead_may_be_latency(found, base.series, remaining_s)
             if unclear:  # a latency or a place: of the two the latency is the likelier
-                found = found.drop_ahead_of_series(unclear)
+                found = found.mark_forward_arms_unobservable(unclear)
                 told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
             corrected = self.layout_with(told.applied, SensorModel())
             if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:

@@ -13,7 +13,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.warning.types import WarningConfig
 
 VERDICT_TRUE, VERDICT_FALSE, VERDICT_LATE, VERDICT_UNDECIDED = "true", "false", "late", "undecided"
-"""Verdicts on a warning: see `EventVerdict.kind`."""
+"""The verdicts on a warning: `WarningVerdict.kind` explains each."""
 OUTCOME_MISSED = "missed"
 """Outcome of a conflict without a warning."""
 
@@ -40,7 +40,7 @@ class WarningVerdict:
     Attributes:
         kind: "true": raised before a conflict; "late": raised during one; "false": no conflict followed;
             "undecided": none followed, but the tracks don't cover the time in which one could have.
-        conflict: Index of the conflict, or -1.
+        conflict_index: Index of the conflict, or -1.
         lead_time_s: Onset minus the time of the warning; NaN without a conflict.
         closest_ns, closest_m: Nearest approach of the centres within `max_lead_s` after the warning; -1, NaN:
             unknown.

@@ -48,7 +48,7 @@ def _truth_poses(
     at_ns = observed.track.stamp_ns
     xy_m = np.column_stack([truth.x_m, truth.y_m])
     at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_TRACK_GAP_S)
-    left_rad = 0.0 if truth.mounting is None else truth.mounting.used_rad
+    left_rad = 0.0 if truth.mounting is None else truth.mounting.correction_rad
     yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_TRACK_GAP_S) - left_rad
     schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
     if schema == COURSE_SCHEMA:

@@ -158,7 +158,7 @@ def compare_track_with_truth(
 def notes_on_truth_mounting(signal: PoseSignal) -> tuple[str, ...]:
     """Return a note on the angle of a truth's device against the direction of travel, where it is significant."""
     mounting = signal.mounting
-    return (mounting.note(signal.source),) if mounting is not None and mounting.is_significant else ()
+    return (mounting.mounting_note(signal.source),) if mounting is not None and mounting.is_significant else ()
 
 
 def _nees_of_quantity(name: str, error: FloatArray, covariance: FloatArray) -> NeesOfQuantity:

@@ -217,7 +217,7 @@ def format_mismatch_text(manifest: Mapping[str, Any]) -> str:
     return f"a manifest of format {found!r}, and cwcli {__version__} reads format {MANIFEST_FORMAT}"
 
 
-def new_entry(id: str, source: str) -> Document:
+def new_log_entry(id: str, source: str) -> Document:
     """Make the entry of a log that has not been processed yet."""
     return {
         "id": id,

@@ -82,7 +82,7 @@ class ForkServer:
         self._process.wait()
 
 
-def serve(control: int, leash: int) -> None:
+def serve_worker_requests(control: int, leash: int) -> None:
     """Run the server: import, then fork a worker for each socket that is received, until the parent has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

@@ -25,7 +25,7 @@ _WINDOWS_DEVICE_NAMES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
 """Names of devices, which Windows allows for no file."""
 
 
-def safe_name(text: str) -> str:
+def safe_file_name(text: str) -> str:
     """A name that is a file name on every system, can't leave its folder, and reads as text in every table.
 
     Letters of all scripts stay. Text that is such a name already stays as it is. What is changed gets eight hexadecimal
@@ -61,7 +61,7 @@ def safe_topic_name(topic: str) -> str:
     name = topic.removeprefix("/")
     dotted = name.replace("/", ".")
     is_plain = topic == f"/{name}" and "." not in name
-    return safe_name(dotted) if is_plain else safe_name(f"{dotted} {topic}")
+    return safe_file_name(dotted) if is_plain else safe_file_name(f"{dotted} {topic}")
 
 
 def unique_log_ids(sources: Sequence[str]) -> list[str]:
@@ -79,7 +79,7 @@ def unique_log_ids(sources: Sequence[str]) -> list[str]:
         names = ["_".join(path[-n:]) for path, n in zip(parts, depth, strict=True)]
         seen: dict[str, list[int]] = {}
         for i, name in enumerate(names):
-            seen.setdefault(safe_name(name).casefold(), []).append(i)
+            seen.setdefault(safe_file_name(name).casefold(), []).append(i)
         twins = [i for same in seen.values() if len(same) > 1 for i in same]
         longer = [i for i in twins if depth[i] < len(parts[i])]
         if not longer:
@@ -88,7 +88,7 @@ def unique_log_ids(sources: Sequence[str]) -> list[str]:
             depth[i] += 1
     unresolved = set(twins)
     return [
-        safe_name(f"{name} {source}" if i in unresolved else name)
+        safe_file_name(f"{name} {source}" if i in unresolved else name)
         for i, (name, source) in enumerate(zip(names, sources, strict=True))
     ]
 

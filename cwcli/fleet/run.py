@@ -27,7 +27,7 @@ from cwcli.fleet.folder import (
     LogFolder,
     format_mismatch_text,
     iter_recorded_ids,
-    new_entry,
+    new_log_entry,
     read_json_object,
     write_json_object,
 )
@@ -35,7 +35,7 @@ from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
 from cwcli.fleet.names import unique_log_ids
 from cwcli.fleet.plan import FleetPlan, LogTask
-from cwcli.fleet.worker import TaskResult, record_entry
+from cwcli.fleet.worker import TaskResult, write_log_entry
 from cwcli.input import names_of_inputs_in_folder, note_input, remember_inputs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
@@ -208,7 +208,7 @@ def _make_manifest(
 
 def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
     """Record a log whose worker died at every attempt as failed."""
-    entry = new_entry(task.id, task.source)
+    entry = new_log_entry(task.id, task.source)
     entry["error"] = {
         "exit_code": EXIT_BUG,
         "what": "the worker process died twice: killed, out of memory, or a crash",
@@ -216,7 +216,7 @@ def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
         "found": [],
         "hint": "run `cwcli run` on this log alone, or with fewer --jobs",
     }
-    record_entry(LogFolder(Path(task.out), task.id), entry, [])
+    write_log_entry(LogFolder(Path(task.out), task.id), entry, [])
     return TaskResult(task.id, "failed", 0.0, 0.0, attempts=MAX_ATTEMPTS)
 
 

@@ -20,7 +20,7 @@ from cwcli.fleet.folder import (
     TABLES_FOLDER,
     Document,
     LogFolder,
-    new_entry,
+    new_log_entry,
     write_table_with_folders,
 )
 from cwcli.fleet.inputs import temporary_local_copy
@@ -85,7 +85,7 @@ def _peak_memory_mb() -> float:
 def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
     folder = LogFolder(Path(task.out), task.id)
     before = folder.read_entry()
-    entry = new_entry(task.id, task.source)
+    entry = new_log_entry(task.id, task.source)
     if plan.tables:
         entry["without_table"] = {}
     try:
@@ -111,11 +111,11 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
     except Exception as error:
         outputs = []
         entry["error"] = bug_to_entry(error, task.path)
-    record_entry(folder, entry, outputs)
+    write_log_entry(folder, entry, outputs)
     return str(entry["status"])
 
 
-def record_entry(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
+def write_log_entry(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
     """Write the entry of a log, and remove all other files of a log that failed.
 
     Raises:

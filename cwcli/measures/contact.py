@@ -108,16 +108,16 @@ def accelerated_contact_time_s(at: EdgeProjections, ax_mps2: FloatArray, ay_mps2
 
 
 def _interval_below_zero_s(
-    bend: FloatArray, speed: FloatArray, offset: FloatArray
+    second_derivative: FloatArray, slope: FloatArray, start_value: FloatArray
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """The interval of t in which offset + speed t + bend t^2 / 2 <= 0, bend >= 0: its ends, and whether it exists."""
-    root = speed * speed - 2.0 * bend * offset
+    """The interval of t in which start + slope t + second_derivative t^2 / 2 <= 0: its ends, and whether it exists."""
+    root = slope * slope - 2.0 * second_derivative * start_value
     # Without motion along the direction it is there for all time or never.
-    still = (bend == 0.0) & (speed == 0.0)
-    exists = np.where(still, offset <= 0.0, root >= 0.0)
+    still = (second_derivative == 0.0) & (slope == 0.0)
+    exists = np.where(still, start_value <= 0.0, root >= 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        larger = -(speed + np.copysign(np.sqrt(np.maximum(root, 0.0)), speed))
-        one, two = larger / bend, 2.0 * offset / larger
+        larger = -(slope + np.copysign(np.sqrt(np.maximum(root, 0.0)), slope))
+        one, two = larger / second_derivative, 2.0 * start_value / larger
     one = np.where(larger == 0.0, 0.0, one)  # a double root at 0
     two = np.where(larger == 0.0, 0.0, two)
     low, high = np.minimum(one, two), np.maximum(one, two)

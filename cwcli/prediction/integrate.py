@@ -173,21 +173,21 @@ def _state_column(state: FloatArray, index: int, ndim: int) -> FloatArray:
     return state[:, index].reshape((-1,) + (1,) * max(ndim - 1, 1))
 
 
-def _stop_times_s(motion: _DiscretisedModel, state: FloatArray, speed: FloatArray) -> FloatArray:
+def _stop_times_s(motion: _DiscretisedModel, state: FloatArray, speed_mps: FloatArray) -> FloatArray:
     """When each car comes to a stop, shape (m,); infinity if it doesn't. A car that stands and doesn't start: 0.
 
     `speed` is the free one on the grid, (m, k).
     """
     time_s, start = motion.time_s, state[:, SPEED]
     direction = np.where(start < 0.0, -1.0, 1.0)
-    crossed = direction[:, None] * speed[:, 1:] < STANDSTILL_SPEED_MPS
-    standing = (start == 0.0) & (speed[:, 1] <= 0.0)
+    crossed = direction[:, None] * speed_mps[:, 1:] < STANDSTILL_SPEED_MPS
+    standing = (start == 0.0) & (speed_mps[:, 1] <= 0.0)
     stop_s = np.full(len(state), np.inf)
     rows = np.flatnonzero(crossed.any(axis=1) & ~standing)
     if len(rows):
         after = crossed[rows].argmax(axis=1) + 1
         if motion.is_paper:  # speed is linear inside a step
-            before_v, after_v = speed[rows, after - 1], speed[rows, after]
+            before_v, after_v = speed_mps[rows, after - 1], speed_mps[rows, after]
             stop_s[rows] = time_s[after - 1] + (time_s[1] - time_s[0]) * before_v / (before_v - after_v)
         else:
             found = _interpolate_stop_times_s if motion.acting_s is not None else _bisect_stop_times_s

@@ -250,32 +250,37 @@ def _cumulative_trapezoid(rate: FloatArray, step_s: float) -> FloatArray:
 
 
 def _position_covariance(
-    track: LateralTrack, vehicle: Vehicle, t: FloatArray, heading: FloatArray, v: FloatArray, config: LateralPathConfig
+    track: LateralTrack,
+    vehicle: Vehicle,
+    time_s: FloatArray,
+    heading_rad: FloatArray,
+    speed_mps: FloatArray,
+    config: LateralPathConfig,
 ) -> FloatArray:
     """Position covariance xx, xy, yy, (n, k, 3): v_y, gamma, curvature and driver across the path, speed along it."""
-    n = len(v)
+    n = len(speed_mps)
     assumed = np.diag(np.square(config.default_sigma))
     given = track.covariance[:, :2, :2]
     is_given = np.isfinite(given).reshape(n, -1).all(axis=1)
     start = np.where(np.asarray(is_given)[:, None, None], given, assumed)
-    lever = steady_lateral_speed_per_yaw_rate_m(vehicle, v)
-    turned, bent = _yaw_rate_error_integrals(t, config)
-    to_gamma = v * bent + lever * (turned - t)  # how far gamma's error carries the car sideways
-    to_lateral = np.broadcast_to(t, to_gamma.shape)
+    lever = steady_lateral_speed_per_yaw_rate_m(vehicle, speed_mps)
+    turned, bent = _yaw_rate_error_integrals(time_s, config)
+    to_gamma = speed_mps * bent + lever * (turned - time_s)  # how far gamma's error carries the car sideways
+    to_lateral = np.broadcast_to(time_s, to_gamma.shape)
     across = (
         start[:, 0, 0, None] * to_lateral**2
         + 2.0 * start[:, 0, 1, None] * to_lateral * to_gamma
         + start[:, 1, 1, None] * to_gamma**2
     )
     if config.model != "zhang2011":
-        across = across + (config.curvature_sigma_1pm * v**2 * (0.5 * t**2 - bent)) ** 2
+        across = across + (config.curvature_sigma_1pm * speed_mps**2 * (0.5 * time_s**2 - bent)) ** 2
     # White noise behind the yaw rate: the integral of the squared answer to an impulse.
-    swing = _yaw_rate_error_integrals(t, LateralPathConfig(adapt_s=config.adapt_s))[1]
+    swing = _yaw_rate_error_integrals(time_s, LateralPathConfig(adapt_s=config.adapt_s))[1]
     grown = np.concatenate([[0.0], np.cumsum(0.5 * config.step_s * (swing[1:] ** 2 + swing[:-1] ** 2))])
     across = across + 2.0 * config.unrest_mps2**2 / config.adapt_s * grown
-    along = (config.speed_sigma_mps * t) ** 2 + (0.5 * config.accel_sigma_mps2 * t**2) ** 2
-    cos, sin = np.cos(heading), np.sin(heading)
-    along_rows = np.broadcast_to(along, (n, len(t)))
+    along = (config.speed_sigma_mps * time_s) ** 2 + (0.5 * config.accel_sigma_mps2 * time_s**2) ** 2
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    along_rows = np.broadcast_to(along, (n, len(time_s)))
     return np.stack(
         [
             cos**2 * along_rows + sin**2 * across,
@@ -286,10 +291,10 @@ def _position_covariance(
     )
 
 
-def _yaw_rate_error_integrals(t: FloatArray, config: LateralPathConfig) -> tuple[FloatArray, FloatArray]:
+def _yaw_rate_error_integrals(time_s: FloatArray, config: LateralPathConfig) -> tuple[FloatArray, FloatArray]:
     """First and second integral over the times t (k,) of a unit yaw rate error that decays with `adapt_s`."""
     if config.model == "zhang2011":
-        return t, 0.5 * t**2
+        return time_s, 0.5 * time_s**2
     tau = config.adapt_s
-    turned = -tau * np.expm1(-t / tau)
-    return turned, tau * (t - turned)
+    turned = -tau * np.expm1(-time_s / tau)
+    return turned, tau * (time_s - turned)

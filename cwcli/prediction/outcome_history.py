@@ -131,7 +131,7 @@ def concatenate_histories(tracks: Sequence[StateHistory]) -> StateHistory:
     )
 
 
-def derivative_clearness(state: FloatArray, covariance: Covariances | None) -> FloatArray:
+def derivative_clarity_weights(state: FloatArray, covariance: Covariances | None) -> FloatArray:
     """How clearly acceleration and yaw rate exceed their stated noise, 0 to 1, shape (n, 2)."""
     if covariance is None:
         return np.ones((len(state), 2))
@@ -146,7 +146,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
     """The history of each vehicle; rows whose state is not finite are left out, and vehicles without other rows too."""
     stamp_ns, known_ns, state = starts.stamp_ns, starts.known_ns, starts.state
     is_finite = np.isfinite(state[:, : YAW_RATE + 1]).all(axis=1)
-    clear = derivative_clearness(state, starts.covariance)
+    clear = derivative_clarity_weights(state, starts.covariance)
     tracks = []
     for one in np.unique(starts.vehicle):
         rows = np.flatnonzero((starts.vehicle == one) & is_finite)
@@ -158,7 +158,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
     return tracks
 
 
-def derivative_parts(track: StateHistory) -> FloatArray:
+def split_derivatives_into_parts(track: StateHistory) -> FloatArray:
     """Divide acceleration and yaw rate into `fleet.PARTS`, by knot, shape (n, 2, k, 3): shares that add up to 1.
 
     Unclear is what may be noise. Lasting is what is clear and was as large on average over the last h/2, for a horizon
@@ -243,13 +243,13 @@ def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -
         prior: None: the fleet's.
     """
     chosen = prior or load_fleet_prior()
-    clear = derivative_clearness(starts.state, starts.covariance)
+    clear = derivative_clarity_weights(starts.state, starts.covariance)
     share = np.einsum("nai,aki->nak", _parts_without_history(clear), chosen.gain)
     tracks = state_histories_by_vehicle(starts)
     if tracks:
         track = concatenate_histories(tracks)
-        parts = derivative_parts(track)
-        share[track.rows] = np.einsum("naki,naki->nak", parts, measure_gains(track, parts, chosen))
+        parts = split_derivatives_into_parts(track)
+        share[track.rows] = np.einsum("naki,naki->nak", parts, measure_gains_of_parts(track, parts, chosen))
     return acting_time_s(np.clip(share, 0.0, 1.0))
 
 
@@ -258,7 +258,7 @@ def _parts_without_history(clear: FloatArray) -> FloatArray:
     return np.stack([1.0 - clear, clear, np.zeros_like(clear)], axis=-1)
 
 
-def measure_gains(track: StateHistory, parts: FloatArray, prior: FleetPrior) -> FloatArray:
+def measure_gains_of_parts(track: StateHistory, parts: FloatArray, prior: FleetPrior) -> FloatArray:
     """Measure the gain of each part, by axis and knot, for each state of each vehicle, (n, 2, k, 3).
 
     Args:

@@ -24,9 +24,10 @@ WALKING_SPEED_MPS = 1.5
 WELL_MEASURED_SPEED_MPS = 5.0
 """A course has a weight of one half at this speed, and more above: its noise is that of the velocity by the speed."""
 MIN_ROWS = 20
-"""A mounting is estimated from at least as many rows in motion."""
+"""A mounting is estimated from at least this many rows in motion. Chosen by hand; not fitted."""
 MIN_TRAVEL_M = 100.0
-"""And from at least this way, so that errors that change slowly show their scatter."""
+"""A mounting is estimated from at least this length of way, m, so that errors that change slowly show their scatter.
+Chosen by hand; not fitted."""
 MAX_REVERSE_MPS = 12.0
 """No car reverses faster: its reverse gear ends below 45 km/h."""
 MAX_BINS = 2000
@@ -34,14 +35,16 @@ MAX_BINS = 2000
 N_FITTED = 3
 """Coefficients of the fit: so many independent errors are used up by it."""
 SIGNIFICANT_SIGMAS = 3.0
-"""A mounting that is less than this many sigmas from zero is taken as zero."""
+"""A mounting that is less than this many sigmas from zero is taken as zero. Chosen by hand; not fitted."""
 MAX_SCATTER_RAD = 0.35
-"""20 degrees: a yaw that scatters more about the direction of travel does not belong to that velocity."""
+"""A yaw that scatters more about the direction of travel does not belong to that velocity, rad; 20 degrees.
+Chosen by hand; not fitted."""
 AHEAD_SIGMA_M = 3.0
-"""How far a device lies ahead of the rear axle, one sigma: in a bend its course turns by that times the curvature."""
+"""One sigma of the distance by which a device lies ahead of the rear axle, m: in a bend its course turns by that times
+the curvature. Chosen by hand; not fitted."""
 SLIP_SIGMA_RAD_S2PM = 0.006
-"""Side slip by lateral acceleration, one sigma: 1,500 kg, half of them on rear tyres of together 120 kN/rad, slip by
-750 / 120,000 rad at 1 m/s^2."""
+"""One sigma of the side slip over the lateral acceleration, rad s^2/m: 1,500 kg, half of them on rear tyres of
+together 120 kN/rad, slip by 750 / 120,000 rad at 1 m/s^2."""
 MAX_STEP_S = 1.0
 """Positions that are farther apart in time give no velocity."""
 MIN_STEP_M = 0.5
@@ -68,11 +71,11 @@ class YawMounting:
         return abs(self.left_rad) > SIGNIFICANT_SIGMAS * self.sigma_rad
 
     @property
-    def used_rad(self) -> float:
+    def correction_rad(self) -> float:
         """What a yaw is corrected by."""
         return self.left_rad if self.is_significant else 0.0
 
-    def note(self, source: str) -> str:
+    def mounting_note(self, source: str) -> str:
         """A sentence for the summary."""
         side = "left" if self.left_rad > 0.0 else "right"
         return (
@@ -194,13 +197,13 @@ def _huber_intercept_and_sigma(values: FloatArray, regressors: FloatArray, weigh
         scale = max(1.4826 * float(np.median(np.abs(residual - np.median(residual)))), 1e-6)
         own = weights * np.minimum(1.0, 2.0 * scale / np.maximum(np.abs(residual), 1e-12))
         variance = float(own @ residual**2 / own.sum()) + 1e-12
-        slow = _slow_factor(residual, own)
+        slow = _variance_factor_of_slow_errors(residual, own)
         information = (regressors.T * own) @ regressors / (variance * slow) + prior
         coefficients = np.linalg.solve(information, (regressors.T * own) @ values / (variance * slow))
     return float(coefficients[0]), float(np.sqrt(np.linalg.inv(information)[0, 0]))
 
 
-def _slow_factor(residual: FloatArray, weights: FloatArray) -> float:
+def _variance_factor_of_slow_errors(residual: FloatArray, weights: FloatArray) -> float:
     """How much greater the variance of the weighted mean is than of rows that err independently; at least 1.
 
     From the autocorrelation of the residuals up to its first negative value (Geyer's initial positive sequence,

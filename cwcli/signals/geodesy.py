@@ -45,7 +45,7 @@ class LocalMap:
         return LocalMap, (self.origin_lat_deg, self.origin_lon_deg, self.origin_alt_m)
 
     @cached_property
-    def _plane(self) -> TangentPlane:
+    def _tangent_plane(self) -> TangentPlane:
         return TangentPlane(self.origin_lat_deg, self.origin_lon_deg, self.origin_alt_m)
 
     def map_from_wgs84(
@@ -86,7 +86,7 @@ class LocalMap:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         a, b, c = (np.array(values, dtype=np.float64) for values in np.broadcast_arrays(a, b, c))
         is_finite = np.isfinite(a) & np.isfinite(b)
-        transform = self._plane.inverse if inverse else self._plane.forward
+        transform = self._tangent_plane.inverse if inverse else self._tangent_plane.forward
         result = transform(a.reshape(-1), b.reshape(-1), c.reshape(-1)).reshape(3, *a.shape)
         first, second, third = (np.where(is_finite, values, np.nan) for values in result)
         return first, second, third

@@ -158,12 +158,12 @@ def _pack_block(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         round_to_binary_digits(exact, SIGMA_BINARY_DIGITS),
         round_to_binary_step(full, CORRELATION_BITS),
     )
-    close = np.flatnonzero(is_finite & ~(_min_own_variance_shares(correlation, k) >= MIN_OWN_VARIANCE_SHARE))
+    close = np.flatnonzero(is_finite & ~(_min_unexplained_variance_shares(correlation, k) >= MIN_OWN_VARIANCE_SHARE))
     if len(close):
-        is_finite[close] &= _min_own_variance_shares(full[close], k) > 0.0
+        is_finite[close] &= _min_unexplained_variance_shares(full[close], k) > 0.0
         correlation[close] = round_to_binary_step(full[close], _correlation_bits(full[close], k)[:, None])
         for share in (0.0, *CORRELATION_SHRINK_SHARES):
-            close = close[is_finite[close] & ~(_min_own_variance_shares(correlation[close], k) > 0.0)]
+            close = close[is_finite[close] & ~(_min_unexplained_variance_shares(correlation[close], k) > 0.0)]
             if not len(close):
                 break
             correlation[close] = round_to_binary_step(full[close] * (1.0 - share), FINE_CORRELATION_BITS)
@@ -178,7 +178,7 @@ def _correlation_bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
     return np.asarray(np.ceil(-np.log2(step)), np.intp)
 
 
-def _min_own_variance_shares(correlation: FloatArray, k: int) -> FloatArray:
+def _min_unexplained_variance_shares(correlation: FloatArray, k: int) -> FloatArray:
     """Return the least share of a state's variance that the states before it do not explain, (n,); NaN: not
     definite."""
     matrices = _covariance_matrices(np.ones((len(correlation), k)), correlation)

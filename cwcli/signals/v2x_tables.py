@@ -107,7 +107,7 @@ def _resolve_container(text: str, containers: Mapping[str, str]) -> str:
     return re.sub(r"@\w+", lambda match: containers[match[0]], text)
 
 
-def component_path(path: str) -> str:
+def strip_table_marks_from_path(path: str) -> str:
     """Return the path of an ASN.1 component without the marks of the table."""
     return path.replace("?", "").removesuffix(":choice")
 
@@ -115,7 +115,7 @@ def component_path(path: str) -> str:
 @cache
 def ros_leaf_path(path: str) -> str:
     """Return the leaf field that the ROS messages of ETSI have for a component."""
-    return _snake_case(component_path(path)) + (".choice" if path.endswith(":choice") else ".value")
+    return _snake_case(strip_table_marks_from_path(path)) + (".choice" if path.endswith(":choice") else ".value")
 
 
 def ros_presence_paths(paths: Mapping[str, str]) -> dict[str, str]:

@@ -111,26 +111,26 @@ def simulate_static_target(
     return observe_single_target(np.arange(n, dtype=np.float64) * period_s, state, noise, rng)
 
 
-def _line_path_positions(t: FloatArray) -> FloatArray:
+def _line_path_positions(time_s: FloatArray) -> FloatArray:
     """Positions (n, 2), m, on a straight line at the times (n,)."""
-    return np.stack([2.0 + 0.1 * t, 4.0 + 1.5 * t], axis=1)
+    return np.stack([2.0 + 0.1 * time_s, 4.0 + 1.5 * time_s], axis=1)
 
 
-def _arc_path_positions(t: FloatArray) -> FloatArray:
+def _arc_path_positions(time_s: FloatArray) -> FloatArray:
     """Positions (n, 2), m, on an arc at the times (n,)."""
-    angle = 0.12 * t
+    angle = 0.12 * time_s
     return np.stack([12.0 * np.sin(angle) - 4.0, 3.0 + 12.0 * (1.0 - np.cos(angle))], axis=1)
 
 
-def _weave_path_positions(t: FloatArray) -> FloatArray:
+def _weave_path_positions(time_s: FloatArray) -> FloatArray:
     """Positions (n, 2), m, on a weaving path at the times (n,)."""
-    return np.stack([1.5 * np.sin(0.6 * t), 5.0 + 1.2 * t], axis=1)
+    return np.stack([1.5 * np.sin(0.6 * time_s), 5.0 + 1.2 * time_s], axis=1)
 
 
-def _turn_path_positions(t: FloatArray) -> FloatArray:
+def _turn_path_positions(time_s: FloatArray) -> FloatArray:
     """Positions (n, 2), m, on two lines joined by a turn at the times (n,)."""
-    angle = np.clip(t - 4.0, 0.0, 5.0) * 0.3
-    straight, beyond = np.minimum(t, 4.0), np.maximum(t - 9.0, 0.0)
+    angle = np.clip(time_s - 4.0, 0.0, 5.0) * 0.3
+    straight, beyond = np.minimum(time_s, 4.0), np.maximum(time_s - 9.0, 0.0)
     x = -3.0 + 5.0 * (1.0 - np.cos(angle)) + 1.5 * beyond * np.sin(angle)
     y = 3.0 + 1.5 * straight + 5.0 * np.sin(angle) + 1.5 * beyond * np.cos(angle)
     return np.stack([x, y], axis=1)

@@ -183,9 +183,9 @@ def _state_derivative(
     )
 
 
-def _target_line_offset_and_speed(t: float, runs: LaneRuns) -> tuple[FloatArray, FloatArray]:
+def _target_line_offset_and_speed(time_s: float, runs: LaneRuns) -> tuple[FloatArray, FloatArray]:
     """Offset (m) and lateral speed (m/s) of the target line at a time, (m,) each; the speed is reached within 1 s."""
-    since = np.maximum(t - runs.drift_start_s, 0.0)
+    since = np.maximum(time_s - runs.drift_start_s, 0.0)
     eased = np.minimum(since, 1.0)
     return runs.drift_mps * (0.5 * eased**2 + (since - eased)), runs.drift_mps * eased
 

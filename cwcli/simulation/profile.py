@@ -186,7 +186,7 @@ def _ramp_polynomial(start: float, end: float, duration_s: float, *, is_smooth: 
 
 
 def _plan_speed_change_phases(
-    speed: float, accel: float, target: float, limit: float, mean_jerk: float
+    speed_mps: float, accel_mps2: float, target_mps: float, limit_mps2: float, mean_jerk: float
 ) -> list[tuple[float, float]]:
     """Phases (duration, acceleration at its end) of the fastest change to (target, 0) with |accel| <= limit.
 
@@ -195,17 +195,17 @@ def _plan_speed_change_phases(
     mean jerk of a ramp. (A ramp, smooth or not, is symmetric: it changes the speed by its duration times the mean of
     its two accelerations.)
     """
-    if accel == 0 and speed == target:
+    if accel_mps2 == 0 and speed_mps == target_mps:
         return []
-    speed_if_released = speed + accel * abs(accel) / (2 * mean_jerk)
-    sign = 1.0 if target >= speed_if_released else -1.0
-    peak = math.sqrt(max(0.0, sign * mean_jerk * (target - speed) + accel * accel / 2))
+    speed_if_released = speed_mps + accel_mps2 * abs(accel_mps2) / (2 * mean_jerk)
+    sign = 1.0 if target_mps >= speed_if_released else -1.0
+    peak = math.sqrt(max(0.0, sign * mean_jerk * (target_mps - speed_mps) + accel_mps2 * accel_mps2 / 2))
     hold = 0.0
-    if peak > limit:
-        ramps = sign * (2 * limit * limit - accel * accel) / (2 * mean_jerk)
-        hold = sign * (target - speed - ramps) / limit
-        peak = limit
-    rise = abs(sign * peak - accel)
+    if peak > limit_mps2:
+        ramps = sign * (2 * limit_mps2 * limit_mps2 - accel_mps2 * accel_mps2) / (2 * mean_jerk)
+        hold = sign * (target_mps - speed_mps - ramps) / limit_mps2
+        peak = limit_mps2
+    rise = abs(sign * peak - accel_mps2)
     return [(rise / mean_jerk, sign * peak), (hold, sign * peak), (peak / mean_jerk, 0.0)]
 
 

@@ -113,10 +113,10 @@ class TrueMotion:
         index = np.clip(np.searchsorted(self._pieces.edge_s, time_s, side="right") - 1, 0, None)
         return index, time_s - self._pieces.edge_s[index]
 
-    def _heading_rad(self, index: Int64Array, t: FloatArray) -> FloatArray:
+    def _heading_rad(self, index: Int64Array, time_s: FloatArray) -> FloatArray:
         """The heading (n,), rad, at the times t since the edges of the pieces."""
-        return self._pieces.heading_rad[index] + t * _evaluate_polynomials(
-            self._pieces.yaw_rate / _YAW_RATE_INTEGRAL_DIVISORS, index, t
+        return self._pieces.heading_rad[index] + time_s * _evaluate_polynomials(
+            self._pieces.yaw_rate / _YAW_RATE_INTEGRAL_DIVISORS, index, time_s
         )
 
     def _states_after_position(self, time_s: FloatArray) -> FloatArray:

@@ -52,8 +52,8 @@ PITCH_SIGMA_RAD = 0.004
 """Sigma of the camera's pitch in radians: the body moves on its springs, and the road's slope changes. Chosen by hand;
 not fitted."""
 UNKNOWN_HEIGHT_FACTOR = 0.88
-"""Factor of widths where the mounting is not known: cameras are then 1.48 m above the road (behind a windscreen, 1.2 to
-1.7 m), and the assumed height of 1.3 m stays as a unit."""
+"""Factor (1) on lane widths in camera heights where the mounting is not known: 1.3 m, the height in which they are
+counted, over 1.48 m, the mean height of cameras behind windscreens (1.2 to 1.7 m)."""
 UNKNOWN_HEIGHT_SIGMA_SHARE = 0.1
 """Sigma of the camera's height over its mean where the mounting is not known. Chosen by hand; not fitted."""
 UNKNOWN_YAW_SIGMA_RAD = 0.035

@@ -135,7 +135,12 @@ def prior_with_known_width(prior: LanePrior, sides: LinePairState | None) -> Lan
 
 
 def find_lane_by_one_line(
-    evidence: StripeEvidence, lane: FloatArray, table: FloatArray, size: tuple[int, int], side: int, width: float
+    evidence: StripeEvidence,
+    lane: FloatArray,
+    table: FloatArray,
+    size: tuple[int, int],
+    side: int,
+    width_camera_heights: float,
 ) -> tuple[FloatArray, float]:
     """The lane that one line gives, shape (6,), and the share of the line that shows paint.
 
@@ -161,8 +166,8 @@ def find_lane_by_one_line(
         evidence, lanes[0], table, size, use_wide_evidence=False, step_scale=0.5, neighbour_weight=0.0
     )
     best = lanes[0]
-    best[MIDDLE] += 0.5 * sign * (width - best[WIDTH])
-    best[WIDTH] = width
+    best[MIDDLE] += 0.5 * sign * (width_camera_heights - best[WIDTH])
+    best[WIDTH] = width_camera_heights
     return best, float(boundary_paint_shares(evidence, best)[side])
 
 

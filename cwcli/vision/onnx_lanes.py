@@ -71,7 +71,7 @@ def _boundary_without_probability(boundary: Boundary) -> Boundary:
     return replace(boundary, probability=nan)
 
 
-def with_model(path: Path) -> Method:
+def onnx_method_of_file(path: Path) -> Method:
     """The method with the net of a file.
 
     Raises:
@@ -99,6 +99,6 @@ METHOD = Method(
     make=_raise_missing_model,
     uses_motion=True,
     is_rectified=True,
-    with_model=with_model,
+    with_model=onnx_method_of_file,
 )
 """The registered lane method of a user's own net, without a net so far."""

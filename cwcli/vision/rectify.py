@@ -115,14 +115,14 @@ class Rectifier:
         key = image_size, (width_px, height_px)
         maps = self._maps.get(key)
         if maps is None:  # two threads at once make the same map
-            maps = rectification_maps(self._camera_of(*image_size).with_image_size(width_px, height_px))
+            maps = rectification_pixel_maps(self._camera_of(*image_size).with_image_size(width_px, height_px))
             if len(self._maps) >= MAX_CACHED_MAPS:
                 self._maps.clear()
             self._maps[key] = maps
         return np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT), np.uint8)
 
 
-def rectification_maps(camera: Camera) -> tuple[Image, Image]:
+def rectification_pixel_maps(camera: Camera) -> tuple[Image, Image]:
     """OpenCV's fixed-point maps that rectify the camera's images: two or three times as fast as those of floats."""
     import cv2
 

@@ -19,7 +19,7 @@ import numpy as np
 from cwcli.errors import InputError
 from cwcli.vision.encoded import Image
 from cwcli.vision.matroska import BLOCK_INTERVAL_MS, encode_matroska_block, encode_matroska_start
-from cwcli.vision.video_start import stream_parameters
+from cwcli.vision.video_start import parameters_if_decodable_start
 
 CODEC_OF_VIDEO_FORMAT = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}
 """Codec for each format that a message may name."""
@@ -81,7 +81,7 @@ def _make_stream_counter(codec: str) -> Callable[[EncodedMessage], int]:
 
     def number_of(message: EncodedMessage) -> int:
         nonlocal number, head
-        own = stream_parameters(codec, message.data)
+        own = parameters_if_decodable_start(codec, message.data)
         if own is not None and own != head:
             number, head = number + 1, own
         return number

@@ -21,7 +21,7 @@ VP9_FRAME_MARKER, VP9_SYNC_CODE, VP9_RGB_COLOUR_SPACE = 2, 0x498342, 7
 """Frame marker, synchronisation code and RGB colour space in the header of a VP9 frame (section 6.2)."""
 
 
-def stream_parameters(codec: str, data: bytes | memoryview) -> bytes | None:
+def parameters_if_decodable_start(codec: str, data: bytes | memoryview) -> bytes | None:
     """Parameters that identify a stream, if decoding may start at this message, else None.
 
     Args:

@@ -25,25 +25,25 @@ def boundary_at_distances(
     return y, np.where(is_behind, np.arctan(slope + curvature * ahead_m), curves[..., 1])
 
 
-def last_known_gap_m(gap: FloatArray) -> FloatArray:
+def last_known_gap_m(gap_m: FloatArray) -> FloatArray:
     """The last finite gap of each path, m, (n,): boundaries of tight bends end before long paths do."""
-    last = gap.shape[1] - 1 - np.argmax(np.isfinite(gap[:, ::-1]), axis=1)
-    return np.asarray(gap[np.arange(len(gap)), last])
+    last = gap_m.shape[1] - 1 - np.argmax(np.isfinite(gap_m[:, ::-1]), axis=1)
+    return np.asarray(gap_m[np.arange(len(gap_m)), last])
 
 
-def first_crossing_time_s(t: FloatArray, gap: FloatArray) -> FloatArray:
+def first_crossing_time_s(t: FloatArray, gap_m: FloatArray) -> FloatArray:
     """Time (s) at which the gap first becomes zero, (n,), linear between points; inf: never, NaN: not known.
 
     Where the gap at the point before is not known, it is the time of the point itself.
     """
-    over = gap <= 0.0
+    over = gap_m <= 0.0
     at = np.argmax(over, axis=1)
-    rows = np.arange(len(gap))
+    rows = np.arange(len(gap_m))
     before = np.maximum(at - 1, 0)
-    drop = gap[rows, before] - gap[rows, at]
-    share = gap[rows, before] / np.where(drop > 0.0, drop, 1.0)
+    drop = gap_m[rows, before] - gap_m[rows, at]
+    share = gap_m[rows, before] / np.where(drop > 0.0, drop, 1.0)
     crossing = t[before] + share * (t[at] - t[before])
-    crossing = np.where(np.isnan(gap[rows, before]), t[at], crossing)
+    crossing = np.where(np.isnan(gap_m[rows, before]), t[at], crossing)
     crossing = np.where(at == 0, 0.0, crossing)
     crossing = np.where(over.any(axis=1), crossing, np.inf)
-    return np.where(np.isfinite(gap[:, 0]), crossing, np.nan)
+    return np.where(np.isfinite(gap_m[:, 0]), crossing, np.nan)

@@ -47,8 +47,8 @@ READ_MESSAGE_BY_MESSAGE = {
 """Messages that are text, or so rare that they are read one by one."""
 GROWING_WITH_BYTES_OR_BINS = (
     "InputFile._read",
-    "_slow_factor",
-    "_slow_factor.<locals>.<listcomp>",
+    "_variance_factor_of_slow_errors",
+    "_variance_factor_of_slow_errors.<locals>.<listcomp>",
     "_huber_intercept_and_sigma",
 )
 """Functions that run for each block of a file, and for each of a bounded number of bins of a signal."""

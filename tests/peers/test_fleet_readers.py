@@ -8,7 +8,7 @@ import duckdb
 import pandas
 import polars
 
-from cwcli.fleet.names import safe_name
+from cwcli.fleet.names import safe_file_name
 from tests.cli.test_fleet import HOSTILE, logs, reference
 
 __all__ = ["logs", "reference"]  # fixtures
@@ -16,7 +16,7 @@ __all__ = ["logs", "reference"]  # fixtures
 
 def test_metrics_are_one_table_for_duckdb_polars_and_pandas(reference: Path) -> None:
     pattern = f"{reference}/metrics/*/*.parquet"
-    ids = {"a", "alone", "b", "log-2026", safe_name(HOSTILE.removesuffix(".mcap"))}
+    ids = {"a", "alone", "b", "log-2026", safe_file_name(HOSTILE.removesuffix(".mcap"))}
     by_duckdb = duckdb.sql(f"select * from read_parquet('{pattern}', hive_partitioning = true)").df()
     by_polars = polars.read_parquet(f"{reference}/metrics/", hive_partitioning=True)
     by_pandas = pandas.read_parquet(reference / "metrics")

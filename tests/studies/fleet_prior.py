@@ -35,7 +35,7 @@ from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.outcome_history import (
     PathStarts,
     actual_displacement_m,
-    derivative_parts,
+    split_derivatives_into_parts,
     measure_acting_time_s,
     promised_displacement_m,
     state_histories_by_vehicle,
@@ -103,7 +103,7 @@ def group_of(several: Sequence[VehicleStates], too_sure: float) -> Group:
     return Group(
         np.concatenate([track.state[:, SPEED] for track in tracks])[thinned],
         np.concatenate([promised_displacement_m(track.state) for track in tracks])[thinned],
-        np.concatenate([derivative_parts(track) for track in tracks])[thinned],
+        np.concatenate([split_derivatives_into_parts(track) for track in tracks])[thinned],
         np.concatenate([actual_displacement_m(track) for track in tracks])[thinned],
     )
 

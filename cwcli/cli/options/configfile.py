@@ -69,7 +69,7 @@ def apply_config_file(ctx: typer.Context, value: str | None) -> str | None:
         prefix = "" if table == command else f"{_parameter_name(table)}{STAGE_SEPARATOR}"
         own = [name for name in options if name.startswith(prefix) and (prefix or STAGE_SEPARATOR not in name)]
         for key, entry in entries.items() if own else ():
-            _check_writes_nothing(value, key)
+            _check_key_names_no_output(value, key)
             option = f"{prefix}{_parameter_name(key)}"
             if option not in own:
                 known = sorted(name.removeprefix(prefix) for name in own)
@@ -130,7 +130,7 @@ def _shared_options_of_document(path: str, document: dict[str, Any]) -> dict[str
             if key not in COMMANDS:
                 raise _unknown_key_error(path, f"[{key}]", list(COMMANDS))
             continue
-        _check_writes_nothing(path, key)
+        _check_key_names_no_output(path, key)
         if _parameter_name(key) in shared:
             found[_parameter_name(key)] = entry
         else:
@@ -145,7 +145,7 @@ def shared_option_names() -> set[str]:
     return (names | {"gates"}) - {"config"} - WRITING_PARAMETERS
 
 
-def _check_writes_nothing(path: str, key: str) -> None:
+def _check_key_names_no_output(path: str, key: str) -> None:
     if _parameter_name(key) in WRITING_PARAMETERS:
         what = f"{key} is for the command line: a configuration neither names files to write nor overwrites any"
         raise UsageError(what, where=path, hint="leave it out here, and give it there")

@@ -80,7 +80,7 @@ def judge_flag_warnings(spans: Sequence[tuple[int, int]], real: ActualOutcomes) 
                 leads.append(lead_s)
             for k in own[conflict.onset_ns < best_onset[own]].tolist():
                 best_onset[k], best[k] = conflict.onset_ns, (vehicle, conflict)
-    is_known = _nearest_vehicle_known_mask(raised_ns, real)
+    is_known = _nearest_vehicle_stays_known_mask(raised_ns, real)
     judged = []
     for k, (raised, last) in enumerate(spans):
         about = best[k]
@@ -106,7 +106,7 @@ def judge_flag_warnings(spans: Sequence[tuple[int, int]], real: ActualOutcomes) 
     return FlagScores(tuple(judged), scores)
 
 
-def _nearest_vehicle_known_mask(raised_ns: Int64Array, real: ActualOutcomes) -> BoolArray:
+def _nearest_vehicle_stays_known_mask(raised_ns: Int64Array, real: ActualOutcomes) -> BoolArray:
     """Return a mask of the warnings whose nearest vehicle is known for as long as a conflict could follow.
 
     It is False where no vehicle is known at the warning.

@@ -48,7 +48,7 @@ Fields = Mapping[str, OutputField]
 POSE_COVARIANCE_SIZE = 36
 """Number of values in a 6 x 6 covariance of position and rotation (x, y, z, roll, pitch, yaw)."""
 YAW_ROW = 5
-"""Row of yaw in that covariance."""
+"""The row and column of yaw in a 6 x 6 covariance of position and rotation (geometry_msgs/PoseWithCovariance)."""
 WARNING_CLEARED = 3
 """The value of `cwcli.v1.Warning.State` for a cleared warning."""
 LEVEL_OK, LEVEL_WARN = 0, 1

@@ -18,7 +18,7 @@ import numpy as np
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.fleet import DERIVATIVE_PARTS, acting_time_s, interpolate_acting_time_s, load_fleet_prior
 from cwcli.prediction.models.base import Model, Responses
-from cwcli.prediction.outcome_history import derivative_clearness
+from cwcli.prediction.outcome_history import derivative_clarity_weights
 from cwcli.signals.columns import FloatArray
 
 
@@ -31,7 +31,7 @@ def fleet_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
 
 def trust_by_clearness(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
     """How far (accel, jerk, yaw rate, yaw accel) stand out of their noise, shape (n, 4); ones without a covariance."""
-    clear = derivative_clearness(state, covariance)
+    clear = derivative_clarity_weights(state, covariance)
     none = np.zeros(len(state))
     return np.stack([clear[:, 0], none, clear[:, 1], none], axis=1)
 

@@ -47,7 +47,8 @@ BRAKING_STARTS_S = (3.35, 3.55)
 BRAKING_JERKS_MPS3 = (2.5, 3.5)
 """Moved jerks at the beginning of the braking, in m/s^3. Chosen by hand; not fitted."""
 FRICTIONS = (0.7, 0.8, 0.9)
-"""Moved friction coefficients, around the 0.8 and 0.9 of docs/papers/song2016-choices.md."""
+"""Friction coefficients (1) with which the study is repeated: those of docs/papers/song2016-choices.md, 0.8 and 0.9,
+and one below."""
 MAX_DECELERATION_MPS2 = 8.0
 """The lead's deceleration where the friction allows it, in m/s^2, as in the scenario."""
 MOMENT_NAMES = ("ideal", "jerk", "acceleration", "speed")

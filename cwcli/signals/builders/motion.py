@@ -119,17 +119,17 @@ def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[Headin
 
 def read_yaw_rad(columns: Columns, base: str) -> FloatArray:
     """Yaw of the quaternion at `base`, radians in (-pi, pi], shape (n,); NaN for one that is far from unit length."""
-    x, y, z, w = _quaternion(columns, base)
+    x, y, z, w = _read_unit_quaternion(columns, base)
     yaw_rad = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return np.where(np.isfinite(x), yaw_rad, np.nan)
 
 
-def rotation_of(columns: Columns, base: str) -> FloatArray:
+def read_rotation_matrices(columns: Columns, base: str) -> FloatArray:
     """Rotation matrices of the quaternion at `base`, from the child's axes to the parent's, shape (n, 3, 3).
 
     NaN for one that is far from unit length.
     """
-    x, y, z, w = _quaternion(columns, base)
+    x, y, z, w = _read_unit_quaternion(columns, base)
     rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
@@ -138,7 +138,7 @@ def rotation_of(columns: Columns, base: str) -> FloatArray:
     return np.moveaxis(np.array(rows), -1, 0)
 
 
-def _quaternion(columns: Columns, base: str) -> FloatArray:
+def _read_unit_quaternion(columns: Columns, base: str) -> FloatArray:
     """x, y, z, w of unit length, shape (4, n); NaN for one that is far from it."""
     quaternion = np.stack([read_numbers(columns, f"{base}.{name}") for name in "xyzw"])
     is_given = (np.abs(quaternion) < MAX_QUATERNION_COMPONENT).all(axis=0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.builders.motion import nan_if_always_zero, rotation_of
+from cwcli.signals.builders.motion import nan_if_always_zero, read_rotation_matrices
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.direction_of_travel import ComplexArray, heading_and_speed
 from cwcli.signals.leaf_fields import find_field, read_matrix, read_numbers, read_stamps
@@ -18,6 +18,7 @@ from cwcli.signals.quality import RowLedger
 MIN_SPEED_FOR_AXES_MPS = 0.5
 """Slower rows do not tell in which axes a twist is."""
 MIN_ROWS_FOR_AXES = 10
+"""Fewer rows in motion do not tell in which axes a twist is. Chosen by hand; not fitted."""
 MAX_SLIP = 0.1
 """A car's velocity points to the side by less than this part of what it points forward."""
 MOVED_M = 2.0
@@ -62,14 +63,14 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     if find_field(columns, "twist.twist.linear.x") is None or _is_never_filled(columns, ledger, position_m):
         return Twist(nothing + 0j, nothing, nothing, _read_yaw_rate(columns, ledger, None), nothing)
     covariance = read_matrix(columns, "twist.covariance", 36).reshape(n, 6, 6)
-    linear, variance = _zero_unmeasured_components(_vector(columns, "linear"), covariance[:, :3, :3])
+    linear, variance = _zero_unmeasured_components(_read_twist_vector(columns, "linear"), covariance[:, :3, :3])
     yaw_rate_variance = covariance[:, 5, 5]
     if not np.isfinite(yaw_rad).any():
         speed, towards = _speed_without_orientation(ledger, linear)
         yaw_rate = _read_yaw_rate(columns, ledger, None)
         return Twist(nothing + 0j, speed, _variance_along(variance, towards), yaw_rate, yaw_rate_variance)
-    rotation = rotation_of(columns, "pose.pose.orientation")
-    in_map, in_child = linear[:, 0] + 1j * linear[:, 1], _plane(rotation, linear)
+    rotation = read_rotation_matrices(columns, "pose.pose.orientation")
+    in_map, in_child = linear[:, 0] + 1j * linear[:, 1], _rotated_horizontal_part(rotation, linear)
     if _is_map_twist(columns, position_m, in_map, in_child):
         ledger.add_note("the twist is in the axes of the pose, not of the child frame: taken as it stands")
         velocity, rotation = in_map, np.broadcast_to(np.eye(3), rotation.shape)
@@ -89,7 +90,7 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     )
 
 
-def _vector(columns: Columns, name: str) -> FloatArray:
+def _read_twist_vector(columns: Columns, name: str) -> FloatArray:
     """A vector of the twist, shape (n, 3); z is 0 where the message has none."""
     vector = np.stack([read_numbers(columns, f"twist.twist.{name}.{axis}") for axis in "xyz"], axis=1)
     vector[:, 2] = np.where(np.isfinite(vector[:, 2]), vector[:, 2], 0.0)
@@ -98,7 +99,7 @@ def _vector(columns: Columns, name: str) -> FloatArray:
 
 def _is_never_filled(columns: Columns, ledger: RowLedger, position_m: FloatArray) -> bool:
     """Whether the velocity is exactly 0 in every message of a car that moved."""
-    if len(columns) < 2 or _vector(columns, "linear").any():
+    if len(columns) < 2 or _read_twist_vector(columns, "linear").any():
         return False
     known = position_m[np.isfinite(position_m[:, :2]).all(axis=1), :2]
     if not len(known) or float(np.ptp(known, axis=0).max()) < MOVED_M:
@@ -130,7 +131,7 @@ def _speed_without_orientation(ledger: RowLedger, linear: FloatArray) -> tuple[F
     return np.hypot(x, y), np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(x))])
 
 
-def _plane(rotation: FloatArray, vector: FloatArray) -> ComplexArray:
+def _rotated_horizontal_part(rotation: FloatArray, vector: FloatArray) -> ComplexArray:
     """The horizontal part of turned vectors, x + iy, shape (n,)."""
     turned = np.einsum("nij,nj->ni", rotation[:, :2], vector)
     return np.asarray(turned[:, 0] + 1j * turned[:, 1])

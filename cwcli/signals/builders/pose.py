@@ -130,7 +130,7 @@ def _with_direction_of_travel(signal: PoseSignal) -> PoseSignal:
     xy_m = np.column_stack([signal.x_m, signal.y_m])
     shown = velocity if has_velocity else velocity_of_positions(signal.stamp_ns, xy_m)
     mounting = find_yaw_mounting(signal.stamp_ns, shown, signal.yaw_rad, signal.yaw_rate_radps)
-    left_rad = 0.0 if mounting is None else mounting.used_rad
+    left_rad = 0.0 if mounting is None else mounting.correction_rad
     if not has_velocity:
         return replace(signal, heading_rad=wrap_angle(signal.yaw_rad - left_rad), mounting=mounting)
     heading_rad, speed_mps = heading_and_speed(velocity, signal.yaw_rad, left_rad)

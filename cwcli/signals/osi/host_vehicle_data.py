@@ -57,7 +57,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
     variances = [nothing, nothing, nothing]
     if part == "location":
         leaves = ("position.x", "position.y", "orientation.yaw")
-        variances = [_variances(ledger, read_numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
+        variances = [_variances_from_rmse(ledger, read_numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
     timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [place, yaw_rad])
     return signal_with_quality(
         partial(PoseSignal, frame_id=OSI_FRAME),
@@ -118,7 +118,7 @@ def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Qualit
     )
 
 
-def _variances(ledger: RowLedger, rmse: FloatArray) -> FloatArray:
+def _variances_from_rmse(ledger: RowLedger, rmse: FloatArray) -> FloatArray:
     """Squares of root mean squared errors (n,); NaN where not given (0), and where unusable, which is counted."""
     with np.errstate(invalid="ignore", over="ignore"):
         return usable_variances_or_nan(ledger, np.where((rmse < 0.0) | (rmse > MAX_POSITION_M), np.inf, rmse * rmse))

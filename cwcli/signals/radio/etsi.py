@@ -12,13 +12,13 @@ from cwcli.signals import cpm, denm, etsi
 from cwcli.signals.columns import Field
 from cwcli.signals.radio.messages import DecodedMessages, PackedMessage
 from cwcli.signals.radio.tables import load_message_type
-from cwcli.signals.v2x_tables import component_path, ros_leaf_path
+from cwcli.signals.v2x_tables import ros_leaf_path, strip_table_marks_from_path
 
 
 def _etsi_message(
     name: str, paths: Mapping[str, str], message_id: int, version: int, objects_path: str = ""
 ) -> PackedMessage:
-    components = {quantity: component_path(path) for quantity, path in paths.items()}
+    components = {quantity: strip_table_marks_from_path(path) for quantity, path in paths.items()}
     return PackedMessage(lambda: load_message_type(name), components, objects_path, message_id, version)
 
 

@@ -30,7 +30,7 @@ from cwcli.simulation.road.defects import (
     with_own_lane_at_offset,
 )
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
-from cwcli.simulation.road.junctions import JUNCTION_KINDS, with_junctions
+from cwcli.simulation.road.junctions import JUNCTION_KINDS, add_junctions_to_scene
 from cwcli.simulation.road.render import RoadFrame, compute_frame_truth, render_frame
 from cwcli.simulation.road.scene import RoadScene, SceneVehicle, Shadow
 from cwcli.simulation.road.sets import FRAME_SETS, FRAMES_PER_SET, SetSpec, draw_scene
@@ -244,7 +244,7 @@ def _add_defects_to_scene(
     scene = with_marking_kind(scene, config.markings)
     if config.lane_changes_per_min:
         scene = with_free_left_lane(scene)
-    scene = with_junctions(scene, config.junctions, length_m, rng)
+    scene = add_junctions_to_scene(scene, config.junctions, length_m, rng)
     scene = with_concrete_joints(scene, config.slab_m, length_m, rng)
     return with_bridge_shadows(scene, config.bridges_per_km, length_m, rng)
 

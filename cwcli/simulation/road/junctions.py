@@ -51,7 +51,7 @@ PAVEMENT_BEYOND_RAMP_M = 10.0
 """Length over which the pavement of a ramp ends, m. Chosen by hand; not fitted."""
 
 
-def with_junctions(scene: RoadScene, kind: str, length_m: float, rng: np.random.Generator) -> RoadScene:
+def add_junctions_to_scene(scene: RoadScene, kind: str, length_m: float, rng: np.random.Generator) -> RoadScene:
     """The scene with exits or on-ramps one after the other on its right, a lane on its left, and no other cars.
 
     Args:

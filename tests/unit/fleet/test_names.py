@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cwcli.fleet.names import safe_name, safe_topic_name, unique_log_ids
+from cwcli.fleet.names import safe_file_name, safe_topic_name, unique_log_ids
 
 SAFE = re.compile(r"[^\W_][^\x00-,/:-@\[-^`{-\x7f]{0,99}")
 """It begins with a letter or a digit and holds none of ASCII but letters, digits and `._-`."""
@@ -77,13 +77,13 @@ def test_hostile_names_become_safe(source: str) -> None:
 
 @given(st.text(min_size=1, max_size=120))
 def test_any_text_becomes_safe(text: str) -> None:
-    assert is_safe(safe_name(text))
+    assert is_safe(safe_file_name(text))
     assert is_safe(safe_topic_name(text))
 
 
 @given(st.lists(st.text(alphabet="aA. _/-1é", min_size=1, max_size=8), unique=True, max_size=8))
 def test_different_names_stay_different(texts: list[str]) -> None:
-    names = [safe_name(text) for text in texts]
+    names = [safe_file_name(text) for text in texts]
     plain = {text for text, name in zip(texts, names, strict=True) if text == name}
     assert len(set(names)) == len(texts) or any(f"log-{text}" in plain for text in texts)
     assert len({name.casefold() for name in unique_log_ids(texts)}) == len(texts)

@@ -15,7 +15,7 @@ from cwcli.cli.commands.run import gather_default_options
 from cwcli.errors import OutputError, UsageError
 from cwcli.fleet import run as fleet_run
 from cwcli.fleet import worker
-from cwcli.fleet.folder import LogFolder, new_entry, read_json_object, write_json_object
+from cwcli.fleet.folder import LogFolder, new_log_entry, read_json_object, write_json_object
 from cwcli.fleet.local import WorkerDied
 from cwcli.fleet.plan import FleetPlan, LogTask
 from cwcli.fleet.run import run_fleet
@@ -190,7 +190,7 @@ def test_a_log_whose_entry_was_tampered_with_is_done_again(
     folder.annotated_log_path.parent.mkdir(parents=True)
     folder.annotated_log_path.write_bytes(b"annotated")
     entry = {
-        **new_entry("log", str(log)),
+        **new_log_entry("log", str(log)),
         "status": "done",
         "sha256": EMPTY_SHA256,
         "key": plan.cache_key(EMPTY_SHA256),

@@ -17,11 +17,11 @@ from cwcli.prediction.outcome_history import (
     PathStarts,
     StateHistory,
     actual_displacement_m,
-    derivative_clearness,
-    derivative_parts,
+    derivative_clarity_weights,
     measure_acting_time_s,
-    measure_gains,
+    measure_gains_of_parts,
     promised_displacement_m,
+    split_derivatives_into_parts,
     state_histories_by_vehicle,
 )
 from cwcli.prediction.paths import Paths
@@ -119,8 +119,10 @@ def test_five_sigmas_are_half_clear() -> None:
     state[:, 4], state[:, 5] = (-1.0, 2.0), (0.0, 0.1)
     covariance[:, 4, 4], covariance[:, 5, 5] = 0.04, 1e-4
     # (5 * 0.2 / 2)^8 = 1/256; (5 * 0.01 / 0.1)^8 likewise; a yaw rate of 0 is noise
-    np.testing.assert_allclose(derivative_clearness(state, covariance), [[0.5, 0.0], [256.0 / 257.0, 256.0 / 257.0]])
-    assert (derivative_clearness(state, None) == 1.0).all()
+    np.testing.assert_allclose(
+        derivative_clarity_weights(state, covariance), [[0.5, 0.0], [256.0 / 257.0, 256.0 / 257.0]]
+    )
+    assert (derivative_clarity_weights(state, None) == 1.0).all()
 
 
 def test_what_is_promised_by_hand() -> None:
@@ -144,7 +146,7 @@ def test_steady_bend_and_steady_acceleration_follow_in_full(speed: float) -> Non
 
 def test_parts_tell_what_lasts_from_what_is_new() -> None:
     turn_in = drive(np.zeros(60), np.where(np.arange(60) < 30, 0.0, 0.2))
-    parts = derivative_parts(track_of(turn_in))
+    parts = split_derivatives_into_parts(track_of(turn_in))
     np.testing.assert_allclose(parts.sum(axis=-1), 1.0)
     assert parts[31, 1, 3, 2] > 0.9  # turned for 0.1 s of the last 2.5 s
     assert parts[59, 1, 3, 1] > 0.99  # turned for all of them
@@ -158,9 +160,9 @@ def test_gain_is_the_ridge_estimate_of_the_outcomes_known_so_far() -> None:
     state[:, 4:6] += rng.normal(size=(n, 2)) * [0.5, 0.05]
     track = track_of(state)
     prior = FleetPrior(np.full((2, 4, 3), 0.4), np.full((2, 4), 0.7), np.zeros((4, 6)))
-    gain = measure_gains(track, derivative_parts(track), prior)
+    gain = measure_gains_of_parts(track, split_derivatives_into_parts(track), prior)
     promised, followed = (
-        promised_displacement_m(state)[..., None] * derivative_parts(track),
+        promised_displacement_m(state)[..., None] * split_derivatives_into_parts(track),
         actual_displacement_m(track),
     )
     at = 100

@@ -66,7 +66,7 @@ def test_speed_course_and_yaw_rate_do_not_depend_on_the_mounting(mounted: dict[s
 def test_note_on_the_mounting_names_side_and_angle() -> None:
     mounting = pose_of(odometry(TIME_S, curvy_heading(), city_speed(), left=0.9, noise_mps=0.05)).mounting
     assert mounting is not None
-    assert mounting.note("/truth/odom").startswith(
+    assert mounting.mounting_note("/truth/odom").startswith(
         "/truth/odom: its device is mounted 0.9 deg to the left of the direction of travel (sigma 0.0"
     )
 

@@ -17,7 +17,7 @@ from cwcli.vision.rectify import (
     lowest_visible_row_px,
     map_rectified_to_camera_px,
     needs_rectifying,
-    rectification_maps,
+    rectification_pixel_maps,
     rectified_camera,
 )
 from tests.unit.vision.lens_frames import RATIONAL
@@ -51,7 +51,7 @@ def test_map_equals_opencvs(model: str) -> None:
     )
     v, u = np.mgrid[:180, :320].astype(np.float64)
     np.testing.assert_allclose(map_rectified_to_camera_px(np.stack([u, v], axis=-1), rolled), expected, atol=ATOL_PX)
-    whole, parts = rectification_maps(rolled)
+    whole, parts = rectification_pixel_maps(rolled)
     table = cv2.INTER_TAB_SIZE
     read = whole + np.stack([parts % table, parts // table], axis=-1) / table
     np.testing.assert_allclose(read, expected, atol=FIXED_ATOL_PX)

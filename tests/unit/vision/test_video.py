@@ -12,7 +12,7 @@ import pytest
 from cwcli.errors import InputError
 from cwcli.vision.encoded import Image
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, decode_video
-from cwcli.vision.video_start import stream_parameters
+from cwcli.vision.video_start import parameters_if_decodable_start
 from tests.unit.vision import video_clips
 from tests.unit.vision.h264_pcm import MB_PX, changed_picture, key_picture, parameters
 
@@ -206,15 +206,15 @@ def test_pictures_of_other_encoders(video_format: str, clip: list[bytes]) -> Non
 
 @pytest.mark.parametrize(("codec", "clip"), [("h264", drive(6)), ("h265", video_clips.H265), ("vp9", video_clips.VP9)])
 def test_a_stream_starts_at_its_parameters_only(codec: str, clip: list[bytes]) -> None:
-    heads = [stream_parameters(codec, data) for data in clip]
+    heads = [parameters_if_decodable_start(codec, data) for data in clip]
     assert heads[0] is not None and heads[1:] == [None] * 5
-    assert stream_parameters(codec, memoryview(clip[0])) == heads[0]
+    assert parameters_if_decodable_start(codec, memoryview(clip[0])) == heads[0]
     for n in range(8):
-        assert stream_parameters(codec, clip[0][:n]) in (None, b"\x67", b"\x67\x42")
+        assert parameters_if_decodable_start(codec, clip[0][:n]) in (None, b"\x67", b"\x67\x42")
 
 
 def test_the_head_of_vp9_tells_format_and_size() -> None:
-    assert stream_parameters("vp9", video_clips.VP9[0]) == b"0 0 0 0 96 x 64"
+    assert parameters_if_decodable_start("vp9", video_clips.VP9[0]) == b"0 0 0 0 96 x 64"
 
 
 def test_a_format_without_a_decoder_is_told_before_anything_is_read() -> None:

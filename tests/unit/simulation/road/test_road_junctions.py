@@ -11,7 +11,7 @@ from cwcli.errors import UsageError
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
-from cwcli.simulation.road.junctions import RAMP_END_OFFSET_M, painted_station_mask, with_junctions
+from cwcli.simulation.road.junctions import RAMP_END_OFFSET_M, add_junctions_to_scene, painted_station_mask
 from cwcli.simulation.road.render import render_frame
 from cwcli.simulation.road.scene import Marking, RoadScene
 
@@ -20,7 +20,7 @@ CAMERA = wide_camera(640, 360)
 
 
 def made(kind: str, seed: int = 0) -> RoadScene:
-    return with_junctions(PLAIN, kind, 2000.0, np.random.default_rng(seed))
+    return add_junctions_to_scene(PLAIN, kind, 2000.0, np.random.default_rng(seed))
 
 
 def lines_of(scene: RoadScene) -> list[Marking]:
