@@ -14,6 +14,7 @@ from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.estimation.consistency import effective_sample_count, nees
 from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.evaluation.doubts.fixes import fix_offsets_to_record_entry
 from cwcli.evaluation.evaluation_context import TRUTH_AUTO, EgoStatesAndTruth, EgoTruth, EvaluationContext
 from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states
 from cwcli.evaluation.link import RadioLinkSummary, add_link_metrics
@@ -56,21 +57,20 @@ CHI_SQUARE_95_TWO_DOF = -2.0 * float(np.log(0.05))
 
 
 def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
-    """Add the radio link to the result, and the errors of the ego's track if the log has a truth of it."""
+    """Add the radio link and the offsets from the fixes to the result, and the track's errors if there is a truth."""
     made: EstimateEvidence = result.evaluation_inputs
     errors = compare_track_with_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
     link = RadioLinkSummary(made.remotes, made.ego, made.local_map)
+    entries = {**link.build_record_entries(), **fix_offsets_to_record_entry(made.measurements, made.ego)}
     if errors is None:
-        return result.with_evaluation(
-            sections=link.build_sections(), tables=link.build_tables(), entries=link.build_record_entries()
-        )
+        return result.with_evaluation(sections=link.build_sections(), tables=link.build_tables(), entries=entries)
     table = append_metric_rows(result.tables["estimate"], truth_error_metric_rows(errors))
     return result.with_evaluation(
         sections=(*link.build_sections(), build_truth_errors_section(errors), build_nees_section(errors)),
         tables={"estimate": table, **link.build_tables()},
         notes=errors.notes,
         verdict=ego_verdict_sentence(summarise_track(made.ego), errors.nees),
-        entries=link.build_record_entries(),
+        entries=entries,
     )
 
 

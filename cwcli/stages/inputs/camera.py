@@ -51,6 +51,10 @@ from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
 UNKNOWN_DISTORTION_TEXT = "calibration with an unknown distortion model"
 """The reason under which the messages of a calibration that can't be applied are counted as rejected."""
+ASSUMED_LENS_TEXT = "no calibration for"
+"""Beginning of the note that the lens is assumed; a doubt looks for it."""
+ASSUMED_MOUNTING_TEXT = "the camera's mounting is not known"
+"""Beginning of the note that the mounting is assumed; a doubt looks for it."""
 RECORDED_LANES_SETTINGS = ("mounting", "topics")
 """Keys of the recorded configuration of `cwcli lanes` that say how its camera was found."""
 
@@ -133,8 +137,8 @@ def find_camera_source(
     fov_rad = 2.0 * math.atan(500.0 / default.fx) if field_of_view_rad is None else field_of_view_rad
     if info is None:
         notes.append(
-            f"no calibration for {camera_topic}: a horizontal field of view of {math.degrees(fov_rad):.0f} degrees, no "
-            "distortion and the axis at the image's centre are assumed (--camera-fov)"
+            f"{ASSUMED_LENS_TEXT} {camera_topic}: a horizontal field of view of {math.degrees(fov_rad):.0f} degrees, "
+            "no distortion and the axis at the image's centre are assumed (--camera-fov)"
         )
     elif field_of_view_rad is not None:
         notes.append(f"--camera-fov is not used: {info.source} holds the calibration")
@@ -231,7 +235,7 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
     if pose is None:
         made = Mounting(**given)
         note = (
-            f"the camera's mounting is not known: {made.height_m:g} m above the road, level, straight ahead and in the "
+            f"{ASSUMED_MOUNTING_TEXT}: {made.height_m:g} m above the road, level, straight ahead and in the "
             f"middle of the car are assumed ({', '.join(MOUNTING_OPTION_NAMES.values())})"
         )
         notes = notes if given else (*notes, note)

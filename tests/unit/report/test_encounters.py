@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.digest.drive import Drive, OtherTrack
+from cwcli.digest.encounters import find_encounters
+from cwcli.digest.story import build_story
 from cwcli.measures.pair import ActualTrack
-from cwcli.report.drive import Drive, OtherTrack
-from cwcli.report.encounters import find_encounters
-from cwcli.report.story import build_story
 from cwcli.report.tables import encounter_facts_table
 from cwcli.signals.columns import Strings
 from cwcli.warning.rows import HELD, RAISED, WarningRow, WarningRows, build_warning_rows

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.from_signals import ego_signal_to_measurements
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import NO_GATED_MEASUREMENTS, GatedMeasurements
+from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.estimate import read_ego_truth
 from cwcli.evaluation.evaluation_context import EgoTruth
 from cwcli.evaluation.records import (
@@ -95,6 +97,7 @@ class Drive:
         truth: The ego's, None where the log has none.
         gated: The ego's measurements that the estimator gated.
         system: Another system's warnings, None where none are judged.
+        faults: What is wrong with the file itself -> how often.
     """
 
     name: str
@@ -112,6 +115,12 @@ class Drive:
     truth: EgoTruth | None = None
     gated: GatedMeasurements = NO_GATED_MEASUREMENTS
     other_system: OtherSystemVerdicts | None = None
+    faults: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def doubt_evidence(self) -> DoubtEvidence:
+        """What doubts about the drive are found in."""
+        return DoubtEvidence(self.records, self.ego, self.start_ns, self.faults)
 
     def seconds_since_start(self, stamp_ns: Int64Array) -> FloatArray:
         """Stamps as seconds from the log's start."""
@@ -147,8 +156,12 @@ def require_results(log: Log) -> None:
         )
 
 
-def read_drive(log: Log) -> Drive:
+def read_drive(log: Log, *, with_measurements: bool = True) -> Drive:
     """Read what the report shows of a log.
+
+    Args:
+        log: An annotated log, on disk or in memory.
+        with_measurements: Read the raw measurements and the truth, which the figures show, too.
 
     Raises:
         InputError: The log is damaged.
@@ -168,7 +181,8 @@ def read_drive(log: Log) -> Drive:
         others += _read_target_tracks(columns[TARGETS.topic], notes)
     if is_of_targets:
         others.sort(key=lambda other: other.kind != "target")
-    measured = _read_ego_measurements(log, records, notes) if ego is not None and len(ego) else ()
+    has_figures = with_measurements and ego is not None and len(ego) > 0
+    measured = _read_ego_measurements(log, records, notes) if has_figures else ()
     return Drive(
         name=log.name,
         start_ns=log.start_ns,
@@ -176,7 +190,7 @@ def read_drive(log: Log) -> Drive:
         ego=ego if ego is not None and len(ego) else None,
         others=tuple(others),
         measurements=measured,
-        truth=_read_ego_truth_or_note(log, records, ego, notes) if ego is not None and len(ego) else None,
+        truth=_read_ego_truth_or_note(log, records, ego, notes) if has_figures and ego is not None else None,
         warnings=read_warnings(columns[WARNINGS.topic]) if WARNINGS.topic in columns else None,
         lanes=read_lanes(columns[LANES.topic]) if LANES.topic in columns else None,
         warning_config=warning_config_from_record(warn),
@@ -184,6 +198,7 @@ def read_drive(log: Log) -> Drive:
         camera_topic=_find_camera_topic(log, records),
         notes=tuple(notes),
         gated=read_gated_measurements(columns[REJECTED.topic]) if REJECTED.topic in columns else NO_GATED_MEASUREMENTS,
+        faults=log.faults.counts_by_reason(),
     )
 
 
