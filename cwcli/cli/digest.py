@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from cwcli.digest.digest import Digest
     from cwcli.pipeline.execute import RunOutcome
 
-MAX_COMMAND_CHARACTERS = 70
-"""Longest command that is suggested, in characters; chosen: it fits a line."""
+MAX_COMMAND_CHARACTERS = 73
+"""Longest command that is suggested, in characters; a line without its label."""
 MAX_NAMED_FILES = 3
 """Greatest number of written files that are named; chosen by hand."""
 MAX_NAME_WIDTH = 40
@@ -79,7 +79,7 @@ def suggest_next_step(command: str, log: str, output: str | None) -> str:
     following = NEXT_STAGE.get(command)
     if following is not None:
         return _command_line("cwcli", following, output, "-o", f"{following}.mcap")
-    return _command_line("cwcli", "report", output, "-o", f"{Path(output).stem}.html")
+    return _command_line("cwcli", "report", output, "-o", "report.html")
 
 
 def _command_line(*words: str) -> str:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from cwcli.channels.published import REMOTE_STATE
 from cwcli.digest.drive_sentences import drive_length_sentence
 from cwcli.digest.stage_sentences import stage_sentence
-from cwcli.evaluation.doubts import Doubt, find_doubts_in_evidence, find_remarks_in_evidence, read_evidence
-from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.evaluation.doubts import find_doubts_in_evidence, find_remarks_in_evidence
+from cwcli.evaluation.doubts.base import Doubt
+from cwcli.evaluation.doubts.evidence import DoubtEvidence, read_evidence
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
-from cwcli.text import format_number
+from cwcli.text import format_number, join_names
+
+if TYPE_CHECKING:
+    from cwcli.digest.drive import Drive
 
 STAGES_OF_A_STORY = frozenset({"warn", "warn-targets", "warn-lane"})
 """Stages after which the story of the drive, with its warnings, says what happened."""
@@ -49,27 +54,32 @@ def build_digest(
         InputError: The log is damaged.
         DataError: A channel was written by another version.
     """
-    evidence = read_evidence(log)
+    drive = _read_warned_drive(log) if STAGES_OF_A_STORY & set(stages) else None
+    evidence = read_evidence(log) if drive is None else drive.doubt_evidence
     doubts = find_doubts_in_evidence(evidence)
     made = tuple(filter(None, (stage_sentence(stage, evidence.records, tables) for stage in stages)))
-    length = drive_length_sentence(log.end_ns - log.start_ns, evidence.ego, n_heard=_count_heard_vehicles(log))
-    if STAGES_OF_A_STORY & set(stages):
-        happened = (*_story_sentences(log, left_out, doubts), *made)
-    elif is_run:
-        happened = (*made, *_reason_for_no_warnings(left_out), length)
+    if drive is not None:
+        happened = (*_story_sentences(drive), *made)
     else:
-        happened = (*made, length)
+        length = drive_length_sentence(log.end_ns - log.start_ns, evidence.ego, n_heard=_count_heard_vehicles(log))
+        reason = _reason_for_no_warnings(left_out) if is_run else ()
+        happened = (*made, *reason, length) if evidence.ego is None else (length, *reason, *made)
     return Digest(happened, doubts, _confidence_sentences(evidence))
 
 
-def _story_sentences(log: Log, left_out: Mapping[str, str], doubts: Sequence[Doubt]) -> tuple[str, ...]:
-    """Return the sentences of the drive's story, as on the page."""
+def _read_warned_drive(log: Log) -> Drive:
+    """Read what the story of a drive with warnings needs."""
     from cwcli.digest.drive import read_drive
+
+    return read_drive(log, with_figures=False)
+
+
+def _story_sentences(drive: Drive) -> tuple[str, ...]:
+    """Return the sentences of the drive's story, as on the page."""
     from cwcli.digest.encounters import find_encounters
     from cwcli.digest.story import build_story
 
-    drive = read_drive(log, with_measurements=False)
-    story = build_story(drive, find_encounters(drive), left_out.get("warn", ""), doubts, with_careful_driver=False)
+    story = build_story(drive, find_encounters(drive), with_careful_driver=False)
     return (story.happened, *story.more)
 
 
@@ -91,9 +101,9 @@ def _count_heard_vehicles(log: Log) -> int:
 def _confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     """Say what is known of the errors: those against the truth, or that nothing tells them."""
     errors = [
-        f"{name} {format_number(sigma, 2)} {unit}"
+        f"{format_number(sigma, 2)} {unit} ({name})"
         for name, unit, sigma in evidence.estimate_summary.column_cells("errors", "error of", "unit", "estimated")
         if isinstance(sigma, float) and str(name).startswith(("position", "speed", "heading"))
     ]
-    against = (f"One sigma of the errors against the truth: {', '.join(errors)}.",) if errors else ()
+    against = (f"Against the truth it errs by {join_names(errors)}, one sigma.",) if errors else ()
     return (*against, *(each.sentence for each in find_remarks_in_evidence(evidence)))

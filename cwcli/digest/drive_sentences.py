@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.vehicle_state import VehicleStates
-from cwcli.evaluation.estimate import driven_distance_m
+from cwcli.channels.vehicle_state import VehicleStates, driven_distance_m
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.text import format_count, format_duration

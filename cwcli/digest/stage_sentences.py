@@ -61,7 +61,7 @@ def _lanes_sentence(summary: RecordedSummary, tables: Tables) -> str:
 
 def _observe_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Say how fast the car turned and slid in its lane."""
-    found = dict(summary.column_cells("observer", "quantity", "value"))
+    found = {str(name): value for name, value in summary.column_cells("observer", "quantity", "value")}
     turn, slide = (_number(found.get(name)) for name in ("largest yaw rate (deg/s)", "largest lateral speed (m/s)"))
     if not math.isfinite(turn + slide):
         return "The lateral motion in the lane was observed."

@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, driven_distance_m, read_vehicle_states
 from cwcli.estimation.consistency import effective_sample_count, nees
 from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
-from cwcli.evaluation.doubts.fixes import fix_offsets_to_record_entry
 from cwcli.evaluation.evaluation_context import TRUTH_AUTO, EgoStatesAndTruth, EgoTruth, EvaluationContext
+from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry
 from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states
 from cwcli.evaluation.link import RadioLinkSummary, add_link_metrics
 from cwcli.evaluation.records import source_config_from_record
@@ -48,8 +48,6 @@ MAX_STATE_GAP_S = 0.5
 """Longest gap between states that is interpolated, s. Chosen by hand; not fitted."""
 MAX_FIX_GAP_S = 1.5
 """Longest gap between fixes that is interpolated, s. Chosen for fixes at 1 Hz."""
-MAX_DRIVEN_GAP_S = 1.0
-"""Longest gap between states whose distance counts as driven, s. Chosen by hand; not fitted."""
 MIN_TRUTH_ROWS = 10
 """Least number of truth rows for a comparison. Chosen by hand; not fitted."""
 CHI_SQUARE_95_TWO_DOF = -2.0 * float(np.log(0.05))
@@ -107,12 +105,6 @@ def add_metrics(context: EvaluationContext) -> None:
 
 def _truth_mounting_notes(truth: Signal) -> tuple[str, ...]:
     return notes_on_truth_mounting(truth) if isinstance(truth, PoseSignal) else ()
-
-
-def driven_distance_m(states: VehicleStates) -> float:
-    """Return the distance (m) between states that are less than DRIVEN_GAP_S apart."""
-    steps = np.hypot(*np.diff(states.state[:, :2], axis=0).T)
-    return float(steps[np.diff(states.stamp_ns) < MAX_DRIVEN_GAP_S * NS_PER_S].sum())
 
 
 def _notes_on_unused_truth(read: SensorSignals) -> tuple[str, ...]:

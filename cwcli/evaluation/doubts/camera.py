@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
-from cwcli.stages.inputs.camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
+from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 
 MAX_ASSUMPTIONS = 1
 """From how many assumed properties on the lanes are doubted. Chosen: each changes every distance."""

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
+from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import (
@@ -69,14 +69,11 @@ def read_evidence(log: Log) -> DoubtEvidence:
         InputError: The log is damaged.
         DataError: The ego's states were written by another version.
     """
-    has_ego = any(channel.topic == EGO_STATE.topic for channel in log.channels)
-    ego = read_vehicle_states(log.columns(EGO_STATE.topic), with_covariance=False) if has_ego else None
-    return DoubtEvidence(
-        read_run_records(log),
-        ego if ego is not None and len(ego) else None,
-        log.start_ns,
-        log.faults.counts_by_reason(),
-    )
+    ego = None
+    if any(channel.topic == EGO_STATE.topic for channel in log.channels):
+        columns = log.columns(EGO_STATE.topic, FLAGGED_KINEMATIC_FIELDS)
+        ego = read_vehicle_states(columns, with_covariance=False) if len(columns) else None
+    return DoubtEvidence(read_run_records(log), ego, log.start_ns, log.faults.counts_by_reason())
 
 
 def source_name(entry: Mapping[str, Any]) -> str:

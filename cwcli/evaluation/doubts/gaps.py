@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.estimation.verdict import MAX_BRIDGED_SHARE
+from cwcli.estimation.tolerances import MAX_BRIDGED_SHARE
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.signals.vehicle_state import StateFlag

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cwcli.estimation.verdict import MAX_GATED_SHARE
+from cwcli.estimation.tolerances import MAX_GATED_SHARE
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
 from cwcli.pipeline.records import read_number

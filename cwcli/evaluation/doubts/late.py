@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cwcli.channels.published import EGO_ONLINE
-from cwcli.estimation.online_availability import MAX_UNREPORTED_DELAY_S
+from cwcli.estimation.tolerances import MAX_UNREPORTED_DELAY_S
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.pipeline.records import to_float_or_nan

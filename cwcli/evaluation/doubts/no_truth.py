@@ -11,7 +11,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 def find_missing_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield a remark if the ego was estimated and nothing tells its errors."""
     if evidence.ego is not None and not evidence.estimate_summary.column_cells("nees", "error of"):
-        yield Finding(0.0, "The log holds no truth of the car: how far the estimate errs is not known.")
+        yield Finding(0.0, "No truth of the car was used: how far the estimate errs is not known.")
 
 
 RULE = DoubtRule(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from cwcli.estimation.verdict import TOLERATED_VARIANCE_FACTOR
+from cwcli.estimation.tolerances import TOLERATED_VARIANCE_FACTOR
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
 from cwcli.pipeline.records import read_number, to_float_or_nan

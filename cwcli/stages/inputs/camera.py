@@ -18,6 +18,7 @@ from cwcli.channels.transforms import fill_transform_tree
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import read_configuration, read_input_counts, read_number, read_run_records
 from cwcli.pipeline.result import InputMessageCount
@@ -51,10 +52,6 @@ from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
 UNKNOWN_DISTORTION_TEXT = "calibration with an unknown distortion model"
 """The reason under which the messages of a calibration that can't be applied are counted as rejected."""
-ASSUMED_LENS_TEXT = "no calibration for"
-"""Beginning of the note that the lens is assumed; a doubt looks for it."""
-ASSUMED_MOUNTING_TEXT = "the camera's mounting is not known"
-"""Beginning of the note that the mounting is assumed; a doubt looks for it."""
 RECORDED_LANES_SETTINGS = ("mounting", "topics")
 """Keys of the recorded configuration of `cwcli lanes` that say how its camera was found."""
 

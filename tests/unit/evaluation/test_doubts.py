@@ -18,7 +18,7 @@ from cwcli.evaluation.doubts import (
     find_doubts_in_evidence,
     find_remarks_in_evidence,
 )
-from cwcli.evaluation.doubts.fixes import fix_offsets_to_record_entry, least_over_window
+from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_over_window
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE, StateFlag
 

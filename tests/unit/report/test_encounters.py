@@ -190,4 +190,4 @@ def test_the_first_sentence_below_the_headline_says_what_was_known(states: str, 
         "estimate": {"online_parameters": parameters},
     }
     scene = replace(scene, records=records)
-    assert words in build_story(scene, find_encounters(scene)).more[0]
+    assert words in build_story(scene, find_encounters(scene)).sentences[0]
