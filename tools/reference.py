@@ -1,10 +1,10 @@
 """Writes what is generated in the docs: `python -m tools.reference`.
 
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
-docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, the tables of keys in
-docs/scenarios.md, of data elements in docs/v2x.md and of bounds in docs/estimation.md, the output of `cwcli info` and
-the exit codes in README.md, and the map in CONTRIBUTING.md. Installed plug-ins of other packages are left out: the
-pages are about cwcli.
+docs/digest.md, docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, the tables
+of keys in docs/scenarios.md, of data elements in docs/v2x.md and of bounds in docs/estimation.md, the output of `cwcli
+info` and `cwcli run` and the exit codes in README.md, and the map in CONTRIBUTING.md. Installed plug-ins of other
+packages are left out: the pages are about cwcli.
 """
 
 from __future__ import annotations
@@ -88,7 +88,23 @@ def readme() -> str:
     lines = [f"$ cwcli {' '.join(arguments)}", *printed.getvalue().rstrip().splitlines()]
     block = "\n".join(f"    {line}".rstrip() for line in lines)
     text = replace_marked_block((ROOT / "README.md").read_text(encoding="utf-8"), "info", block)
+    text = replace_marked_block(text, "digest", _digest_session())
     return replace_marked_block(text, "exit codes", textwrap.fill(f"{EXIT_CODES_TEXT}.", README_WIDTH))
+
+
+def _digest_session() -> str:
+    """A run on a bundled log and the digest that it prints."""
+    import contextlib
+    import io
+
+    from cwcli.cli.main import run_command_line
+
+    arguments = ["run", "sample_logs/intersection.mcap"]
+    printed = io.StringIO()
+    with contextlib.chdir(ROOT), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
+        run_command_line(arguments)
+    lines = [f"$ cwcli {' '.join(arguments)}", *printed.getvalue().rstrip().splitlines()]
+    return "\n".join(f"    {line}".rstrip() for line in lines)
 
 
 def pages() -> dict[Path, str]:
@@ -101,11 +117,19 @@ def _pages() -> dict[Path, str]:
     from tools.channel_reference import channel_reference
     from tools.house_reference import guide_page
     from tools.metric_reference import evaluation_page
-    from tools.registry_reference import lanes_page, measures_page, prediction_page, signals_page, warning_page
+    from tools.registry_reference import (
+        digest_page,
+        lanes_page,
+        measures_page,
+        prediction_page,
+        signals_page,
+        warning_page,
+    )
     from tools.table_reference import estimation_page, scenario_page, v2x_page
 
     docs = ROOT / "docs"
     lists = {
+        "digest.md": digest_page,
         "estimation.md": estimation_page,
         "evaluation.md": evaluation_page,
         "lanes.md": lanes_page,

@@ -260,3 +260,21 @@ def signals_page(text: str) -> str:
             (role.value, "; then ".join(parts[: len(ordered)]) + "".join(f"; {p}" for p in parts[len(ordered) :]))
         )
     return replace_marked_block(text, "inputs", format_markdown_table(("role", "schemas, best first"), rows))
+
+
+def digest_page(text: str) -> str:
+    """docs/digest.md with its table of doubts as it is now."""
+    from cwcli.evaluation.doubts import DOUBTS
+
+    rows = [
+        (
+            format_code(name),
+            rule.summary,
+            f"{rule.threshold:g} {rule.unit}".strip(),
+            rule.source,
+            rule.advice,
+        )
+        for name, rule in DOUBTS.items()
+    ]
+    table = format_markdown_table(("doubt", "what", "threshold", "where it is from", "what to do"), rows)
+    return replace_marked_block(text, "doubts", table)

@@ -48,8 +48,12 @@ N_CORRELATIONS = N_STATES * (N_STATES - 1) // 2
 """Number of correlations above the diagonal of a covariance."""
 COVARIANCE_FIELDS = ("covariance", "sigma", "correlation")
 """Fields that hold the covariance, in logs of older versions and of this one."""
+MAX_DRIVEN_GAP_S = 1.0
+"""Longest gap between states whose distance counts as driven, s. Chosen by hand; not fitted."""
 KINEMATIC_FIELDS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
 """Fields of the states without their covariances, which are most of a channel's bytes."""
+FLAGGED_KINEMATIC_FIELDS = (*KINEMATIC_FIELDS, *FLAG_OF_FIELD)
+"""The same, with the flags."""
 
 
 @dataclass(frozen=True)
@@ -247,3 +251,9 @@ def require_ego_states(states: VehicleStates, *, log_name: str, topic: str) -> N
         raise MissingSignalError(
             "no state of the ego is in the log, or none between --start and --end", where=f"{log_name}: {topic}"
         )
+
+
+def driven_distance_m(states: VehicleStates) -> float:
+    """Return the distance (m) between states that are less than `MAX_DRIVEN_GAP_S` apart."""
+    steps = np.hypot(*np.diff(states.state[:, :2], axis=0).T)
+    return float(steps[np.diff(states.stamp_ns) < MAX_DRIVEN_GAP_S * NS_PER_S].sum())

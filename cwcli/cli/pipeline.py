@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.console import Console, normalise_stdout_name
-from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.digest import print_digest, suggest_next_step
+from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions, source_names
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
@@ -20,6 +21,7 @@ from cwcli.pipeline.selection import resolve_selection
 from cwcli.stages import STAGES
 
 if TYPE_CHECKING:
+    from cwcli.digest.digest import Digest
     from cwcli.logs.read.reader import Log
     from cwcli.logs.read.source import Source
     from cwcli.metrics.table import Table
@@ -45,14 +47,22 @@ class Job:
     stages: Mapping[str, Call]
     reading: ReadingOptions
     writing: WritingOptions
-    talk: TalkOptions
+    talk: RunTalkOptions
     metrics: str | None = None
     metrics_dir: str | None = None
     preceding_stages: Collection[str] = ()
     skip: SkipRules = RUN_EVERY_STAGE
 
 
-def run_write_and_print(job: Job) -> RunOutcome:
+@dataclass(frozen=True)
+class JobOutcome:
+    """What came of a job: the results of its stages, and their digest (None where none is printed)."""
+
+    run: RunOutcome
+    digest: Digest | None
+
+
+def run_write_and_print(job: Job) -> None:
     """Run the stages of a job, write its outputs, and print the summary.
 
     Raises:
@@ -62,13 +72,13 @@ def run_write_and_print(job: Job) -> RunOutcome:
     console = _console_for_job(job)
     outcome = run_and_write(job)
     if job.talk.json:
-        console.print_document(job.command, job_document(job, outcome))
-    else:
-        print_outcome(job, console, outcome)
-    return outcome
+        console.print_document(job.command, job_document(job, outcome.run))
+    elif outcome.digest is not None:
+        next_step = suggest_next_step(job.command, ", ".join(source_names(job.source)), job.writing.output)
+        print_outcome(job, console, outcome, next_step)
 
 
-def run_and_write(job: Job) -> RunOutcome:
+def run_and_write(job: Job) -> JobOutcome:
     """Run the stages of a job and write its outputs; prints only the progress.
 
     Raises:
@@ -100,7 +110,16 @@ def run_and_write(job: Job) -> RunOutcome:
                 step=progress.begin_step,
             )
             _write_outputs(job, annotated, outcome, progress)
-    return outcome
+            digest = None if job.talk.quiet or job.talk.json else _build_digest(job, annotated, outcome)
+    return JobOutcome(outcome, digest)
+
+
+def _build_digest(job: Job, log: Log, outcome: RunOutcome) -> Digest:
+    """Build the digest of a job from its results in memory."""
+    from cwcli.digest.digest import build_digest
+
+    stages = [result.stage for result in outcome.results]
+    return build_digest(log, stages, outcome.left_out, outcome.tables_by_name(), is_run=job.skip.lenient)
 
 
 def _console_for_job(job: Job) -> Console:
@@ -199,20 +218,28 @@ def job_document(job: Job, outcome: RunOutcome) -> dict[str, Any]:
     }
 
 
-def print_outcome(job: Job, console: Console, outcome: RunOutcome) -> None:
-    """Print the summaries of the stages, notes on left-out stages and faults, and the written files."""
-    for result in outcome.results:
-        print_stage_summary(console, result.summary)
-    for stage, reason in outcome.left_out.items():
-        console.print_note(f"{stage} was left out: {reason}")
-    for name in outcome.unmade:
+def print_outcome(job: Job, console: Console, outcome: JobOutcome, next_step: str) -> None:
+    """Print the digest, behind it with `--details` the tables and notes of the stages, and notes on the output."""
+    run, digest = outcome.run, outcome.digest
+    if digest is not None:
+        print_digest(console, job.command, digest, run, next_step)
+    if job.talk.details:
+        console.print_summary("")
+        _print_details(console, run)
+    for name in run.unmade:
         console.print_note(f"--channels {name}: this run made no such channel")
-    for reason, count in outcome.faults.items():
-        console.print_note(f"{outcome.name}: {reason}: {count}")
-    if outcome.left_profile:
+
+
+def _print_details(console: Console, run: RunOutcome) -> None:
+    """Print the summaries of the stages, and notes on left-out stages, on faults and on the annotated log."""
+    for result in run.results:
+        print_stage_summary(console, result.summary)
+    for stage, reason in run.left_out.items():
+        console.print_note(f"{stage} was left out: {reason}")
+    for reason, count in run.faults.items():
+        console.print_note(f"{run.name}: {reason}: {count}")
+    if run.left_profile:
         console.print_note(
-            f"the annotated log's profile is no longer {outcome.left_profile}: it holds more than ROS messages"
+            f"the annotated log's profile is no longer {run.left_profile}: it holds more than ROS messages"
         )
-    print_written_files(console, outcome.written)
-    if not outcome.written and job.writing.output is None:
-        console.print_note("nothing was written; -o FILE writes the annotated log")
+    print_written_files(console, run.written)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.options.expand import expand_dataclass_parameters
 from cwcli.cli.options.shared import (
     CalibrationOptions,
@@ -46,7 +46,7 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
         reading: ReadingOptions,
         sensors: SensorOptions,
         calibration: CalibrationOptions,
-        talk: TalkOptions,
+        talk: RunTalkOptions,
     ) -> None:
         known = calibration.load_if_named()
         first = {

@@ -1,12 +1,12 @@
-"""Measures, wraps and pads text for a terminal; re-exports `cwcli.text`."""
+"""Wraps and pads text for a terminal; re-exports `cwcli.text`."""
 
 from __future__ import annotations
 
 import os
 import sys
-import unicodedata
 
 from cwcli.text import (
+    display_width,
     escape_control_characters,
     finite_or_none,
     format_byte_size,
@@ -16,6 +16,7 @@ from cwcli.text import (
     format_number,
     join_names,
     shorten_and_escape,
+    wrap_text,
 )
 
 __all__ = [
@@ -51,46 +52,6 @@ def terminal_width() -> int | None:
     except (OSError, ValueError):
         return DEFAULT_WIDTH
     return max(columns or DEFAULT_WIDTH, MIN_WIDTH)  # some terminals report 0
-
-
-def display_width(text: str) -> int:
-    """Number of terminal cells of a text: two for wide East Asian characters, none for combining marks."""
-    if text.isascii():
-        return len(text)
-    return sum(
-        0 if unicodedata.combining(char) else 2 if unicodedata.east_asian_width(char) in "WF" else 1 for char in text
-    )
-
-
-def wrap_text(text: str, width: int) -> list[str]:
-    """Wrap a text into lines of at most `width` cells, at spaces, else after `/ _ . ,`, else anywhere."""
-    lines: list[str] = []
-    rest = text
-    width = max(width, 1)
-    while display_width(rest) > width:
-        cut = _line_break_position(rest, width)
-        lines.append(rest[:cut].rstrip())
-        rest = rest[cut:].lstrip()
-    lines.append(rest)
-    return lines
-
-
-def _line_break_position(text: str, width: int) -> int:
-    fits = 0
-    used = 0
-    for char in text:
-        used += display_width(char)
-        if used > width:
-            break
-        fits += 1
-    fits = max(fits, 1)
-    if text[fits : fits + 1] == " ":
-        return fits
-    for breaks in (" ", "/_.,"):
-        best = max((text.rfind(mark, 1, fits) for mark in breaks), default=-1)
-        if best > 0:
-            return best + 1 if breaks != " " else best
-    return fits
 
 
 def wrap_paragraph(text: str, *, first: str = "", rest: str = "", width: int | None = None) -> str:

@@ -11,6 +11,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.result import SourceReport
+from cwcli.estimation.tolerances import MAX_UNREPORTED_DELAY_S
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -21,8 +22,6 @@ NEVER_AVAILABLE_NS = np.iinfo(np.int64).max
 """Time of what is never available, ns."""
 ALWAYS_AVAILABLE_NS = np.iinfo(np.int64).min
 """Time of what is available from the beginning, ns."""
-MAX_UNREPORTED_DELAY_S = 1.0
-"""Delay of a state from which a note reports it, s; chosen by hand."""
 PARAMETERS_FROM_LOG, PARAMETERS_FROM_MESSAGES = "this log", "messages and defaults"
 """Names of the two origins of parameters other than a calibration, as the output shows them."""
 

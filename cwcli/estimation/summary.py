@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.estimation.contradiction import Contradiction
-from cwcli.estimation.measurements import QUANTITIES
+from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.verdict import NeesOfQuantity, consistency_verdict_sentence
 from cwcli.lazy_dataclass import dataclass
@@ -86,6 +86,7 @@ def format_source_diagnostics_json(tracks: Mapping[str, TrackSummary]) -> str:
                 "read": report.n_read,
                 "used": report.n_used,
                 "gated": report.n_gated,
+                "resets": 0 if report.kind in RATE_KINDS else report.n_resets,
                 "nis_per_dof": finite_or_none(report.nis_mean / report.nis_dof),
                 "nis_inside": report.nis_inside,
                 "stamp_sigma_s": finite_or_none(report.stamp_error.value),

@@ -8,14 +8,9 @@ from collections.abc import Mapping, Sequence
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.measurements import RATE_KINDS
 from cwcli.estimation.result import SourceReport
+from cwcli.estimation.tolerances import MAX_BRIDGED_SHARE, MAX_GATED_SHARE, TOLERATED_VARIANCE_FACTOR
 from cwcli.lazy_dataclass import dataclass
 
-TOLERATED_VARIANCE_FACTOR = 2.0
-"""Factor by which a variance may be wrong without a fault being reported. Chosen by hand; not fitted."""
-MAX_GATED_SHARE = 0.05
-"""Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
-MAX_BRIDGED_SHARE = 0.2
-"""Share of bridged states that is reported as a fault. Chosen by hand; not fitted."""
 MAX_LISTED_FAULTS = 2
 """Greatest number of faults in the sentence; chosen for a short sentence."""
 

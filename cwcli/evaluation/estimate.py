@@ -11,10 +11,11 @@ import numpy.typing as npt
 
 from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, driven_distance_m, read_vehicle_states
 from cwcli.estimation.consistency import effective_sample_count, nees
 from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
 from cwcli.evaluation.evaluation_context import TRUTH_AUTO, EgoStatesAndTruth, EgoTruth, EvaluationContext
+from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry
 from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states
 from cwcli.evaluation.link import RadioLinkSummary, add_link_metrics
 from cwcli.evaluation.records import source_config_from_record
@@ -47,8 +48,6 @@ MAX_STATE_GAP_S = 0.5
 """Longest gap between states that is interpolated, s. Chosen by hand; not fitted."""
 MAX_FIX_GAP_S = 1.5
 """Longest gap between fixes that is interpolated, s. Chosen for fixes at 1 Hz."""
-MAX_DRIVEN_GAP_S = 1.0
-"""Longest gap between states whose distance counts as driven, s. Chosen by hand; not fitted."""
 MIN_TRUTH_ROWS = 10
 """Least number of truth rows for a comparison. Chosen by hand; not fitted."""
 CHI_SQUARE_95_TWO_DOF = -2.0 * float(np.log(0.05))
@@ -56,21 +55,20 @@ CHI_SQUARE_95_TWO_DOF = -2.0 * float(np.log(0.05))
 
 
 def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
-    """Add the radio link to the result, and the errors of the ego's track if the log has a truth of it."""
+    """Add the radio link and the offsets from the fixes to the result, and the track's errors if there is a truth."""
     made: EstimateEvidence = result.evaluation_inputs
     errors = compare_track_with_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
     link = RadioLinkSummary(made.remotes, made.ego, made.local_map)
+    entries = {**link.build_record_entries(), **fix_offsets_to_record_entry(made.measurements, made.ego)}
     if errors is None:
-        return result.with_evaluation(
-            sections=link.build_sections(), tables=link.build_tables(), entries=link.build_record_entries()
-        )
+        return result.with_evaluation(sections=link.build_sections(), tables=link.build_tables(), entries=entries)
     table = append_metric_rows(result.tables["estimate"], truth_error_metric_rows(errors))
     return result.with_evaluation(
         sections=(*link.build_sections(), build_truth_errors_section(errors), build_nees_section(errors)),
         tables={"estimate": table, **link.build_tables()},
         notes=errors.notes,
         verdict=ego_verdict_sentence(summarise_track(made.ego), errors.nees),
-        entries=link.build_record_entries(),
+        entries=entries,
     )
 
 
@@ -107,12 +105,6 @@ def add_metrics(context: EvaluationContext) -> None:
 
 def _truth_mounting_notes(truth: Signal) -> tuple[str, ...]:
     return notes_on_truth_mounting(truth) if isinstance(truth, PoseSignal) else ()
-
-
-def driven_distance_m(states: VehicleStates) -> float:
-    """Return the distance (m) between states that are less than DRIVEN_GAP_S apart."""
-    steps = np.hypot(*np.diff(states.state[:, :2], axis=0).T)
-    return float(steps[np.diff(states.stamp_ns) < MAX_DRIVEN_GAP_S * NS_PER_S].sum())
 
 
 def _notes_on_unused_truth(read: SensorSignals) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cwcli.errors import UsageError
+from cwcli.evaluation.doubts import find_doubts
 from cwcli.evaluation.evaluation_context import TRUTH_AUTO, TRUTH_NONE, EvaluationContext
 from cwcli.evaluation.log_data import add_input_message_counts
 from cwcli.evaluation.reference import add_online_state_errors
@@ -16,6 +17,7 @@ from cwcli.evaluation.system.metrics import add_metrics_of_other_system
 from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
+from cwcli.pipeline.records import read_run_records
 from cwcli.stages import STAGES
 
 STAGES_EVALUATED_FIRST = ("estimate", "predict", "warn", "track")
@@ -60,5 +62,7 @@ def evaluate_log(
     add_online_state_errors(subject)
     add_metrics_of_other_system(subject)
     add_input_message_counts(subject.headline, log)
+    if read_run_records(log):
+        subject.headline.add_count("doubts.count", len(find_doubts(log)))
     notes = "\n".join((*subject.ego.notes, *subject.notes))
     return subject.headline.to_table(truth=truth, **({"notes": notes} if notes else {}))

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
+from cwcli.channels.vehicle_state import driven_distance_m
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes, read_actual_tracks
 from cwcli.evaluation.conflicts import judge_warning
-from cwcli.evaluation.estimate import driven_distance_m
 from cwcli.evaluation.evaluation_context import EvaluationContext
 from cwcli.evaluation.knowledge import comparison_label, knowledge_of_estimated_states, knowledge_of_stage_input
 from cwcli.evaluation.preventable import add_preventable_share

@@ -262,6 +262,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("data.rejected_share", "data", "", "mean", "lower", "rejected out of read", is_compared=True),
     Metric("data.faults_count", "data", "", "sum", "lower",
            "kinds of fault in the file: bad CRCs, lost bytes, undecodable messages of a topic"),
+    Metric("doubts.count", "doubts", "", "sum", "lower", "reasons to doubt the results ([digest](digest.md))"),
 )  # fmt: skip
 """All headline metrics, in the order in which tables and comparisons list them."""
 

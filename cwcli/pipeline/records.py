@@ -90,13 +90,14 @@ class RecordedSummary:
     """The summary of a stage, read from its record.
 
     Attributes:
-        verdict, notes: As in `pipeline.result.StageSummary`.
+        verdict, notes, contradictions: As in `pipeline.result.StageSummary`.
         sections: Its tables.
     """
 
     verdict: str
     notes: tuple[str, ...]
     sections: tuple[SummaryTable, ...]
+    contradictions: tuple[str, ...] = ()
 
     def column_cells(self, key: str, *columns: str) -> list[tuple[Cell, ...]]:
         """Return the cells of some columns of a table, row by row; [] if the table or a column is missing."""
@@ -110,12 +111,18 @@ class RecordedSummary:
 def read_recorded_summary(record: Record) -> RecordedSummary:
     """Return the summary in the record; an empty one where there is none, as in logs of older versions."""
     found = read_json_entry(record, "summary", dict)
-    notes, sections = found.get("notes"), found.get("sections")
+    sections = found.get("sections")
     return RecordedSummary(
         str(found.get("verdict") or ""),
-        tuple(note for note in notes if isinstance(note, str)) if isinstance(notes, list) else (),
+        _parse_texts(found.get("notes")),
         tuple(filter(None, map(_parse_section, sections))) if isinstance(sections, list) else (),
+        _parse_texts(found.get("contradictions")),
     )
+
+
+def _parse_texts(found: Any) -> tuple[str, ...]:
+    """Return the texts in a list of the summary; () if it is none."""
+    return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
 
 
 def _parse_section(found: Any) -> SummaryTable | None:

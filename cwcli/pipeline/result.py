@@ -117,10 +117,11 @@ class StageSummary:
         }
 
     def to_record_entry(self) -> dict[str, str]:
-        """Return the tables, notes and verdict as an entry of the metadata record, for later readers of the log."""
+        """Return tables, notes, verdict and contradictions as an entry of the record, for later readers of the log."""
         told = {
             "verdict": self.verdict,
             "notes": list(self.notes),
+            **({"contradictions": list(self.contradictions)} if self.contradictions else {}),
             "sections": [
                 {
                     "key": section.key,

@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from urllib.parse import quote
 
+from cwcli.digest.drive import read_drive
+from cwcli.digest.encounters import find_encounters
+from cwcli.digest.story import name_of_other, verdict_badge
 from cwcli.errors import CwcliError, UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.gates import GateCheck
-from cwcli.report.drive import read_drive
-from cwcli.report.encounters import find_encounters
 from cwcli.report.pairs import unwarned_conflict_links, warning_anchor_names
 from cwcli.report.source import LogEntry, read_reported_run
-from cwcli.report.story import name_of_other, verdict_badge
 from cwcli.report.tables import MAX_TABLE_ROWS
 
 MAX_LINKS_PER_CHECK = 20

@@ -11,7 +11,11 @@ import numpy as np
 
 from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
+from cwcli.digest.drive import read_drive, require_results
+from cwcli.digest.encounters import find_encounters
+from cwcli.digest.story import Badge, Story, build_story
 from cwcli.errors import CwcliError
+from cwcli.evaluation.doubts import find_doubts_in_evidence
 from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.fleet.folder import log_id_of_annotated_file
 from cwcli.fleet.results import read_run_metrics
@@ -19,8 +23,6 @@ from cwcli.logs.read.reader import Log
 from cwcli.metrics.gates import GateResult, check_gates
 from cwcli.metrics.pooling import MetricRow, metric_rows_by_name
 from cwcli.pipeline.records import read_run_records
-from cwcli.report.drive import read_drive, require_results
-from cwcli.report.encounters import find_encounters
 from cwcli.report.gates import build_gate_views, gate_badge_of_run, gate_badges_of_log
 from cwcli.report.overview import (
     MAX_PAGE_BYTES,
@@ -33,9 +35,8 @@ from cwcli.report.overview import (
 from cwcli.report.page import PageContent, PageRenderer
 from cwcli.report.pooled import SourceInLog, read_ego_sources
 from cwcli.report.section import DetailLevel, SectionOptions, build_log_view
-from cwcli.report.sensors import reasons_for_doubt, sensor_remarks_sentence
+from cwcli.report.sensors import sensor_remarks_sentence
 from cwcli.report.source import LogEntry, ReportedRun, read_reported_run
-from cwcli.report.story import Badge, Story, build_story
 from cwcli.report.system import judge_other_system, other_system_sentences
 from cwcli.report.tiles import TileServer
 from cwcli.report.views import LogView
@@ -165,7 +166,7 @@ def _build_report_of_one_log(
     page = PageContent(
         title=entry.name,
         headline=story.headline,
-        sentences=(" ".join(story.more),),
+        sentences=(" ".join(story.sentences),),
         badges=tuple(badges),
         gates=tuple(build_gate_views(results)),
         columns=(),
@@ -288,7 +289,10 @@ def _read_and_build_log_view(
     drive = replace(read_drive(log), other_system=judge_other_system(log, system))
     drive_encounters = find_encounters(drive)
     story: Story = build_story(
-        drive, drive_encounters, entry.skip_reason_by_stage.get("warn", ""), reasons_for_doubt(drive)
+        drive,
+        drive_encounters,
+        entry.skip_reason_by_stage.get("warn", ""),
+        find_doubts_in_evidence(drive.doubt_evidence),
     )
     story = replace(
         story, more=(*story.more, *filter(None, (sensor_remarks_sentence(drive),)), *other_system_sentences(drive))

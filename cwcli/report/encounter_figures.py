@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.digest.drive import Drive, ego_length_and_width_m
+from cwcli.digest.encounters import Encounter, NearestApproach
 from cwcli.measures.distance import MEASURE as DISTANCE
 from cwcli.measures.drac import MEASURE as DRAC
 from cwcli.measures.gap import MEASURE as GAP
@@ -28,8 +30,6 @@ from cwcli.report.drawing import (
     rounded_json_numbers,
     vertical_line_with_label,
 )
-from cwcli.report.drive import Drive, ego_length_and_width_m
-from cwcli.report.encounters import Encounter, NearestApproach
 from cwcli.report.map_figure import escaped_vehicle_name, insert_line_breaks
 from cwcli.report.signal_figures import other_system_warning_lines
 from cwcli.signals.columns import FloatArray

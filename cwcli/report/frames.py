@@ -9,11 +9,11 @@ from typing import TypeVar
 import numpy as np
 
 from cwcli.channels.lanes import LaneRows
+from cwcli.digest.drive import Drive
 from cwcli.errors import CwcliError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
-from cwcli.report.drive import Drive
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.encoded import Image
 from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames

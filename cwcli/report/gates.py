@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cwcli.digest.story import Badge
 from cwcli.metrics.gates import CheckStatus, GateResult
 from cwcli.report.page import GateView
-from cwcli.report.story import Badge
 from cwcli.text import format_count
 
 MAX_LISTED_CHECKS = 5

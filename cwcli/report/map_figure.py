@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cwcli.digest.drive import Drive, OtherTrack
+from cwcli.digest.encounters import DriveEncounters
 from cwcli.estimation.measurements import Kind
 from cwcli.measures.pair import ActualTrack, interpolate_track
 from cwcli.report.decimate import first_row_per_grid_cell, simplified_track_row_indices
@@ -24,8 +26,6 @@ from cwcli.report.drawing import (
     marker_trace,
     rounded_json_numbers,
 )
-from cwcli.report.drive import Drive, OtherTrack
-from cwcli.report.encounters import DriveEncounters
 from cwcli.signals.columns import FloatArray, Int64Array
 
 MAX_OTHERS_ON_MAP = 12

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from cwcli import __version__
+from cwcli.digest.story import Badge
 from cwcli.errors import InputError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.gates import GateResult
@@ -14,7 +15,6 @@ from cwcli.report.gates import build_gate_views, gate_badge_of_run
 from cwcli.report.page import OverviewRow, PageContent, PageRenderer
 from cwcli.report.pooled import SourceInLog, pool_metrics, pool_sources
 from cwcli.report.source import LogEntry, ReportedRun
-from cwcli.report.story import Badge
 from cwcli.report.tables import format_metric_value
 from cwcli.report.tiles import TileServer
 from cwcli.text import escape_control_characters, format_count

@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from cwcli.digest.story import Badge
 from cwcli.errors import UsageError, install_hint
 from cwcli.lazy_dataclass import dataclass
 from cwcli.report.pooled import PooledMetric, PooledSource
-from cwcli.report.story import Badge
 from cwcli.report.tiles import TileServer
 from cwcli.report.views import LogView
 from cwcli.text import escape_control_characters

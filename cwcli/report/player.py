@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from cwcli.report.drive import Drive
+from cwcli.digest.drive import Drive
 from cwcli.report.frames import Thumbnail
 from cwcli.report.views import Player
 from cwcli.signals.units import NS_PER_S

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.digest.drive import Drive
 from cwcli.errors import MissingSignalError, UsageError, install_hint
 from cwcli.evaluation.evaluation_context import EgoTruth
 from cwcli.lazy_dataclass import dataclass
-from cwcli.report.drive import Drive
 from cwcli.report.map_figure import insert_line_breaks
 from cwcli.report.sensors import MAX_INTERPOLATION_GAP_S, truth_error_curves
 from cwcli.report.signal_figures import SignalCurve, lane_curves, motion_curves

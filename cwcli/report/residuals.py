@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.digest.drive import Drive
 from cwcli.estimation.imu import level_imu
 from cwcli.estimation.latency import MAX_DRIFT_REACH_S
 from cwcli.estimation.measurements import Kind, Measurements
@@ -27,7 +28,6 @@ from cwcli.report.drawing import (
     polygon_trace,
     rounded_json_numbers,
 )
-from cwcli.report.drive import Drive
 from cwcli.report.sensors import INTERVAL_95_SIGMAS, parse_leading_number
 from cwcli.report.signal_figures import gated_mask
 from cwcli.report.views import Plot

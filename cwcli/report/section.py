@@ -9,24 +9,9 @@ import numpy as np
 
 from cwcli.channels.predicted_path import read_predicted_paths
 from cwcli.channels.published import EGO_PATH, REMOTE_PATH
-from cwcli.errors import CwcliError
-from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import map_from_record
-from cwcli.prediction.paths import Paths
-from cwcli.report.drawing import Figure
-from cwcli.report.drive import Drive
-from cwcli.report.encounter_figures import nearest_approach_figure, predicted_paths_figure, warning_distance_figure
-from cwcli.report.encounters import DriveEncounters, Encounter
-from cwcli.report.frames import Thumbnail, make_thumbnails
-from cwcli.report.map_figure import build_map_figure
-from cwcli.report.pairs import conflicts_table, pair_extremes_table, unwarned_conflict_links, warning_anchor_names
-from cwcli.report.player import build_picture_player, evenly_spaced_stamps_ns
-from cwcli.report.residuals import build_residual_plots
-from cwcli.report.sensors import build_sensors_view, truth_error_figure
-from cwcli.report.signal_figures import lane_figure, motion_figure
-from cwcli.report.source import LogEntry
-from cwcli.report.story import (
+from cwcli.digest.drive import Drive
+from cwcli.digest.encounters import DriveEncounters, Encounter
+from cwcli.digest.story import (
     Badge,
     Story,
     careful_driver_sentence,
@@ -35,6 +20,21 @@ from cwcli.report.story import (
     verdict_badge,
     verdict_sentence,
 )
+from cwcli.errors import CwcliError
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import map_from_record
+from cwcli.prediction.paths import Paths
+from cwcli.report.drawing import Figure
+from cwcli.report.encounter_figures import nearest_approach_figure, predicted_paths_figure, warning_distance_figure
+from cwcli.report.frames import Thumbnail, make_thumbnails
+from cwcli.report.map_figure import build_map_figure
+from cwcli.report.pairs import conflicts_table, pair_extremes_table, unwarned_conflict_links, warning_anchor_names
+from cwcli.report.player import build_picture_player, evenly_spaced_stamps_ns
+from cwcli.report.residuals import build_residual_plots
+from cwcli.report.sensors import build_sensors_view, truth_error_figure
+from cwcli.report.signal_figures import lane_figure, motion_figure
+from cwcli.report.source import LogEntry
 from cwcli.report.system import other_system_tables
 from cwcli.report.tables import all_warnings_table, build_log_tables, encounter_facts_table
 from cwcli.report.views import EventView, LogView, Picture, Plot

@@ -8,19 +8,19 @@ from typing import TypeGuard
 
 import numpy as np
 
+from cwcli.digest.drive import Drive
+from cwcli.digest.encounters import DriveEncounters
 from cwcli.evaluation.estimate import covariances_nearest_in_time
 from cwcli.evaluation.evaluation_context import EgoTruth
-from cwcli.pipeline.records import RecordedSummary, read_recorded_summary, to_float_or_nan
+from cwcli.pipeline.records import RecordedSummary, read_recorded_summary
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.report.drawing import Figure, rounded_json_numbers
-from cwcli.report.drive import Drive
-from cwcli.report.encounters import DriveEncounters
 from cwcli.report.signal_figures import SignalCurve, stacked_curves_figure
 from cwcli.report.views import SensorsView, TableView
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
-from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
+from cwcli.signals.vehicle_state import HEADING, SPEED
 from cwcli.text import format_number, join_names
 
 SENSOR_TABLE_KEYS = ("sources", "parameters", "noise", "errors", "nees", "link", "reception")
@@ -33,14 +33,6 @@ ELLIPSE_95_SIGMAS = math.sqrt(-2.0 * math.log(0.05))
 """Half axis of the 95 % ellipse in standard deviations (Rayleigh distribution)."""
 INTERVAL_95_SIGMAS = 1.96
 """Half width of the 95 % interval in standard deviations (normal distribution)."""
-MAX_PLAUSIBLE_SPEED_KMH = 200.0
-"""Larger speeds, in km/h, are doubted: few motorways allow more than 130, and test tracks stay below 200."""
-MAX_NEES_PER_DOF = 2.0
-"""Larger NEES per degree of freedom are doubted, as in the estimator's own verdict."""
-MAX_PLAUSIBLE_ACCEL_MPS2 = 12.0
-"""Larger accelerations, in m/s^2, are doubted: tyres on a dry road transmit about 1.2 g at most."""
-
-
 MIN_REMARKED_LATENCY_MS = 100.0
 """Smaller corrected latencies, in ms, are not remarked, as the figures do not show them. Chosen by hand; not fitted."""
 MIN_REMARKED_PITCH_DEG = 3.0
@@ -140,33 +132,6 @@ def _cell_text(cell: Cell) -> str:
     if cell is None:
         return "-"
     return format_number(cell) if isinstance(cell, float) else str(cell)
-
-
-def reasons_for_doubt(drive: Drive) -> list[str]:
-    """Return reasons to doubt the estimate: implausible values, and covariances that the truth contradicts.
-
-    Returns:
-        In words: `a speed of 211 km/h`, `a covariance of the heading that is too small by a factor of 16.8`.
-    """
-    if drive.ego is None:
-        return []
-    state = drive.ego.state
-    speed = np.abs(state[:, SPEED])
-    found = []
-    for values, most, said in (
-        (3.6 * speed, MAX_PLAUSIBLE_SPEED_KMH, "a speed of {:.0f} km/h"),
-        (np.abs(state[:, ACCEL]), MAX_PLAUSIBLE_ACCEL_MPS2, "an acceleration of {:.0f} m/s²"),
-        (speed * np.abs(state[:, YAW_RATE]), MAX_PLAUSIBLE_ACCEL_MPS2, "a lateral acceleration of {:.0f} m/s²"),
-    ):
-        finite = values[np.isfinite(values)]
-        if len(finite) and finite.max() > most:
-            found.append(said.format(float(finite.max())))
-    for name, nees in read_recorded_summary(drive.records.get("estimate", {})).column_cells(
-        "nees", "error of", "NEES/dof"
-    ):
-        if _is_number(nees) and to_float_or_nan(nees) > MAX_NEES_PER_DOF:
-            found.append(f"a covariance of the {name} that is too small by a factor of {to_float_or_nan(nees):.2g}")
-    return found
 
 
 def truth_error_figure(

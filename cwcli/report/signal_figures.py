@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.digest.drive import Drive
+from cwcli.digest.encounters import DriveEncounters
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import GatedMeasurements
 from cwcli.lazy_dataclass import dataclass
@@ -25,8 +27,6 @@ from cwcli.report.drawing import (
     rounded_json_numbers,
     vertical_line_with_label,
 )
-from cwcli.report.drive import Drive
-from cwcli.report.encounters import DriveEncounters
 from cwcli.report.map_figure import insert_line_breaks
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.packed_covariances import variances_of_states

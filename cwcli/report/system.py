@@ -6,6 +6,8 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 
+from cwcli.digest.drive import Drive, OtherSystemVerdicts
+from cwcli.digest.story import VERDICT_PHRASES
 from cwcli.evaluation.actual_outcomes import find_actual_outcomes
 from cwcli.evaluation.system.flag import read_flag_from_topic
 from cwcli.evaluation.system.warnings import judge_flag_warnings
@@ -13,8 +15,6 @@ from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.pooling import MetricRow
 from cwcli.metrics.system_pairs import pair_with_own
-from cwcli.report.drive import Drive, OtherSystemVerdicts
-from cwcli.report.story import VERDICT_PHRASES
 from cwcli.report.tables import MAX_TABLE_ROWS, format_metric_value
 from cwcli.report.views import TableView
 from cwcli.signals.units import NS_PER_S

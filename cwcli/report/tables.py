@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from cwcli.digest.drive import Drive
+from cwcli.digest.encounters import DriveEncounters, Encounter
+from cwcli.digest.story import name_of_other, verdict_badge
 from cwcli.metrics.headline import find_metric
-from cwcli.report.drive import Drive
-from cwcli.report.encounters import DriveEncounters, Encounter
 from cwcli.report.source import LogEntry
-from cwcli.report.story import name_of_other, verdict_badge
 from cwcli.report.views import TableView
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_interval, format_number

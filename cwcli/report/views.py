@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import field
 
+from cwcli.digest.story import Badge, Story
 from cwcli.lazy_dataclass import dataclass
 from cwcli.report.drawing import Figure
-from cwcli.report.story import Badge, Story
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from cwcli.stages import STAGES
+
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_logs"
 TIMEOUT_S = 600
@@ -24,11 +26,25 @@ def intersection() -> Path:
     return SAMPLES / "intersection.mcap"
 
 
+def with_details(*arguments: str | Path) -> tuple[str | Path, ...]:
+    """Return the arguments with `--details`, where the command runs stages and prints their tables."""
+    runs_stages = arguments[:1] and str(arguments[0]) in (*STAGES, "run", "demo")
+    unwanted = {"--json", "--quiet", "-q", "--help", "-h", "--details", "-d", "--directory"}
+    if not runs_stages or unwanted & set(map(str, arguments)):
+        return arguments
+    return (arguments[0], "--details", *arguments[1:])
+
+
 @pytest.fixture
 def cwcli(tmp_path: Path) -> Run:
-    """Runs `cwcli` as a process of its own, in an empty folder, without a terminal."""
+    """Runs `cwcli` as a process of its own, in an empty folder, without a terminal.
 
-    def run(*arguments: str | Path, **settings: Any) -> subprocess.CompletedProcess[bytes]:
+    A command that runs stages prints its tables below the digest, because most tests look for them; `details=False`
+    leaves them out, as a user gets it.
+    """
+
+    def run(*arguments: str | Path, details: bool = True, **settings: Any) -> subprocess.CompletedProcess[bytes]:
+        arguments = with_details(*arguments) if details else arguments
         environment = {key: value for key, value in os.environ.items() if not key.startswith("CWCLI_")}
         environment |= {"PYTHONPATH": str(ROOT), **settings.pop("env", {})}
         return subprocess.run(

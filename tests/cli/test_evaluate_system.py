@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from cwcli.cli.main import run_command_line
+from cwcli.digest.drive import read_drive
+from cwcli.digest.encounters import find_encounters
 from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
-from cwcli.report.drive import read_drive
 from cwcli.report.encounter_figures import warning_distance_figure
-from cwcli.report.encounters import find_encounters
 from cwcli.report.signal_figures import motion_figure
 from cwcli.report.system import judge_other_system, other_system_sentences, other_system_tables
 from tests.cli.rewritten_logs import Logged, read, write

@@ -333,11 +333,16 @@ def test_demo_runs_everything_and_names_its_files(cwcli: Run, tmp_path: Path) ->
         if path.is_file():
             assert f"wrote {path.relative_to(tmp_path)}" in shown
     assert topics(tmp_path / "cwcli-demo" / "intersection.annotated.mcap") >= WARNING_TOPICS
+    digest = cwcli("demo", details=False).stdout.decode().splitlines()
+    assert len(digest) <= 12
+    assert digest[1].startswith("what   At 4.7 s cwcli warned that the car would collide with vehicle d9583520,")
+    assert any(line.startswith("made   cwcli-demo/intersection.html (") for line in digest)
+    assert any(line.startswith("next   cwcli run YOUR.mcap") for line in digest)
 
 
 def test_demo_json(cwcli: Run) -> None:
     documents = json.loads(cwcli("demo", "-d", "d", "--json").stdout)["runs"]
-    assert [list(document["stages"]) for document in documents] == [["estimate", "predict", "warn"]] * 2
+    assert [list(document["stages"]) for document in documents] == [["estimate", "predict", "warn"]]
 
 
 def test_simulate_is_reproducible(cwcli: Run, intersection: Path, tmp_path: Path) -> None:

@@ -12,11 +12,11 @@ import pytest
 
 from cwcli.cli.commands.plot import PLOT_NAMES_TEXT
 from cwcli.cli.main import run_command_line
+from cwcli.digest.drive import read_drive
 from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE, MissingSignalError
 from cwcli.evaluation.evaluation_context import EgoTruth
 from cwcli.logs.read.reader import Log
 from cwcli.report import plots
-from cwcli.report.drive import read_drive
 from tests.cli.conftest import SAMPLES
 
 NO_LANE = sorted({*plots.PLOT_NAMES} - {"lane"})

@@ -31,7 +31,7 @@ def number(word: str) -> float | None:
 def test_tables_of_the_session_are_those_of_cwcli_run(cwcli: Run) -> None:
     readme = re.sub(r"^ {4}", "", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     shown = tables(readme[readme.index("Two of its tables:") : readme.index("## Exit codes")])
-    printed = tables(cwcli("run", SAMPLES / "intersection.mcap").stdout.decode())
+    printed = tables(cwcli("run", SAMPLES / "intersection.mcap").stdout.decode())  # with --details
     assert [len(row) for row in shown] == [len(row) for row in printed]
     assert len(shown) == 13
     for shown_row, printed_row in zip(shown, printed, strict=True):

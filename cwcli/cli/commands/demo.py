@@ -10,55 +10,66 @@ from typing import Annotated
 from cwcli.cli.commands.run import add_all_stages, gather_default_options
 from cwcli.cli.console import Console
 from cwcli.cli.options import lazy_typer as typer
-from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions
 from cwcli.cli.pipeline import Job, job_document, print_outcome, run_and_write
 
 EXAMPLES = ("cwcli demo", "cwcli demo -d /tmp/demo")
 """Command lines at the end of the command's `--help`."""
-SAMPLE_LOG_NAMES = ("intersection", "rear-end")
-"""Names of the bundled logs that hold another vehicle."""
+SAMPLE_LOG_NAME = "intersection"
+"""Name of the bundled log that the demo runs on: a car from the right turns into the ego's path."""
+PAGE_PACKAGES = ("jinja2", "plotly")
+"""Packages that the page needs."""
+NEXT_STEP = "cwcli run YOUR.mcap"
+"""What the demo suggests."""
 
 
 def command(
-    talk: TalkOptions,
+    talk: RunTalkOptions,
     directory: Annotated[
         str, typer.Option("--directory", "-d", metavar="DIR", help="Write the files into this folder.")
     ] = "cwcli-demo",
 ) -> None:
-    """Estimate, predict and warn on two bundled logs.
+    """Estimate, predict and warn on a bundled log, and make the page of it.
 
-    Files of an earlier demo in the folder are overwritten.
+    Files of an earlier demo in the folder are overwritten. The page needs the extra `cwcli-drive[report]`.
     """
     from cwcli.output import make_folder
 
     console = Console(quiet=talk.quiet)
     make_folder(directory)
-    documents = []
-    for name in SAMPLE_LOG_NAMES:
-        with open_sample_log(name) as source:
-            annotated = Path(directory) / f"{name}.annotated.mcap"
-            metrics = Path(directory) / f"{name}-metrics"
-            job = Job(
-                command="demo",
-                source=str(source),
-                stages={},
-                reading=ReadingOptions(),
-                writing=WritingOptions(output=str(annotated), force=True),
-                talk=talk,
-                metrics_dir=str(metrics),
-            )
-            outcome = run_and_write(add_all_stages(job, gather_default_options()))
-        if talk.json:
-            documents.append(job_document(job, outcome))
-        else:
-            console.print_heading(f"$ cwcli run {name}.mcap -o {annotated} \\")
-            console.print_heading(f"      --metrics-dir {metrics}")
-            console.print_summary("")
-            print_outcome(job, console, outcome)
-            console.print_summary("")
+    annotated = Path(directory) / f"{SAMPLE_LOG_NAME}.annotated.mcap"
+    with open_sample_log(SAMPLE_LOG_NAME) as source:
+        job = Job(
+            command="demo",
+            source=str(source),
+            stages={},
+            reading=ReadingOptions(),
+            writing=WritingOptions(output=str(annotated), force=True),
+            talk=talk,
+            metrics_dir=str(Path(directory) / f"{SAMPLE_LOG_NAME}-metrics"),
+        )
+        outcome = run_and_write(add_all_stages(job, gather_default_options()))
+    page = Path(directory) / f"{SAMPLE_LOG_NAME}.html"
+    if _write_page(annotated, page):
+        outcome.run.written.insert(0, str(page))
     if talk.json:
-        console.print_document("demo", {"runs": documents})
+        console.print_document("demo", {"runs": [job_document(job, outcome.run)]})
+    else:
+        print_outcome(job, console, outcome, NEXT_STEP)
+
+
+def _write_page(annotated: Path, page: Path) -> bool:
+    """Write the page of the annotated log; False where the packages that it needs are not installed."""
+    from importlib.util import find_spec
+
+    if any(find_spec(name) is None for name in PAGE_PACKAGES):
+        return False
+    from cwcli.output import write_file
+    from cwcli.report.build import build_report
+
+    write_file(str(page), build_report(str(annotated)).html, force=True)
+    return True
 
 
 @contextmanager

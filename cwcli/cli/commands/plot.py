@@ -32,9 +32,9 @@ def command(
     truth with the 95 % band; ape and rpe are the absolute and the relative position error, translation part, the
     latter over a second. Needs matplotlib.
     """
+    from cwcli.digest.drive import read_drive
     from cwcli.logs.read.reader import Log
     from cwcli.output import check_targets, write_file
-    from cwcli.report.drive import read_drive
     from cwcli.report.plots import PLOT_FORMATS, draw_plot
     from cwcli.report.plots import PLOT_NAMES as KNOWN
 

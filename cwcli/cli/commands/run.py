@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from cwcli.cli.options import lazy_typer as typer
-from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.options.shared import (
     LogsArgument,
     ReadingOptions,
@@ -192,7 +192,7 @@ def command(
     fleet: FleetOptions,
     writing: RunOutputOptions,
     inputs: RunInputOptions,
-    talk: TalkOptions,
+    talk: RunTalkOptions,
     stages: dict[str, StageOptions],
 ) -> int:
     """Run every stage that a log has the signals for, on one log or many.

@@ -140,7 +140,7 @@ def _shared_options_of_document(path: str, document: dict[str, Any]) -> dict[str
 
 def shared_option_names() -> set[str]:
     """Names of the options that commands share."""
-    kinds = (ReadingOptions, SensorOptions, WritingOptions, TalkOptions)
+    kinds = (ReadingOptions, SensorOptions, WritingOptions, RunTalkOptions)
     names = {field.name for kind in kinds for field in fields(kind)}
     return (names | {"gates"}) - {"config"} - WRITING_PARAMETERS
 
@@ -228,3 +228,12 @@ class TalkOptions:
             help="TOML file with defaults for these options; none: not even a cwcli.toml from here or above.",
         ),
     ] = None
+
+
+@dataclass(frozen=True)
+class RunTalkOptions(TalkOptions):
+    """What is printed by a command that runs stages."""
+
+    details: Annotated[
+        bool, typer.Option("--details", help="Print every table and note of the stages below the digest.")
+    ] = False

@@ -18,6 +18,7 @@ from cwcli.channels.transforms import fill_transform_tree
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import read_configuration, read_input_counts, read_number, read_run_records
 from cwcli.pipeline.result import InputMessageCount
@@ -133,8 +134,8 @@ def find_camera_source(
     fov_rad = 2.0 * math.atan(500.0 / default.fx) if field_of_view_rad is None else field_of_view_rad
     if info is None:
         notes.append(
-            f"no calibration for {camera_topic}: a horizontal field of view of {math.degrees(fov_rad):.0f} degrees, no "
-            "distortion and the axis at the image's centre are assumed (--camera-fov)"
+            f"{ASSUMED_LENS_TEXT} {camera_topic}: a horizontal field of view of {math.degrees(fov_rad):.0f} degrees, "
+            "no distortion and the axis at the image's centre are assumed (--camera-fov)"
         )
     elif field_of_view_rad is not None:
         notes.append(f"--camera-fov is not used: {info.source} holds the calibration")
@@ -231,7 +232,7 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
     if pose is None:
         made = Mounting(**given)
         note = (
-            f"the camera's mounting is not known: {made.height_m:g} m above the road, level, straight ahead and in the "
+            f"{ASSUMED_MOUNTING_TEXT}: {made.height_m:g} m above the road, level, straight ahead and in the "
             f"middle of the car are assumed ({', '.join(MOUNTING_OPTION_NAMES.values())})"
         )
         notes = notes if given else (*notes, note)

@@ -288,6 +288,7 @@ def test_counts_of_the_data(tmp_path: Path) -> None:
         "data.repaired_count": 3.0,
         "data.rejected_share": pytest.approx(0.1),
         "data.faults_count": 0.0,
+        "doubts.count": 1.0,  # more than 5 % are rejected
     }
 
 

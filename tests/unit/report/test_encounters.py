@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.digest.drive import Drive, OtherTrack
+from cwcli.digest.encounters import find_encounters
+from cwcli.digest.story import build_story
 from cwcli.measures.pair import ActualTrack
-from cwcli.report.drive import Drive, OtherTrack
-from cwcli.report.encounters import find_encounters
-from cwcli.report.story import build_story
 from cwcli.report.tables import encounter_facts_table
 from cwcli.signals.columns import Strings
 from cwcli.warning.rows import HELD, RAISED, WarningRow, WarningRows, build_warning_rows
@@ -190,4 +190,4 @@ def test_the_first_sentence_below_the_headline_says_what_was_known(states: str, 
         "estimate": {"online_parameters": parameters},
     }
     scene = replace(scene, records=records)
-    assert words in build_story(scene, find_encounters(scene)).more[0]
+    assert words in build_story(scene, find_encounters(scene)).sentences[0]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.digest.story import Story
 from cwcli.metrics.headline import HeadlineCollector
 from cwcli.metrics.pooling import LogMetrics, metric_rows_by_name
 from cwcli.report.page import OverviewRow, PageContent, PageRenderer
@@ -23,7 +24,6 @@ from cwcli.report.pooled import (
     pool_sources,
     read_ego_sources,
 )
-from cwcli.report.story import Story
 from cwcli.report.views import LogView, Plot, SensorsView
 
 

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.digest.drive import Drive
+from cwcli.digest.encounters import DriveEncounters
+from cwcli.digest.story import Story
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import GatedMeasurements
-from cwcli.report.drive import Drive
-from cwcli.report.encounters import DriveEncounters
+from cwcli.evaluation.doubts import find_doubts_in_evidence
 from cwcli.report.map_figure import build_map_figure
 from cwcli.report.page import PageRenderer
 from cwcli.report.residuals import build_residual_plots, iter_source_residuals, residual_figure
-from cwcli.report.sensors import reasons_for_doubt, sensor_remarks_sentence
-from cwcli.report.story import Story
+from cwcli.report.sensors import sensor_remarks_sentence
 from cwcli.report.views import LogView, SensorsView
 from cwcli.signals.columns import encode_strings
 from cwcli.signals.vehicle_state import HEADING, SPEED
@@ -160,13 +161,8 @@ def test_a_table_without_a_column_that_is_needed_tells_nothing(key: str, most: i
             (found,) = iter_source_residuals(odd)
             np.testing.assert_allclose(found.values, [[0.5]], atol=ATOL)
             assert math.isnan(found.sigma)
-            assert (sensor_remarks_sentence(odd), reasons_for_doubt(odd)) == ("", [])
-
-
-def test_a_factor_too_large_for_a_number_is_no_doubt() -> None:
-    nees = {"key": "nees", "title": "", "columns": ["error of", "NEES/dof"], "rows": [["position", 10**400]]}
-    made = replace(drive(), records={"estimate": {"summary": json.dumps({"sections": [nees]})}})
-    assert reasons_for_doubt(made) == []
+            assert sensor_remarks_sentence(odd) == ""
+            assert [each.name for each in find_doubts_in_evidence(odd.doubt_evidence)] == ["gated"]  # 1 of 9
 
 
 def test_more_figures_than_fit_are_counted() -> None:

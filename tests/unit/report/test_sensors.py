@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.digest.drive import Drive
+from cwcli.digest.encounters import DriveEncounters
+from cwcli.digest.story import build_story
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import GatedMeasurements
-from cwcli.report.drive import Drive
-from cwcli.report.encounters import DriveEncounters
-from cwcli.report.sensors import build_sensors_view, reasons_for_doubt, sigma_along_error
+from cwcli.evaluation.doubts import find_doubts_in_evidence
+from cwcli.report.sensors import build_sensors_view, sigma_along_error
 from cwcli.report.signal_figures import motion_figure
-from cwcli.report.story import build_story
 from cwcli.signals.columns import encode_strings
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 from cwcli.warning.types import WarningConfig
@@ -39,32 +40,23 @@ def summary(*rows: list[Any], **more: Any) -> dict[str, Any]:
     return {"verdict": "consistent", "notes": [], "sections": [nees], **more}
 
 
-@pytest.mark.parametrize(
-    ("motion", "said"),
-    [
-        ({"speed": 55.5}, []),
-        ({"speed": -211.0 / 3.6}, ["a speed of 211 km/h"]),
-        ({"accel": 20.0}, ["an acceleration of 20 m/s²"]),
-        ({"speed": 30.0, "yaw_rate": -0.5}, ["a lateral acceleration of 15 m/s²"]),
-        ({"speed": 30.0, "yaw_rate": 0.3, "accel": -9.0}, []),
-    ],
-)
-def test_values_that_no_car_has_are_told(motion: dict[str, float], said: list[str]) -> None:
-    assert reasons_for_doubt(drive(**motion)) == said
-
-
-def test_a_covariance_that_the_truth_contradicts_is_told_with_its_factor() -> None:
-    found = reasons_for_doubt(drive(summary(["position", 3.6, "OUT"], ["speed", 1.9, "OUT"], ["heading", None, ""])))
-    assert found == ["a covariance of the position that is too small by a factor of 3.6"]
-
-
 def test_doubts_come_first_in_the_story() -> None:
     fast = drive(speed=60.0)
-    story = build_story(fast, DriveEncounters((), (), None, 0), "", reasons_for_doubt(fast))
+    doubts = find_doubts_in_evidence(fast.doubt_evidence)
+    story = build_story(fast, DriveEncounters((), (), None, 0), "", doubts)
     assert story.headline.startswith(
-        "Do not trust this estimate as it is: it has a speed of 216 km/h. The car's motion"
+        "Do not trust this as it is: the estimate has a speed of 216 km/h at 0 s. The car's motion"
     )
+    assert story.sentences == (doubts[0].advice, *story.more)
     assert story.badges[0].text == "not to be trusted"
+
+
+def test_other_doubts_follow_with_their_advice() -> None:
+    both = drive(speed=60.0, accel=20.0)
+    doubts = find_doubts_in_evidence(both.doubt_evidence)
+    story = build_story(both, DriveEncounters((), (), None, 0), "", doubts)
+    assert [each.name for each in doubts] == ["speed", "acceleration"]
+    assert story.sentences[:2] == (doubts[0].advice, f"{doubts[1].sentence} {doubts[1].advice}")
 
 
 def test_the_section_holds_tables_verdict_and_every_note() -> None:
@@ -91,7 +83,6 @@ def test_the_section_holds_tables_verdict_and_every_note() -> None:
 )
 def test_a_record_of_anybody_is_not_believed(broken: dict[str, Any] | None) -> None:
     assert build_sensors_view(drive(broken)) is None
-    assert reasons_for_doubt(drive(broken)) == []
 
 
 def test_band_of_a_position_error_is_the_ellipse_in_its_direction() -> None:

@@ -15,13 +15,13 @@ from mcap.writer import Writer
 
 from cwcli.channels.lens import Lenses
 from cwcli.channels.published import LANE_LINES, LANES
+from cwcli.digest.drive import read_drive
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.result import StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.registry import Registry, accept_dataclass_of
-from cwcli.report.drive import read_drive
 from cwcli.report.frames import make_thumbnails
 from cwcli.signals.columns import Columns, Strings
 from cwcli.simulation.road.drive import RoadDrive

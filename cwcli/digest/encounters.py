@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.warning import WarningEvent, warning_events
+from cwcli.digest.drive import Drive, OtherTrack, ego_length_and_width_m
 from cwcli.evaluation.conflicts import RealConflict, WarningVerdict, find_real_conflicts, judge_warning
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.gap import MEASURE as GAP
 from cwcli.measures.pair import ActualTrack, Pair, interpolate_track
-from cwcli.report.drive import Drive, OtherTrack, ego_length_and_width_m
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.row_order import sort_rows_by_stamp

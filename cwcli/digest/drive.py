@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,20 +12,16 @@ from cwcli.channels.lanes import LaneRows, read_lanes
 from cwcli.channels.published import EGO_STATE, LANES, REJECTED, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.rejected import read_gated_measurements
 from cwcli.channels.target import read_targets_as_states
-from cwcli.channels.vehicle_state import KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
+from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
-from cwcli.estimation.from_signals import ego_signal_to_measurements
-from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.result import NO_GATED_MEASUREMENTS, GatedMeasurements
-from cwcli.evaluation.estimate import read_ego_truth
-from cwcli.evaluation.evaluation_context import EgoTruth
+from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.records import (
     find_collision_warning_record,
     source_config_from_record,
     warning_config_from_record,
 )
-from cwcli.evaluation.system.warnings import FlagScores
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
@@ -44,6 +41,11 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.warning.rows import WarningRows
 from cwcli.warning.types import WarningConfig, median_outline_m
+
+if TYPE_CHECKING:
+    from cwcli.estimation.measurements import Measurements
+    from cwcli.evaluation.evaluation_context import EgoTruth
+    from cwcli.evaluation.system.warnings import FlagScores
 
 EGO_SENSOR_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 """Roles of the ego's sensors whose raw measurements the report draws."""
@@ -95,6 +97,7 @@ class Drive:
         truth: The ego's, None where the log has none.
         gated: The ego's measurements that the estimator gated.
         system: Another system's warnings, None where none are judged.
+        faults: What is wrong with the file itself -> how often.
     """
 
     name: str
@@ -112,6 +115,12 @@ class Drive:
     truth: EgoTruth | None = None
     gated: GatedMeasurements = NO_GATED_MEASUREMENTS
     other_system: OtherSystemVerdicts | None = None
+    faults: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def doubt_evidence(self) -> DoubtEvidence:
+        """What doubts about the drive are found in."""
+        return DoubtEvidence(self.records, self.ego, self.start_ns, self.faults)
 
     def seconds_since_start(self, stamp_ns: Int64Array) -> FloatArray:
         """Stamps as seconds from the log's start."""
@@ -131,6 +140,13 @@ SHOWN_FIELDS_BY_TOPIC: Mapping[str, tuple[str, ...] | None] = {
     REJECTED.topic: None,
 }
 """The channels that the report shows, and which of their fields it needs (None: all)."""
+STORY_FIELDS_BY_TOPIC: Mapping[str, tuple[str, ...] | None] = {
+    EGO_STATE.topic: FLAGGED_KINEMATIC_FIELDS,
+    REMOTE_STATE.topic: KINEMATIC_FIELDS,
+    TARGETS.topic: None,
+    WARNINGS.topic: WARNING_EVENT_FIELDS,
+}
+"""The channels from which a story with warnings is told, and their fields."""
 
 
 def require_results(log: Log) -> None:
@@ -147,8 +163,13 @@ def require_results(log: Log) -> None:
         )
 
 
-def read_drive(log: Log) -> Drive:
+def read_drive(log: Log, *, with_figures: bool = True) -> Drive:
     """Read what the report shows of a log.
+
+    Args:
+        log: An annotated log, on disk or in memory.
+        with_figures: Read what the figures need: covariances, lanes, camera, raw measurements and truth. Without it
+            there is only what the story of a drive with warnings needs.
 
     Raises:
         InputError: The log is damaged.
@@ -156,10 +177,13 @@ def read_drive(log: Log) -> Drive:
     """
     records = read_run_records(log)
     there = {channel.topic for channel in log.channels}
-    wanted = {topic: fields for topic, fields in SHOWN_FIELDS_BY_TOPIC.items() if topic in there}
+    fields_by_topic = SHOWN_FIELDS_BY_TOPIC if with_figures else STORY_FIELDS_BY_TOPIC
+    wanted = {topic: fields for topic, fields in fields_by_topic.items() if topic in there}
     columns = log.load_topics(wanted) if wanted else {}
     warn, is_of_targets = find_collision_warning_record(records)
-    ego = read_vehicle_states(columns[EGO_STATE.topic]) if EGO_STATE.topic in columns else None
+    ego = None
+    if EGO_STATE.topic in columns:
+        ego = read_vehicle_states(columns[EGO_STATE.topic], with_covariance=with_figures)
     notes: list[str] = []
     others: list[OtherTrack] = []
     if REMOTE_STATE.topic in columns:
@@ -168,7 +192,8 @@ def read_drive(log: Log) -> Drive:
         others += _read_target_tracks(columns[TARGETS.topic], notes)
     if is_of_targets:
         others.sort(key=lambda other: other.kind != "target")
-    measured = _read_ego_measurements(log, records, notes) if ego is not None and len(ego) else ()
+    has_figures = with_figures and ego is not None and len(ego) > 0
+    measured = _read_ego_measurements(log, records, notes) if has_figures else ()
     return Drive(
         name=log.name,
         start_ns=log.start_ns,
@@ -176,14 +201,15 @@ def read_drive(log: Log) -> Drive:
         ego=ego if ego is not None and len(ego) else None,
         others=tuple(others),
         measurements=measured,
-        truth=_read_ego_truth_or_note(log, records, ego, notes) if ego is not None and len(ego) else None,
+        truth=_read_ego_truth_or_note(log, records, ego, notes) if has_figures and ego is not None else None,
         warnings=read_warnings(columns[WARNINGS.topic]) if WARNINGS.topic in columns else None,
         lanes=read_lanes(columns[LANES.topic]) if LANES.topic in columns else None,
         warning_config=warning_config_from_record(warn),
         records=records,
-        camera_topic=_find_camera_topic(log, records),
+        camera_topic=_find_camera_topic(log, records) if with_figures else "",
         notes=tuple(notes),
         gated=read_gated_measurements(columns[REJECTED.topic]) if REJECTED.topic in columns else NO_GATED_MEASUREMENTS,
+        faults=log.faults.counts_by_reason(),
     )
 
 
@@ -214,6 +240,8 @@ def _read_ego_measurements(
     log: Log, records: Mapping[str, Mapping[str, str]], notes: list[str]
 ) -> tuple[Measurements, ...]:
     """Read the ego's measurements as the estimator did: same topics, same clock, same time span."""
+    from cwcli.estimation.from_signals import ego_signal_to_measurements
+
     record = records.get("estimate", {})
     try:
         sources = read_sensor_signals(
@@ -236,6 +264,8 @@ def _read_ego_truth_or_note(
     log: Log, records: Mapping[str, Mapping[str, str]], ego: VehicleStates, notes: list[str]
 ) -> EgoTruth | None:
     """Read the ego's truth from the topic that the estimator chose; a note is added if it can't be read."""
+    from cwcli.evaluation.estimate import read_ego_truth
+
     try:
         return read_ego_truth(log, records.get("estimate", {}), ego.sort_by_stamp())
     except CwcliError as error:

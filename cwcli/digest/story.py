@@ -10,15 +10,15 @@ from typing import Literal
 
 import numpy as np
 
+from cwcli.digest.drive import Drive
+from cwcli.digest.drive_sentences import drive_length_sentence, found_lanes_text, tracked_targets_text
+from cwcli.digest.encounters import DriveEncounters, Encounter
 from cwcli.estimation.online_availability import PARAMETERS_FROM_LOG
 from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE, VERDICT_UNDECIDED
-from cwcli.evaluation.estimate import driven_distance_m
-from cwcli.evaluation.preventable import simulate_careful_driver
+from cwcli.evaluation.doubts.base import Doubt
 from cwcli.evaluation.records import find_collision_warning_record
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.records import read_configuration
-from cwcli.report.drive import Drive
-from cwcli.report.encounters import DriveEncounters, Encounter
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import escape_control_characters, format_count, format_duration, join_names
 from cwcli.warning.types import WarningConfig
@@ -56,36 +56,65 @@ class Story:
     """A drive in words.
 
     Attributes:
-        headline: One sentence or two.
+        happened: What happened, one sentence or two.
         more: Further sentences.
         badges: Verdicts on the warnings.
+        doubts: Reasons not to believe it, the worst first.
+        knowledge: What the warnings are made from, "" without any.
     """
 
-    headline: str
+    happened: str
     more: tuple[str, ...]
     badges: tuple[Badge, ...]
+    doubts: tuple[Doubt, ...] = ()
+    knowledge: str = ""
+
+    @property
+    def headline(self) -> str:
+        """What happened, behind the worst doubt."""
+        return " ".join(filter(None, (doubt_headline(self.doubts), self.happened)))
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What follows the headline: the advice on the worst doubt, the other doubts, and the further sentences."""
+        advice = tuple(each.advice for each in self.doubts[:1])
+        others = tuple(f"{each.sentence} {each.advice}" for each in self.doubts[1:])
+        return (*advice, *others, *filter(None, (self.knowledge,)), *self.more)
 
 
 def build_story(
-    drive: Drive, drive_encounters: DriveEncounters, left_out: str = "", doubts: Sequence[str] = ()
+    drive: Drive,
+    drive_encounters: DriveEncounters,
+    left_out: str = "",
+    doubts: Sequence[Doubt] = (),
+    *,
+    with_careful_driver: bool = True,
 ) -> Story:
     """Build the story of a drive.
 
     Args:
         left_out: Why the warnings were not computed, where they were not.
-        doubts: What makes the estimate hard to believe; it is said first.
+        doubts: Reasons not to believe it, the worst first.
+        with_careful_driver: Say what a careful driver would have done, which is simulated.
     """
-    story = _build_story_without_doubts(drive, drive_encounters, left_out)
-    if knowledge := _state_knowledge_sentence(drive):
-        story = replace(story, more=(knowledge, *story.more))
+    story = _build_story_without_doubts(drive, drive_encounters, left_out, with_careful_driver)
+    story = replace(story, knowledge=_state_knowledge_sentence(drive))
     if not doubts:
         return story
-    first = f"Do not trust this estimate as it is: it has {join_names(doubts)}."
-    badges = (Badge("not to be trusted", "bad"), *story.badges)
-    return replace(story, headline=f"{first} {story.headline}", badges=badges)
+    return replace(story, badges=(Badge("not to be trusted", "bad"), *story.badges), doubts=tuple(doubts))
 
 
-def _build_story_without_doubts(drive: Drive, drive_encounters: DriveEncounters, left_out: str) -> Story:
+def doubt_headline(doubts: Sequence[Doubt]) -> str:
+    """Format `Do not trust this as it is: the track lies ...`; "" without doubts."""
+    if not doubts:
+        return ""
+    sentence = doubts[0].sentence
+    return f"Do not trust this as it is: {sentence[:1].lower()}{sentence[1:]}"
+
+
+def _build_story_without_doubts(
+    drive: Drive, drive_encounters: DriveEncounters, left_out: str, with_careful_driver: bool
+) -> Story:
     """Build the story without the reasons to doubt the estimate."""
     more = [_drive_length_sentence(drive)]
     if drive.warnings is None:
@@ -101,7 +130,7 @@ def _build_story_without_doubts(drive: Drive, drive_encounters: DriveEncounters,
     if len(drive_encounters.encounters) == 1:
         headline = encounter_sentence(drive, drive_encounters.encounters[0])
         verdict = verdict_sentence(drive.warning_config, drive_encounters.encounters[0])
-        careful = careful_driver_sentence(drive, drive_encounters.encounters[0])
+        careful = careful_driver_sentence(drive, drive_encounters.encounters[0]) if with_careful_driver else ""
         more = [*filter(None, (verdict, careful)), *more]
     else:
         worst = min(drive_encounters.encounters, key=_criticality_sort_key)
@@ -163,6 +192,8 @@ def careful_driver_sentence(drive: Drive, encounter: Encounter) -> str:
     """Format `A careful driver would have stayed 4.0 m away, braking at 3.1 s.`; "" without a conflict."""
     if encounter.pair is None or encounter.conflict is None:
         return ""
+    from cwcli.evaluation.preventable import simulate_careful_driver
+
     found = simulate_careful_driver(encounter.pair, encounter.conflict)
     if found is None:
         return ""
@@ -310,17 +341,10 @@ def _state_knowledge_sentence(drive: Drive) -> str:
 
 def _drive_length_sentence(drive: Drive) -> str:
     """Say how long and how far the drive was, and how many others were known."""
-    text = f"The log is {format_duration((drive.end_ns - drive.start_ns) / NS_PER_S)} long"
-    if drive.ego is not None and len(drive.ego) > 1:
-        top = float(np.nanmax(np.abs(drive.ego.state[:, 2])))
-        text += f"; the car drove {driven_distance_m(drive.ego):.0f} m, at most {3.6 * top:.0f} km/h"
-    heard = sum(other.kind == "vehicle" for other in drive.others)
-    seen = sum(other.kind == "target" for other in drive.others)
-    if heard:
-        text += f"; {format_count(heard, 'other vehicle')} {'was' if heard == 1 else 'were'} heard by radio"
-    if seen:
-        text += f"; {format_count(seen, 'target')} {'was' if seen == 1 else 'were'} tracked by its sensors"
-    return text + "."
+    kinds = Counter(other.kind for other in drive.others)
+    return drive_length_sentence(
+        drive.end_ns - drive.start_ns, drive.ego, n_heard=kinds["vehicle"], n_tracked=kinds["target"]
+    )
 
 
 def _build_story_without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
@@ -330,12 +354,10 @@ def _build_story_without_warnings(drive: Drive, left_out: str, more: list[str]) 
     sentences = []
     if drive.lanes is not None and len(drive.lanes):
         both = int(np.count_nonzero(drive.lanes.found.all(axis=1)))
-        sentences.append(f"Both lane boundaries were found in {both} of {len(drive.lanes)} camera frames")
+        sentences.append(found_lanes_text(both, len(drive.lanes)))
     n_targets = sum(other.kind == "target" for other in drive.others)
     if n_targets and drive.ego is None:
-        sentences.append(
-            f"{format_count(n_targets, 'target')} {'was' if n_targets == 1 else 'were'} tracked by the sensors"
-        )
+        sentences.append(f"{tracked_targets_text(n_targets)} by the sensors")
     if drive.ego is None:
         sentences.append(f"the car's motion was not estimated{'' if sentences else reason}")
     else:

@@ -1,0 +1,109 @@
+"""The digest of a run on one log: what happened, how far to trust it, what was made, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from cwcli.channels.published import REMOTE_STATE
+from cwcli.digest.drive_sentences import drive_length_sentence
+from cwcli.digest.stage_sentences import stage_sentence
+from cwcli.evaluation.doubts import find_doubts_in_evidence, find_remarks_in_evidence
+from cwcli.evaluation.doubts.base import Doubt
+from cwcli.evaluation.doubts.evidence import DoubtEvidence, read_evidence
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+from cwcli.metrics.table import Table
+from cwcli.text import format_number, join_names
+
+if TYPE_CHECKING:
+    from cwcli.digest.drive import Drive
+
+STAGES_OF_A_STORY = frozenset({"warn", "warn-targets", "warn-lane"})
+"""Stages after which the story of the drive, with its warnings, says what happened."""
+
+
+@dataclass(frozen=True)
+class Digest:
+    """What a run on one log came to.
+
+    Attributes:
+        happened: Sentences on what happened, the most important first.
+        doubts: Reasons not to believe it, the worst first.
+        confidence: What is known of its errors, in sentences; said where there is no doubt.
+    """
+
+    happened: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
+    confidence: tuple[str, ...]
+
+
+def build_digest(
+    log: Log, stages: Sequence[str], left_out: Mapping[str, str], tables: Mapping[str, Table], *, is_run: bool
+) -> Digest:
+    """Build the digest of stages that have just run; nothing but their results is read.
+
+    Args:
+        log: The log in memory, with what the stages made.
+        stages: The stages that ran, in order.
+        left_out: Stage -> why it did not run.
+        tables: Name -> table of the stages.
+        is_run: Several stages ran as one run, not a stage by itself.
+
+    Raises:
+        InputError: The log is damaged.
+        DataError: A channel was written by another version.
+    """
+    drive = _read_warned_drive(log) if STAGES_OF_A_STORY & set(stages) else None
+    evidence = read_evidence(log) if drive is None else drive.doubt_evidence
+    doubts = find_doubts_in_evidence(evidence)
+    made = tuple(filter(None, (stage_sentence(stage, evidence.records, tables) for stage in stages)))
+    if drive is not None:
+        happened = (*_story_sentences(drive), *made)
+    else:
+        length = drive_length_sentence(log.end_ns - log.start_ns, evidence.ego, n_heard=_count_heard_vehicles(log))
+        reason = _reason_for_no_warnings(left_out) if is_run else ()
+        happened = (*made, *reason, length) if evidence.ego is None else (length, *reason, *made)
+    return Digest(happened, doubts, _confidence_sentences(evidence))
+
+
+def _read_warned_drive(log: Log) -> Drive:
+    """Read what the story of a drive with warnings needs."""
+    from cwcli.digest.drive import read_drive
+
+    return read_drive(log, with_figures=False)
+
+
+def _story_sentences(drive: Drive) -> tuple[str, ...]:
+    """Return the sentences of the drive's story, as on the page."""
+    from cwcli.digest.encounters import find_encounters
+    from cwcli.digest.story import build_story
+
+    story = build_story(drive, find_encounters(drive), with_careful_driver=False)
+    return (story.happened, *story.more)
+
+
+def _reason_for_no_warnings(left_out: Mapping[str, str]) -> tuple[str, ...]:
+    """Say why a run has no warnings."""
+    reason = left_out.get("warn", "")
+    return (f"No warnings were computed: {reason}.",) if reason else ()
+
+
+def _count_heard_vehicles(log: Log) -> int:
+    """Count the vehicles that were heard by radio."""
+    from cwcli.signals.leaf_fields import read_texts
+
+    if all(channel.topic != REMOTE_STATE.topic for channel in log.channels):
+        return 0
+    return len(read_texts(log.columns(REMOTE_STATE.topic, ["id"]), "id", required=True).values)
+
+
+def _confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
+    """Say what is known of the errors: those against the truth, or that nothing tells them."""
+    errors = [
+        f"{format_number(sigma, 2)} {unit} ({name})"
+        for name, unit, sigma in evidence.estimate_summary.column_cells("errors", "error of", "unit", "estimated")
+        if isinstance(sigma, float) and str(name).startswith(("position", "speed", "heading"))
+    ]
+    against = (f"Against the truth it errs by {join_names(errors)}, one sigma.",) if errors else ()
+    return (*against, *(each.sentence for each in find_remarks_in_evidence(evidence)))

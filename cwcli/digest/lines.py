@@ -1,0 +1,102 @@
+"""The lines of a digest: at most twelve, of at most 80 columns, each block behind its label."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cwcli.evaluation.doubts.base import Doubt
+from cwcli.lazy_dataclass import dataclass
+from cwcli.text import display_width, escape_control_characters, format_count, shorten_and_escape, wrap_text
+
+MAX_LINES = 12
+"""Greatest number of lines of a digest; chosen: they fit the smallest terminal and ten seconds of reading."""
+MAX_WIDTH = 80
+"""Greatest width of a line in cells of the terminal; chosen: the usual width of a terminal."""
+LABEL_WIDTH = 7
+"""Width of the labels in cells: the longest, `doubt`, and two spaces."""
+MIN_WIDTH = 24
+"""Least width that is used, in cells; chosen by hand: the labels and a word."""
+MAX_SENTENCE_CHARACTERS = 600
+"""Longest part of a sentence that is laid out, in characters; chosen: more than twelve lines hold of one block."""
+ELLIPSIS = "..."
+"""Marks a sentence that was cut."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Sentences behind a label.
+
+    Attributes:
+        label: One word; "" for none.
+        sentences: In order of importance: the last ones are left out where there is no room.
+        least_lines: Lines that the block gets at least, if it needs them.
+    """
+
+    label: str
+    sentences: tuple[str, ...]
+    least_lines: int = 1
+
+
+def doubt_block(doubts: Sequence[Doubt], confidence: Sequence[str]) -> Block:
+    """Return the block that says how far to trust a result: the doubts, or what is known of its errors."""
+    if not doubts:
+        return Block("trust", ("No reason for doubt was found.", *confidence), 3)
+    first = doubts[0]
+    sentences = [f"Do not trust this as it is: {first.sentence[:1].lower()}{first.sentence[1:]}", first.advice]
+    if len(doubts) > 1:
+        names = list(dict.fromkeys(each.name.replace("-", " ") for each in doubts[1:]))
+        sentences.append(f"{format_count(len(doubts) - 1, 'more doubt')}: {', '.join(names)}.")
+    return Block("doubt", tuple(sentences), 4)
+
+
+def format_blocks(blocks: Sequence[Block], *, width: int = MAX_WIDTH, max_lines: int = MAX_LINES) -> list[str]:
+    """Format blocks as lines; a block gets the lines that it needs, and shares what is missing with the others.
+
+    Args:
+        blocks: In order; those without a sentence are left out.
+        width: Width of the terminal in cells.
+        max_lines: Greatest number of lines together.
+    """
+    width = max(min(width, MAX_WIDTH), MIN_WIDTH)
+    shown = [block for block in blocks if block.sentences]
+    wrapped = [_wrap_sentences(block.sentences, width - LABEL_WIDTH) for block in shown]
+    needed = [lines[-1] if lines else 0 for lines in ([count for _, count in each] for each in wrapped)]
+    given = [min(need, block.least_lines) for need, block in zip(needed, shown, strict=True)]
+    spare = max_lines - sum(given)
+    for k, need in enumerate(needed):
+        more = max(0, min(need - given[k], spare))
+        given[k] += more
+        spare -= more
+    out: list[str] = []
+    for block, most in zip(shown, given, strict=True):
+        lines = _fit_sentences(block.sentences, width - LABEL_WIDTH, most)
+        out += [f"{block.label if k == 0 else '':{LABEL_WIDTH}}{line}" for k, line in enumerate(lines)]
+    return out
+
+
+def _wrap_sentences(sentences: Sequence[str], width: int) -> list[tuple[str, int]]:
+    """Return, for each sentence, the text up to it and how many lines that takes."""
+    found, text = [], ""
+    for sentence in sentences:
+        text = f"{text} {shorten_and_escape(sentence, MAX_SENTENCE_CHARACTERS)}".strip()
+        found.append((text, len(wrap_text(text, width))))
+    return found
+
+
+def _fit_sentences(sentences: Sequence[str], width: int, most: int) -> list[str]:
+    """Return the lines of as many whole sentences as fit; the first one is cut if it alone does not."""
+    fitting = [text for text, count in _wrap_sentences(sentences, width) if count <= most]
+    if fitting:
+        return wrap_text(fitting[-1], width)
+    lines = wrap_text(shorten_and_escape(sentences[0], MAX_SENTENCE_CHARACTERS), width)[:most]
+    while display_width(lines[-1]) + len(ELLIPSIS) > width:
+        lines[-1] = lines[-1][:-1]
+    return [*lines[:-1], f"{lines[-1].rstrip()}{ELLIPSIS}"]
+
+
+def shorten_path(path: str, width: int) -> str:
+    """Return a path that fits into `width` cells: its end is kept, which names the file."""
+    shown = escape_control_characters(path)
+    while display_width(shown) > width:
+        shown = f"{ELLIPSIS}{shown[len(ELLIPSIS) + 1 :]}" if shown.startswith(ELLIPSIS) else f"{ELLIPSIS}{shown[1:]}"
+    return shown

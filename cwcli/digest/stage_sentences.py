@@ -1,0 +1,141 @@
+"""What one stage made, in a sentence, from the summary in its record: the digest of a stage's own command."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from cwcli.digest.drive_sentences import KMH_PER_MPS, found_lanes_text, tracked_targets_text
+from cwcli.metrics.table import Table
+from cwcli.pipeline.records import Record, RecordedSummary, read_recorded_summary
+from cwcli.pipeline.result import Cell
+from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.text import format_count, join_names, shorten_and_escape
+
+MAX_NAME_CHARACTERS = 40
+"""Greatest length of a name in a sentence, in characters; chosen by hand."""
+MAX_NAMED = 4
+"""Greatest number of things that a sentence names one by one; chosen by hand."""
+
+
+Tables = Mapping[str, Table]
+
+
+def stage_sentence(stage: str, records: Mapping[str, Record], tables: Tables) -> str:
+    """Return what a stage made; "" where nothing says it, or where the story of the drive does.
+
+    Args:
+        stage: Its name.
+        records: Stage -> its metadata record.
+        tables: Name -> table, of the stages that have just run.
+    """
+    describe = _SENTENCES.get(stage)
+    return "" if describe is None else describe(read_recorded_summary(records.get(stage, {})), tables)
+
+
+def _estimate_sentence(summary: RecordedSummary, tables: Tables) -> str:
+    """Name the sources of the ego's states."""
+    names = dict.fromkeys(str(source) for (source,) in summary.column_cells("sources", "source"))
+    return f"The car's motion was estimated from {_join_few(list(names))}." if names else ""
+
+
+def _track_sentence(summary: RecordedSummary, tables: Tables) -> str:
+    """Count the targets, with the longest and the fastest."""
+    rows = summary.column_cells("targets", "for [s]", "max speed [m/s]")
+    if not rows:
+        return "No target was tracked."
+    spans, speeds = ([_number(row[k]) for row in rows] for k in (0, 1))
+    text = tracked_targets_text(len(rows))
+    return f"{text}, for at most {max(spans):.1f} s and at most {KMH_PER_MPS * max(speeds):.0f} km/h fast."
+
+
+def _lanes_sentence(summary: RecordedSummary, tables: Tables) -> str:
+    """Count the frames with both boundaries; the record does not say it, because that table holds run times."""
+    if "lanes" not in tables:
+        return ""
+    left, right = (np.asarray(tables["lanes"].columns[f"{side}_found"], np.bool_) for side in ("left", "right"))
+    return f"{found_lanes_text(int(np.count_nonzero(left & right)), len(left))}."
+
+
+def _observe_sentence(summary: RecordedSummary, tables: Tables) -> str:
+    """Say how fast the car turned and slid in its lane."""
+    found = {str(name): value for name, value in summary.column_cells("observer", "quantity", "value")}
+    turn, slide = (_number(found.get(name)) for name in ("largest yaw rate (deg/s)", "largest lateral speed (m/s)"))
+    if not math.isfinite(turn + slide):
+        return "The lateral motion in the lane was observed."
+    return (
+        f"The lateral motion in the lane was observed: at most {turn:.1f} deg/s of yaw rate and {slide:.2f} m/s "
+        "sideways."
+    )
+
+
+def _predict_sentence(summary: RecordedSummary, tables: Tables) -> str:
+    """Say how far the predicted paths lie from what was driven, by the model that chooses among the others."""
+    errors = [
+        f"{_number(mean):.1f} m for {'the car' if vehicle == EGO_ID else 'the others'}"
+        for vehicle, model, mean in summary.column_cells("prediction", "vehicle", "model", "mean [m]")
+        if model == "auto" and math.isfinite(_number(mean))
+    ]
+    title = next((section.title for section in summary.sections if section.key == "prediction"), "")
+    if not errors:
+        return "Paths were predicted."
+    return f"Paths were predicted. {_name(title.partition(',')[0])}, on average: {join_names(errors)}."
+
+
+def _predict_lane_sentence(summary: RecordedSummary, tables: Tables) -> str:
+    return "The car's path in its lane was predicted."
+
+
+def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
+    """Describe the most critical encounter, the first row of the table."""
+    rows = summary.column_cells("encounters", "vehicle", "gap [m]", "TTC [s]")
+    if not rows:
+        return "No other vehicle came near enough to be measured."
+    vehicle, gap_m, ttc_s = rows[0]
+    facts = [f"gap {_number(gap_m):.1f} m"] * math.isfinite(_number(gap_m))
+    facts += [f"time to collision {_number(ttc_s):.1f} s"] * math.isfinite(_number(ttc_s))
+    told = f" (least {' and '.join(facts)})" if facts else ""
+    return f"Of {format_count(len(rows), 'encounter')} the one with {_name(vehicle)} was the most critical{told}."
+
+
+def _control_sentence(summary: RecordedSummary, tables: Tables) -> str:
+    """Count, for each policy, how many of the warned encounters end in a crash."""
+    rows = summary.column_cells("control", "policy", "hit")
+    hits: dict[str, list[bool]] = {}
+    for policy, hit in rows:
+        hits.setdefault(_name(policy), []).append(hit in ("yes", True))
+    texts = [f"{sum(each)} of {len(each)} with {policy}" for policy, each in hits.items()]
+    return (
+        f"Warned encounters that end in a crash: {join_names(texts)}." if texts else "There was no warning to replay."
+    )
+
+
+_SENTENCES: dict[str, Callable[[RecordedSummary, Tables], str]] = {
+    "estimate": _estimate_sentence,
+    "track": _track_sentence,
+    "lanes": _lanes_sentence,
+    "observe": _observe_sentence,
+    "predict": _predict_sentence,
+    "predict-lane": _predict_lane_sentence,
+    "measure": _measure_sentence,
+    "control": _control_sentence,
+}
+"""Stage -> the function that describes what it made; what the warning stages made is in the story of the drive."""
+
+
+def _number(cell: Cell) -> float:
+    """Return a cell as a number; NaN if it is none."""
+    return float(cell) if isinstance(cell, int | float) and not isinstance(cell, bool) else float("nan")
+
+
+def _name(cell: Cell) -> str:
+    return shorten_and_escape(str(cell), MAX_NAME_CHARACTERS)
+
+
+def _join_few(names: list[str]) -> str:
+    """Join names, at most `MAX_NAMED` of them."""
+    shown = [_name(name) for name in names[:MAX_NAMED]]
+    more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
+    return join_names([*shown, *more])

@@ -1,0 +1,12 @@
+"""How far an estimate may be off before it is called inconsistent: for its own verdict, and for the doubts about it."""
+
+from __future__ import annotations
+
+TOLERATED_VARIANCE_FACTOR = 2.0
+"""Factor by which a variance may be wrong without a fault being reported. Chosen by hand; not fitted."""
+MAX_GATED_SHARE = 0.05
+"""Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
+MAX_BRIDGED_SHARE = 0.2
+"""Share of bridged states that is reported as a fault. Chosen by hand; not fitted."""
+MAX_UNREPORTED_DELAY_S = 1.0
+"""Delay of a state from which on it is reported, s; chosen by hand."""

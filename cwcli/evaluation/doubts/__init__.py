@@ -1,0 +1,82 @@
+"""The doubts: reasons not to believe the results on a log, one file each or each family, and one line each here.
+
+The table is in order of weight: the first kind spoils most. Other packages add theirs in the group `cwcli.doubts`.
+The digest, the page, the table of a fleet and the metric `doubts.count` take them from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from cwcli.evaluation.doubts.base import Doubt, DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence, read_evidence
+from cwcli.logs.read.reader import Log
+from cwcli.registry import Registry, accept_dataclass_of
+
+
+def _check_findings(found: Iterable[Finding], evidence: DoubtEvidence) -> list[Finding]:
+    """Check what a plug-in's rule found, and return it.
+
+    Raises:
+        TypeError: It is not an iterable of `Finding`s.
+    """
+    findings = list(found)
+    for each in findings:
+        if not isinstance(each, Finding):
+            raise TypeError(f"a {type(each).__name__}, no Finding")
+    return findings
+
+
+DOUBTS: Registry[DoubtRule] = Registry(
+    "doubt",
+    "cwcli.doubts",
+    {
+        "contradiction": "cwcli.evaluation.doubts.contradiction:RULE",
+        "speed": "cwcli.evaluation.doubts.implausible:SPEED_RULE",
+        "acceleration": "cwcli.evaluation.doubts.implausible:ACCELERATION_RULE",
+        "lateral-acceleration": "cwcli.evaluation.doubts.implausible:LATERAL_ACCELERATION_RULE",
+        "fixes": "cwcli.evaluation.doubts.fixes:RULE",
+        "errors": "cwcli.evaluation.doubts.errors:RULE",
+        "gated": "cwcli.evaluation.doubts.gated:RULE",
+        "heading": "cwcli.evaluation.doubts.heading:RULE",
+        "noise": "cwcli.evaluation.doubts.noise:RULE",
+        "resets": "cwcli.evaluation.doubts.resets:RULE",
+        "camera": "cwcli.evaluation.doubts.camera:RULE",
+        "gaps": "cwcli.evaluation.doubts.gaps:RULE",
+        "late": "cwcli.evaluation.doubts.late:RULE",
+        "rejected": "cwcli.evaluation.doubts.rejected:RULE",
+        "damaged": "cwcli.evaluation.doubts.damaged:RULE",
+        "no-truth": "cwcli.evaluation.doubts.no_truth:RULE",
+    },
+    accept_dataclass_of(DoubtRule, {"find": _check_findings}),
+)
+
+
+def find_doubts(log: Log) -> tuple[Doubt, ...]:
+    """Find the doubts about the results on a log, on disk or in memory; the worst comes first.
+
+    Raises:
+        InputError: The log is damaged.
+        DataError: The ego's states were written by another version.
+    """
+    return find_doubts_in_evidence(read_evidence(log))
+
+
+def find_doubts_in_evidence(evidence: DoubtEvidence) -> tuple[Doubt, ...]:
+    """Find the doubts in what is known of a log; the worst comes first."""
+    return _apply_rules(evidence, remarks=False)
+
+
+def find_remarks_in_evidence(evidence: DoubtEvidence) -> tuple[Doubt, ...]:
+    """Find what limits the knowledge of the results without making them doubtful, such as a missing truth."""
+    return _apply_rules(evidence, remarks=True)
+
+
+def _apply_rules(evidence: DoubtEvidence, *, remarks: bool) -> tuple[Doubt, ...]:
+    """Apply the rules that find remarks, or the others."""
+    return tuple(
+        doubt
+        for name, rule in DOUBTS.items()
+        if rule.is_remark is remarks
+        for doubt in rule.find_doubts(name, evidence)
+    )

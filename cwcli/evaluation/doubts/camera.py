@@ -1,0 +1,37 @@
+"""A camera whose lens or mounting is assumed, because the log does not tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cwcli.evaluation.doubts.base import DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
+
+MAX_ASSUMPTIONS = 1
+"""From how many assumed properties on the lanes are doubted. Chosen: each changes every distance."""
+PROPERTIES = {"lens": ASSUMED_LENS_TEXT, "mounting": ASSUMED_MOUNTING_TEXT}
+"""What may be assumed -> how the note of `lanes` on it begins."""
+
+
+def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield what of the camera is assumed."""
+    notes = evidence.summary_of_stage("lanes").notes
+    assumed = [name for name, text in PROPERTIES.items() if any(note.startswith(text) for note in notes)]
+    if assumed:
+        yield Finding(
+            float(len(assumed)),
+            f"The camera's {' and '.join(assumed)} are assumed, so every distance to the lane may be wrong."
+            if len(assumed) > 1
+            else f"The camera's {assumed[0]} is assumed, so every distance to the lane may be wrong.",
+        )
+
+
+RULE = DoubtRule(
+    summary="a camera whose lens or mounting is assumed",
+    threshold=MAX_ASSUMPTIONS,
+    unit="",
+    source="chosen: each changes every distance",
+    advice="Give --camera-fov, --camera-height and --camera-pitch, or record calibration and transforms.",
+    find=find_assumed_camera,
+)

@@ -1,0 +1,29 @@
+"""Sources that contradict each other: one of them is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cwcli.evaluation.doubts.base import DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.text import shorten_and_escape
+
+MAX_CONTRADICTIONS = 1
+"""From how many contradictions on the estimate is doubted. Chosen: one is enough to spoil it."""
+
+
+def find_contradictions(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield each contradiction that the estimator found."""
+    found = evidence.estimate_summary.contradictions
+    for sentence in found:
+        yield Finding(float(len(found)), f"{shorten_and_escape(sentence).rstrip('.')}.")
+
+
+RULE = DoubtRule(
+    summary="sources that contradict each other",
+    threshold=MAX_CONTRADICTIONS,
+    unit="",
+    source="chosen: one spoils the estimate",
+    advice="Find out which of them is wrong, and leave it out or correct it with --topic or --map.",
+    find=find_contradictions,
+)

@@ -1,0 +1,33 @@
+"""A file that is damaged or cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cwcli.evaluation.doubts.base import DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.text import shorten_and_escape
+
+MAX_FAULTS = 1
+"""From how many faults of the file on it is doubted. Chosen: what is lost is not known."""
+
+
+def find_faults(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield what is wrong with the file."""
+    faults = {reason: n for reason, n in evidence.faults.items() if n > 0}
+    if faults:
+        most = max(faults, key=lambda reason: faults[reason])
+        more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
+        yield Finding(
+            float(sum(faults.values())), f"The file is damaged ({shorten_and_escape(most)}: {faults[most]}{more})."
+        )
+
+
+RULE = DoubtRule(
+    summary="a damaged file",
+    threshold=MAX_FAULTS,
+    unit="",
+    source="chosen: what is lost is not known",
+    advice="Copy or record it again; what is intact was used.",
+    find=find_faults,
+)

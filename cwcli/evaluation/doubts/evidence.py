@@ -1,0 +1,82 @@
+"""What doubts are found in: the records of the stages and the ego's states, in memory or from an annotated log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from functools import cached_property
+from typing import Any
+
+from cwcli.channels.published import EGO_STATE
+from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import (
+    Record,
+    RecordedSummary,
+    read_json_entry,
+    read_recorded_summary,
+    read_run_records,
+)
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.text import shorten_and_escape
+
+MAX_NAME_CHARACTERS = 60
+"""Greatest length of a topic's name in a sentence, in characters; chosen by hand."""
+
+
+@dataclass(frozen=True)
+class DoubtEvidence:
+    """What is known of a log.
+
+    Attributes:
+        records: Stage -> its metadata record. It may come from anybody: what does not fit is ignored.
+        ego: The ego's states, None where there are none.
+        start_ns: First log time, from which sentences count the seconds.
+        faults: What is wrong with the file itself -> how often.
+    """
+
+    records: Mapping[str, Record]
+    ego: VehicleStates | None = None
+    start_ns: int = 0
+    faults: Mapping[str, int] = field(default_factory=dict)
+
+    @cached_property
+    def estimate_summary(self) -> RecordedSummary:
+        """The summary of `estimate`."""
+        return self.summary_of_stage("estimate")
+
+    @cached_property
+    def ego_sources(self) -> tuple[dict[str, Any], ...]:
+        """The diagnostics of the ego's sources (`estimation.summary.format_source_diagnostics_json`)."""
+        found = read_json_entry(self.records.get("estimate", {}), "sources", list)
+        return tuple(each for each in found if isinstance(each, dict) and each.get("vehicle") == EGO_ID)
+
+    def summary_of_stage(self, stage: str) -> RecordedSummary:
+        """Return the summary in the record of a stage; an empty one without a record."""
+        return read_recorded_summary(self.records.get(stage, {}))
+
+    def seconds_since_start(self, stamp_ns: float) -> float:
+        """Return the seconds from the log's start to a stamp."""
+        return (stamp_ns - self.start_ns) / NS_PER_S
+
+
+def read_evidence(log: Log) -> DoubtEvidence:
+    """Read what is known of a log, on disk or in memory.
+
+    Raises:
+        InputError: The log is damaged.
+        DataError: The ego's states were written by another version.
+    """
+    ego = None
+    if any(channel.topic == EGO_STATE.topic for channel in log.channels):
+        columns = log.columns(EGO_STATE.topic, FLAGGED_KINEMATIC_FIELDS)
+        ego = read_vehicle_states(columns, with_covariance=False) if len(columns) else None
+    return DoubtEvidence(read_run_records(log), ego, log.start_ns, log.faults.counts_by_reason())
+
+
+def source_name(entry: Mapping[str, Any]) -> str:
+    """Return `/gps/fix position` for the diagnostics of a source."""
+    topic = shorten_and_escape(str(entry.get("source", "")), MAX_NAME_CHARACTERS)
+    return f"{topic} {str(entry.get('quantity', '')).replace('_', ' ')}".strip()

@@ -1,0 +1,47 @@
+"""A track that lies beside the fixes that it was made from, by more than its covariance allows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cwcli.evaluation.doubts.base import DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
+from cwcli.pipeline.records import Record, read_json_entry, read_number
+
+MAX_SIGMAS = 4.0
+"""Offsets beyond as many sigmas are doubted. Chosen: by chance one in 3,000 two-dimensional errors is as large."""
+MIN_DOUBTED_OFFSET_M = 2.0
+"""Smaller offsets [m] are not doubted. Chosen: a car 2 m beside its place would be in another lane."""
+LASTING_S = 2.0
+"""An offset counts that lasts so long, s. Chosen: longer than an outlier, shorter than the doubted stretches."""
+RECORD_KEY = "fix_offsets"
+"""Entry of the record of `estimate` that holds the offsets as JSON."""
+
+
+def find_offsets(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield each source of positions beside which the track lies."""
+    record: Record = evidence.records.get("estimate", {})
+    for each in read_json_entry(record, RECORD_KEY, list):
+        if not isinstance(each, dict):
+            continue
+        offset_m, sigma_m, at_ns = (read_number(each, key) for key in ("offset_m", "sigma_m", "stamp_ns"))
+        if not (offset_m > MIN_DOUBTED_OFFSET_M and sigma_m > 0.0 and offset_m > MAX_SIGMAS * sigma_m):
+            continue
+        at = f" at {max(evidence.seconds_since_start(at_ns), 0.0):.0f} s" if np.isfinite(at_ns) else ""
+        yield Finding(
+            offset_m / sigma_m,
+            f"The track lies {offset_m:.1f} m beside the fixes of {source_name(each).removesuffix(' position')}{at}, "
+            f"{offset_m / sigma_m:.0f} times its sigma.",
+        )
+
+
+RULE = DoubtRule(
+    summary=f"a track that lies beside the fixes for {LASTING_S:g} s, by more than {MIN_DOUBTED_OFFSET_M:g} m",
+    threshold=MAX_SIGMAS,
+    unit="sigma",
+    source="chosen: chance gives one in 3,000",
+    advice="Check the stamps of the fixes, and the other sources against them.",
+    find=find_offsets,
+)

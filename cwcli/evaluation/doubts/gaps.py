@@ -1,0 +1,31 @@
+"""States that bridge gaps without a position."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cwcli.estimation.tolerances import MAX_BRIDGED_SHARE
+from cwcli.evaluation.doubts.base import DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.signals.vehicle_state import StateFlag
+
+
+def find_bridged_gaps(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield the share of the ego's states that no position is near."""
+    if evidence.ego is None:
+        return
+    share = float(np.mean(evidence.ego.flags & np.uint8(StateFlag.BRIDGED) != 0))
+    if share > MAX_BRIDGED_SHARE:
+        yield Finding(share, f"{100 * share:.0f} % of the states bridge gaps without a position.")
+
+
+RULE = DoubtRule(
+    summary="states that bridge gaps without a position",
+    threshold=MAX_BRIDGED_SHARE,
+    unit="share",
+    source="chosen: as in the verdict of `estimate`",
+    advice="Leave out the states flagged bridged.",
+    find=find_bridged_gaps,
+)

@@ -1,0 +1,63 @@
+"""Values of the ego's states that no car on a road has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from cwcli.evaluation.doubts.base import DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
+
+MAX_PLAUSIBLE_SPEED_KMH = 200.0
+"""Larger speeds, in km/h, are doubted: few motorways allow more than 130, and test tracks stay below 200."""
+MAX_PLAUSIBLE_ACCEL_MPS2 = 12.0
+"""Larger accelerations, in m/s^2, are doubted: tyres on a dry road transmit about 1.2 g at most."""
+KMH_PER_MPS = 3.6
+"""Kilometres per hour in a metre per second."""
+ADVICE = "Check the units and the axes of the sensors."
+"""What to do about an implausible value."""
+
+
+def _speed_kmh(state: FloatArray) -> FloatArray:
+    return KMH_PER_MPS * np.abs(state[:, SPEED])
+
+
+def _accel_mps2(state: FloatArray) -> FloatArray:
+    return np.abs(state[:, ACCEL])
+
+
+def _lateral_accel_mps2(state: FloatArray) -> FloatArray:
+    return np.abs(state[:, SPEED] * state[:, YAW_RATE])
+
+
+def _make_rule(
+    what: str, unit: str, most: float, source: str, values_of: Callable[[FloatArray], FloatArray]
+) -> DoubtRule:
+    """Make the rule of one quantity.
+
+    Args:
+        what: The quantity with its article, in words.
+        values_of: Its magnitude (n,) from states (n, 8).
+    """
+
+    def find(evidence: DoubtEvidence) -> Iterator[Finding]:
+        if evidence.ego is None:
+            return
+        values = np.nan_to_num(values_of(evidence.ego.state), nan=-1.0, posinf=-1.0)
+        at = int(values.argmax())
+        if values[at] > most:
+            at_s = evidence.seconds_since_start(int(evidence.ego.stamp_ns[at]))
+            yield Finding(float(values[at]), f"The estimate has {what} of {values[at]:.0f} {unit} at {at_s:.0f} s.")
+
+    return DoubtRule(f"{what} that no car has", most, unit, source, ADVICE, find)
+
+
+SPEED_RULE = _make_rule("a speed", "km/h", MAX_PLAUSIBLE_SPEED_KMH, "chosen: above public roads", _speed_kmh)
+_OF_TYRES = "tyres on a dry road transmit about 1.2 g"
+ACCELERATION_RULE = _make_rule("an acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _accel_mps2)
+LATERAL_ACCELERATION_RULE = _make_rule(
+    "a lateral acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _lateral_accel_mps2
+)

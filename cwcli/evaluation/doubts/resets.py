@@ -1,0 +1,31 @@
+"""An estimate that had to begin anew, because a source jumped and stayed there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cwcli.evaluation.doubts.base import DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
+from cwcli.pipeline.records import read_number
+from cwcli.text import format_count
+
+MAX_RESETS = 1
+"""From how many resets on the estimate is doubted. Chosen: a jump is never the car's motion."""
+
+
+def find_resets(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield each source that was believed again only after repeated rejections."""
+    for source in evidence.ego_sources:
+        n = read_number(source, "resets")
+        if n >= MAX_RESETS:
+            yield Finding(n, f"{source_name(source)} jumped {format_count(int(n), 'time')}, and the track with it.")
+
+
+RULE = DoubtRule(
+    summary="a track that jumps because a source jumped",
+    threshold=MAX_RESETS,
+    unit="",
+    source="chosen: no car jumps",
+    advice="Leave out the states flagged after_reset.",
+    find=find_resets,
+)

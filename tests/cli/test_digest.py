@@ -1,0 +1,110 @@
+"""What a user reads first: at most twelve lines of 80 columns, with what happened and whether to believe it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cwcli.cli.main import run_command_line
+from cwcli.evaluation.doubts import find_doubts
+from cwcli.logs.read.reader import Log
+from cwcli.report.build import build_report
+from tests.cli.conftest import ROOT, SAMPLES, Run
+
+SHARED_LOGS = ROOT.parent / "shared" / "logs"
+OPTIONS = {"psu-testtrack-1obu": ["--ego-station", "2a3c600d"]}
+DOUBTFUL = {
+    "psu-follow-2obu.mcap": "nothing measures the heading while the car stands",
+    "wydot-bsm.mcap": "the track lies",
+    "balzer-dresden-2014-03-26.ros2.mcap": "the track lies",
+}
+"""Logs of which it is known that the estimate is wrong -> how the first sentence on them begins."""
+LOGS = sorted([*SAMPLES.glob("*.mcap"), *SHARED_LOGS.glob("*.mcap")])
+
+
+def check_lines(shown: str) -> list[str]:
+    """The lines of a digest, which must be few and short."""
+    lines = shown.splitlines()
+    assert 3 <= len(lines) <= 12
+    assert max(map(len, lines)) <= 80
+    return lines
+
+
+@pytest.mark.parametrize("log", LOGS, ids=[log.name for log in LOGS])
+def test_every_log_has_a_digest_that_says_what_happened_and_whether_to_believe_it(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "annotated.mcap"
+    assert run_command_line(["run", str(log), "-o", str(target), *OPTIONS.get(log.stem, [])]) == 0
+    lines = check_lines(capsys.readouterr().out)
+    labels = [line[:7].strip() for line in lines[1:]]
+    assert [label for label in labels if label] in (
+        ["what", "doubt", "made", "next"],
+        ["what", "trust", "made", "next"],
+    )
+    if log.parent == SAMPLES:
+        assert "trust" in labels
+    if log.name not in DOUBTFUL:
+        return
+    text = " ".join(line[7:] for line in lines)
+    assert f"Do not trust this as it is: {DOUBTFUL[log.name]}" in text
+    html = build_report(str(target)).html.decode()
+    headline = re.search(r"<h1>(.*?)</h1>", html, re.DOTALL)
+    assert headline is not None
+    assert headline.group(1).startswith(f"Do not trust this as it is: {DOUBTFUL[log.name]}")
+
+
+@pytest.mark.parametrize("command", ["estimate", "measure", "control"])
+def test_command_of_a_stage_has_a_digest(cwcli: Run, command: str) -> None:
+    source = SAMPLES / "intersection.mcap"
+    if command == "measure":
+        assert cwcli("estimate", source, "-o", "e.mcap").returncode == 0
+        source = Path("e.mcap")
+    done = cwcli(command, source, details=False)
+    assert done.returncode == 0
+    assert done.stderr == b""
+    text = " ".join(line[7:] for line in check_lines(done.stdout.decode())[1:])
+    assert {
+        "estimate": "The car's motion was estimated from /gps/fix, /vehicle/velocity, /gps/heading and /imu/data.",
+        "measure": "Of 1 encounter the one with d9583520 was the most critical",
+        "control": "Warned encounters that end in a crash: 1 of 1 with no-action, 0 of 1 with fuzzy",
+    }[command] in text
+
+
+def test_prediction_says_how_far_it_is_off(cwcli: Run, predicted: Path) -> None:
+    done = cwcli("predict", predicted, "--replace", details=False)
+    assert "Position error 2.5 s ahead, on average: 0.3 m for the car and 2.0 m for the" in " ".join(
+        done.stdout.decode().split()
+    )
+
+
+def test_details_come_behind_the_digest(cwcli: Run, intersection: Path) -> None:
+    short = cwcli("estimate", intersection, details=False)
+    long = cwcli("estimate", intersection)
+    assert long.stdout.startswith(short.stdout)
+    assert b"Ego sources: measurements used" in long.stdout[len(short.stdout) :]
+    assert b"note: " in long.stderr
+
+
+def test_quiet_prints_nothing(cwcli: Run, intersection: Path) -> None:
+    done = cwcli("estimate", intersection, "--quiet")
+    assert (done.stdout, done.stderr) == (b"", b"")
+
+
+def test_digest_goes_to_stderr_where_stdout_has_the_log(cwcli: Run, intersection: Path) -> None:
+    done = cwcli("estimate", intersection, "-o", "-", details=False)
+    assert done.stdout.startswith(b"\x89MCAP")
+    assert done.stderr.startswith(b"estimate ")
+
+
+@pytest.mark.parametrize("name", ["city", "cut-in", "following", "near-miss-crossing", "oncoming-left-turn"])
+@pytest.mark.parametrize("seed", [11, 12])
+@pytest.mark.long
+def test_clean_drive_is_not_doubted(name: str, seed: int, tmp_path: Path) -> None:
+    log, target = tmp_path / "log.mcap", tmp_path / "annotated.mcap"
+    assert run_command_line(["simulate", name, "--seed", str(seed), "-o", str(log), "-q"]) == 0
+    assert run_command_line(["run", str(log), "-o", str(target), "-q"]) == 0
+    with Log.open(str(target)) as annotated:
+        assert find_doubts(annotated) == ()

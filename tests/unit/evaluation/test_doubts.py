@@ -1,0 +1,244 @@
+"""Each doubt is found where it must be, with its number, and not where there is none: cases by hand."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cwcli.channels.vehicle_state import VehicleStates
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.result import SourceReport, Track
+from cwcli.evaluation.doubts import (
+    DOUBTS,
+    DoubtEvidence,
+    find_doubts_in_evidence,
+    find_remarks_in_evidence,
+)
+from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_over_window
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE, StateFlag
+
+S = NS_PER_S
+Source = dict[str, Any]
+
+
+def states(flags: int = 0, **motion: float) -> VehicleStates:
+    """Ten states a second apart with constant values."""
+    state = np.zeros((10, 8))
+    for name, value in {"speed": 10.0, **motion}.items():
+        state[:, {"speed": SPEED, "accel": ACCEL, "yaw_rate": YAW_RATE}[name]] = value
+    return VehicleStates.from_ego_states(np.arange(10) * S, state, flags=np.full(10, flags, np.uint8))
+
+
+def source(quantity: str = "position", **more: Any) -> Source:
+    """The diagnostics of a source without a fault."""
+    counts = {"read": 100, "used": 100, "gated": 0, "resets": 0, "nis_per_dof": 1.0, "nis_inside": True}
+    return {"vehicle": "ego", "source": "/gps/fix", "quantity": quantity, **counts, **more}
+
+
+def table(key: str, columns: list[str], *rows: list[Any]) -> dict[str, Any]:
+    return {"key": key, "title": key, "columns": columns, "rows": list(rows)}
+
+
+def nees(*rows: list[Any]) -> dict[str, Any]:
+    return table("nees", ["error of", "NEES/dof", "inside"], *rows)
+
+
+def evidence(
+    *sources: Source,
+    ego: VehicleStates | None = None,
+    sections: tuple[dict[str, Any], ...] = (nees(["position", 1.0, "in"]),),
+    faults: dict[str, int] | None = None,
+    more: dict[str, Any] | None = None,
+    **entries: Any,
+) -> DoubtEvidence:
+    """What is known of a log with these sources; a moving car with a truth that it agrees with."""
+    record = {"sources": list(sources or [source()]), "summary": {"sections": sections, **(more or {})}, **entries}
+    records = {"estimate": {key: json.dumps(value) for key, value in record.items()}}
+    return DoubtEvidence(records, states() if ego is None else ego, 0, faults or {})
+
+
+def names(found: DoubtEvidence) -> list[str]:
+    return [each.name for each in find_doubts_in_evidence(found)]
+
+
+DOUBTFUL = [
+    (
+        "contradiction",
+        evidence(more={"contradictions": ["ego_speed (/wheel) contradicts ego_position (/fix): 3.6 times the way"]}),
+        1.0,
+        "ego_speed (/wheel) contradicts ego_position (/fix): 3.6 times the way.",
+    ),
+    ("speed", evidence(ego=states(speed=-211.0 / 3.6)), 211.0, "The estimate has a speed of 211 km/h at 0 s."),
+    ("acceleration", evidence(ego=states(accel=20.0)), 20.0, "The estimate has an acceleration of 20 m/s² at 0 s."),
+    (
+        "lateral-acceleration",
+        evidence(ego=states(speed=30.0, yaw_rate=-0.5)),
+        15.0,
+        "The estimate has a lateral acceleration of 15 m/s² at 0 s.",
+    ),
+    (
+        "fixes",
+        evidence(
+            fix_offsets=[
+                {"source": "/fix", "quantity": "position", "offset_m": 9.0, "sigma_m": 1.5, "stamp_ns": 60 * S}
+            ]
+        ),
+        6.0,
+        "The track lies 9.0 m beside the fixes of /fix at 60 s, 6 times its sigma.",
+    ),
+    (
+        "errors",
+        evidence(sections=(nees(["position", 9.0, "OUT"], ["speed", 1.9, "OUT"], ["heading", 4.0, "in"]),)),
+        9.0,
+        "Against the truth the position errs by 3.0 times its sigma.",
+    ),
+    (
+        "gated",
+        evidence(source(used=90, gated=10)),
+        0.1,
+        "10 % of /gps/fix position contradict the other sources.",
+    ),
+    (
+        "heading",
+        evidence(ego=states(speed=0.1)),
+        9.0,
+        "Nothing measures the heading while the car stands (9.0 s, 100 % of the track).",
+    ),
+    (
+        "noise",
+        evidence(source(nis_per_dof=4.0, nis_inside=False)),
+        4.0,
+        "/gps/fix position scatters by 2.0 times its sigma (NIS 4.0).",
+    ),
+    ("resets", evidence(source(resets=2)), 2.0, "/gps/fix position jumped 2 times, and the track with it."),
+    (
+        "gaps",
+        evidence(ego=states(flags=int(StateFlag.BRIDGED))),
+        1.0,
+        "100 % of the states bridge gaps without a position.",
+    ),
+    (
+        "late",
+        evidence(
+            sections=(nees(["position", 1.0, "in"]), table("online", ["channel", "95 %"], ["/cwcli/ego/online", 1.5]))
+        ),
+        1.5,
+        "A car could have known these states only 1.5 s late, so warnings come as late.",
+    ),
+    (
+        "rejected",
+        evidence(counts=[{"topic": "/gps/fix", "read": 50, "rejected": {"no fix": 20, "not finite": 5}}]),
+        0.5,
+        "50 % of the messages of /gps/fix could not be used (most: no fix).",
+    ),
+    ("damaged", evidence(faults={"chunks lost": 2}), 2.0, "The file is damaged (chunks lost: 2)."),
+]
+
+
+@pytest.mark.parametrize(("name", "found", "value", "sentence"), DOUBTFUL, ids=[case[0] for case in DOUBTFUL])
+def test_doubt_is_found_alone_with_its_number(name: str, found: DoubtEvidence, value: float, sentence: str) -> None:
+    (doubt,) = find_doubts_in_evidence(found)
+    assert (doubt.name, doubt.sentence) == (name, sentence)
+    assert doubt.value == pytest.approx(value)
+    assert doubt.value >= doubt.threshold == DOUBTS[name].threshold
+    assert doubt.advice.endswith(".")
+
+
+def test_every_doubt_has_a_case() -> None:
+    assert [case[0] for case in DOUBTFUL] == [name for name, rule in DOUBTS.items() if not rule.is_remark]
+
+
+INNOCENT = {
+    "nothing is doubtful": evidence(),
+    "fast on a motorway": evidence(ego=states(speed=190.0 / 3.6)),
+    "a bend at the limit": evidence(ego=states(speed=30.0, yaw_rate=0.3, accel=-9.0)),
+    "noisy fixes within their sigma": evidence(fix_offsets=[{"offset_m": 9.0, "sigma_m": 3.0, "stamp_ns": 0}]),
+    "an offset that matters to nobody": evidence(fix_offsets=[{"offset_m": 1.9, "sigma_m": 0.1, "stamp_ns": 0}]),
+    "a few gated": evidence(source(used=96, gated=4)),
+    "a standstill with a gyroscope": evidence(source(), source("yaw_rate"), ego=states(speed=0.0)),
+    "a standstill with a compass": evidence(source(), source("heading"), ego=states(speed=0.0)),
+    "noise within a factor": evidence(source(nis_per_dof=1.9, nis_inside=False)),
+    "noise within its bounds": evidence(source(nis_per_dof=2.5, nis_inside=True)),
+    "another vehicle's reset": evidence(source(), source(vehicle="7", resets=3, gated=50)),
+    "two rejected messages": evidence(counts=[{"topic": "/imu", "read": 50, "rejected": {"no fix": 2}}]),
+}
+
+
+@pytest.mark.parametrize("found", INNOCENT.values(), ids=INNOCENT.keys())
+def test_no_doubt_without_reason(found: DoubtEvidence) -> None:
+    assert names(found) == []
+
+
+def test_worst_kind_comes_first_and_within_it_the_largest() -> None:
+    found = evidence(
+        source(nis_per_dof=4.0, nis_inside=False), source("speed", nis_per_dof=9.0, nis_inside=False, resets=1)
+    )
+    doubts = find_doubts_in_evidence(found)
+    assert [(each.name, each.value) for each in doubts] == [("noise", 9.0), ("noise", 4.0), ("resets", 1.0)]
+
+
+def test_missing_truth_is_a_remark_and_no_doubt() -> None:
+    found = evidence(sections=())
+    assert names(found) == []
+    assert [each.name for each in find_remarks_in_evidence(found)] == ["no-truth"]
+    assert find_remarks_in_evidence(evidence()) == ()
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {},
+        {"summary": "3", "sources": "{}", "fix_offsets": "7", "counts": "null"},
+        {"summary": json.dumps({"contradictions": {"a": 1}, "sections": [{"key": "nees"}, 7]})},
+        {"summary": json.dumps({"sections": [nees(["position", 10**400, "OUT"], [None, True, "OUT"])]})},
+        {"sources": json.dumps([7, {"vehicle": "ego"}, source(nis_per_dof="x", gated=None, resets=[])])},
+        {"fix_offsets": json.dumps([7, {"offset_m": "far"}, {"offset_m": 9.0, "sigma_m": 0.0}])},
+        {"counts": json.dumps([{"topic": "/a", "read": "x", "rejected": {"y": 3}}, {"rejected": 3}])},
+    ],
+)
+def test_record_of_anybody_raises_nothing_and_doubts_nothing(entries: dict[str, str]) -> None:
+    assert names(DoubtEvidence({"estimate": entries}, states())) == []
+    assert names(DoubtEvidence({"estimate": entries})) == []
+
+
+def track(offset_m: np.ndarray, sigma_m: float) -> tuple[list[Measurements], Track]:
+    """A car that stands at the origin for as many tenths of seconds as there are offsets (n, 2), and its fixes."""
+    n = len(offset_m)
+    stamp_ns = np.arange(n) * S // 10
+    fixes = Measurements("/fix", Kind.POSITION, stamp_ns, offset_m)
+    covariance = np.tile(np.eye(8) * sigma_m**2, (n, 1, 1))
+    report = SourceReport("/fix", Kind.POSITION)
+    return [fixes], Track(stamp_ns, np.zeros((n, 8)), covariance, np.zeros(n, np.uint8), (report,))
+
+
+def entry_of(offset_m: np.ndarray, sigma_m: float = 0.5) -> dict[str, Any]:
+    (entry,) = json.loads(fix_offsets_to_record_entry(*track(offset_m, sigma_m))["fix_offsets"])
+    return dict(entry)
+
+
+def test_offset_is_that_which_lasts() -> None:
+    offset_m = np.zeros((100, 2))
+    offset_m[20] = 50.0  # an outlier
+    offset_m[50:80] = 3.6, 4.8
+    found = entry_of(offset_m)
+    assert (found["offset_m"], found["sigma_m"], found["stamp_ns"]) == (6.0, 0.5, 5 * S)
+    doubts = find_doubts_in_evidence(evidence(fix_offsets=[found]))
+    assert [(each.name, each.value) for each in doubts] == [("fixes", 12.0)]
+
+
+def test_noise_of_the_fixes_is_no_offset() -> None:
+    rng = np.random.default_rng(0)
+    noise_m = 3.0 * rng.standard_normal((600, 2))
+    assert entry_of(noise_m)["sigma_m"] == pytest.approx(math.hypot(3.0, 0.5), rel=0.1)
+    assert names(evidence(fix_offsets=[entry_of(noise_m)])) == []
+
+
+def test_least_over_window_by_hand() -> None:
+    time_s = np.array([0.0, 1.0, 2.0, 3.0, 9.0])
+    # windows of 2 s: rows 0-1, 1-2, 2-3, 3 alone (not whole), and none behind the last
+    np.testing.assert_array_equal(least_over_window(time_s, np.array([5.0, 4.0, 7.0, 6.0, 1.0]), 2.0), [4, 4, 6, 0, 0])
