@@ -27,11 +27,14 @@ def run_cell(source: str, names: dict[str, Any]) -> list[dict[str, Any]]:
         names: The variables of the notebook, which the cell changes.
     """
     body = ast.parse(source).body
-    last = body.pop() if body and isinstance(body[-1], ast.Expr) else None
+    end = body[-1] if body else None
+    last = end.value if isinstance(end, ast.Expr) else None
+    if last is not None:
+        body.pop()
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         exec(compile(ast.Module(body, []), "cell", "exec"), names)
-        value = None if last is None else eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+        value = None if last is None else eval(compile(ast.Expression(last), "cell", "eval"), names)
     outputs: list[dict[str, Any]] = []
     if printed.getvalue():
         outputs.append({"name": "stdout", "output_type": "stream", "text": split_lines(printed.getvalue())})
