@@ -1,13 +1,69 @@
-"""cwcli: from a recorded drive to states, predicted paths and collision warnings."""
+"""cwcli: from a recorded drive to states, predicted paths and collision warnings.
+
+    import cwcli
+
+    log = cwcli.open("drive.mcap")
+    result = log.run("estimate", "predict", "warn")
+    result.warnings.to_pandas()
+    result.save("annotated.mcap")
+
+`__all__` is what is public (docs/python.md). Nothing is imported before it is used, because every start of the command
+line imports this module.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import sys
+from types import ModuleType
 
+TYPE_CHECKING = False  # as type checkers take it; importing `typing` would cost more than everything else here
 if TYPE_CHECKING:
+    from typing import Any
+
     from mcap.decoder import DecoderFactory
 
+    from cwcli.errors import CwcliError, DataError, InputError, MissingSignalError, OutputError, UsageError
+    from cwcli.library.log import Limits, Log
+    from cwcli.library.log import open_log as open
+    from cwcli.library.pages import write_report as report
+    from cwcli.library.result import Result
+    from cwcli.library.simulated import write_simulation as simulate
+
 __version__ = "0.1.0"
+__all__ = [
+    "CwcliError",
+    "DataError",
+    "InputError",
+    "Limits",
+    "Log",
+    "MissingSignalError",
+    "OutputError",
+    "Result",
+    "UsageError",
+    "__version__",
+    "decoder_factory",
+    "open",
+    "report",
+    "simulate",
+]
+_HOMES = {
+    "CwcliError": "cwcli.errors:CwcliError",
+    "DataError": "cwcli.errors:DataError",
+    "InputError": "cwcli.errors:InputError",
+    "Limits": "cwcli.library.log:Limits",
+    "Log": "cwcli.library.log:Log",
+    "MissingSignalError": "cwcli.errors:MissingSignalError",
+    "OutputError": "cwcli.errors:OutputError",
+    "Result": "cwcli.library.result:Result",
+    "UsageError": "cwcli.errors:UsageError",
+    "open": "cwcli.library.log:open_log",
+}
+"""Public name -> the module and attribute that it stands for."""
+_HOMES_OF_CALLABLE_ROOMS = {
+    "report": "cwcli.library.pages:write_report",
+    "simulate": "cwcli.library.simulated:write_simulation",
+}
+"""Public name that is also that of a room (a package in this one) -> the function that calling it calls."""
 
 
 def decoder_factory() -> DecoderFactory:
@@ -28,3 +84,58 @@ def decoder_factory() -> DecoderFactory:
     from cwcli.logs.codecs.official import OfficialDecoderFactory
 
     return OfficialDecoderFactory()
+
+
+def _import_attribute(target: str) -> Any:
+    """Import the object that `module:attribute` names."""
+    from importlib import import_module
+
+    module, _, attribute = target.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name when it is first used."""
+        if name in _HOMES:
+            value = globals()[name] = _import_attribute(_HOMES[name])
+            return value
+        if name in _HOMES_OF_CALLABLE_ROOMS:
+            from importlib import import_module
+
+            return import_module(f"{__name__}.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__() -> list[str]:
+        """List the public names, and the rooms that are imported."""
+        return sorted({*globals(), *__all__})
+
+
+class _CallableRoom(ModuleType):
+    """A room with the name of a public function: `cwcli.report(...)` calls that, `cwcli.report.page` is in it."""
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self.__wrapped__(*args, **kwargs)
+
+    @property
+    def __wrapped__(self) -> Any:
+        return _import_attribute(_HOMES_OF_CALLABLE_ROOMS[self.__name__.rpartition(".")[2]])
+
+    @property
+    def __signature__(self) -> Any:
+        from inspect import signature
+
+        return signature(self.__wrapped__)
+
+
+class _Package(ModuleType):
+    """This package; a room that is imported into it becomes callable if it has the name of a public function."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _HOMES_OF_CALLABLE_ROOMS and type(value) is ModuleType:
+            value.__class__ = _CallableRoom
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -10,7 +10,8 @@ from __future__ import annotations
 import os
 import tempfile
 import threading
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from typing import Any
 
@@ -28,15 +29,28 @@ _ONE_AT_A_TIME = threading.Lock()
 """The lock under which the file is opened."""
 
 
-def bound_array_memory() -> None:
+@contextmanager
+def array_memory_bound() -> Iterator[None]:
+    """Bound the memory of the arrays that this thread allocates inside the block, as `bound_array_memory` does."""
+    before = bound_array_memory()
+    try:
+        yield
+    finally:
+        if before is not None:
+            spill.use(before)
+
+
+def bound_array_memory() -> object | None:
     """Put large arrays that this thread allocates from now on into the file, once they exceed `MOST_ARRAY_BYTES`.
 
     This does nothing outside of Linux, or without a folder on a disk whose file system has files without a name.
+
+    Returns:
+        The handler of arrays' memory that was used before; None where nothing is done.
     """
     with _ONE_AT_A_TIME:  # of the threads that begin together, one opens the file
         handler = _numpy_memory_handler()
-    if handler is not None:
-        spill.use(handler)
+    return None if handler is None else spill.use(handler)
 
 
 @cache

@@ -19,6 +19,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "peers/test_export_gdal.py": ("pyogrio",),
     "peers/test_fleet_ray.py": ("ray",),
     "peers/test_fleet_readers.py": ("duckdb", "pandas", "polars"),
+    "peers/test_library_pandas.py": ("pandas",),
     "peers/test_layout.py": ("foxglove",),
     "peers/test_osi_export.py": ("osi_utilities",),
     "peers/test_ros_tools.py": ("evo",),

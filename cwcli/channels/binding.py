@@ -311,16 +311,24 @@ def _bind_overrides(
     return named
 
 
+def names_message_fields(role: str, value: str) -> bool:
+    """Whether the value of `ROLE=value` names fields of messages, and not topics alone or a format of radio octets."""
+    if ":" not in value or value.rpartition(":")[2] in SCHEMAS_BY_RADIO_FORMAT:
+        return False
+    from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE  # few name fields, and every start would pay
+
+    return role in MAPPED_QUANTITIES_BY_ROLE
+
+
 def _parse_field_mappings(role: str, value: str) -> tuple[FieldMapping, ...]:
     """Parse the field mappings of `ROLE=value`; () where the value is topics. A malformed mapping is a UsageError."""
-    if ":" not in value or value.rpartition(":")[2] in SCHEMAS_BY_RADIO_FORMAT:
+    if not names_message_fields(role, value):
         return ()
     from cwcli.signals.mapping import (  # few name fields, and every start would pay
-        MAPPED_QUANTITIES_BY_ROLE,
         parse_field_mappings,
     )
 
-    mappings = parse_field_mappings(role, value) if role in MAPPED_QUANTITIES_BY_ROLE else ()
+    mappings = parse_field_mappings(role, value)
     if len(mappings) > 1 and role not in ROLES_WITH_MANY_TOPICS:
         raise UsageError(f"--map {role} is given twice", hint="it takes one channel")
     return mappings

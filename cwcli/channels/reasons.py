@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from cwcli.channels.binding import ROLES_WITH_MANY_TOPICS, TRUTH_ROLES, Bindings, ChannelLike, is_truth_topic
 from cwcli.channels.published import OWN_TOPIC_PREFIX
@@ -29,14 +29,24 @@ AMBIGUOUS_TYPES = frozenset(
 """Types that fill a role only where the user names them, because they may hold anything."""
 UNKNOWN_TYPE_TEXT = "no role takes this type"
 """Reason given for a type that no role takes."""
+READABLE_REASONS = frozenset({UNKNOWN_TYPE_TEXT, OTHER_USES_OF_SCHEMAS["diagnostic_msgs/DiagnosticArray"]})
+"""Reasons that the first messages of a channel may complete: by their fields, or by what they warn of."""
 MAX_NUMERIC_FIELDS = 2000
 """Fields of a message at which the search for numbers stops; chosen by hand."""
 MAX_NESTING = 8
 """Nesting of a message at which the search for numbers stops; chosen by hand."""
 MAX_SUGGESTIONS = 2
 """Options suggested for one channel; chosen by hand."""
-MAX_SIGNALS_SHOWN = 8
-"""Greatest number of CAN signals that a reason lists; a DBC file may describe thousands."""
+_WARNING_WORDS = frozenset(
+    {"fcw", "aeb", "warning", "warnings", "warn", "alert", "alerts", "alarm", "collision", "icw", "eebl", "ldw"}
+)
+"""Words of topics and fields that tell of another system's warnings."""
+_RAISED_WORDS = frozenset({"active", "raised", "triggered", "on", "data", "state"})
+"""Words of truth values that say whether a warning is on."""
+_LEVEL_WORDS = frozenset({"level", "severity", "state", "status", "data", "warning", "alert", "stage"})
+"""Words of numbers that grow with the urgency of a warning, and are 0 without one."""
+FieldKind = Literal["number", "truth value", "text"]
+"""What a field of a message holds."""
 _SPEED_UNIT_OF_WORD = {"kmh": "kmh", "kph": "kmh", "kmph": "kmh", "mph": "mph", "knots": "knots"}
 """Word in a name -> unit of speed, as `--map` spells it."""
 _UNIT_OF_WORD = _SPEED_UNIT_OF_WORD | {"deg": "deg", "degrees": "deg"}
@@ -73,11 +83,13 @@ class UnboundReason(NamedTuple):
 
     Attributes:
         why: The reason in words.
-        tries: Options that would give it a role, the likeliest first.
+        tries: Options that would give it a role, or a command that judges it, the likeliest first.
+        fields: Paths of the fields of its messages, where no role takes the type and they are known.
     """
 
     why: str
     tries: tuple[str, ...] = ()
+    fields: tuple[str, ...] = ()
 
 
 EGO_STATION_OPTION = "--ego-station ID"
@@ -105,15 +117,16 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
         return _explain_unknown_type(channel, name)
     if name in AMBIGUOUS_TYPES:
         return _explain_ambiguous_type(channel.topic, name)
-    texts, tries = [], []
+    texts: list[str] = []
+    tries: list[str] = []
     for entry in inputs_of_schema(channel.schema_name):
         role, others = str(entry.role), bindings.channels_of_role(entry.role)
         if role in bindings.undecided:
             topics = ",".join(each.topic for each in bindings.undecided[role])
             texts.append(f"one of several candidates for {role}")
-            tries.append(f"--topic {role}={channel.topic}")
+            tries += format_option("--topic", f"{role}={channel.topic}")
             if entry.role in ROLES_WITH_MANY_TOPICS:
-                tries.append(f"--topic {role}={topics}")
+                tries += format_option("--topic", f"{role}={topics}")
         elif is_truth_topic(channel.topic) and role not in TRUTH_ROLES:
             continue
         elif others:
@@ -123,7 +136,7 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
             tries.append(EGO_STATION_OPTION)
         else:
             texts.append(f"{role}, only if you name it")
-            tries.append(f"--topic {role}={channel.topic}")
+            tries += format_option("--topic", f"{role}={channel.topic}")
     why = "; ".join(dict.fromkeys(texts)) or "its topic's name marks it as truth, and no truth has this type"
     return UnboundReason(why, tuple(dict.fromkeys(tries))[:MAX_SUGGESTIONS])
 
@@ -134,8 +147,12 @@ def _explain_ambiguous_type(topic: str, name: str) -> UnboundReason:
     if not set(words) & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD)) or set(words) & _WORDS_OF_NO_MEASUREMENT:
         return UnboundReason("neither the type nor the topic's name says what it measures")
     unit = next((_SPEED_UNIT_OF_WORD[word] for word in words if word in _SPEED_UNIT_OF_WORD), "")
-    line = f"--map ego_speed={topic}:data*{unit}" if unit and "Float" in name else f"--topic ego_speed={topic}"
-    return UnboundReason("ego_speed (m/s), only if you name it", (line,))
+    lines = (
+        format_map_option("ego_speed", topic, f"data*{unit}")
+        if unit and "Float" in name
+        else format_option("--topic", f"ego_speed={topic}")
+    )
+    return UnboundReason("ego_speed (m/s), only if you name it", tuple(lines))
 
 
 def _explain_unknown_type(channel: ChannelWithDefinition, name: str) -> UnboundReason:
@@ -145,13 +162,88 @@ def _explain_unknown_type(channel: ChannelWithDefinition, name: str) -> UnboundR
         )
     if name in OTHER_USES_OF_SCHEMAS:
         return UnboundReason(OTHER_USES_OF_SCHEMAS[name])
-    return UnboundReason(
-        UNKNOWN_TYPE_TEXT, suggest_map_options(channel.topic, list(iter_numeric_field_paths(channel)))[:MAX_SUGGESTIONS]
-    )
+    return explain_fields(channel.topic, dict(iter_field_kinds(channel)))
 
 
-def iter_numeric_field_paths(channel: ChannelWithDefinition) -> Iterator[str]:
-    """Yield the paths of the numeric fields of a ROS message; nothing for other encodings."""
+def explain_fields(topic: str, kinds: Mapping[str, FieldKind]) -> UnboundReason:
+    """Explain a type that no role takes by the fields of its messages, and suggest what to do with them.
+
+    Args:
+        topic: Topic of the channel.
+        kinds: Path of each leaf field -> what it holds; {} where the fields are not known.
+    """
+    numbers = [path for path, kind in kinds.items() if kind == "number"]
+    tries = (*suggest_warning_conditions(topic, kinds), *suggest_map_options(topic, numbers))
+    return UnboundReason(UNKNOWN_TYPE_TEXT, tries[:MAX_SUGGESTIONS], tuple(kinds))
+
+
+def suggest_warning_conditions(topic: str, kinds: Mapping[str, FieldKind]) -> tuple[str, ...]:
+    """Suggest how `cwcli evaluate` judges a channel as the warnings of another system, if its names tell of warnings.
+
+    Args:
+        topic: Topic of the channel.
+        kinds: Path of each leaf field -> what it holds.
+    """
+    is_warning_topic = bool(_WARNING_WORDS.intersection(_split_into_words(topic)))
+    found: list[tuple[int, str]] = []
+    for path, kind in kinds.items():
+        words = set(_split_into_words(path))
+        if "stamp" in path or not (is_warning_topic or words & _WARNING_WORDS):
+            continue
+        if kind == "truth value":
+            found.append((0 if words & (_WARNING_WORDS | _RAISED_WORDS) else 2, f"{path}==true"))
+        elif kind == "number" and words & _LEVEL_WORDS:
+            found.append((1, f"{path}>=1"))
+    best = [condition for _, condition in sorted(found, key=lambda each: each[0])][:1]
+    return tuple(line for condition in best for line in format_system_warning(topic, condition))
+
+
+def choose_diagnostic_status(trees: Sequence[object]) -> str:
+    """Return the condition under which a `DiagnosticArray` warns: the level of the status that tells of warnings.
+
+    Args:
+        trees: Its first messages, decoded.
+    """
+    statuses = [status for tree in trees if isinstance(tree, dict) for status in tree.get("status") or ()]
+    names = dict.fromkeys(str(status.get("name", "")) for status in statuses if isinstance(status, dict))
+    named = next((name for name in names if _WARNING_WORDS.intersection(_split_into_words(name))), None)
+    if named is None:
+        return ""
+    return f"status[name=='{named}'].level>=1"
+
+
+def format_system_warning(topic: str, condition: str) -> list[str]:
+    """Format the command that judges another system's warnings; [] where topic or condition can't be typed."""
+    from cwcli.errors import UsageError
+    from cwcli.signals.field_condition import parse_condition
+
+    try:
+        parse_condition(condition)
+    except UsageError:
+        return []
+    command = "cwcli evaluate annotated.mcap --topic"
+    return [] if ":" in topic else format_option(command, f"warning={topic}:{condition}")
+
+
+def format_option(flag: str, value: str) -> list[str]:
+    """Format an option that a shell takes as it stands; [] where the value holds characters that can't be typed."""
+    return [f"{flag} {shlex.quote(value)}"] if value.isprintable() else []
+
+
+def format_map_option(role: str, topic: str, fields: str) -> list[str]:
+    """Format a `--map` option that a shell takes as it stands; [] where `--map` could not read the names."""
+    from cwcli.errors import UsageError
+    from cwcli.signals.mapping import parse_field_mappings
+
+    try:
+        [mapping] = parse_field_mappings(role, f"{topic}:{fields}")
+    except (UsageError, ValueError):
+        return []
+    return format_option("--map", f"{role}={topic}:{fields}") if mapping.topic == topic else []
+
+
+def iter_field_kinds(channel: ChannelWithDefinition) -> Iterator[tuple[str, FieldKind]]:
+    """Yield path and kind of the leaf fields of a ROS message, texts left out; nothing for other encodings."""
     if channel.schema_encoding != "ros2msg":
         return
     from cwcli.logs.codecs.ros2msg import SchemaError, find_message_fields, parse_message_definitions
@@ -164,13 +256,13 @@ def iter_numeric_field_paths(channel: ChannelWithDefinition) -> Iterator[str]:
         return
     count = 0
 
-    def iter_paths(name: str, path: str, depth: int) -> Iterator[str]:
+    def iter_paths(name: str, path: str, depth: int) -> Iterator[tuple[str, FieldKind]]:
         nonlocal count
         for field in find_message_fields(definitions, name):
             here = f"{path}{field.name}" + ("[0]" if field.is_sequence or field.length else "")
-            if _is_number_field(field):
+            if _is_number_field(field) or field.type == "bool":
                 count += 1
-                yield here
+                yield here, "truth value" if field.type == "bool" else "number"
             elif "/" in field.type and depth < MAX_NESTING and count < MAX_NUMERIC_FIELDS and not here.endswith("]"):
                 yield from iter_paths(field.type, f"{here}.", depth + 1)
 
@@ -192,9 +284,10 @@ def explain_can_frames(topic: str, signals: Sequence[str], files: Sequence[str])
     of_files = "".join(f" --dbc {shlex.quote(file)}" for file in files)
     known = f"CAN frames; {', '.join(files)} describes {format_count(len(signals), 'signal')}"
     if found:
-        return UnboundReason(f"{known}: name the one that a role takes", tuple(f"{line}{of_files}" for line in found))
-    shown = ", ".join(signals[:MAX_SIGNALS_SHOWN])
-    return UnboundReason(f"{known}, none with the name of a speed, heading or steering angle: {shown}")
+        tries = tuple(f"{line}{of_files}" for line in found)
+        return UnboundReason(f"{known}: name the one that a role takes", tries, tuple(signals))
+    why = f"{known}, none with the name of a speed, heading or steering angle"
+    return UnboundReason(why, (), tuple(signals))
 
 
 def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = False) -> tuple[str, ...]:
@@ -205,7 +298,7 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
         paths: Paths of its leaf fields.
         has_units: Whether units come with the fields, so that none is guessed from a name.
     """
-    found: list[tuple[int, str]] = []
+    found: list[tuple[int, str, str]] = []
     by_parent: dict[str, dict[str, str]] = {}
     for path in paths:
         parent, _, leaf = path.rpartition(".")
@@ -224,17 +317,18 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
             words & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD))
             and not set(_split_into_words(path)) & _WORDS_OF_NO_MEASUREMENT
         ):
-            found.append((1 + 10 * ("[" in leaf), f"--map ego_speed={topic}:{path}{unit if unit != '*deg' else ''}"))
+            found.append((1 + 10 * ("[" in leaf), "ego_speed", f"{path}{unit if unit != '*deg' else ''}"))
         elif words & _STEERING_WORDS or ("angle" in words and "steer" in path.lower()):
-            found.append((2, f"--map ego_steer={topic}:{path}{unit if unit == '*deg' else ''}"))
+            found.append((2, "ego_steer", f"{path}{unit if unit == '*deg' else ''}"))
         elif words & _COMPASS_WORDS:
-            found.append((3, f"--map ego_heading={topic}:-{path}{'' if has_units else '*deg'}+90deg"))
+            found.append((3, "ego_heading", f"-{path}{'' if has_units else '*deg'}+90deg"))
         elif "yaw" in words:
-            found.append((3, f"--map ego_heading={topic}:{path}{unit if unit == '*deg' else ''}"))
+            found.append((3, "ego_heading", f"{path}{unit if unit == '*deg' else ''}"))
     for both in by_parent.values():
         if len(both) == len(("lat", "lon")):
-            found.append((0, f"--map ego_position={topic}:{both['lat']},{both['lon']}"))
-    return tuple(text for _, text in sorted(found, key=lambda each: each[0]))
+            found.append((0, "ego_position", f"{both['lat']},{both['lon']}"))
+    ranked = sorted(found, key=lambda each: each[0])
+    return tuple(line for _, role, fields in ranked for line in format_map_option(role, topic, fields))
 
 
 def _is_number_field(field: MessageField) -> bool:

@@ -9,7 +9,7 @@ import contextlib
 import os
 import stat
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TextIO
 
 from cwcli import __version__
@@ -61,6 +61,11 @@ class Console:
     def print_failure(self, text: str) -> None:
         """Print on stderr why the exit code is not 0 without an error, such as a failed gate; also when quiet."""
         write_line(sys.stderr, wrap_paragraph(escape_control_characters(text), rest="  "))
+
+    def print_annotations(self, commands: Sequence[str]) -> None:
+        """Print commands for the CI on stderr, each on a line of its own; also when quiet. They are escaped already."""
+        for command in commands:
+            write_line(sys.stderr, command)
 
     def print_note(self, text: str) -> None:
         """Print a note on stderr, unless quiet."""

@@ -16,16 +16,15 @@ from cwcli.cli.report import print_stage_summary, print_written_files
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Call
-from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, SkipRules, run_stages
-from cwcli.pipeline.selection import resolve_selection
+from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, RunRules, SkipRules
 from cwcli.stages import STAGES
 
 if TYPE_CHECKING:
     from cwcli.digest.digest import Digest
+    from cwcli.library.writing import OutputFiles
     from cwcli.logs.read.reader import Log
     from cwcli.logs.read.source import Source
     from cwcli.metrics.table import Table
-    from cwcli.output import AtomicGroup
 
 
 @dataclass(frozen=True)
@@ -85,32 +84,23 @@ def run_and_write(job: Job) -> JobOutcome:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
     """
     _check_output_targets(job)
-    from cwcli.array_memory import bound_array_memory
-    from cwcli.logs.read.reader import Log
+    from cwcli.library.log import open_selected
+    from cwcli.library.writing import write_outputs
 
-    bound_array_memory()
-
+    reading = job.reading
     with Progress(quiet=job.talk.quiet) as progress:
         progress.begin_step(f"reading {', '.join(source_names(job.source))}")
-        reading = job.reading
-        with Log.open(
-            job.source,
-            recover=reading.recover,
-            max_chunk_bytes=reading.max_chunk_bytes,
-            max_pipe_bytes=reading.max_pipe_bytes,
-            max_ratio=reading.max_ratio,
+        span = (reading.start, reading.end)
+        with open_selected(
+            job.source, reading.topics_and_mappings, span, recover=reading.recover, limits=reading.limits
         ) as log:
-            outcome, annotated = run_stages(
-                log,
-                job.stages,
-                resolve_selection(log, job.reading.topics_and_mappings, job.reading.start, job.reading.end),
-                skip=job.skip,
-                strict=job.reading.strict,
-                choice=job.writing.channel_choice,
-                step=progress.begin_step,
-            )
-            _write_outputs(job, annotated, outcome, progress)
-            digest = None if job.talk.quiet or job.talk.json else _build_digest(job, annotated, outcome)
+            rules = RunRules(job.skip, reading.strict, job.writing.channel_choice)
+            result = log.run_calls(job.stages, rules, progress.begin_step)
+            outcome = result.outcome
+            written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
+            digest = None if job.talk.quiet or job.talk.json else _build_digest(job, result.annotated, outcome)
+    outcome.written.extend(written.names)
+    outcome.left_profile = written.dropped_profile
     return JobOutcome(outcome, digest)
 
 
@@ -144,65 +134,23 @@ def _check_output_targets(job: Job) -> None:
     check_targets((output, job.metrics), folders, force=job.writing.force, inputs=source_names(job.source))
 
 
-def _write_outputs(job: Job, log: Log, outcome: RunOutcome, progress: Progress) -> None:
-    """Write the annotated log and the tables: all of them or none."""
-    from cwcli.metrics.table import write_table
-    from cwcli.output import AtomicGroup, check_targets, make_folder
+def _output_files(job: Job, outcome: RunOutcome) -> OutputFiles:
+    """The files that the job's options name."""
+    from cwcli.library.writing import OutputFiles
 
-    tables = _tables_by_file(job, outcome)
-    check_targets([path for path in tables if path.parent.is_dir()], force=job.writing.force)  # others are made below
-    with AtomicGroup() as together:
-        written = [] if job.writing.output is None else _write_annotated_log(job, log, outcome, progress, together)
-        if job.metrics_dir is not None:
-            make_folder(job.metrics_dir)
-        for path, table in tables.items():
-            write_table(table, path, force=job.writing.force, together=together)
-    outcome.written.extend(name for name in written if name != "-")
-    outcome.written.extend(map(str, tables))
-
-
-def _write_annotated_log(
-    job: Job, log: Log, outcome: RunOutcome, progress: Progress, together: AtomicGroup
-) -> list[str]:
-    """Write the annotated log; returns the names of its files."""
-    from cwcli.logs.write.annotate import CopyOptions, annotate_log
-    from cwcli.logs.write.annotate_parts import annotate_parts
-
-    writing = job.writing
-    output = str(writing.output)
-    progress.begin_step(f"writing {output}")
-    if writing.is_folder_of_parts:
-        parts = annotate_parts(
-            log,
-            output,
-            replace=writing.replace,
-            force=writing.force,
-            chosen_topics=writing.channel_choice,
-            together=together,
-        )
-        return list(map(str, parts))
-    report = annotate_log(
-        log,
-        (),
-        {},
-        output,
-        replace=writing.replace,
-        force=writing.force,
-        options=CopyOptions(chosen_topics=writing.channel_choice, together=together),
-    )
-    outcome.left_profile = report.dropped_profile
-    return [output]
-
-
-def _tables_by_file(job: Job, outcome: RunOutcome) -> dict[Path, Table]:
-    """The requested tables, by file."""
-    files: dict[Path, Table] = {}
+    tables: dict[Path, Table] = {}
     if job.metrics is not None:
         own = next(result for result in outcome.results if result.stage not in job.preceding_stages)
-        files[Path(job.metrics)] = next(iter(own.tables.values()))
-    if job.metrics_dir is not None:
-        files |= {Path(job.metrics_dir) / f"{name}.parquet": table for name, table in outcome.tables_by_name().items()}
-    return files
+        tables[Path(job.metrics)] = next(iter(own.tables.values()))
+    writing = job.writing
+    return OutputFiles(
+        writing.output,
+        tables,
+        job.metrics_dir,
+        replace=writing.replace,
+        is_folder_of_parts=writing.is_folder_of_parts,
+        force=writing.force,
+    )
 
 
 def job_document(job: Job, outcome: RunOutcome) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def check_output_files(
     from cwcli.output import check_targets
 
     if talk.json and "-" in texts:
-        raise UsageError("--json and --markdown - both want standard output", hint="write the summary to a file")
+        raise UsageError("--json and the output - both want standard output", hint="write the summary to a file")
     if metrics is not None:
         check_table_file_name(metrics)
     check_targets((metrics, *texts), force=force, inputs=sources)

@@ -12,6 +12,7 @@ tables/<channel>/log=<id>/<channel>.parquet  the channels' columns (`--tables`)
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
 from collections.abc import Iterator, Mapping
@@ -204,6 +205,18 @@ def read_output_folder(out: Path) -> RecordedRun | None:
     gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
     kept = tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
     return RecordedRun(tuple(logs), kept)
+
+
+def read_run_times(out: Path) -> dict[str, float]:
+    """Read the seconds that the last run into a folder took for each log: id -> seconds; {} where no file says it."""
+    logs = (read_json_object(out / RUN_TIMES_NAME) or {}).get("logs")
+    entries = logs.items() if isinstance(logs, dict) else ()
+    found = {name: entry.get("wall_s") for name, entry in entries if isinstance(entry, dict)}
+    return {
+        name: float(wall_s)
+        for name, wall_s in found.items()
+        if isinstance(wall_s, int | float) and not isinstance(wall_s, bool) and 0.0 <= wall_s < math.inf
+    }
 
 
 def format_mismatch_text(manifest: Mapping[str, Any]) -> str:

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cwcli.errors import CwcliError, InputError, UsageError
-from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, LogFolder, RecordedRun, read_output_folder
+from cwcli.fleet.folder import (
+    MANIFEST_NAME,
+    NOT_DONE_TEXT,
+    LogFolder,
+    RecordedRun,
+    read_output_folder,
+    read_run_times,
+)
 from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
@@ -95,7 +102,7 @@ def read_run_metrics(
     name = name_url(source)
     step(f"evaluating {name}")
     log = _score_log(source, Path(name).name if source != STDIN_NAME else "<stdin>", how)
-    return RunMetrics(name, (log,), is_one_log=True)
+    return RunMetrics(name, (replace(log, source=source),), is_one_log=True)
 
 
 def _metrics_of_folder(source: str, path: Path, how: _ScoringOptions, step: Callable[[str], None]) -> RunMetrics:
@@ -113,7 +120,7 @@ def _metrics_of_folder(source: str, path: Path, how: _ScoringOptions, step: Call
     for file in found:
         step(f"evaluating {file}")
         try:
-            logs.append(_score_log(str(file), file.name, how))
+            logs.append(replace(_score_log(str(file), file.name, how), source=str(file)))
         except UsageError:
             raise
         except CwcliError as error:
@@ -125,13 +132,15 @@ def _iter_metrics_of_output_folder(
     path: Path, run: RecordedRun, how: _ScoringOptions, step: Callable[[str], None]
 ) -> Iterator[LogMetrics]:
     """Yield the metrics of each log of an output folder."""
+    times = read_run_times(path)
     for log in run.logs:
         if log.folder is None:
             raise InputError(f"the log id {log.id!r} is no name of a file", where=str(path / MANIFEST_NAME))
         if log.entry.get("status") != "done":
-            yield LogMetrics(log.id, error=_error_text_of_entry(log.entry))
-            continue
-        yield replace(_metrics_of_log_folder(log.folder, how, step), sha256=str(log.entry.get("sha256") or ""))
+            found = LogMetrics(log.id, error=_error_text_of_entry(log.entry))
+        else:
+            found = replace(_metrics_of_log_folder(log.folder, how, step), sha256=str(log.entry.get("sha256") or ""))
+        yield replace(found, source=str(log.entry.get("source") or ""), run_s=times.get(log.id, 0.0))
 
 
 def _metrics_of_log_folder(folder: LogFolder, how: _ScoringOptions, step: Callable[[str], None]) -> LogMetrics:

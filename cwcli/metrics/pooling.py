@@ -60,6 +60,8 @@ class LogMetrics:
         error: Why the log failed and has no metrics; "" if it did not fail.
         sha256: Hash of the input, "" where it is not known.
         notes: Notes for the user on its metrics.
+        source: File of the recorded log, "" where it is not known.
+        run_s: Seconds that the run took for it, 0 where they are not known.
     """
 
     id: str
@@ -67,6 +69,8 @@ class LogMetrics:
     error: str = ""
     sha256: str = ""
     notes: tuple[str, ...] = ()
+    source: str = ""
+    run_s: float = 0.0
 
     def metric_value(self, name: str) -> float:
         """Return the value of a metric; NaN where there is none."""

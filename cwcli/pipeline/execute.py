@@ -71,6 +71,15 @@ RUN_EVERY_STAGE = SkipRules()
 """No stage is left out: one that misses a signal is an error."""
 
 
+@dataclass(frozen=True)
+class RunRules:
+    """What a run leaves out, refuses and writes; see `run_stages`."""
+
+    skip: SkipRules = RUN_EVERY_STAGE
+    strict: bool = False
+    choice: ChannelChoice = ALL_CHANNELS
+
+
 def run_stages(
     log: Log,
     stages: Mapping[str, Call],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,7 @@ def test_info_says_why_a_channel_is_not_used_and_what_to_try(cwcli: Run, log: Pa
         "--topic ego_position=/gps/a",
         "--topic ego_position=/gps/a,/gps/b",
     ]
-    assert channel(document, "/status")["try"] == ["--map ego_speed=/status:wheels.speed_kmh*kmh"]
+    assert channel(document, "/status")["try"] == ["--map 'ego_speed=/status:wheels.speed_kmh*kmh'"]
     assert channel(document, "/can")["try"] == ["--map ego_speed=/can:MESSAGE.SIGNAL --dbc FILE"]
     assert channel(document, "/stranger") | {"why_not": "no role takes this type", "try": []} == channel(
         document, "/stranger"
@@ -76,19 +77,19 @@ def test_info_says_why_a_channel_is_not_used_and_what_to_try(cwcli: Run, log: Pa
     assert (estimate["ready"], estimate["missing"], estimate["choose"]) == (False, [], ["ego_position"])
     shown = cwcli("info", log).stdout.decode()
     assert "has several for ego_position" in shown
-    assert "try: --map ego_speed=/status:wheels.speed_kmh*kmh" in shown
+    assert "try: --map 'ego_speed=/status:wheels.speed_kmh*kmh'" in shown
     assert max(map(len, shown.splitlines()[1:])) <= 80  # the first is the log's name
 
 
 def test_a_line_to_try_works(cwcli: Run, log: Path) -> None:
     document = json.loads(cwcli("info", log, "--json").stdout)
-    line = channel(document, "/status")["try"][0].split()
+    line = shlex.split(channel(document, "/status")["try"][0])  # the shell takes * for a pattern
     done = cwcli("info", log, *line, "--topic", "ego_position=/gps/a", "--json")
     found = {each["role"]: each for each in json.loads(done.stdout)["inputs"]}
     assert (found["ego_speed"]["used"], found["ego_speed"]["topic"]) == (200, "/status")
 
 
-def test_doctor_looks_into_messages_whose_fields_nobody_lists(cwcli: Run, tmp_path: Path) -> None:
+def test_info_looks_into_the_first_messages_where_no_definition_lists_the_fields(cwcli: Run, tmp_path: Path) -> None:
     path = tmp_path / "json.mcap"
     with path.open("wb") as stream:
         writer = JsonWriter(stream)
@@ -98,8 +99,8 @@ def test_doctor_looks_into_messages_whose_fields_nobody_lists(cwcli: Run, tmp_pa
             data = json.dumps({"motion": {"speed_kmh": 36.0 + k}, "name": "x"}).encode()
             writer.add_message(channel_id, log_time=T0_NS + k, publish_time=T0_NS + k, data=data)
         writer.finish()
-    document = json.loads(cwcli("info", path, "--doctor", "--json").stdout)
-    assert channel(document, "/car")["try"] == ["--map ego_speed=/car:motion.speed_kmh*kmh"]
+    document = json.loads(cwcli("info", path, "--json").stdout)
+    assert channel(document, "/car")["try"] == ["--map 'ego_speed=/car:motion.speed_kmh*kmh'"]
 
 
 def test_doctor_finds_rate_gap_and_drift(cwcli: Run, log: Path) -> None:
@@ -213,12 +214,12 @@ def test_contract_that_is_none_is_refused(cwcli: Run, log: Path, tmp_path: Path,
     ("paths", "expected"),
     [
         (["speed"], ["--map ego_speed=/t:speed"]),
-        (["kmh"], ["--map ego_speed=/t:kmh*kmh"]),
-        (["vehicleSpeedMph"], ["--map ego_speed=/t:vehicleSpeedMph*mph"]),
+        (["kmh"], ["--map 'ego_speed=/t:kmh*kmh'"]),
+        (["vehicleSpeedMph"], ["--map 'ego_speed=/t:vehicleSpeedMph*mph'"]),
         (["speed_limit", "target.speed", "engine_speed", "speed_accuracy"], []),
         (["fix.lat", "fix.lon", "fix.alt"], ["--map ego_position=/t:fix.lat,fix.lon"]),
-        (["steering_angle_deg"], ["--map ego_steer=/t:steering_angle_deg*deg"]),
-        (["heading"], ["--map ego_heading=/t:-heading*deg+90deg"]),
+        (["steering_angle_deg"], ["--map 'ego_steer=/t:steering_angle_deg*deg'"]),
+        (["heading"], ["--map 'ego_heading=/t:-heading*deg+90deg'"]),
         (["x", "header.stamp.sec"], []),
     ],
 )
@@ -230,7 +231,7 @@ def test_suggestions(paths: list[str], expected: list[str]) -> None:
     ("topic", "name", "tries"),
     [
         ("/vehicle/speed", "std_msgs/msg/Float32", ["--topic ego_speed=/vehicle/speed"]),
-        ("/vehicle/speed_kmh", "std_msgs/msg/Float64", ["--map ego_speed=/vehicle/speed_kmh:data*kmh"]),
+        ("/vehicle/speed_kmh", "std_msgs/msg/Float64", ["--map 'ego_speed=/vehicle/speed_kmh:data*kmh'"]),
         ("/cabin/temperature", "std_msgs/msg/Float32", []),
         ("/cmd_vel", "geometry_msgs/msg/Twist", []),
     ],

@@ -11,7 +11,7 @@ from cwcli.cli import markdown
 from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.runs import AllOption, MarkdownOption, TruthOption
+from cwcli.cli.options.runs import AllOption, GithubOption, MarkdownOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
@@ -109,6 +109,16 @@ class SummaryOptions:
     """What is written and printed."""
 
     markdown_file: MarkdownOption = None
+    comment: Annotated[
+        str | None,
+        typer.Option(
+            "--comment",
+            metavar="FILE",
+            show_default=False,
+            help="Write a comment for a pull request here, the worst log first; - is standard output.",
+        ),
+    ] = None
+    github: GithubOption = False
     report_at: PageOption = None
     metrics: MetricsOption = None
     everything: AllOption = False
@@ -165,8 +175,9 @@ def command(
         pages = PageAddresses(baseline, output.report_at), PageAddresses(candidate, output.report_at)
     differing: WarningDifferences | None = None
     summary_file = normalise_stdout_name(output.markdown_file)
+    comment_file = normalise_stdout_name(output.comment)
     targets = check_output_files(
-        [baseline, candidate], talk, metrics=output.metrics, texts=(summary_file,), force=output.force
+        [baseline, candidate], talk, metrics=output.metrics, texts=(summary_file, comment_file), force=output.force
     )
     with Progress(quiet=talk.quiet) as progress:
         runs = []
@@ -196,12 +207,19 @@ def command(
         if summary_file is not None:
             text = _format_markdown_summary(compared)
             write_file(summary_file, text.encode(), force=output.force, together=together)
-    console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
+        if comment_file is not None:
+            text = _format_comment(compared, tolerance=judging.tolerance)
+            write_file(comment_file, text.encode(), force=output.force, together=together)
+    console = Console(quiet=talk.quiet, summary_to_stderr="-" in (summary_file, comment_file))
     if talk.json:
         console.print_document("compare", _comparison_document(compared, targets))
     else:
         _print_comparison(console, compared, everything=output.everything)
         print_written_files(console, targets)
+    if output.github:
+        from cwcli.cli.github import annotations_of_changes
+
+        console.print_annotations(annotations_of_changes(failed))
     return EXIT_GATE_FAILED if failed else EXIT_DONE
 
 
@@ -444,6 +462,15 @@ def _format_markdown_summary(compared: ComparedRuns) -> str:
     if compared.failed:
         parts.append("\n".join(["Failed:", "", *(f"- {markdown.format_code(line)}" for line in compared.failed)]))
     return "\n\n".join(parts) + "\n"
+
+
+def _format_comment(compared: ComparedRuns, *, tolerance: float) -> str:
+    """Format the comment for a pull request: the summary, then log by log."""
+    from cwcli.cli.comment import format_comment
+    from cwcli.metrics.log_changes import rank_log_changes
+
+    logs = rank_log_changes(compared.before.logs, compared.after.logs, tolerance=tolerance)
+    return format_comment(_format_markdown_summary(compared), logs, compared.comparison.n_pairs)
 
 
 def _format_markdown_table_of_changes(changes: Sequence[MetricChange]) -> str:

@@ -10,7 +10,15 @@ from cwcli.cli import markdown
 from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, PageAddressOption, SystemOption, TruthOption
+from cwcli.cli.options.runs import (
+    AllOption,
+    GatesOption,
+    GithubOption,
+    MarkdownOption,
+    PageAddressOption,
+    SystemOption,
+    TruthOption,
+)
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
@@ -74,6 +82,7 @@ class SummaryOptions:
         typer.Option("--junit", metavar="FILE", show_default=False, help="Write the gates as JUnit XML here."),
     ] = None
     markdown_file: MarkdownOption = None
+    github: GithubOption = False
     report_at: PageAddressOption = None
     metrics: MetricsOption = None
     everything: AllOption = False
@@ -121,7 +130,8 @@ def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, o
         if output.junit is not None:
             from cwcli.cli.junit import format_junit_xml
 
-            write_file(output.junit, format_junit_xml(results, addresses), force=output.force, together=together)
+            run_s = {log.id: log.run_s for log in run.logs}
+            write_file(output.junit, format_junit_xml(results, addresses, run_s), force=output.force, together=together)
         if summary_file is not None:
             text = _format_markdown_summary(run, pooled, results, addresses)
             write_file(summary_file, text.encode(), force=output.force, together=together)
@@ -142,6 +152,10 @@ def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, o
         console.print_failure(
             f"gate failed: {result.gate} ({len(result.failed_checks)} of {format_count(len(result.checks), 'check')})"
         )
+    if output.github:
+        from cwcli.cli.github import annotations_of_gates
+
+        console.print_annotations(annotations_of_gates(run, results))
     return EXIT_GATE_FAILED if failed else EXIT_DONE
 
 

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cwcli.cli.console import Console
+from cwcli.cli.info_texts import health_verdict, unused_channel_rows
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, source_of_logs
@@ -87,10 +88,10 @@ def command(
         if doctor or reading.map or contract:
             document["health"] = _health_of_topics(opened)
         if doctor or reading.map:
-            _suggest_fields_of_unknown_types(opened, document)
             document["inputs"] = _count_usable_messages(opened, document, reading, sensors)
         if contract:
             document["contract"] = _judge_contract(contract, document)
+        document["verdict"] = health_verdict(document)
     if talk.json:
         console.print_document("info", document)
     else:
@@ -102,7 +103,7 @@ def command(
 def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Document:
     """Describe a log without reading its messages: the content of `--json`."""
     from cwcli.channels.binding import EVERY_ROLE, bind_roles, parse_role_overrides
-    from cwcli.channels.reasons import unbound_reasons_by_topic
+    from cwcli.channels.reasons import READABLE_REASONS, unbound_reasons_by_topic
 
     bindings = bind_roles(
         log.channels,
@@ -119,6 +120,10 @@ def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> D
     why = unbound_reasons_by_topic(log.channels, bindings)
     if reading.dbc:
         _explain_can_channels(log, why, reading.dbc)
+    if any(reason.why in READABLE_REASONS for reason in why.values()):
+        from cwcli.pipeline.message_fields import explain_unknown_channels
+
+        explain_unknown_channels(log, why)
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
     container = _container_document(log)
     station_notes = _name_stations(log, why, bindings)
@@ -231,6 +236,7 @@ def _channel_document(channel: Any, duration_s: float, roles: list[str], reason:
         "rate_hz": rate_hz,
         "roles": roles,
         "why_not": None if reason is None else reason.why,
+        "fields": [] if reason is None else list(reason.fields),
         "try": [] if reason is None else list(reason.tries),
     }
 
@@ -243,24 +249,6 @@ def _health_of_topics(log: Log) -> list[Document]:
     topics = dict.fromkeys(each.topic for each in log.channels if each.message_count != 0)
     found = measure_topic_health(log, [topic for topic in topics if not topic.startswith(OWN_TOPIC_PREFIX)])
     return [{name: _none_if_not_finite(value) for name, value in asdict(each).items()} for each in found]
-
-
-def _suggest_fields_of_unknown_types(log: Log, document: Document) -> None:
-    """What to try for a type that no role takes, by the fields of its messages where no definition lists them."""
-    from cwcli.channels.reasons import MAX_SUGGESTIONS, UNKNOWN_TYPE_TEXT, suggest_map_options
-    from cwcli.errors import CwcliError
-    from cwcli.signals.columns import Strings
-
-    for channel in document["channels"]:
-        if channel["why_not"] != UNKNOWN_TYPE_TEXT or channel["try"]:
-            continue
-        try:
-            fields = log.columns(channel["topic"]).fields
-        except CwcliError as error:
-            channel["why_not"] = f"{UNKNOWN_TYPE_TEXT}, and it can't be read: {error.what}"
-            continue
-        paths = [path for path, field in fields.items() if not isinstance(field, Strings)]
-        channel["try"] = list(suggest_map_options(channel["topic"], paths))[:MAX_SUGGESTIONS]
 
 
 def _none_if_not_finite(value: Any) -> Any:
@@ -356,9 +344,7 @@ def print_log_description(console: Console, document: Document) -> None:
     console.print_summary("")
     unused = [each for each in document["channels"] if each["why_not"]]
     if unused:
-        console.print_summary(
-            format_table(("topic", "why it is not used"), [(each["topic"], each["why_not"]) for each in unused])
-        )
+        console.print_summary(format_table(("topic", "why it is not used"), unused_channel_rows(unused)))
         for line in dict.fromkeys(f"try: {line}" for each in unused for line in each["try"]):
             console.print_summary(line)
         console.print_summary("")
@@ -428,6 +414,7 @@ def _log_facts(document: Document) -> list[tuple[str, str]]:
         ("messages", f"{document['messages']}{chunks}, compression {compression}"),
         ("profile", document["profile"] or "-"),
         ("library", document["library"] or "-"),
+        ("health", document["verdict"]),
     ]
     if document["attachments"]:
         facts.append(

@@ -86,39 +86,27 @@ def command(
     under 6 MB: of many logs the failed and the warned ones come first, and the page says what is left out. A failed
     gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli-drive[report]`.
     """
-    from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.system_topics import parse_other_system_options
-    from cwcli.output import check_targets, write_file
-    from cwcli.report.build import build_report
-    from cwcli.report.pdf import find_browser, print_pdf
+    from cwcli.library.pages import PageContent, write_page
     from cwcli.report.tiles import parse_tile_server
 
-    basemap = parse_tile_server(content.tiles, content.tiles_attribution)
     target = str(normalise_stdout_name(output))
     pdf = content.pdf or (target != "-" and Path(target).suffix.lower() == PDF_SUFFIX)
-    browser = find_browser() if pdf else None
-    system = parse_other_system_options(content.topics) if content.topics else None
-    check_targets([target], force=force, inputs=[source])
     suffixes, what = ([PDF_SUFFIX], "a PDF") if pdf else (PAGE_SUFFIXES, "a page")
+    wanted = PageContent(
+        content.gates or (),
+        parse_other_system_options(content.topics) if content.topics else None,
+        parse_tile_server(content.tiles, content.tiles_attribution),
+        recover=recover,
+        is_pdf=pdf,
+    )
     check_file_suffix(target, suffixes, what=what, required=False)
-    bound_array_memory()
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:
-        report = build_report(
-            source,
-            gates=content.gates or (),
-            system=system,
-            tiles=basemap,
-            recover=recover,
-            progress=lambda name: progress.begin_step(f"report {name}"),
-        )
-        if browser is not None:
-            progress.begin_step("printing")
-        page = report.html if browser is None else print_pdf(report.html, browser)
-        write_file(target, page, force=force)
+        report, n_bytes = write_page(source, target, wanted, force=force, progress=progress.begin_step)
     document = {
         "written": target,
-        "bytes": len(page),
+        "bytes": n_bytes,
         "logs": report.n_logs,
         "with_figures": report.n_detailed,
         "failed": report.n_failed,

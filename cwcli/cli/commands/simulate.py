@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options import lazy_typer as typer
@@ -14,14 +13,9 @@ from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
 from cwcli.cli.text import escape_control_characters, wrap_paragraph
 from cwcli.errors import UsageError
+from cwcli.library.simulated import ROAD_SCENARIO, simulate_log
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.road.names import WEATHER_NAMES
-
-if TYPE_CHECKING:
-    from cwcli.simulate.sensor_log import WrittenChannel
-
-ROAD_SCENARIO = "road"
-"""Name that selects a rendered drive on a road instead of a scenario."""
 
 EXAMPLES = (
     "cwcli simulate intersection -o intersection.mcap",
@@ -88,68 +82,26 @@ def command(
         raise UsageError("simulate needs a file to write", hint="name it with -o; - is standard output")
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
-    if seed is not None and seed < 0:
-        raise UsageError(f"--seed {seed} must not be negative")
-    from cwcli.output import check_targets
-
-    check_targets([output], force=force, inputs=[] if scenario in (ROAD_SCENARIO, *scenario_names()) else [scenario])
-    if scenario == ROAD_SCENARIO:
-        _simulate_road(output, weather, seed, tuple(override or ()), talk, force=force)
-        return
-    if weather is not None:
-        raise UsageError(
-            f"--weather {weather}: only the {ROAD_SCENARIO} has a weather",
-            hint=f"cwcli simulate {ROAD_SCENARIO} -o ...",
-        )
-    from cwcli.simulate.sensor_log import write_simulated_log
-    from cwcli.simulation.drive import simulate_scenario
-    from cwcli.simulation.scenario import load_scenario
-
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step(f"simulating {scenario}")
-        drive = simulate_scenario(load_scenario(scenario, tuple(override or ())), seed)
-        written = write_simulated_log(drive, output, force=force)
-    about = f"{drive.scenario.description}; seed {drive.seed}, {drive.scenario.duration_s:g} s"
-    _print_written_channels(talk, drive.scenario.name, drive.seed, output, about, written)
-
-
-def _simulate_road(
-    output: str, weather: str | None, seed: int | None, override: tuple[str, ...], talk: TalkOptions, *, force: bool
-) -> None:
-    from cwcli.simulate.road_log import parse_road_log_config, plan_configured_drive, write_road_log
-
-    config = parse_road_log_config(weather, seed, override)
-    drive = plan_configured_drive(config)
-    with Progress(quiet=talk.quiet) as progress:
-        progress.begin_step(f"rendering {len(drive)} frames")
-        written = write_road_log(drive, config, output, force=force)
-    about = (
-        f"A rendered drive, {config.drive.weather}, {config.drive.road} road; {len(drive)} frames of "
-        f"{config.size[0]} x {config.size[1]}; seed {config.drive.seed}, {config.drive.duration_s:g} s"
-    )
-    _print_written_channels(talk, ROAD_SCENARIO, config.drive.seed, output, about, written)
-
-
-def _print_written_channels(
-    talk: TalkOptions, name: str, seed: int, output: str, about: str, written: Sequence[WrittenChannel]
-) -> None:
+        made = simulate_log(scenario, output, seed=seed, overrides=tuple(override or ()), weather=weather, force=force)
     if talk.json:
         document = {
-            "scenario": name,
-            "seed": seed,
+            "scenario": made.scenario,
+            "seed": made.seed,
             "output": output,
             "channels": [
                 {"topic": entry.topic, "schema": entry.schema_name, "messages": entry.n_messages, "lost": entry.n_lost}
-                for entry in written
+                for entry in made.channels
             ],
         }
         Console(quiet=talk.quiet).print_document("simulate", document)
         return
     console = Console(quiet=talk.quiet, summary_to_stderr=output == "-")
-    console.print_heading(f"simulate {name}")
-    console.print_summary(wrap_paragraph(escape_control_characters(about)))
+    console.print_heading(f"simulate {made.scenario}")
+    console.print_summary(wrap_paragraph(escape_control_characters(made.description)))
     console.print_summary("")
-    rows = [(entry.topic, entry.schema_name, entry.n_messages, entry.n_lost) for entry in written]
+    rows = [(entry.topic, entry.schema_name, entry.n_messages, entry.n_lost) for entry in made.channels]
     console.print_summary(format_table(("topic", "schema", "messages", "lost on the link"), rows))
     console.print_summary("")
     print_written_files(console, [output] if output != "-" else [])

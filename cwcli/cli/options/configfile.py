@@ -37,7 +37,7 @@ _ORIGIN_BY_OPTION: ContextVar[dict[str, str]] = ContextVar("origins", default={}
 """Option -> key and file of its value, in the configuration of this run."""
 
 WRITING_PARAMETERS = frozenset(
-    {"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "plots", "report"}
+    {"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "comment", "plots", "report"}
 )
 """Parameters that name output files or allow overwriting; a configuration file may not set them."""
 

@@ -42,6 +42,9 @@ PageAddressOption = Annotated[
         "--markdown link to its warnings and conflicts.",
     ),
 ]
+GithubOption = Annotated[
+    bool, typer.Option("--github", help="Print each failure on stderr as an annotation of GitHub Actions, too.")
+]
 AllOption = Annotated[bool, typer.Option("--all", help="Print every metric, not only the most telling ones.")]
 SystemOption = Annotated[
     list[str] | None,

@@ -14,6 +14,7 @@ from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration
+    from cwcli.library.log import Limits
     from cwcli.logs.read.source import Source
     from cwcli.pipeline.channel_choice import ChannelChoice
 
@@ -172,6 +173,13 @@ class ReadingOptions:
         from cwcli.signals.mapping import merge_mapping_options
 
         return [*self.topic, *merge_mapping_options(self.map, self.dbc)]
+
+    @property
+    def limits(self) -> Limits:
+        """What the log may cost: `--max-chunk`, `--max-input` and `--max-ratio`."""
+        from cwcli.library.log import Limits
+
+        return Limits(self.max_chunk_bytes, self.max_pipe_bytes, self.max_ratio)
 
     @property
     def max_chunk_bytes(self) -> int:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from cwcli.cli.options.entries import OptionEntry, option_entries_of_stage
+from cwcli.cli.options.entries import option_entries_of_stage
 from cwcli.cli.options.lazy_typer import Declaration
 from cwcli.cli.options.shared import SensorOptions
-from cwcli.errors import UsageError
-from cwcli.option import Option
 from cwcli.pipeline.call import StageCall
 from cwcli.pipeline.stage import Stage
+from cwcli.pipeline.stage_options import OptionEntry, SensorReading, configure_stage
 from cwcli.registry import import_target
 from cwcli.stages import STAGES
 
@@ -90,36 +88,9 @@ def stage_call_from_options(
         UsageError: A value is invalid.
     """
     stage = STAGES[options.stage]
-    given = {
-        entry.path: _parse_value(entry.option, value)
-        for entry in option_entries_of_stage(stage.name)
-        if (value := getattr(options, entry.key)) != entry.default
-    }
-    config = _replace_nested_fields(stage.configuration_class(), given)
-    if hasattr(config, "sources"):
-        sources = dataclasses.replace(config.sources, clock=sensors.clock, ego_station=sensors.ego_station)
-        config = dataclasses.replace(config, sources=sources)
-    if calibration is not None and hasattr(config, "calibration"):
-        config = dataclasses.replace(config, calibration=calibration)
-    return StageCall(stage, config)
-
-
-def _parse_value(option: Option, value: Any) -> Any:
-    low, high = option.above, option.at_most
-    if value is not None and ((low is not None and not value > low) or (high is not None and not value <= high)):
-        bounds = [f"above {low:g}"] if low is not None else []
-        bounds += [f"at most {high:g}"] if high is not None else []
-        raise UsageError(f"{option.flags} {value:g} must be {' and '.join(bounds)}")
-    return option.parse(value) if option.parse else value
-
-
-def _replace_nested_fields(default: Any, given: Mapping[tuple[str, ...], Any]) -> Any:
-    """Replace fields of a configuration, also nested ones, by the values at their paths."""
-    changes = {path[0]: value for path, value in given.items() if len(path) == 1}
-    for name in dict.fromkeys(path[0] for path in given if len(path) > 1):
-        inside = {path[1:]: value for path, value in given.items() if len(path) > 1 and path[0] == name}
-        changes[name] = _replace_nested_fields(getattr(default, name), inside)
-    return dataclasses.replace(default, **changes) if changes else default
+    entries = option_entries_of_stage(stage.name)
+    values = {entry.key: getattr(options, entry.key) for entry in entries}
+    return configure_stage(stage, entries, values, SensorReading(sensors.clock, sensors.ego_station, calibration))
 
 
 def uses_calibration(stage: Stage) -> bool:

@@ -277,6 +277,18 @@ class Log:
 
         return iter_message_trees(self._get_message_reader(), self._file_channels_of_topic(topic), self.name)
 
+    def first_message_trees(self, topic: str, n: int, max_bytes: int) -> list[object]:
+        """Return the trees of the first `n` messages of a topic, without undecodable ones and those over `max_bytes`.
+
+        Raises:
+            CwcliError: As `iter_message_trees` does.
+        """
+        from cwcli.logs.read.trees import read_first_message_trees
+
+        return read_first_message_trees(
+            self._get_message_reader(), self._file_channels_of_topic(topic), self.name, n, max_bytes
+        )
+
     def transform_channels(self) -> list[ChannelInfo]:
         """Return the file's channels with transforms between frames of reference."""
         from cwcli.logs.read.transforms import is_transform_channel

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from cwcli.errors import InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
-from cwcli.logs.codecs.tree import UndecodableMessage, make_tree_decoder
+from cwcli.logs.codecs.tree import Decode, UndecodableMessage, make_tree_decoder
 from cwcli.logs.read.columns import check_single_schema
 
 if TYPE_CHECKING:
@@ -15,16 +16,51 @@ if TYPE_CHECKING:
     from cwcli.logs.read.message_reader import MessageReader
 
 
+def read_first_message_trees(
+    reader: MessageReader, channels: Sequence[ChannelInfo], name: str, n: int, max_bytes: int
+) -> list[object]:
+    """Return the trees of the first messages of one topic in file order, without undecodable and large ones.
+
+    Args:
+        reader: Reads the file.
+        channels: The channels of the topic.
+        name: Name of the log, for messages.
+        n: Number of messages that are looked at.
+        max_bytes: Size of the largest message that is decoded.
+
+    Raises:
+        InputError: The encoding or the schema is unknown, or the file is damaged.
+        DataError: The topic has several schemas.
+    """
+    decode = _make_decoder(channels, name)
+    found: list[object] = []
+    n_seen = 0
+    for batch in reader.iter_batches([channel.id for channel in channels]):
+        for _, payload in batch.iter_messages():
+            n_seen += 1
+            if len(payload) <= max_bytes:
+                with suppress(UndecodableMessage):
+                    found.append(decode(bytes(payload)))
+            if n_seen == n:
+                return found
+    return found
+
+
+def _make_decoder(channels: Sequence[ChannelInfo], name: str) -> Decode:
+    """Return the function that decodes the messages of a topic; raises as `read_first_message_trees` does."""
+    check_single_schema(channels, name)
+    try:
+        return make_tree_decoder(channels[0])
+    except SchemaError as error:
+        what = f"the channel {channels[0].topic} ({channels[0].schema_name or 'no schema'}) can't be read: {error}"
+        raise InputError(what, where=name) from error
+
+
 def iter_message_trees(
     reader: MessageReader, channels: Sequence[ChannelInfo], name: str
 ) -> Iterator[tuple[int, object]]:
     """Yield log time in ns and tree of each message of one topic, in file order; see `Log.trees`."""
-    check_single_schema(channels, name)
-    try:
-        decode = make_tree_decoder(channels[0])
-    except SchemaError as error:
-        what = f"the channel {channels[0].topic} ({channels[0].schema_name or 'no schema'}) can't be read: {error}"
-        raise InputError(what, where=name) from error
+    decode = _make_decoder(channels, name)
     ids = [channel.id for channel in channels]
     reader.distrust_indexes_if_miscounted(ids)
     tally = reader.counts.start_tally(ids)

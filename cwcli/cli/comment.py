@@ -1,0 +1,108 @@
+"""The comment of `cwcli compare` under a pull request: the worst log first, both sides beside each other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from cwcli.cli import markdown
+from cwcli.cli.text import format_count, format_number, join_names
+
+if TYPE_CHECKING:
+    from cwcli.metrics.log_changes import LogChange
+
+MAX_COMMENT_CHARS = 60_000
+"""Longest comment in characters. GitHub refuses a body of more than 65,536; the rest is for what a job adds."""
+MAX_ROWS_PER_LOG = 20
+"""Metrics of a log that its table lists; chosen by hand."""
+MAX_NAMED_LOGS = 10
+"""Logs that the last sentence names of those that are left out; chosen by hand."""
+MAX_NAME_CHARS = 200
+"""Longest log name, in characters, that is shown in full; chosen by hand."""
+SEPARATOR = "\n\n"
+"""The blank line between two paragraphs of the comment."""
+HEADINGS = ("metric", "unit", "before", "after", "change")
+"""Headings of the table of a log."""
+
+
+def format_comment(summary: str, logs: Sequence[LogChange], n_pairs: int) -> str:
+    """Format the comment.
+
+    Args:
+        summary: Markdown about all logs together; what comes of it is cut at a paragraph.
+        logs: The logs that differ, the worst first.
+        n_pairs: Number of logs in both runs.
+    """
+    text, is_cut = _cut_at_paragraph(summary.rstrip(), MAX_COMMENT_CHARS // 2)
+    parts = [text]
+    if is_cut:
+        parts.append("The rest of this summary is left out; `cwcli compare --markdown` writes all of it.")
+    n_same = n_pairs - sum(not log.error for log in logs)
+    parts.append(f"#### {format_count(len(logs), 'log')} with changes, {n_same} without")
+    length = sum(len(part) + len(SEPARATOR) for part in parts)
+    for k, log in enumerate(logs):
+        section = format_log(log)
+        rest = _left_out_sentence(logs[k + 1 :])  # if this section is taken, this must fit behind it
+        needed = len(section) + len(SEPARATOR) + len(rest) + len(SEPARATOR)
+        if length + needed > MAX_COMMENT_CHARS:
+            parts.append(_left_out_sentence(logs[k:]))
+            break
+        parts.append(section)
+        length += len(section) + len(SEPARATOR)
+    return SEPARATOR.join(parts) + "\n"
+
+
+def format_log(log: LogChange) -> str:
+    """Format what changed on one log."""
+    name = markdown.format_code(_shorten(log.id))
+    if log.error:
+        return f"**{name}** failed: {markdown.format_code(_shorten(log.error))}"
+    rows: list[tuple[str | float | None, ...]] = [
+        (
+            markdown.format_code(change.metric),
+            markdown.format_code(change.unit) if change.unit else "",
+            format_number(change.before),
+            format_number(change.after),
+            _change_text(change.direction.value, change.worsening, change.before, change.after),
+        )
+        for change in log.changes[:MAX_ROWS_PER_LOG]
+    ]
+    more = len(log.changes) - MAX_ROWS_PER_LOG
+    directions = Counter(change.direction.value for change in log.changes)
+    told = ", ".join(f"{directions[word]} {word}" for word in ("worse", "gone", "better", "new") if directions[word])
+    parts = [f"**{name}**: {told}", markdown.format_markdown_table(HEADINGS, rows)]
+    if more > 0:
+        parts.append(f"and {format_count(more, 'more metric')}")
+    return "\n\n".join(parts)
+
+
+def _change_text(word: str, worsening: float, before: float, after: float) -> str:
+    """Return the direction with the change as a share of the value before, where there is one."""
+    if not worsening or not before:
+        return word
+    return f"{word}, {100.0 * (after - before) / abs(before):+.3g} %"
+
+
+def _left_out_sentence(logs: Sequence[LogChange]) -> str:
+    """Return the last sentence of a comment that is cut."""
+    names = [markdown.format_code(_shorten(log.id)) for log in logs[:MAX_NAMED_LOGS]]
+    more = len(logs) - len(names)
+    named = join_names([*names, *([f"{more} more"] if more else [])])
+    verb = "is" if len(logs) == 1 else "are"
+    return (
+        f"{format_count(len(logs), 'log')} with smaller changes {verb} left out, because a comment has at most "
+        f"{MAX_COMMENT_CHARS:,} characters: {named}."
+    )
+
+
+def _cut_at_paragraph(text: str, limit: int) -> tuple[str, bool]:
+    """Cut a text behind its last whole paragraph within a length; whether it was cut."""
+    if len(text) <= limit:
+        return text, False
+    return text[: max(text.rfind("\n\n", 0, limit), 0)], True
+
+
+def _shorten(text: str) -> str:
+    """Cut a long name."""
+    return text if len(text) <= MAX_NAME_CHARS else f"{text[:MAX_NAME_CHARS]}..."

@@ -1,0 +1,62 @@
+"""Texts of `cwcli info`: the verdict on the recording, and the channels that are not used."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cwcli.cli.tables import Cell
+from cwcli.cli.text import format_count, join_names
+
+Document = dict[str, Any]
+MAX_NAMED_TOPICS = 3
+"""Topics that one line names before the others are counted; chosen by hand."""
+MAX_NAMED_FIELDS = 8
+"""Fields of a message that one line names before the others are counted; chosen by hand."""
+
+
+def health_verdict(document: Document) -> str:
+    """Return the doctor's verdict on a log in one line, from its messages where they were read, else from its index."""
+    faults = [f"{fault}: {n}" for fault, n in document["faults"].items()]
+    if "health" not in document:
+        empty = [channel["topic"] for channel in document["channels"] if channel["messages"] == 0]
+        found = [*faults, *([f"no messages on {join_first_names(empty, MAX_NAMED_TOPICS)}"] if empty else [])]
+        return f"{'; '.join(found) or 'no fault in the index'}; --doctor reads the messages"
+    sick = {each["topic"]: text for each in document["health"] if (text := _troubles_text(each))}
+    n = len(document["health"])
+    if not sick:
+        return "; ".join([*faults, f"{format_count(n, 'topic')} without gaps, drift, disorder or damage"])
+    told = [f"{topic} ({text})" for topic, text in sick.items()]
+    return "; ".join([*faults, f"trouble on {len(sick)} of {format_count(n, 'topic')}: {join_first_names(told, 3)}"])
+
+
+def _troubles_text(health: Document) -> str:
+    """Return what is wrong with the messages of one topic, "" for nothing."""
+    if health["undecodable"] < 0:
+        return "it can't be read"
+    facts = []
+    if health["gaps"]:
+        facts.append(f"{format_count(int(health['gaps']), 'gap')}, the longest {health['longest_gap_s']:.1f} s")
+    if health["drift_ms_per_min"]:
+        facts.append(f"the clock drifts by {health['drift_ms_per_min']:.1f} ms/min")
+    if health["out_of_order"]:
+        facts.append(f"{int(health['out_of_order'])} out of order")
+    if health["undecodable"]:
+        facts.append(f"{health['undecodable']} damaged")
+    return ", ".join(facts)
+
+
+def unused_channel_rows(channels: list[Document]) -> list[tuple[Cell, ...]]:
+    """Return topics and reason of the channels that are not used; those with equal reasons are one row."""
+    topics: dict[str, list[str]] = {}
+    for channel in channels:
+        if channel["why_not"]:
+            fields = channel["fields"]
+            known = f"; fields: {join_first_names(fields, MAX_NAMED_FIELDS)}" if fields else ""
+            topics.setdefault(f"{channel['why_not']}{known}", []).append(channel["topic"])
+    return [(join_first_names(names, MAX_NAMED_TOPICS), reason) for reason, names in topics.items()]
+
+
+def join_first_names(names: list[str], most: int) -> str:
+    """Join the first names to a text, with the number of the others."""
+    more = len(names) - most
+    return join_names([*names[:most], *([f"{more:,} more"] if more > 0 else [])])

@@ -1,0 +1,119 @@
+"""Writes a simulated log with known truth (`cwcli.simulate`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cwcli.errors import UsageError
+from cwcli.input import remember_inputs
+from cwcli.lazy_dataclass import dataclass
+from cwcli.output import check_targets
+from cwcli.simulation.catalogue import scenario_names
+
+if TYPE_CHECKING:
+    from cwcli.simulate.sensor_log import WrittenChannel
+
+ROAD_SCENARIO = "road"
+"""Name that selects a rendered drive on a road instead of a scenario."""
+
+
+@dataclass(frozen=True)
+class SimulatedLog:
+    """A log that was simulated.
+
+    Attributes:
+        scenario: Name of the scenario.
+        seed: Seed of all random draws.
+        description: What happens, in one line.
+        channels: The channels, with the numbers of their messages.
+    """
+
+    scenario: str
+    seed: int
+    description: str
+    channels: tuple[WrittenChannel, ...]
+
+
+def write_simulation(
+    scenario: str | Path,
+    target: str | Path,
+    *,
+    seed: int | None = None,
+    values: Mapping[str, object] | None = None,
+    weather: str | None = None,
+    force: bool = False,
+) -> Path:
+    """Write a log with known truth from a scenario; the same scenario and seed give the same bytes.
+
+    Args:
+        scenario: Name or file of a scenario, or `road`: camera frames of a lane.
+        target: The log.
+        seed: Seed of all random draws; None: the scenario's own.
+        values: Values of the scenario to change: `{"host.speed_mps": 15}`.
+        weather: Weather of the road.
+        force: Overwrite a file that exists.
+
+    Returns:
+        The log's file.
+
+    Raises:
+        UsageError: There is no such scenario, or a value is wrong.
+        OutputError: The file exists, or can't be written.
+    """
+    overrides = tuple(f"{key}={value}" for key, value in (values or {}).items())
+    name = f"./{target}" if str(target) == "-" else str(target)
+    with remember_inputs():
+        simulate_log(str(scenario), name, seed=seed, overrides=overrides, weather=weather, force=force)
+    return Path(target)
+
+
+def simulate_log(
+    scenario: str, target: str, *, seed: int | None, overrides: tuple[str, ...], weather: str | None, force: bool
+) -> SimulatedLog:
+    """Simulate and write a log; `cwcli.simulate` and the command come here.
+
+    Args:
+        scenario, seed, weather, force: As in `write_simulation`.
+        target: File, or `-` for standard output.
+        overrides: `KEY=VALUE` of the scenario's values to change.
+
+    Raises:
+        CwcliError: As `write_simulation` does.
+    """
+    if seed is not None and seed < 0:
+        raise UsageError(f"--seed {seed} must not be negative")
+    is_file = scenario not in (ROAD_SCENARIO, *scenario_names())
+    check_targets([target], force=force, inputs=[scenario] if is_file else [])
+    if scenario == ROAD_SCENARIO:
+        return _render_road(target, weather, seed, overrides, force=force)
+    if weather is not None:
+        raise UsageError(
+            f"--weather {weather}: only the {ROAD_SCENARIO} has a weather",
+            hint=f"cwcli simulate {ROAD_SCENARIO} -o ...",
+        )
+    from cwcli.simulate.sensor_log import write_simulated_log
+    from cwcli.simulation.drive import simulate_scenario
+    from cwcli.simulation.scenario import load_scenario
+
+    drive = simulate_scenario(load_scenario(scenario, overrides), seed)
+    written = write_simulated_log(drive, target, force=force)
+    about = f"{drive.scenario.description}; seed {drive.seed}, {drive.scenario.duration_s:g} s"
+    return SimulatedLog(drive.scenario.name, drive.seed, about, written)
+
+
+def _render_road(
+    target: str, weather: str | None, seed: int | None, overrides: tuple[str, ...], *, force: bool
+) -> SimulatedLog:
+    """Render a drive on a road and write its frames."""
+    from cwcli.simulate.road_log import parse_road_log_config, plan_configured_drive, write_road_log
+
+    config = parse_road_log_config(weather, seed, overrides)
+    drive = plan_configured_drive(config)
+    written = write_road_log(drive, config, target, force=force)
+    about = (
+        f"A rendered drive, {config.drive.weather}, {config.drive.road} road; {len(drive)} frames of "
+        f"{config.size[0]} x {config.size[1]}; seed {config.drive.seed}, {config.drive.duration_s:g} s"
+    )
+    return SimulatedLog(ROAD_SCENARIO, config.drive.seed, about, written)

@@ -1,0 +1,82 @@
+"""The fields of a channel that no role takes, from its first messages: what they hold, and what to try with them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cwcli.channels.reasons import (
+    UNKNOWN_TYPE_TEXT,
+    FieldKind,
+    UnboundReason,
+    choose_diagnostic_status,
+    explain_fields,
+    format_system_warning,
+)
+from cwcli.errors import CwcliError, InputError
+from cwcli.logs.codecs.ros2msg import SchemaError
+
+if TYPE_CHECKING:
+    from cwcli.logs.read.reader import Log
+
+MAX_MESSAGES = 5
+"""Messages of a channel that are read for its fields: the first may lack optional ones. Chosen by hand."""
+MAX_MESSAGE_BYTES = 1 << 16
+"""Largest message that is read for its fields, 64 KiB; images and point clouds are larger. Chosen by hand."""
+MAX_CHANNELS = 50
+"""Channels of a log whose messages are read for their fields; chosen by hand."""
+MAX_FIELDS = 200
+"""Fields of a message that are found; chosen by hand."""
+MAX_DEPTH = 8
+"""Nesting of a message at which the search for fields stops; chosen by hand."""
+
+
+def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:
+    """Complete the reasons of channels of unknown types by the fields of their first messages.
+
+    Args:
+        log: The log.
+        why: Topic -> why it fills no role; changed in place.
+    """
+    schemas = {channel.topic: channel.schema_name for channel in log.channels}
+    unknown = [topic for topic, reason in why.items() if reason.why == UNKNOWN_TYPE_TEXT and not reason.fields]
+    diagnostics = [topic for topic in why if schemas[topic].endswith("/DiagnosticArray")]
+    for topic in [*unknown, *diagnostics][:MAX_CHANNELS]:
+        try:
+            trees = log.first_message_trees(topic, MAX_MESSAGES, MAX_MESSAGE_BYTES)
+        except InputError as error:
+            if isinstance(error.__cause__, SchemaError):
+                why[topic] = UnboundReason(f"{why[topic].why}, and it can't be read: {error.what}")
+            continue
+        except CwcliError:  # the log is damaged, which the commands that need it say
+            continue
+        if topic in diagnostics:
+            condition = choose_diagnostic_status(trees)
+            tries = tuple(format_system_warning(topic, condition)) if condition else ()
+            why[topic] = why[topic]._replace(tries=(*why[topic].tries, *tries))
+        elif kinds := field_kinds_of_trees(trees):
+            why[topic] = explain_fields(topic, kinds)
+
+
+def field_kinds_of_trees(trees: list[object]) -> dict[str, FieldKind]:
+    """Return path -> kind of the leaf fields of decoded messages; of a list of numbers, the first element."""
+    found: dict[str, FieldKind] = {}
+    for tree in trees:
+        _add_field_kinds(tree, "", found, 0)
+    return found
+
+
+def _add_field_kinds(value: object, path: str, found: dict[str, FieldKind], depth: int) -> None:
+    """Add the leaf fields of a part of a message; those of lists of messages are left out."""
+    if len(found) >= MAX_FIELDS or depth > MAX_DEPTH:
+        return
+    if isinstance(value, dict):
+        for name, part in value.items():
+            _add_field_kinds(part, f"{path}.{name}" if path else str(name), found, depth + 1)
+    elif isinstance(value, bool) and path:
+        found.setdefault(path, "truth value")
+    elif isinstance(value, int | float) and path:
+        found.setdefault(path, "number")
+    elif isinstance(value, str) and path:
+        found.setdefault(path, "text")
+    elif isinstance(value, list) and value and isinstance(value[0], int | float):
+        _add_field_kinds(value[0], f"{path}[0]", found, depth + 1)
