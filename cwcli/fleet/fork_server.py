@@ -37,7 +37,7 @@ class ForkServer:
         held, self._leash = os.pipe()
         # it imports from where this process does, and not from the current folder, as `-c` alone would
         path = f"import sys; sys.path[:] = {sys.path!r}"
-        command = f"{path}; from {__name__} import serve; serve({far.fileno()}, {held})"
+        command = f"{path}; from {__name__} import serve_worker_requests; serve_worker_requests({far.fileno()}, {held})"
         # Ctrl-C is this process's matter: while it imports, the server would print a traceback
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
