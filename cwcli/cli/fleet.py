@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.console import Console, print_error
-from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.tables import Cell, format_table
+from cwcli.cli.text import DEFAULT_WIDTH, format_count, terminal_width
 from cwcli.errors import CwcliError
-from cwcli.text import escape_control_characters, format_count
 
 if TYPE_CHECKING:
     from cwcli.fleet.plan import FleetPlan, LogTask
@@ -27,7 +28,7 @@ def run_on_many_logs(
     jobs: int | None,
     ray: str | None,
     force: bool,
-    talk: TalkOptions,
+    talk: RunTalkOptions,
 ) -> int:
     """Run a pipeline on many logs and print the summary; returns the exit code.
 
@@ -50,7 +51,9 @@ def run_on_many_logs(
     if talk.json:
         console.print_document("run", fleet_document(fleet, directory))
     else:
-        print_fleet_summary(console, fleet, directory)
+        print_fleet_digest(console, fleet, directory)
+        if talk.details:
+            print_fleet_details(console, fleet)
     for error in distinct_errors(fleet.manifest["logs"]):
         print_error(error)
     return fleet.exit_code
@@ -68,7 +71,20 @@ def fleet_document(fleet: FleetResult, directory: str) -> dict[str, Any]:
     }
 
 
-def print_fleet_summary(console: Console, fleet: FleetResult, directory: str) -> None:
+def print_fleet_digest(console: Console, fleet: FleetResult, directory: str) -> None:
+    """Print a line for each log, the worst first, and one on all of them."""
+    from cwcli.digest.fleet import LogLine, format_fleet_lines
+
+    folder = directory.rstrip("/")
+    entries = fleet.manifest["logs"]
+    logs = [LogLine.from_entry(entry, fleet.statuses[entry["id"]]) for entry in entries]
+    next_step = f"cwcli report {shlex.quote(folder)} -o report.html"
+    console.print_heading(f"run: {format_count(len(entries), 'log')}; see {folder}/manifest.json")
+    for line in format_fleet_lines(logs, next_step=next_step, width=terminal_width() or DEFAULT_WIDTH):
+        console.print_summary(line)
+
+
+def print_fleet_details(console: Console, fleet: FleetResult) -> None:
     """Print the table of logs, and notes on stages that were left out."""
     entries = fleet.manifest["logs"]
     rows: list[tuple[Cell, ...]] = [
@@ -82,7 +98,6 @@ def print_fleet_summary(console: Console, fleet: FleetResult, directory: str) ->
         )
         for entry in entries
     ]
-    console.print_heading(f"run: {format_count(len(entries), 'log')}")
     console.print_summary("")
     console.print_summary(format_table(("log", "status", "stages", "messages", "rejected", "warnings"), rows))
     console.print_summary("")
@@ -90,9 +105,6 @@ def print_fleet_summary(console: Console, fleet: FleetResult, directory: str) ->
         console.print_note(
             f"{reason} ({format_count(len(ids), 'log')}, {ids[0]}{' and others' if len(ids) > 1 else ''})"
         )
-    statuses = list(fleet.statuses.values())
-    facts = [f"{statuses.count(name)} {name}" for name in ("done", "unchanged", "failed") if name in statuses]
-    console.print_summary(f"{', '.join(facts)}; see {escape_control_characters(directory.rstrip('/'))}/manifest.json")
 
 
 def distinct_errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:

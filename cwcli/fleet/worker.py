@@ -12,6 +12,8 @@ from typing import Any
 
 from cwcli import __version__
 from cwcli.array_memory import bound_array_memory
+from cwcli.digest.digest import build_digest
+from cwcli.digest.fleet import ENTRY_KEY, digest_to_entry
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.fleet.folder import (
@@ -158,6 +160,8 @@ def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogFolder, entry: D
         for name, table in iter_channel_tables(annotated, entry["without_table"]):
             outputs.append(write_table_with_folders(table, folder.table_path(TABLES_FOLDER, name)))
     _describe_outcome(outcome, entry)
+    stages = [result.stage for result in outcome.results]
+    entry[ENTRY_KEY] = digest_to_entry(build_digest(annotated, stages, outcome.left_out, tables, is_run=True))
     return outputs
 
 

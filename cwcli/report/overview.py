@@ -21,7 +21,12 @@ from cwcli.text import escape_control_characters, format_count
 
 MAX_PAGE_BYTES = 5_900_000
 """The size of a page that sections are fitted into, in bytes; docs/report.md promises less than 6 MB."""
+MAX_NAMED_LOGS = 3
+"""Greatest number of doubtful logs that the headline names; chosen by hand."""
+DOUBTS_METRIC = "doubts.count"
+"""Metric that counts the doubts about a log."""
 METRIC_COLUMNS = (
+    (DOUBTS_METRIC, "doubts"),
     ("data.duration_s", "duration [s]"),
     ("warnings.count", "warnings"),
     ("warnings.missed_count", "missed"),
@@ -137,8 +142,24 @@ def _run_headline(candidates: Sequence[LogCandidate]) -> str:
     if len(warned) == 1 and warned[0].story and n > 1:
         text += f" {warned[0].story}"
     elif n == 1 and candidates[0].story:
-        text = candidates[0].story
-    return text
+        return candidates[0].story
+    return f"{doubtful} {text}" if (doubtful := _doubtful_logs_sentence(candidates)) else text
+
+
+def _doubtful_logs_sentence(candidates: Sequence[LogCandidate]) -> str:
+    """Name the logs that should not be trusted as they are, those of most doubts first; "" without any."""
+    counts = {
+        each.entry.name: each.entry.metrics[DOUBTS_METRIC].value
+        for each in candidates
+        if DOUBTS_METRIC in each.entry.metrics and each.entry.metrics[DOUBTS_METRIC].value > 0
+    }
+    if not counts:
+        return ""
+    named = sorted(counts, key=lambda name: (-counts[name], name))
+    names = ", ".join(escape_control_characters(name) for name in named[:MAX_NAMED_LOGS])
+    more = f" and {len(named) - MAX_NAMED_LOGS} more" if len(named) > MAX_NAMED_LOGS else ""
+    are = "it is" if len(named) == 1 else "they are"
+    return f"Do not trust {len(named)} of {format_count(len(candidates), 'drive')} as {are}: {names}{more}."
 
 
 def _left_out_sentences(left_out: Sequence[str], n: int) -> list[str]:

@@ -29,7 +29,7 @@ def intersection() -> Path:
 def with_details(*arguments: str | Path) -> tuple[str | Path, ...]:
     """Return the arguments with `--details`, where the command runs stages and prints their tables."""
     runs_stages = arguments[:1] and str(arguments[0]) in (*STAGES, "run", "demo")
-    unwanted = {"--json", "--quiet", "-q", "--help", "-h", "--details", "-d", "--directory"}
+    unwanted = {"--json", "--quiet", "-q", "--help", "-h", "--details"}
     if not runs_stages or unwanted & set(map(str, arguments)):
         return arguments
     return (arguments[0], "--details", *arguments[1:])

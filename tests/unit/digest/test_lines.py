@@ -27,7 +27,7 @@ def test_lines_are_wrapped_behind_the_label() -> None:
 
 def test_whole_sentences_that_do_not_fit_are_left_out() -> None:
     block = Block("what", ("one two three four.", "five six seven eight."))
-    assert format_blocks([block], width=27, max_lines=2) == ["what   one two three four.", ""[:0]][:1]
+    assert format_blocks([block], width=27, max_lines=2) == ["what   one two three four."]
 
 
 def test_first_sentence_is_cut_if_it_alone_does_not_fit() -> None:
@@ -68,5 +68,5 @@ def test_without_a_doubt_the_errors_are_said() -> None:
 
 def test_path_keeps_the_name_of_the_file() -> None:
     assert shorten_path("a/b.mcap", 20) == "a/b.mcap"
-    assert shorten_path("/a/very/long/way/to/drive.mcap", 15) == ".../drive.mcap"[-15:]
+    assert shorten_path("/a/very/long/way/to/drive.mcap", 15) == "...o/drive.mcap"
     assert display_width(shorten_path("日" * 50, 21)) <= 21
