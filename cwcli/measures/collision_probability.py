@@ -105,9 +105,12 @@ def is_touch_improbable(
 ) -> npt.NDArray[np.bool_]:
     """Whether contact would need errors beyond `MAX_TOUCH_SIGMAS`, (m,).
 
+    Outlines that touch have centres no farther apart than the sum of their half diagonals. The relative position must
+    therefore err by the rest of the distance, towards the other centre.
+
     Args:
         distance_m: Shape (m,): the least distance of the centres.
-        variance_m2: Shape (m,): largest variance of the relative position, summed over both axes.
+        variance_m2: Shape (m,): at least the variance of the relative position along any direction, at any time.
     """
     reach = 0.5 * (np.hypot(*host_size) + np.hypot(*other_size))
     return np.asarray(distance_m - reach > MAX_TOUCH_SIGMAS * np.sqrt(variance_m2))

@@ -55,7 +55,9 @@ class PathPairs:
         """
         out = np.zeros((len(self.host_row), len(ends_s)))
         out[np.isnan(min_distance_m)] = np.nan
-        variance_m2 = _largest_variance_m2(self.host, self.host_row) + _largest_variance_m2(self.other, self.other_row)
+        variance_m2 = largest_position_variance_m2(self.host, self.host_row) + largest_position_variance_m2(
+            self.other, self.other_row
+        )
         with np.errstate(invalid="ignore"):
             far = is_touch_improbable(min_distance_m, variance_m2, self.host_size, self.other_size)
         near = np.flatnonzero(~far & ~np.isnan(min_distance_m))
@@ -121,7 +123,8 @@ class PathPairs:
         )
 
 
-def _largest_variance_m2(paths: PathArrays, rows: Rows) -> FloatArray:
-    """Sum of the variances along x and y, (m,), at the path's begin or end, whichever is larger."""
-    ends = paths.position_covariance_m2[:, [0, -1]]
-    return np.asarray((ends[..., 0] + ends[..., 2]).max(axis=1)[rows])
+def largest_position_variance_m2(paths: PathArrays, rows: Rows) -> FloatArray:
+    """Variance along the direction in which it is largest, (m,), at the path's begin or end, whichever is larger."""
+    xx, xy, yy = np.moveaxis(paths.position_covariance_m2[:, [0, -1]], -1, 0)
+    largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
+    return np.asarray(largest.max(axis=1)[rows])

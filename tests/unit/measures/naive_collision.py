@@ -63,9 +63,9 @@ def contact_probability(
         hits = [
             _interval(along, aside, step, slabs, [0.5 * (own[k] + own[k + 1]) for own in headings], sizes)
             for _, k, step, slabs in steps
-            if k < end and not _misses(along, aside, basis, rest, step, slabs)
+            if k < end
         ]
-        total += _share([each for each in hits if each[0] <= each[1]])
+        total += _share([_extended(*each) for each in hits if max(each[0], -OUTSIDE) <= min(each[1], OUTSIDE)])
     return total / len(used)
 
 
@@ -138,25 +138,9 @@ def _reach(normal: FloatArray, turn: Sequence[float], sizes: tuple[Size, Size]) 
     return total
 
 
-def _misses(
-    along: FloatArray,
-    aside: FloatArray,
-    basis: FloatArray,
-    rest: FloatArray,
-    step: tuple[FloatArray, ...],
-    slabs: Sequence[tuple[FloatArray, float]],
-) -> bool:
-    """Whether a line is out of reach wherever its errors are likely, in the direction in which the two are farthest."""
-    middle, way, places, change = step
-    n, reach = max(
-        slabs,
-        key=lambda each: (
-            (abs(each[0] @ middle) - each[1] - 0.5 * abs(each[0] @ way)) / np.linalg.norm(each[0] @ places)
-        ),
-    )
-    changed = OUTSIDE * (np.linalg.norm(n @ change @ basis) + np.linalg.norm(n @ change @ rest))
-    apart = abs(n @ (middle + places @ aside)) - reach - 0.5 * (abs(n @ way) + changed)
-    return bool(apart > OUTSIDE * abs(n @ places @ along))
+def _extended(low: float, high: float) -> tuple[float, float]:
+    """An interval whose ends outside are without an end."""
+    return -math.inf if low < -OUTSIDE else low, math.inf if high > OUTSIDE else high
 
 
 def _interval(
