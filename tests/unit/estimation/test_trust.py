@@ -39,7 +39,8 @@ def test_the_first_states_are_starting_until_two_seconds_after_a_heading_showed(
     assert starting[0] == 0.0
     assert 2.0 < starting[-1] < 3.5
     np.testing.assert_allclose(np.diff(starting), 0.1)
-    assert not (track.flags & ~np.uint8(StateFlag.STARTING)).any()
+    # Online, three fixes in a row are beyond the gate at 12.0 s, because the noise found is small; that is said.
+    assert not (track.flags & ~np.uint8(StateFlag.STARTING | StateFlag.REJECTING)).any()
 
 
 def test_nothing_but_starting_where_no_heading_ever_shows() -> None:
