@@ -17,6 +17,10 @@ from cwcli.signals.vehicle_state import HEADING, SPEED, StateFlag, X, Y
 
 SETTLING_TIME_S = 2.0
 """Time for which states are flagged after a start or reset, s: two time constants of the jerk."""
+MAX_PART_AGE_S = 1.0
+"""Position, speed and heading that are at most this old at the start make a whole state, s: slow senders' period."""
+MIN_COURSE_SIGMAS = 10.0
+"""A velocity tells the heading from this many of its sigmas on. Chosen: the course is then good to 0.1 rad."""
 MIN_REJECTING_ROWS = 2
 """Number of rejected rows in a row from which online states are flagged: a single one is an outlier."""
 MIN_REJECTING_S = 0.3
@@ -63,7 +67,8 @@ def compute_state_flags(
 
     shown_s = start.time_s if causal else max(start.time_s, first_heading_time_s(series))
     restart_s = np.array([each.time_s for each in restarts])
-    mark(StateFlag.STARTING, np.append(restart_s, -np.inf), np.append(restart_s, shown_s) + SETTLING_TIME_S)
+    started_s = np.append(restart_s, shown_s)
+    mark(StateFlag.STARTING, np.append(restart_s, -np.inf), _settling_ends_s(series, started_s))
     for s, found in zip(series, status, strict=True):
         if s.kind in RATE_KINDS:
             continue
@@ -78,6 +83,39 @@ def compute_state_flags(
             mark(StateFlag.REJECTING, *find_rejecting_spans_s(s, found)[:2])
     mark(StateFlag.BRIDGED, *_find_position_gaps_s(series, status, causal=causal))
     return flags
+
+
+def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> FloatArray:
+    """Return when the states behind each start (k,), s, have settled, (k,).
+
+    They have when position, speed and heading have all been measured, at most `MAX_PART_AGE_S` before the start, else
+    after `SETTLING_TIME_S`.
+    """
+    ends_s = np.asarray(started_s + SETTLING_TIME_S)
+    position_s: list[FloatArray] = []
+    speed_s: list[FloatArray] = []
+    heading_s: list[FloatArray] = []
+    for s in series:
+        time_s = s.time_s - s.latency_s
+        if s.kind is Kind.POSITION:
+            position_s.append(time_s)
+        elif s.kind is Kind.SPEED:
+            speed_s.append(time_s)
+        elif s.kind is Kind.HEADING:
+            heading_s.append(time_s)
+        elif s.kind is Kind.VELOCITY:
+            speed_s.append(time_s)
+            over_ground = np.hypot(s.values[:, 0], s.values[:, 1])
+            sigma = np.sqrt(np.maximum(s.noise[:, 0], s.noise[:, 2]))
+            heading_s.append(time_s[over_ground > np.maximum(1.0, MIN_COURSE_SIGMAS * sigma)])
+    if not (position_s and speed_s and heading_s):
+        return ends_s
+    whole_s = np.copy(started_s)
+    for parts in (position_s, speed_s, heading_s):
+        measured_s = np.append(np.sort(np.concatenate(parts)), np.inf)
+        first_s = measured_s[np.searchsorted(measured_s[:-1], started_s - MAX_PART_AGE_S)]
+        whole_s = np.maximum(whole_s, first_s)
+    return np.minimum(ends_s, whole_s)
 
 
 def find_rejecting_spans_s(

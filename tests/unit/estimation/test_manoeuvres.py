@@ -71,7 +71,7 @@ def test_full_braking_is_followed_at_once(accel_mps2: float, step_s: float) -> N
     assert _rejected(track) == 0
     assert error.max() < 0.6
     assert (error / np.sqrt(track.covariance[5:, SPEED, SPEED])).max() < 5.5
-    assert not (track.flags[drive.time_s > 5.0] > 0).any()
+    assert not (track.flags > 0).any()  # the first message holds a whole state, so no state is starting
 
 
 def test_a_swerve_is_followed_at_once() -> None:
