@@ -132,6 +132,8 @@ class WarningConfig:
         min_deceleration_mps2: The default rule does not warn of what gentler braking by the host makes improbable; 0:
             it always does.
         persistence_s: How long the rule's condition must have held before the warning; None: the rule's own.
+        from_behind: Warn of a follower in the host's lane, too (rule "cwcli"); the host cannot avoid it.
+        beside_lane: Warn of a vehicle that drives parallel in a lane of its own, too (rule "cwcli").
         hold_off_s: A condition that has been false this long is over; until then it is the same conflict.
         use: "received": of the remote states only those that had been received by then, as on line. "stamp": all
             whose stamp has passed (no link delay).
@@ -165,6 +167,12 @@ class WarningConfig:
             default="the rule's own",
         ),
     ] = None
+    from_behind: Annotated[
+        bool, Option("--from-behind", "The rule cwcli warns of followers, too, whom only they themselves can avoid.")
+    ] = False
+    beside_lane: Annotated[
+        bool, Option("--beside-lane", "The rule cwcli warns of vehicles that drive parallel beside the lane, too.")
+    ] = False
     hold_off_s: Annotated[
         float, Option("--hold-off", "A condition false for this long is over.", metavar="SECONDS")
     ] = 1.0

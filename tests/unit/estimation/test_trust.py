@@ -88,9 +88,7 @@ VELOCITY_MPS = np.stack([SPEED_MPS, 0.0 * SPEED_MPS], axis=1)
 @pytest.mark.parametrize(
     ("more", "n_starting"),
     [
-        pytest.param(
-            (_with(Kind.SPEED, SPEED_MPS), _with(Kind.HEADING, HEADING_RAD)), 0, id="whole at once"
-        ),
+        pytest.param((_with(Kind.SPEED, SPEED_MPS), _with(Kind.HEADING, HEADING_RAD)), 0, id="whole at once"),
         pytest.param((_with(Kind.VELOCITY, VELOCITY_MPS),), 0, id="velocity of a moving car"),
         pytest.param((_with(Kind.HEADING, HEADING_RAD),), 20, id="no speed"),
         pytest.param(
