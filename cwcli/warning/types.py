@@ -12,7 +12,12 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.signals.clocks import earliest_known_times_ns
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.warning.conflict_definition import ConflictDefinition, format_default_definitions, parse_conflict_definition
+from cwcli.warning.conflict_definition import (
+    DEFAULT_CONFLICT,
+    ConflictDefinition,
+    format_default_definitions,
+    parse_conflict_definition,
+)
 
 DEFAULT_LENGTH_M = 4.5
 """Length of a vehicle that reports none. Chosen: a passenger car's."""
@@ -116,7 +121,8 @@ def _conflict_help_text() -> str:
     return (
         f"What counts as a conflict when warnings are scored: a measure beyond its threshold "
         f"({format_default_definitions()}), or "
-        "beyond one of yours: 'ttc < 1.5'. distance alone is that of --distance."
+        "beyond one of yours: 'ttc < 1.5'; several with 'or' between, the one that dates the conflict first. distance "
+        "alone is that of --distance."
     )
 
 
@@ -140,7 +146,8 @@ class WarningConfig:
         max_age_s: Remote states older than this are not used.
         max_gap_s: Tracks are not interpolated across gaps longer than this when warnings are scored.
         conflict: What counts as a conflict when warnings are scored: a key of `measures.MEASURES`, at its own
-            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5" (`parse_conflict_definition`).
+            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5"; or several of these with " or "
+            between (`parse_conflict_definition`).
         max_lead_s: A warning earlier than this before a conflict is not about that conflict.
     """
 
@@ -183,7 +190,7 @@ class WarningConfig:
     max_gap_s: float = 0.5
     conflict: Annotated[
         str, Option("--conflict", _conflict_help_text, metavar="MEASURE", choices="cwcli.measures:MEASURES")
-    ] = "distance"
+    ] = DEFAULT_CONFLICT
     max_lead_s: Annotated[
         float, Option("--max-lead", "A warning earlier than this is not about the conflict.", metavar="SECONDS")
     ] = 5.0
