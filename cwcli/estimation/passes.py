@@ -31,6 +31,8 @@ MAX_REJECTION_TIME_S = 3.0
 """Time of rejections after which a slow source is used again, s. Chosen by hand; not fitted."""
 MAX_PITCH_RATE_GAP_S = 0.2
 """The pitch rate is taken as zero in a longer gap of the gyroscope, s. Chosen by hand; not fitted."""
+WHOLE_MESSAGE_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
+"""Kinds that a message of another vehicle holds when it tells the whole motion in the plane."""
 ROW_BEFORE_START = -1
 """Status of a row that is earlier than the start of the filter."""
 IntArray = npt.NDArray[np.int32]
@@ -302,6 +304,7 @@ def build_pass_input(
         place_m=np.array([s.place_m or (0.0, 0.0) for s in series], np.float64).reshape(-1, 2),
         gate_nis=np.array([s.gate_nis for s in series], np.float64),
         patience=order_of.patience,
+        sender=_sender_numbers(series),
     )
     events = ekf.Events(
         time_s=order_of.time_s,
@@ -313,6 +316,22 @@ def build_pass_input(
     )
     again = _place_restarts_in_time_order(series, start_s, order_of, restarts) if restarts else None
     return PassInput(events, sources, len(output_s), order_of, again)
+
+
+def _sender_numbers(series: Sequence[SensorSeries]) -> IntArray:
+    """Return the number of the sender of each series, (S,), whose messages hold position, speed and heading; -1: none.
+
+    A message is known by its time, so all three must have the same latency.
+    """
+    found = np.full(len(series), -1, np.int32)
+    rows: dict[tuple[str, float], dict[Kind, int]] = {}
+    for i, s in enumerate(series):
+        if s.gate_nis > 0.0 and s.kind in WHOLE_MESSAGE_KINDS:
+            rows.setdefault((s.source, s.latency_s), {})[s.kind] = i
+    whole = [own for own in rows.values() if len(own) == len(WHOLE_MESSAGE_KINDS)]
+    for number, own in enumerate(whole):
+        found[list(own.values())] = number
+    return found
 
 
 def _place_restarts_in_time_order(

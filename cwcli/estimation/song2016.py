@@ -240,6 +240,7 @@ def filter_measurement_matrix(
         stamp_sigma_s=np.zeros(len(sensor)),
         gate_nis=np.zeros(len(sensor)),
         patience=np.ones(len(sensor), np.int32),
+        sender=np.full(len(sensor), -1, np.int32),
     )
     motion = ekf.ProcessModel.song2016(process_noise_covariance(step_s) if q is None else q)
     result = ekf.run(events, sources, motion, np.array(z[0], dtype=np.float64), np.diag(variance), n, smooth=smooth)

@@ -9,18 +9,32 @@ import numpy.typing as npt
 
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.median import median
-from cwcli.estimation.passes import FilterStart, SensorSeries
+from cwcli.estimation.passes import FilterStart, PassResult, SensorSeries
 from cwcli.estimation.start import first_heading_time_s
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.vehicle_state import StateFlag
+from cwcli.signals.vehicle_state import HEADING, SPEED, StateFlag, X, Y
 
 SETTLING_TIME_S = 2.0
 """Time for which states are flagged after a start or reset, s: two time constants of the jerk."""
+MAX_PART_AGE_S = 1.0
+"""Position, speed and heading that are at most this old at the start make a whole state, s: slow senders' period."""
+MIN_COURSE_SIGMAS = 10.0
+"""A velocity tells the heading from this many of its sigmas on. Chosen: the course is then good to 0.1 rad."""
+MIN_REJECTING_ROWS = 2
+"""Number of rejected rows in a row from which online states are flagged: a single one is an outlier."""
+MIN_REJECTING_S = 0.3
+"""Time after a rejected row from which online states are flagged, too, s. Chosen: three periods of usual messages."""
+REJECTED_ROW_SHARE = 0.5
+"""Share of the squared innovation that the variance of a state holds while rows are rejected.
+
+Chosen: the state and the rejected rows are taken to be right with the same probability."""
 MIN_GAP_S = 2.0
 """Least duration of a gap between used positions, s. Chosen by hand; not fitted."""
 MIN_GAP_STEPS = 3.0
 """Least duration of a gap in usual steps of the positions. Chosen by hand; not fitted."""
+WIDENED_STATES = {Kind.POSITION: (X, Y), Kind.VELOCITY: (SPEED,), Kind.SPEED: (SPEED,), Kind.HEADING: (HEADING,)}
+"""States whose variance grows while rows of a kind are rejected."""
 N_RECENT_STEPS = 5
 """Number of last steps whose median is the usual step online. Chosen by hand; not fitted."""
 
@@ -53,7 +67,8 @@ def compute_state_flags(
 
     shown_s = start.time_s if causal else max(start.time_s, first_heading_time_s(series))
     restart_s = np.array([each.time_s for each in restarts])
-    mark(StateFlag.STARTING, np.append(restart_s, -np.inf), np.append(restart_s, shown_s) + SETTLING_TIME_S)
+    started_s = np.append(restart_s, shown_s)
+    mark(StateFlag.STARTING, np.append(restart_s, -np.inf), _settling_ends_s(series, started_s))
     for s, found in zip(series, status, strict=True):
         if s.kind in RATE_KINDS:
             continue
@@ -63,8 +78,98 @@ def compute_state_flags(
         # the first row behind the last one that was believed before
         begins = rows if causal else np.append(-1, believed)[np.searchsorted(believed, rows)] + 1
         mark(StateFlag.AFTER_RESET, time[begins], time[rows] + SETTLING_TIME_S)
+    if causal:
+        for s, found in zip(series, status, strict=True):
+            mark(StateFlag.REJECTING, *find_rejecting_spans_s(s, found)[:2])
     mark(StateFlag.BRIDGED, *_find_position_gaps_s(series, status, causal=causal))
     return flags
+
+
+def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> FloatArray:
+    """Return when the states behind each start (k,), s, have settled, (k,).
+
+    They have when position, speed and heading have all been measured, at most `MAX_PART_AGE_S` before the start, else
+    after `SETTLING_TIME_S`.
+    """
+    ends_s = np.asarray(started_s + SETTLING_TIME_S)
+    position_s: list[FloatArray] = []
+    speed_s: list[FloatArray] = []
+    heading_s: list[FloatArray] = []
+    for s in series:
+        time_s = s.time_s - s.latency_s
+        if s.kind is Kind.POSITION:
+            position_s.append(time_s)
+        elif s.kind is Kind.SPEED:
+            speed_s.append(time_s)
+        elif s.kind is Kind.HEADING:
+            heading_s.append(time_s)
+        elif s.kind is Kind.VELOCITY:
+            speed_s.append(time_s)
+            over_ground = np.hypot(s.values[:, 0], s.values[:, 1])
+            sigma = np.sqrt(np.maximum(s.noise[:, 0], s.noise[:, 2]))
+            heading_s.append(time_s[over_ground > np.maximum(1.0, MIN_COURSE_SIGMAS * sigma)])
+    if not (position_s and speed_s and heading_s):
+        return ends_s
+    whole_s = np.copy(started_s)
+    for parts in (position_s, speed_s, heading_s):
+        measured_s = np.append(np.sort(np.concatenate(parts)), np.inf)
+        first_s = measured_s[np.searchsorted(measured_s[:-1], started_s - MAX_PART_AGE_S)]
+        whole_s = np.maximum(whole_s, first_s)
+    return np.minimum(ends_s, whole_s)
+
+
+def find_rejecting_spans_s(
+    s: SensorSeries, status: npt.NDArray[np.int8]
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
+    """Find the spans in which a source is rejected, from what is known in them.
+
+    Args:
+        s: Any series; an inertial one has no spans, because it is believed again after two rows.
+        status: Shape (n,): see `PassResult`.
+
+    Returns:
+        Begins and ends of the spans (s), one span a rejected row that counts, and the rows, (k,) each. A span ends with
+        the next row.
+    """
+    time_s = s.time_s - s.latency_s
+    rejected = status == UpdateStatus.GATED
+    if s.kind in RATE_KINDS or not rejected.any():
+        return np.zeros(0), np.zeros(0), np.zeros(0, np.intp)
+    rows = np.flatnonzero(rejected)
+    is_first = ~np.append(False, rejected)[rows]
+    begins = np.where(is_first, time_s[rows] + MIN_REJECTING_S, time_s[rows])
+    ends = np.append(time_s, np.inf)[rows + 1]
+    counts = begins < ends
+    return begins[counts], ends[counts], rows[counts]
+
+
+def add_variance_of_rejected_rows(
+    covariance: FloatArray,
+    series: Sequence[SensorSeries],
+    result: PassResult,
+    output_s: FloatArray,
+) -> FloatArray:
+    """Return the covariance (m, n, n) of online states, larger where rows are rejected.
+
+    The state may be the one that errs; then it errs by the innovation.
+
+    Args:
+        covariance: Of the filter.
+        series, result: The series, and what the filter did with their rows.
+        output_s: Shape (m,), increasing: times of the states.
+    """
+    grown = covariance
+    for s, found, status in zip(series, result.nis, result.status, strict=True):
+        states = WIDENED_STATES.get(s.kind)
+        begins, ends, rows = find_rejecting_spans_s(s, status)
+        if states is None or not len(rows):
+            continue
+        grown = covariance.copy() if grown is covariance else grown
+        first, last = np.searchsorted(output_s, begins), np.searchsorted(output_s, ends)
+        for begin, end, squared in zip(first.tolist(), last.tolist(), found[rows, 1].tolist(), strict=True):
+            for i in states:
+                grown[begin:end, i, i] += REJECTED_ROW_SHARE * squared
+    return grown
 
 
 def _inside_any_interval(time_s: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> npt.NDArray[np.bool_]:

@@ -57,7 +57,7 @@ from cwcli.estimation.start import (
     hold_position_before_start,
     move_infinite_start_behind_rows,
 )
-from cwcli.estimation.state_flags import compute_state_flags
+from cwcli.estimation.state_flags import add_variance_of_rejected_rows, compute_state_flags
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass
@@ -224,6 +224,8 @@ def _filter_and_smooth(
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
             notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
     state, covariance = move_states_to_antenna(tuned.series, result.state, result.covariance)
+    if config.causal:
+        covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
     return Track(
         output_stamp_ns,
         state,

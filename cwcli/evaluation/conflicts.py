@@ -54,8 +54,26 @@ class WarningVerdict:
 
 
 def find_real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]:
-    """Find the conflicts of a pair; two that are less than the hold-off apart are joined."""
-    measure = config.parsed_conflict_definition.conflict_margin(pair)
+    """Find the conflicts of a pair; two that are less than the hold-off apart are joined.
+
+    Of a definition with several parts an earlier one goes first: what a later one finds within the hold-off of its
+    conflicts is the same conflict.
+    """
+    found: list[RealConflict] = []
+    hold_off_ns = config.hold_off_s * NS_PER_S
+    for part in config.parsed_conflict_definition.parts:
+        more = _find_conflicts_by_margin(pair, part.conflict_margin(pair), config)
+        found += [each for each in more if not any(_are_within(each, known, hold_off_ns) for known in found)]
+    return sorted(found, key=lambda each: each.onset_ns)
+
+
+def _are_within(one: RealConflict, other: RealConflict, gap_ns: float) -> bool:
+    """Whether less than a gap (ns) lies between two conflicts."""
+    return one.onset_ns - other.end_ns < gap_ns and other.onset_ns - one.end_ns < gap_ns
+
+
+def _find_conflicts_by_margin(pair: Pair, measure: FloatArray, config: WarningConfig) -> list[RealConflict]:
+    """Find the conflicts of one part of a definition, whose margin (n,) is negative during a conflict."""
     stamp = pair.stamp_ns
     inside = np.nan_to_num(measure, nan=1.0, posinf=1.0) < 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))

@@ -16,3 +16,4 @@ cpdef enum UpdateStatus:
     GATED
     USED
     USED_AFTER_RESET
+    USED_IN_MANOEUVRE

@@ -18,9 +18,20 @@ class Sensor(IntEnum):
     YAW_RATE = ...
 
 class UpdateStatus(IntEnum):
+    """What became of a row.
+
+    Attributes:
+        GATED: Rejected.
+        USED: Used as it is.
+        USED_AFTER_RESET: Used after many rejections; the state was widened.
+        USED_IN_MANOEUVRE: Contradicts the state, but belongs to a message that agrees with itself and with the last
+            believed one of its sender; the state was widened.
+    """
+
     GATED = ...
     USED = ...
     USED_AFTER_RESET = ...
+    USED_IN_MANOEUVRE = ...
 
 class DampedMotion(TypedDict):
     """The struct of this name in ekf_motion.pxd; rates in 1/s."""
@@ -95,11 +106,14 @@ class SourceTable:
         place_m: (S, 2): where it stands, ahead and to the left of the estimated point; the place ahead adds to it.
         stamp_sigma_s: One sigma of a position's stamps, which adds sigma^2 v v' to its noise; v: as predicted.
         gate_nis: Limit of the squared normalised innovation; <= 0 switches the gate off.
-        patience: After so many gated updates in a row the next one is used.
+        patience: After so many gated updates in a row the next one is used, if they took 2 s as well; a position that
+            jumped once while speed and turn were measured waits as long as it had agreed before, 15 s at most.
+        sender: Number of the sender whose messages hold the source's rows, together with those of the same time of its
+            other sources; -1: none.
     """
 
     def __init__(
-        self, *, sensor: _I, parameters: _I, place_m: _F, stamp_sigma_s: _F, gate_nis: _F, patience: _I
+        self, *, sensor: _I, parameters: _I, place_m: _F, stamp_sigma_s: _F, gate_nis: _F, patience: _I, sender: _I
     ) -> None: ...
 
 class Pass:

@@ -21,6 +21,10 @@ from libc.string cimport memset
 import numpy as np
 
 from cwcli.kernels.ekf_information cimport forget, is_lossy, smooth_output, take_in
+from cwcli.kernels.ekf_messages cimport (
+    N_JUMP, N_MEMORY, N_MESSAGE, Jump, Memory, Message, agrees, denial_s, gather, is_denied_jump, settle,
+    widen_for_manoeuvre
+)
 from cwcli.kernels.ekf_motion cimport (
     NH,
     NMAX,
@@ -108,13 +112,13 @@ cdef class Restarts:
 
 
 cdef class SourceTable:
-    cdef const int[::1] sensor, patience
+    cdef const int[::1] sensor, patience, sender
     cdef const int[:, ::1] parameters
     cdef const double[::1] stamp_sigma_s, gate_nis
     cdef const double[:, ::1] place_m
 
-    def __init__(self, *, sensor, parameters, place_m, stamp_sigma_s, gate_nis, patience):
-        self.sensor, self.parameters, self.place_m = sensor, parameters, place_m
+    def __init__(self, *, sensor, parameters, place_m, stamp_sigma_s, gate_nis, patience, sender):
+        self.sensor, self.parameters, self.place_m, self.sender = sensor, parameters, place_m, sender
         self.stamp_sigma_s, self.gate_nis, self.patience = stamp_sigma_s, gate_nis, patience
 
 
@@ -166,11 +170,13 @@ cdef int forward(
     cdef const double[::1] time_s = events.time_s, gate_nis = sources.gate_nis, stamp_sigma_s = sources.stamp_sigma_s
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
     cdef const double[:, ::1] values = events.values, noise = events.noise
-    cdef const int[::1] sensor = sources.sensor, patience = sources.patience
+    cdef const int[::1] sensor = sources.sensor, patience = sources.patience, sender = sources.sender
     cdef const int[:, ::1] parameters = sources.parameters
     cdef const double[:, ::1] place_m = sources.place_m
     cdef const Parameters* own
     cdef const Place* at
+    cdef Message* message
+    cdef Jump* jump
     cdef double[::1] state = result.last_state, yaw_decay = result.yaw_decay
     cdef double[:, ::1] covariance = result.last_covariance, nis = result.nis, out_x = result.state
     cdef double[:, :, ::1] out_p = result.covariance
@@ -184,6 +190,9 @@ cdef int forward(
     cdef double[:, ::1] partials = result.partials, residual = result.residual
     cdef int[::1] streak = np.zeros(len(sensor), np.int32)  # updates gated in a row so far
     cdef double[::1] last_used_s = np.full(len(sensor), time_s[0])
+    cdef int n_senders = 1 + max(sender, default=-1)
+    cdef double[:, ::1] messages = np.zeros((n_senders, N_MESSAGE)), memories = np.zeros((n_senders, N_MEMORY))
+    cdef double[:, ::1] jumps = np.tile([time_s[0], 0.0, 0.0, 0.0], (len(sensor), 1))
     cdef int n = model.n, n_steps = <int>time_s.shape[0]
     cdef double x[NMAX], p[NMAX * NMAX], x_prior[NMAX], cached[14]
     cdef double h[2], nu[2], e[2], r[3], hx[2 * NH], ph[2 * NMAX], g[NMAX]
@@ -192,9 +201,11 @@ cdef int forward(
     cdef int i, j, k, u, s, width, axis, row, m
     cdef double dt, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root, speed2, lost, across, jittered
     cdef double total = 0.0, volume = 1.0, told_s = time_s[0]    # when a heading was told last
+    cdef double speed_s = -1e30, turn_s = -1e30, silence_s, wait_s    # when speed and turn were measured last
     cdef bint fresh
     with nogil:
         cached[0] = -1.0
+        s11 = 0.0
         memset(p, 0, sizeof(p))
         memset(x, 0, sizeof(x))    # song2016's six states have no jerk, but `expect` multiplies it by a latency of 0
         for i in range(n):
@@ -229,6 +240,9 @@ cdef int forward(
                 begin_again(x, p, &restart_state[next_restart, 0], &restart_variance[next_restart, 0], n)
                 next_restart += 1
                 told_s = time_s[k]
+            if n_senders and first[k] < first[k + 1]:
+                gather(first[k], first[k + 1], &source[0], &sensor[0], &sender[0], &values[0, 0], &noise[0, 0],
+                       time_s[k], &messages[0, 0], &memories[0, 0])
             for u in range(first[k], first[k + 1]):
                 s = source[u]
                 own = <const Parameters*>&parameters[s, 0]
@@ -275,20 +289,41 @@ cdef int forward(
                     if sensor[s] == Sensor.POSITION:
                         nis[u, 4] = along_excess(x, nu, s00, s01, s11, det)
                 nis[u, 0] = d2
-                quiet = 1.0 + (time_s[k] - last_used_s[s]) / GATE_WIDENS_S
+                message = <Message*>&messages[sender[s], 0] if sender[s] >= 0 else NULL
+                silence_s, wait_s = time_s[k] - last_used_s[s], PATIENCE_S
+                if streak[s] > 0 and sensor[s] == Sensor.POSITION:
+                    jump = <Jump*>&jumps[s, 0]
+                    if is_denied_jump(jump, nu, s00, s11, speed_s if speed_s < turn_s else turn_s, time_s[k]):
+                        silence_s, wait_s = jump.silence_s, denial_s(jump, last_used_s[s], PATIENCE_S)
+                quiet = 1.0 + silence_s / GATE_WIDENS_S
                 if gate_nis[s] > 0.0 and not d2 <= gate_nis[s] * quiet * quiet:
-                    streak[s] += 1
-                    if streak[s] <= patience[s] or (
-                        time_s[k] - last_used_s[s] < PATIENCE_S
-                        and sensor[s] != Sensor.ACCEL and sensor[s] != Sensor.YAW_RATE
+                    if message != NULL and message.n_kinds == 3.0 and agrees(
+                        <Memory*>&memories[sender[s], 0], message, time_s[k]
                     ):
-                        status[u] = UpdateStatus.GATED
-                        continue
-                    inflate(p, sensor[s], width * nis[u, 1], model)
-                    status[u] = UpdateStatus.USED_AFTER_RESET
+                        widen_for_manoeuvre(p, sensor[s], width * nis[u, 1], n)
+                        status[u] = UpdateStatus.USED_IN_MANOEUVRE
+                    else:
+                        if streak[s] == 0 and width == 2:
+                            jumps[s, 1], jumps[s, 2], jumps[s, 3] = silence_s, nu[0], nu[1]
+                        streak[s] += 1
+                        if streak[s] <= patience[s] or (
+                            time_s[k] - last_used_s[s] < wait_s
+                            and sensor[s] != Sensor.ACCEL and sensor[s] != Sensor.YAW_RATE
+                        ):
+                            status[u] = UpdateStatus.GATED
+                            continue
+                        inflate(p, sensor[s], width * nis[u, 1], model)
+                        status[u] = UpdateStatus.USED_AFTER_RESET
+                        jumps[s, 0] = time_s[k]
                     fresh = False
                 else:
                     status[u] = UpdateStatus.USED
+                if message != NULL:
+                    message.n_used += 1.0
+                if sensor[s] == Sensor.SPEED or sensor[s] == Sensor.VELOCITY:
+                    speed_s = time_s[k]
+                if sensor[s] == Sensor.HEADING or sensor[s] == Sensor.VELOCITY or sensor[s] == Sensor.YAW_RATE:
+                    turn_s = time_s[k]
                 streak[s] = 0
                 last_used_s[s] = time_s[k]
                 if tells_heading(sensor[s]):
@@ -349,6 +384,8 @@ cdef int forward(
                         for i in range(n):                    # symmetric to the last bit
                             for j in range(n):
                                 p[i * NMAX + j] -= g[i] * g[j]
+            if n_senders and first[k] < first[k + 1]:
+                settle(first[k], first[k + 1], &source[0], &sender[0], time_s[k], &messages[0, 0], &memories[0, 0])
             if keep:
                 flip[k] = 0
                 for i in range(n):

@@ -60,6 +60,9 @@ cdef int backward(Events events, SourceTable sources, const Model* model, Pass r
                 if status[u] == UpdateStatus.USED_AFTER_RESET:
                     inflate(q, sensor[s], width * nis[u, 1], model)
                     forget(y, big, q, n)
+                elif status[u] == UpdateStatus.USED_IN_MANOEUVRE:
+                    widen_for_manoeuvre(q, sensor[s], width * nis[u, 1], n)
+                    forget(y, big, q, n)
             if k > 0:
                 dt = time_s[k] - time_s[k - 1]
                 if dt > 0.0:

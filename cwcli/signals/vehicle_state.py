@@ -32,3 +32,4 @@ class StateFlag(IntFlag):
     STARTING = 1
     AFTER_RESET = 2
     BRIDGED = 4
+    REJECTING = 8

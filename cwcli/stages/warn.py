@@ -185,6 +185,7 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
     names = (*columns[:3], "event in [s]", "predicted closest [m]")
     counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts.items())
     counts += (("warnings withheld", found.n_withheld),)
+    counts += tuple((f"warnings {kind.words} left out", n) for kind, n in found.n_left_out.items())
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
     title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (

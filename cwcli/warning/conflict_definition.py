@@ -1,4 +1,4 @@
-"""The user's definition of a conflict, with which warnings are scored: a measure beyond a threshold."""
+"""The user's definition of a conflict, with which warnings are scored: measures beyond their thresholds."""
 
 from __future__ import annotations
 
@@ -17,11 +17,19 @@ FORMER_MEASURE_NAMES = {"outline": "gap"}
 """Names of measures in definitions of earlier versions -> present names."""
 
 _DEFINITION_PATTERN = re.compile(r"\s*([\w.-]+)\s*(?:([<>])\s*(\S+))?\s*")
-"""The syntax of a definition: a name, and optionally a comparison and a number."""
+"""The syntax of one part of a definition: a name, and optionally a comparison and a number."""
+_OR_PATTERN = re.compile(r"\s+or\s+")
+"""What stands between the parts of a definition."""
+DEFAULT_CONFLICT = "distance or gap or ttc"
+"""What counts as a conflict by default.
+
+The centre distance of song2016 alone misses cars that touch at their corners or ends, or nearly do: a car that stops
+right behind another one is 4.5 m from it. The outlines (`gap`: they touch) and the time to their contact (`ttc`: 1 s;
+1.5 s is usual for urban conflicts, van der Horst 1990) see those."""
 
 
 @dataclass(frozen=True)
-class ConflictDefinition:
+class ConflictPart:
     """A measure beyond a threshold."""
 
     measure: Measure
@@ -38,8 +46,24 @@ class ConflictDefinition:
         return values - self.threshold if self.measure.critical == "low" else self.threshold - values
 
 
+@dataclass(frozen=True)
+class ConflictDefinition:
+    """One measure beyond its threshold, or one of several.
+
+    Attributes:
+        parts: In the order of the definition. Where several hold of one conflict, the first says when it was.
+    """
+
+    parts: tuple[ConflictPart, ...]
+
+    @property
+    def conflict_text(self) -> str:
+        """The text of what held at a conflict: `the two touched, or the two were 1 s from contact`."""
+        return ", or ".join(part.conflict_text for part in self.parts)
+
+
 def parse_conflict_definition(text: str, *, distance_m: float) -> ConflictDefinition:
-    """Parse a definition of a conflict: `NAME`, `NAME < NUMBER` or `NAME > NUMBER`.
+    """Parse a definition of a conflict: `NAME`, `NAME < NUMBER` or `NAME > NUMBER`, or several with ` or ` between.
 
     Args:
         text: The definition.
@@ -48,6 +72,11 @@ def parse_conflict_definition(text: str, *, distance_m: float) -> ConflictDefini
     Raises:
         UsageError: There is no such measure, or it has no value of each moment, or it lacks a threshold.
     """
+    return ConflictDefinition(tuple(_parse_part(part, distance_m) for part in _OR_PATTERN.split(text)))
+
+
+def _parse_part(text: str, distance_m: float) -> ConflictPart:
+    """Parse one measure beyond a threshold; a `UsageError` if it is none."""
     parts = _DEFINITION_PATTERN.fullmatch(text)
     if parts is None:
         raise UsageError(
@@ -70,7 +99,7 @@ def parse_conflict_definition(text: str, *, distance_m: float) -> ConflictDefini
             f"'{text}' does not say beyond which value it is a conflict",
             hint=f"for example {format_example_option(name)}",
         )
-    return ConflictDefinition(measure, threshold)
+    return ConflictPart(measure, threshold)
 
 
 def format_default_definitions() -> str:

@@ -11,6 +11,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.conflict_definition import parse_conflict_definition
+from cwcli.warning.kinds import WarningKind
 from cwcli.warning.output import assign_event_ids, evaluation_series_table, warning_events_table, warning_rows_of_pairs
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rows import WarningRows
@@ -68,6 +69,14 @@ class FoundWarnings:
     def n_withheld(self) -> int:
         """Number of warnings that were not raised because a state was starting, after a reset or in a gap."""
         return sum(own.n_withheld for own in self.pairs)
+
+    @property
+    def n_left_out(self) -> dict[WarningKind, int]:
+        """Number of warnings over all pairs that were not given, by the kinds that are off; {} for most rules."""
+        if not RULES[self.config.rule].leaves_out_kinds:
+            return {}
+        off = [kind for own in self.pairs for kind in own.n_left_out]
+        return {kind: sum(own.n_left_out.get(kind, 0) for own in self.pairs) for kind in dict.fromkeys(off)}
 
 
 def find_warnings(

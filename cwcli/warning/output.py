@@ -10,6 +10,7 @@ import numpy as np
 from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.columns import Strings, repeat_string
 from cwcli.signals.units import NS_PER_S
+from cwcli.warning.kinds import WarningKind
 from cwcli.warning.pair import PairEvaluation
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows
 from cwcli.warning.types import VehicleTrack
@@ -56,6 +57,8 @@ def _warning_row(own: PairEvaluation, index: int, number: int, state: int, words
     time = float(own.decision.time_to_event_s[index])
     distance = float(own.decision.predicted_distance_m[index])
     ahead = f"in {time:.1f} s" if np.isfinite(time) else "near"
+    kind = WarningKind(own.kinds[index])
+    ahead = f"{kind.words}, {ahead}" if kind else ahead
     return WarningRow(
         int(own.log_time_ns[index]),
         int(own.stamp_ns[index]),
@@ -106,6 +109,7 @@ def warning_events_table(
                     "alert_probability": float(own.alert_probability[span.raised]),
                     "max_probability": float(np.nanmax(own.probability[during])),
                     "age_s": float(own.age_s[span.raised]),
+                    "kind": WarningKind(own.kinds[span.raised]).words,
                 }
             )
     rows.sort(key=lambda row: int(row["event_id"]))
@@ -175,6 +179,7 @@ _EVENT_TYPES: dict[str, type] = {
     "alert_probability": float,
     "max_probability": float,
     "age_s": float,
+    "kind": str,
 }
 """Types of the columns of the table of events, in order."""
 _EVENT_DOCS = {
@@ -187,5 +192,6 @@ _EVENT_DOCS = {
         doc="what the rule compared with its threshold when the warning was raised; NaN: it has no threshold"
     ),
     "age_s": ColumnDoc(doc="age of the remote state when the warning was raised"),
+    "kind": ColumnDoc(doc="collision, from behind or beside lane; see docs/warning.md"),
 }
 """Explanations of columns of the table of events."""

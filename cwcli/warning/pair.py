@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -16,6 +16,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.events import EventSpan, EventTiming, find_events
+from cwcli.warning.kinds import WarningKind, classify_warnings
 from cwcli.warning.measures import (
     MEASURE_ARRAY_NAMES,
     MIN_ONSET_DIFFERENCE_M,
@@ -25,7 +26,7 @@ from cwcli.warning.measures import (
 )
 from cwcli.warning.remote_alignment import PathPoints, StatePairing, interpolate_paths, pair_with_newest_state
 from cwcli.warning.rule_inputs import evaluate_named_measures, pair_states_at_moments
-from cwcli.warning.rules.base import BoolArray, Decision, Rule, withhold_warnings
+from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised, withhold_warnings
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]
@@ -53,6 +54,8 @@ class PairEvaluation:
         is_withheld: Shape (m,): one of the states is starting, after a reset or in a gap, so nothing is raised.
         n_evaluated, n_out_of_reach, n_unheard, n_stale, n_beyond, n_not_finite: Counts of host stamps.
         n_withheld: Number of warnings that were not raised because of such states.
+        kinds: Shape (m,): the `WarningKind` of each evaluation at which the rule raises.
+        n_left_out: Number of warnings that were not given, by the kinds that are off.
     """
 
     other: VehicleTrack
@@ -71,6 +74,8 @@ class PairEvaluation:
     n_beyond_path: int
     n_not_finite: int
     n_withheld: int
+    kinds: npt.NDArray[np.int8]
+    n_left_out: Mapping[WarningKind, int]
 
     @property
     def probability(self) -> FloatArray:
@@ -144,6 +149,7 @@ class _WindowEvaluation:
     measures: Measures
     decision: Decision
     n_beyond_path: int
+    kinds: npt.NDArray[np.int8]
 
 
 def _evaluate_window(
@@ -183,7 +189,14 @@ def _evaluate_window(
     states = pair_states_at_moments(*of_moment) if rule.uses_states else None
     asked = replace(measures, by_name=evaluate_named_measures(rule.measures, *of_moment), states=states)
     decision = rule.decide(asked, onset, config, persistence_s)
-    return _WindowEvaluation(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()))
+    kinds = np.zeros(len(host_row), np.int8)
+    if rule.leaves_out_kinds:
+        raised = np.flatnonzero(decision.raised if decision.at_once is None else decision.raised | decision.at_once)
+        if len(raised):
+            at_raised = host, other, window.first + host_row[raised], theirs
+            told = pair_states_at_moments(*at_raised, (other_row[raised], place[raised], age_s[raised]))
+            kinds[raised] = classify_warnings(told)
+    return _WindowEvaluation(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()), kinds)
 
 
 def _join_windows(
@@ -201,18 +214,17 @@ def _join_windows(
     measures, decision = _stack_rows([part.measures for part in parts]), _stack_rows([part.decision for part in parts])
     stamp_ns = host.stamp_ns[host_row]
     is_withheld = _flagged_mask(host, host_row) | _flagged_mask(other, other_row)
+    kinds = np.concatenate([part.kinds for part in parts])
     trusted = withhold_warnings(decision, is_withheld)
-    spans, spans_of_all = (
-        find_events(
-            stamp_ns,
-            each.armed,
-            each.raised,
-            each.held,
-            at_once=each.at_once,
-            timing=EventTiming(host.stamp_ns, persistence_s, config.hold_off_s),
-        )
-        for each in (trusted, decision)
-    )
+    off = [kind for kind, is_on in _kinds_by_option(config) if not is_on]
+    given = leave_out_raised(trusted, np.isin(kinds, off)) if kinds.any() else trusted
+
+    def spans_of(each: Decision) -> list[EventSpan]:
+        timing = EventTiming(host.stamp_ns, persistence_s, config.hold_off_s)
+        return find_events(stamp_ns, each.armed, each.raised, each.held, at_once=each.at_once, timing=timing)
+
+    spans, spans_of_all = spans_of(given), spans_of(decision)
+    spans_of_trusted = spans if given is trusted else spans_of(trusted)
     return PairEvaluation(
         other=other,
         stamp_ns=stamp_ns,
@@ -220,7 +232,7 @@ def _join_windows(
         known_ns=host.known_ns[host_row],
         age_s=np.concatenate([part.age_s for part in parts]),
         measures=measures,
-        decision=trusted,
+        decision=given,
         spans=spans,
         is_withheld=is_withheld,
         n_evaluated=len(pairing.host_row),
@@ -230,7 +242,14 @@ def _join_windows(
         n_beyond_path=sum(part.n_beyond_path for part in parts),
         n_not_finite=int(np.isnan(measures.horizon_distance_m).sum()),
         n_withheld=sum(bool(is_withheld[span.raised]) for span in spans_of_all),
+        kinds=kinds,
+        n_left_out={kind: sum(bool(kinds[span.raised] == kind) for span in spans_of_trusted) for kind in off},
     )
+
+
+def _kinds_by_option(config: WarningConfig) -> tuple[tuple[WarningKind, bool], ...]:
+    """Return the kinds that an option turns on, and whether it does."""
+    return (WarningKind.FROM_BEHIND, config.from_behind), (WarningKind.BESIDE_LANE, config.beside_lane)
 
 
 Stacked = TypeVar("Stacked", Measures, Decision)

@@ -12,7 +12,12 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.signals.clocks import earliest_known_times_ns
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.warning.conflict_definition import ConflictDefinition, format_default_definitions, parse_conflict_definition
+from cwcli.warning.conflict_definition import (
+    DEFAULT_CONFLICT,
+    ConflictDefinition,
+    format_default_definitions,
+    parse_conflict_definition,
+)
 
 DEFAULT_LENGTH_M = 4.5
 """Length of a vehicle that reports none. Chosen: a passenger car's."""
@@ -116,7 +121,8 @@ def _conflict_help_text() -> str:
     return (
         f"What counts as a conflict when warnings are scored: a measure beyond its threshold "
         f"({format_default_definitions()}), or "
-        "beyond one of yours: 'ttc < 1.5'. distance alone is that of --distance."
+        "beyond one of yours: 'ttc < 1.5'; several with 'or' between, the one that dates the conflict first. distance "
+        "alone is that of --distance."
     )
 
 
@@ -132,13 +138,16 @@ class WarningConfig:
         min_deceleration_mps2: The default rule does not warn of what gentler braking by the host makes improbable; 0:
             it always does.
         persistence_s: How long the rule's condition must have held before the warning; None: the rule's own.
+        from_behind: Warn of a follower in the host's lane, too (rule "cwcli"); the host cannot avoid it.
+        beside_lane: Warn of a vehicle that drives parallel in a lane of its own, too (rule "cwcli").
         hold_off_s: A condition that has been false this long is over; until then it is the same conflict.
         use: "received": of the remote states only those that had been received by then, as on line. "stamp": all
             whose stamp has passed (no link delay).
         max_age_s: Remote states older than this are not used.
         max_gap_s: Tracks are not interpolated across gaps longer than this when warnings are scored.
         conflict: What counts as a conflict when warnings are scored: a key of `measures.MEASURES`, at its own
-            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5" (`parse_conflict_definition`).
+            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5"; or several of these with " or "
+            between (`parse_conflict_definition`).
         max_lead_s: A warning earlier than this before a conflict is not about that conflict.
     """
 
@@ -165,6 +174,12 @@ class WarningConfig:
             default="the rule's own",
         ),
     ] = None
+    from_behind: Annotated[
+        bool, Option("--from-behind", "The rule cwcli warns of followers, too, whom only they themselves can avoid.")
+    ] = False
+    beside_lane: Annotated[
+        bool, Option("--beside-lane", "The rule cwcli warns of vehicles that drive parallel beside the lane, too.")
+    ] = False
     hold_off_s: Annotated[
         float, Option("--hold-off", "A condition false for this long is over.", metavar="SECONDS")
     ] = 1.0
@@ -175,7 +190,7 @@ class WarningConfig:
     max_gap_s: float = 0.5
     conflict: Annotated[
         str, Option("--conflict", _conflict_help_text, metavar="MEASURE", choices="cwcli.measures:MEASURES")
-    ] = "distance"
+    ] = DEFAULT_CONFLICT
     max_lead_s: Annotated[
         float, Option("--max-lead", "A warning earlier than this is not about the conflict.", metavar="SECONDS")
     ] = 5.0

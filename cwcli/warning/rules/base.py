@@ -56,6 +56,8 @@ class Rule:
         uses_braking: Whether it uses the probability of contact under braking.
         is_symmetric: Whether its decision is the same whichever of the two is the host.
         is_of_collisions: Whether it warns of every collision, and not of some other danger.
+        leaves_out_kinds: Whether it does not warn of followers from behind and of vehicles beside the lane, unless the
+            options ask for these (`warning.kinds`).
     """
 
     summary: str
@@ -68,6 +70,13 @@ class Rule:
     uses_braking: bool = False
     is_symmetric: bool = True
     is_of_collisions: bool = True
+    leaves_out_kinds: bool = False
+
+
+def leave_out_raised(decision: Decision, rows: BoolArray) -> Decision:
+    """The decision with no warning raised in the masked rows (m,); it is confirmed there, and may be raised behind."""
+    at_once = None if decision.at_once is None else decision.at_once & ~rows
+    return replace(decision, raised=decision.raised & ~rows, at_once=at_once)
 
 
 def withhold_warnings(decision: Decision, rows: BoolArray) -> Decision:

@@ -16,6 +16,9 @@ hypothesis that the onset goes on (`VehicleTrack.onset_paths`) fulfils 1 and 2, 
 the horizon than the mean path does, the rule warns at once: the hypothesis asks for a derivative that stands out of the
 filter's noise, which is a persistence of its own.
 
+It does not warn of a follower from behind, which the host cannot avoid, or of a vehicle that drives parallel in a lane
+of its own, unless `--from-behind` or `--beside-lane` asks for it (`warning.kinds`).
+
 A warning stays up until contact is less than half as probable as the threshold.
 """
 
@@ -83,5 +86,6 @@ RULE = Rule(
     decide=decide_by_contact_probability,
     uses_onset=True,
     uses_braking=True,
+    leaves_out_kinds=True,
     is_symmetric=False,  # who follows can brake, who leads can't
 )

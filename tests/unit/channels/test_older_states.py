@@ -10,9 +10,9 @@ from tests.laws.channel_cases import of_states
 
 
 def test_states_of_an_older_version_have_no_flags() -> None:
-    """The fields starting, after_reset and bridged came later: a log without them is read as before."""
+    """The fields starting, after_reset, bridged and rejecting came later: a log without them is read as before."""
     written = of_states(np.random.default_rng(0), 5).channels[0]
-    assert set(FLAG_OF_FIELD) == {"starting", "after_reset", "bridged"}
+    assert set(FLAG_OF_FIELD) == {"starting", "after_reset", "bridged", "rejecting"}
     fields = {name: field for name, field in written.fields.items() if name not in FLAG_OF_FIELD}
     n = np.arange(5, dtype=np.uint32)
     log_time_ns = written.log_time_ns

@@ -423,3 +423,49 @@ def test_the_same_input_gives_the_same_output() -> None:
 def test_bad_options_are_usage_errors(bad: WarningConfig) -> None:
     with pytest.raises(UsageError):
         evaluate(straight("host", speed_mps=20.0), [], bad)
+
+
+def _host_that_stops_half_a_metre_behind() -> ActualTrack:
+    """20 m/s until 2.5 s, then 8 m/s^2: it stops at 5 s and 75 m, 25 m later."""
+    time = np.arange(0.0, 8.001, 0.05)
+    braking = np.clip(time - 2.5, 0.0, 2.5)
+    state = np.zeros((len(time), 8))
+    state[:, 0] = 20.0 * np.minimum(time, 2.5) + 20.0 * braking - 4.0 * braking**2
+    state[:, 2] = 20.0 - 8.0 * braking
+    return ActualTrack(stamps(time), state)
+
+
+@pytest.mark.parametrize(
+    ("conflict", "verdict", "onset"),
+    [
+        ("distance", "false", None),  # the centres stay 5 m apart, the outlines 0.5 m
+        ("gap", "false", None),
+        # 0.5 + v^2/16 = v from v = 8 + sqrt(56) = 15.483 m/s on, 0.565 s after the braking began
+        ("ttc", "true", 3.065),
+        ("distance or gap or ttc", "true", 3.065),
+        ("distance < 30 or ttc", "true", 2.5),  # the first part dates it: 80 - 20 t = 30 at 2.5 s
+        ("ttc or distance < 30", "true", 3.065),
+    ],
+)
+def test_a_conflict_is_judged_by_outlines_and_time_beside_the_centres(
+    conflict: str, verdict: str, onset: float | None
+) -> None:
+    host = straight("host", speed_mps=20.0, duration_s=4.0)
+    car = straight("car", x_m=80.0, speed_mps=0.0, duration_s=8.0)
+    config = WarningConfig(conflict=conflict)
+    result = evaluate(host, [car], config, actual={"host": _host_that_stops_half_a_metre_behind()})
+    assert column(result, "events", "verdict") == [verdict]
+    found = seconds(np.asarray(result.conflicts.columns["onset_stamp_ns"]))
+    assert found == ([] if onset is None else [pytest.approx(onset, abs=0.01)])
+
+
+def test_the_default_definition_sees_what_the_centres_do_not() -> None:
+    assert WarningConfig().parsed_conflict_definition.conflict_text == (
+        "the two were closer than 2.5 m, centre to centre, or the two touched, or the two were 1 s from contact"
+    )
+
+
+@pytest.mark.parametrize("text", ["distance or", "or ttc", "ttc or nonsense", "ttc and gap"])
+def test_a_definition_with_a_part_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(UsageError):
+        evaluate(straight("host", speed_mps=20.0), [], WarningConfig(conflict=text))
