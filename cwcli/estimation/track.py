@@ -364,6 +364,7 @@ def _build_source_report(
         n_gated=int((status == UpdateStatus.GATED).sum()),
         n_not_finite=prepared_series.n_not_finite,
         n_interpolated=prepared_series.n_interpolated,
+        n_repeated=prepared_series.n_repeated,
         n_held_back=prepared_series.n_held_back,
         n_resets=int((status == UpdateStatus.USED_AFTER_RESET).sum()),
         nis_mean=mean,

@@ -11,7 +11,10 @@ from cwcli.estimation.result import SourceReport
 from cwcli.lazy_dataclass import dataclass
 
 TOLERATED_VARIANCE_FACTOR = 2.0
-"""Factor by which a variance may be wrong without a fault being reported. Chosen by hand; not fitted."""
+"""Factor by which a variance may be too small without a fault being reported. Chosen by hand; not fitted."""
+TOLERATED_SIGMA_FACTOR = 2.0
+"""Factor by which a sigma may be too large without being called larger than necessary. Chosen by hand: a sigma that is
+1.4 times too large changes no decision, one that is too small does."""
 MAX_GATED_SHARE = 0.05
 """Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
 MAX_BRIDGED_SHARE = 0.2
@@ -84,12 +87,12 @@ def consistency_verdict_sentence(
         *(
             f"{each.name} error"
             for each in nees
-            if each.is_within_bounds is False and each.per_dof < 1.0 / TOLERATED_VARIANCE_FACTOR
+            if each.is_within_bounds is False and each.per_dof < TOLERATED_SIGMA_FACTOR**-2
         ),
         *(
             _source_and_quantity_text(s)
             for s in sources
-            if s.nis_inside is False and _nis_per_dof(s) < 1.0 / TOLERATED_VARIANCE_FACTOR
+            if s.nis_inside is False and _nis_per_dof(s) < TOLERATED_SIGMA_FACTOR**-2
         ),
     ]
     if careful:
@@ -98,7 +101,7 @@ def consistency_verdict_sentence(
     outside += [f"NEES of the {each.name}" for each in nees if each.is_within_bounds is False]
     if outside:
         return (
-            f"consistent within a factor of {TOLERATED_VARIANCE_FACTOR:g} in variance: "
+            f"consistent within a factor of {TOLERATED_SIGMA_FACTOR:g} in sigma: "
             f"{_join_names_with_and(outside)} outside the 95 % bounds"
         )
     if any(s.nis_inside is not None for s in sources):
