@@ -51,6 +51,7 @@ from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.estimation.song2016 import estimate_track_with_song2016
+from cwcli.estimation.source_clocks import align_source_clocks, notes_on_hidden_clock_steps
 from cwcli.estimation.source_vote import leave_out_outvoted_sources
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
@@ -153,7 +154,8 @@ def _add_calibration_notes(track: Track, measurements: Sequence[Measurements], c
 class _TunedMeasurements:
     """Series before and after tuning, with the stamp of second 0 and notes.
 
-    `contradictions` are those that the sources show before anything is estimated.
+    `contradictions` are those that the sources show before anything is estimated. `measurements` are those before
+    cleaning, their clocks aligned.
     """
 
     epoch_ns: int
@@ -161,6 +163,7 @@ class _TunedMeasurements:
     tuned: TunedSeries
     notes: tuple[str, ...]
     contradictions: tuple[Contradiction, ...] = ()
+    measurements: Sequence[Measurements] = ()
 
 
 def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorConfig) -> _TunedMeasurements:
@@ -171,6 +174,13 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     """
     if not any(m.kind is Kind.POSITION and np.isfinite(m.values).all(axis=1).any() for m in measurements):
         raise DataError("no finite position among the measurements")
+    clock_notes: list[str] = []
+    if config.compares_sources:
+        measurements, clock_notes = align_source_clocks(
+            measurements,
+            corrects=not (config.blind or config.takes_no_online_parameter_from_log),
+            trusted=config.sources_with_given_latency,
+        )
     positions = [m for m in measurements if m.kind is Kind.POSITION]
     epoch = earliest_stamp_ns(
         positions if config.blind else measurements
@@ -188,7 +198,12 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
             prepared = voted.prepared
         notes = [*(f"{each.contradiction_sentence}; {each.consequence_text}" for each in contradictions), *notes]
     return _TunedMeasurements(
-        epoch, prepared, tune_latencies_and_noise(prepared, config, MotionParameters()), tuple(notes), contradictions
+        epoch,
+        prepared,
+        tune_latencies_and_noise(prepared, config, MotionParameters()),
+        (*clock_notes, *notes),
+        contradictions,
+        measurements,
     )
 
 
@@ -223,6 +238,8 @@ def _filter_and_smooth(
         if r.n_resets and r.kind not in RATE_KINDS:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
             notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
+    jumped = [r.source for r in reports if r.n_resets and r.kind is Kind.POSITION]
+    notes += notes_on_hidden_clock_steps(tuned_measurements.measurements, jumped)
     state, covariance = move_states_to_antenna(tuned.series, result.state, result.covariance)
     return Track(
         output_stamp_ns,
