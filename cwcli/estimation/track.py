@@ -22,8 +22,8 @@ from cwcli.estimation.calibration_check import notes_on_worse_prediction
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction
+from cwcli.estimation.delay_variance import covariance_from_delays
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
-from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES
 from cwcli.estimation.lever_arms import move_states_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
@@ -63,9 +63,8 @@ from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import chi_square_mean_bounds, gate_nis
-from cwcli.signals.columns import FloatArray, Int64Array, Strings
+from cwcli.signals.columns import Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.vehicle_state import HEADING, SPEED
 
 MIN_NIS_ROWS = 20
 """Least number of rows of a source whose NIS is reported. Chosen by hand; not fitted."""
@@ -244,7 +243,7 @@ def _filter_and_smooth(
     return Track(
         output_stamp_ns,
         state,
-        covariance + _covariance_from_latency(state, tuned),
+        covariance + covariance_from_delays(state, tuned.delay_sigmas),
         compute_state_flags(
             tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal
         ),
@@ -276,27 +275,6 @@ def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, prob
         nis[order],
         bound[order],
     )
-
-
-def _covariance_from_latency(state: FloatArray, tuned: TunedSeries) -> FloatArray:
-    """Return the covariance (m, 8, 8) due to the uncertain latency of the positions: v v' sigma^2 in x and y.
-
-    A fix at p(t) that is stamped t + tau, corrected by tau + e, is taken for p at t - e: it lies v e ahead. All fixes
-    of a source have the same e, so the filter does not average it out, and the states lie v e ahead, too. Of several
-    sources the smallest sigma is used.
-    """
-    sigma_s = min(
-        (
-            latency.sigma_s if latency.status in CORRECTED_LATENCY_STATUSES and latency.sigma_s > 0.0 else 0.0
-            for s, latency in zip(tuned.series, tuned.latencies, strict=True)
-            if s.kind is Kind.POSITION and len(s)
-        ),
-        default=0.0,
-    )
-    velocity = state[:, SPEED, None] * np.column_stack([np.cos(state[:, HEADING]), np.sin(state[:, HEADING])])
-    grown = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
-    grown[:, :2, :2] = sigma_s**2 * velocity[:, :, None] * velocity[:, None, :]
-    return grown
 
 
 def _prepare_series(
