@@ -176,6 +176,11 @@ class EstimatorConfig:
     song2016_step_s: float = 0.05
 
     @property
+    def sources_with_given_latency(self) -> tuple[str, ...]:
+        """Sources whose latency the user gives."""
+        return () if isinstance(self.latency, str) else tuple(name.partition(":")[0] for name in self.latency)
+
+    @property
     def takes_no_online_parameter_from_log(self) -> bool:
         """Whether online states take no parameter from the log, due to a calibration or to `latency` being "none"."""
         return self.calibration is not None or self.latency == "none"

@@ -59,6 +59,25 @@ def shift_latencies_to_agreed_clock(source_latencies: Sequence[SourceLatency]) -
     return _shift_latencies_to_group_mean(source_latencies, group)
 
 
+def disputed_clock_sigma_s(told: Sequence[SourceLatency], moved: Sequence[Latency]) -> float:
+    """Return one sigma of the clock of the states where one source alone is ahead of the reference, s; else 0.
+
+    Either that source's stamps are early, or the reference is late: the log does not tell.
+
+    Args:
+        told: Latencies relative to the reference.
+        moved: The same after `shift_latencies_to_agreed_clock`.
+    """
+    late_s = [
+        latency.applied_s
+        for each, latency in zip(told, moved, strict=True)
+        if each.is_reference and latency.status is LatencyStatus.APPLIED
+    ]
+    ahead = {each.source for each, latency in zip(told, moved, strict=True)
+             if latency.status is LatencyStatus.REFERENCE and not each.is_reference}  # fmt: skip
+    return late_s[0] if late_s and len(ahead) == 1 else 0.0
+
+
 def _shift_latencies_to_group_mean(
     source_latencies: Sequence[SourceLatency], group: Sequence[SourceLatency]
 ) -> tuple[list[Latency], list[str]]:

@@ -12,6 +12,7 @@ from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.odd_sensors import convert_imu_to_si_units, is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
+from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -36,7 +37,8 @@ class PreparedSeries:
         biased: Whether it comes from an IMU, so that its bias is estimated.
         n_read: Rows handed in.
         n_not_finite: Rows left out because a value or stamp was not finite.
-        n_interpolated: IMU rows left out because they were interpolated before the log was made.
+        n_interpolated: Rows left out because they were interpolated before the log was made.
+        n_repeated: Rows left out because they repeat the value before them (see `repeated_rows`).
         n_held_back: Rows left out because they came in a burst (see `burst_row_mask`).
         mounting: How the IMU was levelled, or None.
         mean_force_mps2: Shape (3,): an IMU's mean specific force (forward, left, up) in m/s^2, or None.
@@ -47,6 +49,7 @@ class PreparedSeries:
     n_read: int
     n_not_finite: int
     n_interpolated: int = 0
+    n_repeated: int = 0
     n_held_back: int = 0
     mounting: ImuMounting | None = None
     mean_force_mps2: FloatArray | None = None
@@ -84,6 +87,11 @@ def clean_measurements(
         order = np.argsort(time, kind="stable")
         time, values = time[order], m.values[finite][order]
         covariance = None if m.covariance is None else m.covariance[finite][order]
+        stale = NO_STALE_ROWS if m.is_exact else find_stale_rows(m.kind, time, values)
+        if stale.n_rows:
+            notes += stale.notes(m.source, m.kind)
+            time, values = time[~stale.is_stale], values[~stale.is_stale]
+            covariance = None if covariance is None else covariance[~stale.is_stale]
         stuck = stuck_row_mask(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
             told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one value for long (stuck sensor), left out"
@@ -111,7 +119,7 @@ def clean_measurements(
                     series = replace(series, pitch_rate=PitchRateSeries(imu.time_s, imu.pitch_rate_radps))
                 prepared.append(
                     PreparedSeries(
-                        series, True, len(m), lost, imu.n_interpolated,
+                        series, True, len(m), lost, imu.n_interpolated, stale.n_repeated,
                         mounting=imu.mounting, mean_force_mps2=values[:, :3].mean(axis=0) if len(values) else None,
                     )
                 )  # fmt: skip
@@ -131,7 +139,9 @@ def clean_measurements(
             )
             continue
         series = replace(_build_series_with_noise(m.source, m.kind, time, values, covariance), is_exact=m.is_exact)
-        prepared.append(PreparedSeries(series, False, len(m), lost, n_held_back=int(late.sum())))
+        prepared.append(
+            PreparedSeries(series, False, len(m), lost, stale.n_interpolated, stale.n_repeated, int(late.sum()))
+        )
     return prepared, notes
 
 

@@ -28,7 +28,8 @@ class SourceReport:
         n_used: Rows that changed the estimate.
         n_gated: Rows that the chi-square gate rejected.
         n_not_finite: Rows left out because a value or stamp was not finite.
-        n_interpolated: IMU rows left out because they were interpolated before the log was made.
+        n_interpolated: Rows left out because they were interpolated before the log was made.
+        n_repeated: Rows left out because they repeat the value before them while the vehicle moves.
         n_held_back: Rows left out because they came in a burst and are older than their stamps.
         n_resets: Times that the gate gave in after too many rejections in a row (for ACCEL and YAW_RATE: after two,
             because an inertial sensor that stays off for longer shows a manoeuvre).
@@ -64,6 +65,7 @@ class SourceReport:
     n_gated: int = 0
     n_not_finite: int = 0
     n_interpolated: int = 0
+    n_repeated: int = 0
     n_held_back: int = 0
     n_resets: int = 0
     nis_mean: float = float("nan")

@@ -75,6 +75,10 @@ LATENCY_RANGE = ParameterRange(
     "early by more than the period of half a second that slow buses have",
 )
 """Range of a latency; positive is late."""
+UNKNOWN_DELAY_SIGMA_S = 0.05
+"""One sigma of the delay of a source of which nothing is known, s: a receiver with ten fixes a second computes for 30
+to 100 ms before it sends, a car's bus and an operating system delay by 5 to 50 ms. Chosen as a round number of
+these."""
 STAMP_SIGMA_RANGE = ParameterRange(
     0.0, 0.2, "s", "twice the interval of fixes ten times a second: more than that are fixes that are repeated or stall"
 )

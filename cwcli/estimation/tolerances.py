@@ -4,6 +4,9 @@ from __future__ import annotations
 
 TOLERATED_VARIANCE_FACTOR = 2.0
 """Factor by which a variance may be wrong without a fault being reported. Chosen by hand; not fitted."""
+TOLERATED_SIGMA_FACTOR = 2.0
+"""Factor by which a sigma may be too large without being called larger than necessary. Chosen by hand: a sigma that is
+1.4 times too large changes no decision, one that is too small does."""
 MAX_GATED_SHARE = 0.05
 """Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
 MAX_BRIDGED_SHARE = 0.2

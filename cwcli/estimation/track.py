@@ -22,8 +22,8 @@ from cwcli.estimation.calibration_check import notes_on_worse_prediction
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction
+from cwcli.estimation.delay_variance import covariance_from_delays
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
-from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES
 from cwcli.estimation.lever_arms import move_states_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
@@ -51,6 +51,7 @@ from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.estimation.song2016 import estimate_track_with_song2016
+from cwcli.estimation.source_clocks import align_source_clocks, notes_on_hidden_clock_steps
 from cwcli.estimation.source_vote import leave_out_outvoted_sources
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
@@ -62,9 +63,8 @@ from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import chi_square_mean_bounds, gate_nis
-from cwcli.signals.columns import FloatArray, Int64Array, Strings
+from cwcli.signals.columns import Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.vehicle_state import HEADING, SPEED
 
 MIN_NIS_ROWS = 20
 """Least number of rows of a source whose NIS is reported. Chosen by hand; not fitted."""
@@ -153,7 +153,8 @@ def _add_calibration_notes(track: Track, measurements: Sequence[Measurements], c
 class _TunedMeasurements:
     """Series before and after tuning, with the stamp of second 0 and notes.
 
-    `contradictions` are those that the sources show before anything is estimated.
+    `contradictions` are those that the sources show before anything is estimated. `measurements` are those before
+    cleaning, their clocks aligned.
     """
 
     epoch_ns: int
@@ -161,6 +162,7 @@ class _TunedMeasurements:
     tuned: TunedSeries
     notes: tuple[str, ...]
     contradictions: tuple[Contradiction, ...] = ()
+    measurements: Sequence[Measurements] = ()
 
 
 def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorConfig) -> _TunedMeasurements:
@@ -171,6 +173,13 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     """
     if not any(m.kind is Kind.POSITION and np.isfinite(m.values).all(axis=1).any() for m in measurements):
         raise DataError("no finite position among the measurements")
+    clock_notes: list[str] = []
+    if config.compares_sources:
+        measurements, clock_notes = align_source_clocks(
+            measurements,
+            corrects=not (config.blind or config.takes_no_online_parameter_from_log),
+            trusted=config.sources_with_given_latency,
+        )
     positions = [m for m in measurements if m.kind is Kind.POSITION]
     epoch = earliest_stamp_ns(
         positions if config.blind else measurements
@@ -188,7 +197,12 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
             prepared = voted.prepared
         notes = [*(f"{each.contradiction_sentence}; {each.consequence_text}" for each in contradictions), *notes]
     return _TunedMeasurements(
-        epoch, prepared, tune_latencies_and_noise(prepared, config, MotionParameters()), tuple(notes), contradictions
+        epoch,
+        prepared,
+        tune_latencies_and_noise(prepared, config, MotionParameters()),
+        (*clock_notes, *notes),
+        contradictions,
+        measurements,
     )
 
 
@@ -223,13 +237,15 @@ def _filter_and_smooth(
         if r.n_resets and r.kind not in RATE_KINDS:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
             notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
+    jumped = [r.source for r in reports if r.n_resets and r.kind is Kind.POSITION]
+    notes += notes_on_hidden_clock_steps(tuned_measurements.measurements, jumped)
     state, covariance = move_states_to_antenna(tuned.series, result.state, result.covariance)
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
     return Track(
         output_stamp_ns,
         state,
-        covariance + _covariance_from_latency(state, tuned),
+        covariance + covariance_from_delays(state, tuned.delay_sigmas),
         compute_state_flags(
             tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal
         ),
@@ -261,27 +277,6 @@ def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, prob
         nis[order],
         bound[order],
     )
-
-
-def _covariance_from_latency(state: FloatArray, tuned: TunedSeries) -> FloatArray:
-    """Return the covariance (m, 8, 8) due to the uncertain latency of the positions: v v' sigma^2 in x and y.
-
-    A fix at p(t) that is stamped t + tau, corrected by tau + e, is taken for p at t - e: it lies v e ahead. All fixes
-    of a source have the same e, so the filter does not average it out, and the states lie v e ahead, too. Of several
-    sources the smallest sigma is used.
-    """
-    sigma_s = min(
-        (
-            latency.sigma_s if latency.status in CORRECTED_LATENCY_STATUSES and latency.sigma_s > 0.0 else 0.0
-            for s, latency in zip(tuned.series, tuned.latencies, strict=True)
-            if s.kind is Kind.POSITION and len(s)
-        ),
-        default=0.0,
-    )
-    velocity = state[:, SPEED, None] * np.column_stack([np.cos(state[:, HEADING]), np.sin(state[:, HEADING])])
-    grown = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
-    grown[:, :2, :2] = sigma_s**2 * velocity[:, :, None] * velocity[:, None, :]
-    return grown
 
 
 def _prepare_series(
@@ -366,6 +361,7 @@ def _build_source_report(
         n_gated=int((status == UpdateStatus.GATED).sum()),
         n_not_finite=prepared_series.n_not_finite,
         n_interpolated=prepared_series.n_interpolated,
+        n_repeated=prepared_series.n_repeated,
         n_held_back=prepared_series.n_held_back,
         n_resets=int((status == UpdateStatus.USED_AFTER_RESET).sum()),
         nis_mean=mean,

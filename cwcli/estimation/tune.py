@@ -15,6 +15,7 @@ from cwcli.estimation.calibrated import (
     sensor_model_from_calibration,
 )
 from cwcli.estimation.config import EstimatorConfig
+from cwcli.estimation.delay_variance import DelaySigmas, combine_delay_sigmas
 from cwcli.estimation.latency import (
     Latency,
     LatencyStatus,
@@ -23,7 +24,8 @@ from cwcli.estimation.latency import (
     reject_latency_beyond_limits,
     remove_latency_drift,
 )
-from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_clock import SourceLatency, disputed_clock_sigma_s, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_odometry import refine_position_latencies
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import MotionParameters, motion_of_simulated_vehicle
@@ -63,6 +65,7 @@ class TunedSeries:
         parameters: Parameters of the motion model.
         sensors: Sensor errors that were found besides white noise.
         notes: Remarks for the user.
+        delay_sigmas: What is not known of the delays.
     """
 
     series: tuple[SensorSeries, ...]
@@ -74,6 +77,7 @@ class TunedSeries:
     parameters: MotionParameters
     sensors: FoundSensorModel
     notes: tuple[str, ...]
+    delay_sigmas: DelaySigmas = DelaySigmas()
 
 
 def tune_latencies_and_noise(
@@ -88,7 +92,7 @@ def tune_latencies_and_noise(
     """
     series, walk, prior = add_bias_states(prepared, parameters)
     search = _ParameterSearch(StateLayout(series, parameters, walk, prior), config)
-    (compared, latencies, moved), sensors = search.find_latencies_and_sensor_errors()
+    (compared, latencies, moved, clock_sigma_s), sensors = search.find_latencies_and_sensor_errors()
     layout = search.layout_with(latencies, sensors.model)
     mean, prior = np.zeros_like(layout.prior), layout.prior
     if config.calibration is not None:
@@ -128,6 +132,7 @@ def tune_latencies_and_noise(
         parameters,
         sensors,
         (*moved, *unknown, *drifting),
+        combine_delay_sigmas(series, latencies, clock_sigma_s),
     )
 
 
@@ -149,11 +154,13 @@ class _FoundLatencies(NamedTuple):
         compared: Found in the log, relative to the reference.
         applied: To correct.
         notes: Remarks for the user.
+        clock_sigma_s: One sigma of the clock that the sources share, s.
     """
 
     compared: list[Latency]
     applied: list[Latency]
     notes: list[str]
+    clock_sigma_s: float
 
 
 class _ParameterSearch:
@@ -230,16 +237,22 @@ class _ParameterSearch:
             compared = [Latency(LatencyStatus.NOT_OBSERVABLE) if role is None else role for role in predetermined]
         else:
             compared = find_latencies(replace(layout, series=series), predetermined)
+        if config.calibration is None and not config.blind:
+            compared = refine_position_latencies(series, compared)
         found = [reject_latency_beyond_limits(each) for each in compared]
         compared = [
             Latency(LatencyStatus.NOT_OBSERVABLE) if each.status is LatencyStatus.CONTRADICTS else each
             for each in found
         ]
         if config.calibration is None:
-            latencies, notes = shift_latencies_to_agreed_clock(_pair_latencies_with_sources(series, found))
+            told = _pair_latencies_with_sources(series, found)
+            latencies, notes = shift_latencies_to_agreed_clock(told)
+            clock_sigma_s = disputed_clock_sigma_s(told, latencies)
         else:
+            clock_sigma_s = 0.0
             latencies, notes = fuse_latencies_with_calibration(series, found, config.calibration, causal=config.causal)
-        return _FoundLatencies(compared, [reject_latency_beyond_limits(each) for each in latencies], notes)
+        applied = [reject_latency_beyond_limits(each) for each in latencies]
+        return _FoundLatencies(compared, applied, notes, clock_sigma_s)
 
 
 def _correct_stamps(layout: StateLayout, latencies: Sequence[Latency], *, likeliest: bool = False) -> StateLayout:

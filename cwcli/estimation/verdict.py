@@ -8,7 +8,12 @@ from collections.abc import Mapping, Sequence
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.measurements import RATE_KINDS
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.tolerances import MAX_BRIDGED_SHARE, MAX_GATED_SHARE, TOLERATED_VARIANCE_FACTOR
+from cwcli.estimation.tolerances import (
+    MAX_BRIDGED_SHARE,
+    MAX_GATED_SHARE,
+    TOLERATED_SIGMA_FACTOR,
+    TOLERATED_VARIANCE_FACTOR,
+)
 from cwcli.lazy_dataclass import dataclass
 
 MAX_LISTED_FAULTS = 2
@@ -79,12 +84,12 @@ def consistency_verdict_sentence(
         *(
             f"{each.name} error"
             for each in nees
-            if each.is_within_bounds is False and each.per_dof < 1.0 / TOLERATED_VARIANCE_FACTOR
+            if each.is_within_bounds is False and each.per_dof < TOLERATED_SIGMA_FACTOR**-2
         ),
         *(
             _source_and_quantity_text(s)
             for s in sources
-            if s.nis_inside is False and _nis_per_dof(s) < 1.0 / TOLERATED_VARIANCE_FACTOR
+            if s.nis_inside is False and _nis_per_dof(s) < TOLERATED_SIGMA_FACTOR**-2
         ),
     ]
     if careful:
@@ -93,7 +98,7 @@ def consistency_verdict_sentence(
     outside += [f"NEES of the {each.name}" for each in nees if each.is_within_bounds is False]
     if outside:
         return (
-            f"consistent within a factor of {TOLERATED_VARIANCE_FACTOR:g} in variance: "
+            f"consistent within a factor of {TOLERATED_SIGMA_FACTOR:g} in sigma: "
             f"{_join_names_with_and(outside)} outside the 95 % bounds"
         )
     if any(s.nis_inside is not None for s in sources):

@@ -36,6 +36,7 @@ from cwcli.estimation.online_availability import (
 from cwcli.estimation.result import Track
 from cwcli.estimation.seen_ego import drop_ego_seen_by_others
 from cwcli.estimation.seen_senders import drop_senders_seen_by_others
+from cwcli.estimation.source_clocks import align_source_clocks
 from cwcli.estimation.summary import (
     TrackSummary,
     build_estimate_table,
@@ -147,7 +148,12 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         raise UsageError(f"{option} is not for --model {config.estimator.model}")
     lever_arms, transforms, stands = _read_lever_arms_if_used(log, sources, config.estimator)
     local_map = _map_at_first_fix(sources)
-    measurements, apart = drop_stretches_without_position(_collect_ego_measurements(sources, local_map), MAX_BRIDGE_S)
+    aligned, clocks = align_source_clocks(
+        _collect_ego_measurements(sources, local_map),
+        corrects=not (config.estimator.takes_no_online_parameter_from_log or config.calibration is not None),
+        trusted=config.estimator.sources_with_given_latency,
+    )
+    measurements, apart = drop_stretches_without_position(aligned, MAX_BRIDGE_S)
     grid_ns = ego_output_stamps_ns(measurements, config.rate_hz, MAX_BRIDGE_S)
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
     ego, online = estimate_hindsight_and_online(
@@ -198,7 +204,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             apart.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
-    summary = _build_summary(sources, (*stands, *apart, *notes), tracks, told, transforms)
+    summary = _build_summary(sources, (*clocks, *stands, *apart, *notes), tracks, told, transforms)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
@@ -290,7 +296,7 @@ def _build_summary(
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal) and len(s.stamp_ns)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
-    notes = [*sources.notes, *remarks, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
+    notes = [*remarks, *sources.notes, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
     notes.extend(_shared_remote_notes(tracks))
     if online[0].parameters == PARAMETERS_FROM_LOG:
         notes.append(

@@ -1,0 +1,99 @@
+"""Variance of the states due to what is not known of the sources' delays.
+
+A source that is late by e, and is not corrected for it, gives the state of e ago: its position lies v e behind, its
+speed a e, its heading w e. All rows of a source have the same e, so that the filter does not average it out. Of several
+sources of a quantity the one whose delay is best known counts.
+
+A clock of all sources that is off by e moves the whole state: the covariance grows by x' x'^T sigma^2 with the rate of
+change x' of the state.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cwcli.estimation.latency import Latency, LatencyStatus
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
+from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_S
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
+
+QUANTITIES_BY_STATE = {
+    X: (Kind.POSITION,),
+    SPEED: (Kind.SPEED, Kind.VELOCITY, Kind.POSITION),
+    HEADING: (Kind.HEADING, Kind.YAW_RATE),
+}
+"""State -> kinds that show it, the first that a log has counts."""
+
+
+@dataclass(frozen=True)
+class DelaySigmas:
+    """One sigma of what is not known of the delays, s.
+
+    Attributes:
+        position, speed, heading: Of the sources of each quantity.
+        clock: Of the clock that the sources share.
+    """
+
+    position: float = 0.0
+    speed: float = 0.0
+    heading: float = 0.0
+    clock: float = 0.0
+
+
+def unknown_delay_sigma_s(latency: Latency) -> float:
+    """Return one sigma of what a source is still late by, s.
+
+    It is 0 where the user trusts or gives the stamps, and of the reference, whose clock the states have. A value d
+    with sigma s that is not corrected is combined with the prior p: its mean is d p^2 / (p^2 + s^2), its variance
+    s^2 p^2 / (p^2 + s^2).
+    """
+    if latency.status in (LatencyStatus.OFF, LatencyStatus.GIVEN, LatencyStatus.REFERENCE):
+        return 0.0
+    if latency.applied_s != 0.0 or latency.status is LatencyStatus.CALIBRATED:
+        return latency.sigma_s if math.isfinite(latency.sigma_s) else 0.0
+    sigma_s = latency.sigma_s if math.isfinite(latency.sigma_s) else latency.bound_s
+    if not math.isfinite(sigma_s) or sigma_s <= 0.0:
+        return UNKNOWN_DELAY_SIGMA_S
+    share = UNKNOWN_DELAY_SIGMA_S**2 / (UNKNOWN_DELAY_SIGMA_S**2 + sigma_s**2)
+    found_s = latency.found_s if math.isfinite(latency.found_s) else 0.0
+    return math.hypot(share * found_s, math.sqrt(share) * sigma_s)
+
+
+def combine_delay_sigmas(
+    series: Sequence[SensorSeries], latencies: Sequence[Latency], clock_sigma_s: float = 0.0
+) -> DelaySigmas:
+    """Return what is not known of the delays of each quantity, by its best known source."""
+    found = {}
+    for state, kinds in QUANTITIES_BY_STATE.items():
+        of_kind = [
+            [
+                unknown_delay_sigma_s(latency)
+                for s, latency in zip(series, latencies, strict=True)
+                if s.kind is kind and len(s) and not s.is_exact
+            ]
+            for kind in kinds
+        ]
+        found[state] = next((min(sigmas) for sigmas in of_kind if sigmas), 0.0)
+    return DelaySigmas(found[X], found[SPEED], found[HEADING], clock_sigma_s)
+
+
+def covariance_from_delays(state: FloatArray, sigmas: DelaySigmas) -> FloatArray:
+    """Return the covariance (m, 8, 8) that the delays add to states (m, 8)."""
+    grown = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
+    speed, heading = state[:, SPEED], state[:, HEADING]
+    rate = np.zeros((len(state), N_MOTION_STATES))
+    rate[:, X], rate[:, Y] = speed * np.cos(heading), speed * np.sin(heading)
+    rate[:, SPEED], rate[:, HEADING] = state[:, ACCEL], state[:, YAW_RATE]
+    grown[:, :2, :2] = sigmas.position**2 * rate[:, :2, None] * rate[:, None, :2]
+    grown[:, SPEED, SPEED] = (sigmas.speed * rate[:, SPEED]) ** 2
+    grown[:, HEADING, HEADING] = (sigmas.heading * rate[:, HEADING]) ** 2
+    if sigmas.clock:
+        rate[:, ACCEL], rate[:, YAW_RATE] = state[:, JERK], state[:, YAW_ACCEL]
+        grown += sigmas.clock**2 * rate[:, :, None] * rate[:, None, :]
+    return grown

@@ -1,0 +1,291 @@
+"""Compare the clock of each source with the log's: steps in mid-log, and constant offsets between sources.
+
+The delay of a message is its log time less its stamp. A clock that steps changes the delay of all later messages at
+once, while neither the messages nor the other sources pause. A clock that is ahead gives stamps that are later than the
+log times. Both are corrected by the log times. A clock that is behind looks like a slow transmission: it is corrected
+where the motion then fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.median import median
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.noise import estimate_noise_and_manoeuvres
+from cwcli.estimation.prepare import clean_measurements, earliest_stamp_ns
+from cwcli.estimation.score import prediction_log_likelihood
+from cwcli.estimation.sensor_model import StateLayout
+from cwcli.estimation.trial import FilterTrials, gate_outliers
+from cwcli.estimation.tune import add_bias_states
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
+
+MIN_CLOCK_STEP_S = 0.3
+"""Least step or offset of a clock, s. Chosen above the delays of usual links; the search for latencies finds less."""
+MIN_STEP_ROWS, MIN_STEP_SPAN_S = 10, 3.0
+"""Least number of rows and least time (s) on either side of a step for which a delay has to last. Chosen: a recorder
+that stalls catches up sooner."""
+MAX_DELAY_S = 30.0
+"""A delay beyond this, s, is no transmission but another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
+ALWAYS_NS = int(np.iinfo(np.int64).min)
+"""Log time before all others, ns."""
+MIN_LIKELIHOOD_GAIN = 25.0
+"""Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
+WHOLE_SECONDS_TOLERANCE_S = 0.2
+"""An offset so close to whole seconds is one of whole seconds (time zones, leap seconds), s. Chosen above usual
+delays."""
+
+
+@dataclass(frozen=True)
+class ClockStep:
+    """A lasting change of a source's delay.
+
+    Attributes:
+        log_ns: Log time of the first message behind it.
+        change_s: Delay after it less the delay before it.
+        is_of_stamps: The stamps jumped; else the log times did.
+    """
+
+    log_ns: int
+    change_s: float
+    is_of_stamps: bool
+
+
+@dataclass(frozen=True)
+class SourceClock:
+    """Delays of a source.
+
+    Attributes:
+        log_ns: Shape (n,), increasing.
+        stamp_ns, delay_s: Shape (n,), in the same order.
+        steps: In time order.
+    """
+
+    log_ns: Int64Array
+    stamp_ns: Int64Array
+    delay_s: FloatArray
+    steps: tuple[ClockStep, ...]
+
+    @property
+    def pieces(self) -> list[slice]:
+        """Rows between two steps of the stamps."""
+        edges = np.searchsorted(self.log_ns, [step.log_ns for step in self.steps if step.is_of_stamps])
+        return [slice(i, j) for i, j in zip([0, *edges.tolist()], [*edges.tolist(), len(self.log_ns)], strict=True)]
+
+
+def align_source_clocks(
+    measurements: Sequence[Measurements], *, corrects: bool = True, trusted: Sequence[str] = ()
+) -> tuple[list[Measurements], list[str]]:
+    """Correct the stamps of sources whose clock steps or is off by more than a link can delay.
+
+    Args:
+        measurements: Measurements as read.
+        corrects: Whether stamps are corrected; else only the notes are given.
+        trusted: Sources whose stamps stay as they are, because the user said how late they are.
+
+    Returns:
+        The measurements, and what the user is told.
+    """
+    clocks = {
+        source: clock
+        for source in dict.fromkeys(m.source for m in measurements)
+        if (clock := _source_clock([m for m in measurements if m.source == source])) is not None
+    }
+    shifts_s: dict[str, list[tuple[int, float]]] = {}
+    notes: list[str] = []
+    for source in [s for s in clocks if s not in trusted]:
+        found = [
+            *_shifts_at_own_steps(source, clocks, notes),
+            *_shifts_at_steps_of_log_clock(source, clocks, notes),
+        ]
+        if found:
+            shifts_s[source] = found
+    stepped = [_shift_stamps(m, shifts_s[m.source]) if m.source in shifts_s else m for m in measurements]
+    delays_s = {source: _typical_delay_s(clock, shifts_s.get(source, [])) for source, clock in clocks.items()}
+    offsets_s = {s: o for s in delays_s if s not in trusted and (o := _constant_offset_s(s, delays_s, stepped, notes))}
+    if not corrects:
+        return list(measurements), [f"{note}; not corrected, because the stamps are trusted" for note in notes]
+    return [
+        _shift_stamps(m, [(ALWAYS_NS, offsets_s[m.source])]) if m.source in offsets_s else m for m in stepped
+    ], notes
+
+
+def notes_on_hidden_clock_steps(measurements: Sequence[Measurements], sources: Sequence[str]) -> list[str]:
+    """Return a note for each of some sources whose stamps are its log times: those do not show a step of its clock."""
+    return [
+        f"{source}: its stamps are its log times, so that a step of its clock cannot be seen: check its recording"
+        for source in dict.fromkeys(sources)
+        if all(
+            m.log_time_ns is not None and (m.log_time_ns == m.stamp_ns).all()
+            for m in measurements
+            if m.source == source
+        )
+    ]
+
+
+def _source_clock(own: Sequence[Measurements]) -> SourceClock | None:
+    """Return the delays of a source by the quantity with the most rows; None with too few rows."""
+    m = max(own, key=len)
+    if len(m) < 2 * MIN_STEP_ROWS:
+        return None
+    order = np.argsort(m.received_ns, kind="stable")
+    log_ns, stamp_ns = m.received_ns[order], m.stamp_ns[order]
+    delay_s = (log_ns - stamp_ns) / NS_PER_S
+    return SourceClock(log_ns, stamp_ns, delay_s, tuple(_find_steps(log_ns, stamp_ns, delay_s)))
+
+
+def _find_steps(log_ns: Int64Array, stamp_ns: Int64Array, delay_s: FloatArray) -> list[ClockStep]:
+    """Find the rows at which the delay changes for good."""
+    jumps = np.flatnonzero(np.abs(np.diff(delay_s)) > MIN_CLOCK_STEP_S) + 1
+    if not len(jumps):
+        return []
+    stamp_step_s, log_step_s = np.diff(stamp_ns) / NS_PER_S, np.diff(log_ns) / NS_PER_S
+    usual_s = median(log_step_s)
+    reach = max(MIN_STEP_ROWS, int(np.ceil(MIN_STEP_SPAN_S / max(usual_s, 1e-3))))
+    found = []
+    for k in jumps.tolist():
+        if min(k, len(log_ns) - k) < MIN_STEP_ROWS:
+            continue
+        before, after = delay_s[max(k - reach, 0) : k], delay_s[k : k + reach]
+        change_s = median(after) - median(before)
+        scatter_s = max(median(np.abs(part - median(part))) for part in (before, after))
+        if abs(change_s) < max(MIN_CLOCK_STEP_S, 6.0 * scatter_s):
+            continue
+        is_of_stamps = abs(stamp_step_s[k - 1] - usual_s) > abs(log_step_s[k - 1] - usual_s)
+        found.append(ClockStep(int(log_ns[k]), change_s, bool(is_of_stamps)))
+    return found
+
+
+def _shifts_at_own_steps(source: str, clocks: dict[str, SourceClock], notes: list[str]) -> list[tuple[int, float]]:
+    """Return from which log time on the stamps of a source move by how many seconds, for steps that it alone has."""
+    clock = clocks[source]
+    own = [step for step in clock.steps if step.is_of_stamps]
+    if not own:
+        return []
+    pieces_s = [median(clock.delay_s[piece]) for piece in clock.pieces]
+    others_s = [median(other.delay_s) for name, other in clocks.items() if name != source and not other.steps]
+    if others_s:
+        right_s = min(pieces_s, key=lambda each: abs(each - median(np.array(others_s))))
+    else:
+        right_s = pieces_s[int(np.argmax([piece.stop - piece.start for piece in clock.pieces]))]
+    shifts, so_far_s = [], 0.0
+    for piece, delay_s in zip(clock.pieces, pieces_s, strict=True):
+        shift_s = delay_s - right_s if abs(delay_s - right_s) > 0.5 * MIN_CLOCK_STEP_S else 0.0
+        if shift_s != so_far_s:
+            shifts.append((int(clock.log_ns[piece.start]), shift_s - so_far_s))
+        so_far_s = shift_s
+        if shift_s:
+            span_s = (clock.log_ns[piece.stop - 1] - clock.log_ns[piece.start]) / NS_PER_S
+            notes.append(
+                f"{source}: its clock is {-shift_s:+.2f} s off for {span_s:.0f} s "
+                f"({piece.stop - piece.start} messages), corrected by the log times"
+            )
+    return shifts
+
+
+def _shifts_at_steps_of_log_clock(
+    source: str, clocks: dict[str, SourceClock], notes: list[str]
+) -> list[tuple[int, float]]:
+    """Return the shifts of a source whose stamps are made by the log's clock, where that clock steps.
+
+    Another source's stamps run on there, and this source pauses for as long as the clock steps.
+    """
+    clock, shifts = clocks[source], []
+    for other, theirs in clocks.items():
+        for step in theirs.steps:
+            if other == source or step.is_of_stamps or step.change_s < 0.0 or clock.steps:
+                continue
+            begin_ns = step.log_ns - round((step.change_s + 1.0) * NS_PER_S)
+            k = max(int(np.searchsorted(clock.log_ns, begin_ns)) - 1, 0)
+            near = slice(k, int(np.searchsorted(clock.log_ns, step.log_ns + NS_PER_S)) + 1)
+            pause_s = np.diff(clock.stamp_ns[near]) / NS_PER_S
+            if len(pause_s) and float(pause_s.max()) > 0.9 * step.change_s:
+                first = k + int(pause_s.argmax()) + 1
+                shifts.append((int(clock.log_ns[first]), -step.change_s))
+                notes.append(
+                    f"{source}: the log's clock steps by {step.change_s:+.2f} s against {other}, and its stamps with "
+                    "it, corrected"
+                )
+    return shifts
+
+
+def _typical_delay_s(clock: SourceClock, shifts: Sequence[tuple[int, float]]) -> float:
+    """Return the median delay of a source after its stamps are shifted, s."""
+    delay_s = clock.delay_s
+    for log_ns, shift_s in shifts:
+        delay_s = delay_s - shift_s * (clock.log_ns >= log_ns)
+    return median(delay_s)
+
+
+def _constant_offset_s(
+    source: str, delays_s: dict[str, float], measurements: Sequence[Measurements], notes: list[str]
+) -> float:
+    """Return by how much all stamps of a source move, s; 0 where its clock is that of the others, or may be."""
+    delay_s = delays_s[source]
+    apart_s = delay_s - _usual_delay_s(delays_s)
+    if abs(apart_s) < MIN_CLOCK_STEP_S:
+        return 0.0
+    whole_s = float(np.rint(apart_s))
+    is_whole = whole_s != 0.0 and abs(apart_s - whole_s) < WHOLE_SECONDS_TOLERANCE_S
+    shift_s = whole_s if is_whole else apart_s
+    # A message cannot be logged before its stamp; where all stamps are from another time, only much counts.
+    is_ahead = apart_s < 0.0 and (delay_s < -MIN_CLOCK_STEP_S or apart_s < -1.0)
+    may_be_behind = is_whole and apart_s > 0.0
+    is_other_clock = is_ahead or apart_s > MAX_DELAY_S
+    same_clock = [name for name, each_s in delays_s.items() if abs(each_s - delay_s) < MIN_CLOCK_STEP_S]
+    if is_other_clock or (may_be_behind and is_motion_likelier_when_shifted(measurements, same_clock, shift_s)):
+        why = "corrected by the log times" if is_other_clock else "corrected, because the motion then fits"
+        notes.append(f"{source}: its clock is {-shift_s:+.2f} s off those of the other sources, {why}")
+        return shift_s
+    return 0.0
+
+
+def is_motion_likelier_when_shifted(
+    measurements: Sequence[Measurements], sources: Sequence[str], shift_s: float
+) -> bool:
+    """Return whether the filter predicts all sources clearly better when the stamps of some move by `shift_s`."""
+    shifted = [_shift_stamps(m, [(ALWAYS_NS, shift_s)]) if m.source in sources else m for m in measurements]
+    found = [_motion_log_likelihood(each) for each in (measurements, shifted)]
+    return found[1] - found[0] > MIN_LIKELIHOOD_GAIN
+
+
+def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
+    """Return the log-likelihood of the rows after all before them, with the noise that goes with them."""
+    prepared, _ = clean_measurements(measurements, earliest_stamp_ns(measurements))
+    series, walk, prior = add_bias_states(prepared, MotionParameters())
+    if not any(s.kind is Kind.POSITION and len(s) for s in series):
+        return float("nan")
+    layout = estimate_noise_and_manoeuvres(StateLayout(series, MotionParameters(), walk, prior), every_row=False)
+    gated = [gate_outliers(s) for s in layout.series]
+    return prediction_log_likelihood(gated, FilterTrials().run_filter(replace(layout, series=gated)))
+
+
+def _usual_delay_s(delays_s: dict[str, float]) -> float:
+    """Return the delay (s) on which most sources agree; of as many the one that is nearer to the log times."""
+    values_s = np.array(list(delays_s.values()))
+    groups = [values_s[np.abs(values_s - each) < MIN_CLOCK_STEP_S] for each in values_s]
+    return median(max(groups, key=lambda group: (len(group), -abs(median(group)))))
+
+
+def _shift_stamps(m: Measurements, shifts: Sequence[tuple[int, float]]) -> Measurements:
+    """Return the measurements with moved stamps, in the order of their stamps."""
+    stamp_ns = m.stamp_ns.copy()
+    for log_ns, shift_s in shifts:
+        stamp_ns[m.received_ns >= log_ns] += round(shift_s * NS_PER_S)
+    moved = replace(m, stamp_ns=stamp_ns)
+    order = np.argsort(stamp_ns, kind="stable")
+    if (order == np.arange(len(order))).all():
+        return moved
+    return replace(
+        moved,
+        stamp_ns=stamp_ns[order],
+        values=m.values[order],
+        covariance=None if m.covariance is None else m.covariance[order],
+        log_time_ns=None if m.log_time_ns is None else m.log_time_ns[order],
+    )
