@@ -133,7 +133,9 @@ def read_instant_cells(array: Any, decimal: str) -> tuple[Int64Array, FloatArray
     except pa.ArrowInvalid:
         values, _ = read_number_cells(array, decimal)
         return _split_floats(values)
-    part = pc.utf8_slice_codeunits(pc.utf8_rpad(pc.struct_field(parts, "part").fill_null(""), N_DECIMALS, "0"), 0, N_DECIMALS)
+    part = pc.utf8_slice_codeunits(
+        pc.utf8_rpad(pc.struct_field(parts, "part").fill_null(""), N_DECIMALS, "0"), 0, N_DECIMALS
+    )
     fraction = np.asarray(part.cast(pa.int64())).astype(np.float64) / 10.0**N_DECIMALS
     negative = np.asarray(pc.equal(pc.struct_field(parts, "sign").fill_null(""), "-"))
     whole, fraction = np.where(negative, -whole, whole), np.where(negative, -fraction, fraction)

@@ -34,14 +34,19 @@ def channels_of_table(meaning: Meaning) -> list[OutputChannel]:
         found.append(_imu_channel(meaning))
     if "steering" in values:
         rows = np.isfinite(values["steering"])
-        fields: dict[str, OutputField] = {"stamp": meaning.stamp_ns[rows], "steering_tire_angle": values["steering"][rows]}
+        fields: dict[str, OutputField] = {
+            "stamp": meaning.stamp_ns[rows],
+            "steering_tire_angle": values["steering"][rows],
+        }
         found.append(
             OutputChannel(STEERING_TOPIC, "autoware_vehicle_msgs/msg/SteeringReport", meaning.stamp_ns[rows], fields)
         )
     return [channel for channel in found if len(channel)]
 
 
-def _channel(meaning: Meaning, topic: str, schema: str, rows: np.ndarray, frame: str, fields: dict[str, FloatArray]) -> OutputChannel:  # type: ignore[type-arg]  # noqa: PLR0913
+def _channel(
+    meaning: Meaning, topic: str, schema: str, rows: np.ndarray, frame: str, fields: dict[str, FloatArray]
+) -> OutputChannel:  # type: ignore[type-arg]  # noqa: PLR0913
     stamp_ns = meaning.stamp_ns[rows]
     n = len(stamp_ns)
     made: dict[str, OutputField] = {
@@ -105,7 +110,11 @@ def _motion_channels(meaning: Meaning) -> list[OutputChannel]:
         fields = {"twist.linear.x": east, "twist.linear.y": north, "twist.angular.z": nothing}
         channels.append(_channel(meaning, VELOCITY_TOPIC, "geometry_msgs/msg/TwistStamped", rows, MAP_FRAME_ID, fields))
     if speed is not None and (course is None or "yaw_rate" in values):
-        fields = {"twist.linear.x": speed, "twist.linear.y": nothing, "twist.angular.z": values.get("yaw_rate", nothing)}
+        fields = {
+            "twist.linear.x": speed,
+            "twist.linear.y": nothing,
+            "twist.angular.z": values.get("yaw_rate", nothing),
+        }
         rows = np.isfinite(speed)
         channels.append(_channel(meaning, SPEED_TOPIC, "geometry_msgs/msg/TwistStamped", rows, BODY_FRAME_ID, fields))
     elif "yaw_rate" in values and "gyro_z" not in values:
@@ -137,7 +146,10 @@ def _imu_channel(meaning: Meaning) -> OutputChannel:
     values = meaning.values
     n = len(meaning.stamp_ns)
     rows = np.ones(n, np.bool_)
-    fields: dict[str, FloatArray] = {"orientation.w": np.ones(n), "orientation_covariance": _covariance(n, is_measured=False)}
+    fields: dict[str, FloatArray] = {
+        "orientation.w": np.ones(n),
+        "orientation_covariance": _covariance(n, is_measured=False),
+    }
     for name, path in (("accel", "linear_acceleration"), ("gyro", "angular_velocity")):
         if f"{name}_x" in values:
             for axis in "xyz":

@@ -7,6 +7,8 @@ where they do not, only its turn rate about the vertical is used.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cwcli.importing.meaning import Meaning
@@ -14,6 +16,7 @@ from cwcli.importing.motion import Track, mean_over_spans, turn_ratio
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 
 MAX_GRAVITY_ERROR = 0.2
@@ -24,24 +27,63 @@ MIN_CORRELATION = 0.5
 """Least correlation that shows the sense of a turn rate, or forward."""
 UPRIGHT_COS = 0.94
 """Least share of gravity along an axis that stands upright: 20 degrees."""
+MAX_GAP_S = 0.25
+"""Longest time between two accelerations that is bridged to the stamps of the turn rates."""
 MIN_TURNED_RAD = 0.44
 """25 degrees: an IMU that is turned about its vertical by more is turned back."""
 
 
-def find_inertial(meaning: Meaning, track: Track | None) -> None:
-    """Find accelerations and turn rates in m/s^2 and rad/s, and turn them into the axes of the car."""
-    accel = _choose_axes(meaning, "accel")
-    gyro = _choose_axes(meaning, "gyro")
-    if meaning.questions or (accel is None and gyro is None):
+def find_inertial(meaning: Meaning, track: Track | None, other: Meaning | None = None) -> None:
+    """Find accelerations and turn rates in m/s^2 and rad/s, and turn them into the axes of the car.
+
+    Args:
+        meaning: The table.
+        track: The way between the positions, or None.
+        other: A table with the accelerations of the same device, whose turn rates are in the first one.
+    """
+    force = _read_vector(meaning, "accel", track)
+    turn = _read_vector(meaning, "gyro", track)
+    if other is not None and force is None and turn is not None:
+        force = _read_vector(other, "accel", track)
+        if force is not None:
+            force = _at_stamps(meaning, other, force)
+    if meaning.questions or (force is None and turn is None):
         return
-    force = None if accel is None else np.stack([meaning.raw(column) for column in accel], axis=1)
-    turn = None if gyro is None else np.stack([meaning.raw(column) for column in gyro], axis=1)
-    if force is not None and accel is not None:
-        force = _in_si(meaning, accel, force, "acceleration", _accel_unit(meaning, accel, force))
-    if turn is not None and gyro is not None:
-        turn = _in_si(meaning, gyro, turn, "turn rate", _gyro_unit(meaning, gyro, turn, track))
-    if not meaning.questions:
-        _into_car_axes(meaning, force, turn, track)
+    _into_car_axes(meaning, force, turn, track)
+
+
+def pair_tables(meanings: Sequence[Meaning]) -> dict[str, Meaning]:
+    """Return by name of a table with turn rates alone the table with the accelerations of the same device.
+
+    Phones write a table each. Where there is one of each kind, they belong together.
+    """
+    lonely = {
+        name: [each for each in meanings if each.candidates(f"{name}_x") and not each.candidates(f"{without}_x")]
+        for name, without in (("accel", "gyro"), ("gyro", "accel"))
+    }
+    if any(len(tables) != 1 for tables in lonely.values()):
+        return {}
+    accel, gyro = lonely["accel"][0], lonely["gyro"][0]
+    return {gyro.name: accel} if accel.since == gyro.since else {}
+
+
+def _read_vector(meaning: Meaning, name: str, track: Track | None) -> FloatArray | None:
+    """Return accelerations or turn rates in SI and the sensor's axes (n, 3); None without, or where a question is asked."""
+    columns = _choose_axes(meaning, name)
+    if columns is None or meaning.questions:
+        return None
+    values = np.stack([meaning.raw(column) for column in columns], axis=1)
+    if name == "accel":
+        values = _in_si(meaning, columns, values, "acceleration", _accel_unit(meaning, columns, values))
+    else:
+        values = _in_si(meaning, columns, values, "turn rate", _gyro_unit(meaning, columns, values, track))
+    return None if meaning.questions else values
+
+
+def _at_stamps(meaning: Meaning, other: Meaning, force: FloatArray) -> FloatArray:
+    """Return accelerations at the stamps of the turn rates: straight lines between rows, NaN in gaps."""
+    meaning.notes.append(f"accelerations of {other.name} are interpolated to its stamps")
+    return resample(other.stamp_ns, force, meaning.stamp_ns, max_gap_s=MAX_GAP_S)
 
 
 def _choose_axes(meaning: Meaning, name: str) -> list[str] | None:
@@ -56,11 +98,15 @@ def _choose_axes(meaning: Meaning, name: str) -> list[str] | None:
     return [column for column in chosen if column is not None] if all(chosen) else None
 
 
-def _in_si(meaning: Meaning, columns: list[str], values: FloatArray, kind: str, said: tuple[str, str, str]) -> FloatArray:
+def _in_si(
+    meaning: Meaning, columns: list[str], values: FloatArray, kind: str, said: tuple[str, str, str]
+) -> FloatArray:
     unit, confidence, why = said
     if not unit:
         return values
-    for quantity, column in zip((("accel" if kind == "acceleration" else "gyro") + f"_{axis}" for axis in "xyz"), columns, strict=True):
+    for quantity, column in zip(
+        (("accel" if kind == "acceleration" else "gyro") + f"_{axis}" for axis in "xyz"), columns, strict=True
+    ):
         meaning.guesses.append(Guess(quantity, column, unit, confidence, why))
     return values * FACTORS[kind][unit]
 
@@ -77,7 +123,10 @@ def _accel_unit(meaning: Meaning, columns: list[str], values: FloatArray) -> tup
         if fitting and unit not in fitting and confidence != "given":
             meaning.ask(
                 f"{columns[0]!r}: the header says {unit}, but gravity is {norm:.3g}, as in {fitting[0]}",
-                " ".join(f"--column accel_{axis}='{column}*{fitting[0]}'" for axis, column in zip("xyz", columns, strict=True)),
+                " ".join(
+                    f"--column accel_{axis}='{column}*{fitting[0]}'"
+                    for axis, column in zip("xyz", columns, strict=True)
+                ),
             )
             return "", "", ""
         return unit, confidence, why
@@ -85,7 +134,8 @@ def _accel_unit(meaning: Meaning, columns: list[str], values: FloatArray) -> tup
         return fitting[0], "likely", f"gravity is {norm:.3g} of it"
     meaning.ask(
         f"{columns[0]!r} has no unit, and its size ({norm:.3g}) is not that of gravity",
-        " ".join(f"--column accel_{axis}='{column}*mps2'" for axis, column in zip("xyz", columns, strict=True)) + ", or *g",
+        " ".join(f"--column accel_{axis}='{column}*mps2'" for axis, column in zip("xyz", columns, strict=True))
+        + ", or *g",
     )
     return "", "", ""
 
@@ -104,14 +154,15 @@ def _gyro_unit(meaning: Meaning, columns: list[str], values: FloatArray, track: 
                 return each, "likely", f"{abs(best[0]):.3g} of it make 1 rad/s of the course"
     meaning.ask(
         f"{columns[0]!r} has no unit, and its size ({size:.3g}) fits rad/s and deg/s",
-        " ".join(f"--column gyro_{axis}='{column}*degps'" for axis, column in zip("xyz", columns, strict=True)) + ", or *radps",
+        " ".join(f"--column gyro_{axis}='{column}*degps'" for axis, column in zip("xyz", columns, strict=True))
+        + ", or *radps",
     )
     return "", "", ""
 
 
 def _into_car_axes(meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: Track | None) -> None:
     """Turn both vectors into x forward, y left, z up; leave out what can't be turned."""
-    rotation = _given_rotation(meaning)
+    rotation = given_rotation(meaning)
     if rotation is None:
         level = _levelling_rotation(meaning, force)
         if level is None:
@@ -123,7 +174,9 @@ def _into_car_axes(meaning: Meaning, force: FloatArray | None, turn: FloatArray 
                 return
         rotation, knows_forward = _turned_forward(meaning, rotation, (force, turn), track, knows_forward)
         if not knows_forward and force is not None:
-            meaning.notes.append("accelerations are left out: nothing shows which way the device points (--axes FORWARD,UP)")
+            meaning.notes.append(
+                "accelerations are left out: nothing shows which way the device points (--axes FORWARD,UP)"
+            )
             force = None
             if turn is not None:
                 turn = turn @ rotation.T
@@ -141,7 +194,7 @@ def _store(meaning: Meaning, force: FloatArray | None, turn: FloatArray | None) 
             meaning.values[f"{name}_{axis}"] = values[:, k]
 
 
-def _given_rotation(meaning: Meaning) -> FloatArray | None:
+def given_rotation(meaning: Meaning) -> FloatArray | None:
     """Return the rotation of `--axes FORWARD,UP`; None where it is not given."""
     text = meaning.answers.axes
     if not text:
@@ -149,7 +202,9 @@ def _given_rotation(meaning: Meaning) -> FloatArray | None:
     forward, _, up = text.partition(",")
     rows = [_axis(forward.strip()), _axis(up.strip())]
     if any(row is None for row in rows) or abs(float(rows[0] @ rows[1])) > 0.5:  # type: ignore[operator]
-        meaning.ask(f"--axes {text}: it is no pair of axes", "--axes x,z or --axes -y,z: the sensor's axes forward and up")
+        meaning.ask(
+            f"--axes {text}: it is no pair of axes", "--axes x,z or --axes -y,z: the sensor's axes forward and up"
+        )
         return None
     ahead, upward = rows
     assert ahead is not None
@@ -232,7 +287,9 @@ def _turned_forward(
     along = _accelerations_of_track(track)
     middle = track.middle_ns
     spans = Track(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
-    seen = mean_over_spans(spans, meaning.stamp_ns, level[:, 0]) + 1j * mean_over_spans(spans, meaning.stamp_ns, level[:, 1])
+    seen = mean_over_spans(spans, meaning.stamp_ns, level[:, 0]) + 1j * mean_over_spans(
+        spans, meaning.stamp_ns, level[:, 1]
+    )
     use = np.isfinite(along) & np.isfinite(seen)
     if np.count_nonzero(use) < 10:
         return rotation, knows_forward
@@ -245,7 +302,9 @@ def _turned_forward(
     if knows_forward and abs(angle) < MIN_TURNED_RAD:
         return rotation, True
     turned = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    meaning.notes.append(f"inertial axes are turned by {np.degrees(angle):.0f} deg about the vertical, as speed and course show (correlation {abs(both) / strength:.2f})")
+    meaning.notes.append(
+        f"inertial axes are turned by {np.degrees(angle):.0f} deg about the vertical, as speed and course show (correlation {abs(both) / strength:.2f})"
+    )
     return turned @ rotation, True
 
 

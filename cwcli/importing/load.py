@@ -66,7 +66,10 @@ def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[
         if given is not None:
             if given[0] and given[0] not in table.columns:
                 raise DataError(
-                    f"there is no column {given[0]!r}", where=table.name, found=table.columns, hint="--column QUANTITY=COLUMN"
+                    f"there is no column {given[0]!r}",
+                    where=table.name,
+                    found=table.columns,
+                    hint="--column QUANTITY=COLUMN",
                 )
             found[quantity] = [given[0]] if given[0] else []
             if given[0]:
@@ -77,7 +80,7 @@ def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[
         preset = table.presets.get(column)
         names = [preset.quantity] if preset is not None else quantities_of_name(column)
         for quantity in names:
-            if answers.column_for(table, quantity) is None:
+            if quantity in QUANTITIES and answers.column_for(table, quantity) is None:
                 found.setdefault(quantity, []).append(column)
     for quantity, columns in found.items():  # what the format fixes leaves no other candidate
         fixed = [column for column in columns if column in table.presets]
@@ -158,7 +161,9 @@ def _append_cells(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
         n = len(array)
         pieces.append(
             times
-            or TextTimes(np.full((n, 3), -1, np.int64), np.zeros(n, np.int64), np.full(n, np.nan), np.zeros(n, np.bool_), "")
+            or TextTimes(
+                np.full((n, 3), -1, np.int64), np.zeros(n, np.int64), np.full(n, np.nan), np.zeros(n, np.bool_), ""
+            )
         )
         return 0
     values, n_bad = (read_place_cells if how == "places" else read_number_cells)(array, decimal)

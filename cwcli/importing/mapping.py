@@ -1,13 +1,13 @@
 """The mapping file: every guess of an import as TOML, to be edited and given again.
 
-    [answers]
-    timezone = "Europe/Berlin"
+[answers]
+timezone = "Europe/Berlin"
 
-    [[table]]
-    name = "drive.csv"
-    latitude = "lat"                # certain: the name, and the range of the values
-    speed = "Speed*kmh"             # likely: 3.61 of it make 1 m/s between the positions
-    heading = ""                    # leaves a quantity out
+[[table]]
+name = "drive.csv"
+latitude = "lat"                # certain: the name, and the range of the values
+speed = "Speed*kmh"             # likely: 3.61 of it make 1 m/s between the positions
+heading = ""                    # leaves a quantity out
 """
 
 from __future__ import annotations
@@ -63,7 +63,9 @@ def read_mapping(path: str) -> Answers:
     answers = document.pop("answers", {})
     tables = document.pop("table", [])
     if document or not isinstance(answers, dict) or not isinstance(tables, list):
-        raise UsageError(f"a mapping has [answers] and [[table]]; found {', '.join(document) or 'something else'}", where=path)
+        raise UsageError(
+            f"a mapping has [answers] and [[table]]; found {', '.join(document) or 'something else'}", where=path
+        )
     values: dict[str, Any] = {}
     for key, value in answers.items():
         if key == "dbc" and isinstance(value, list):
@@ -71,7 +73,9 @@ def read_mapping(path: str) -> Answers:
         elif key in _TEXT_ANSWERS and isinstance(value, str):
             values[key] = value
         else:
-            raise UsageError(f"answers.{key}: there is no such answer", where=path, hint=names_hint(key, (*_TEXT_ANSWERS, "dbc")))
+            raise UsageError(
+                f"answers.{key}: there is no such answer", where=path, hint=names_hint(key, (*_TEXT_ANSWERS, "dbc"))
+            )
     columns: dict[tuple[str, str], tuple[str, str]] = {}
     for table in tables:
         columns.update(_columns_of_table(table, path))
@@ -86,7 +90,9 @@ def _columns_of_table(table: Any, path: str) -> dict[tuple[str, str], tuple[str,
         if key == "name":
             continue
         if key not in QUANTITIES or not isinstance(value, str):
-            raise UsageError(f"{table['name']}: there is no quantity {key!r}", where=path, hint=names_hint(key, QUANTITIES))
+            raise UsageError(
+                f"{table['name']}: there is no quantity {key!r}", where=path, hint=names_hint(key, QUANTITIES)
+            )
         found[table["name"], key] = split_column_and_unit(value)
     return found
 

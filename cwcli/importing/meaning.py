@@ -129,4 +129,6 @@ def _say_the_same(first: FloatArray, second: FloatArray) -> bool:
 
 
 def _listed(columns: Sequence[str]) -> str:
-    return " and ".join(repr(column) for column in columns[:6]) + (f" and {len(columns) - 6} more" if len(columns) > 6 else "")
+    return " and ".join(repr(column) for column in columns[:6]) + (
+        f" and {len(columns) - 6} more" if len(columns) > 6 else ""
+    )

@@ -96,7 +96,9 @@ def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> T
         kept = changed | ~held
         stamps, x, y = stamps[kept], x[kept], y[kept]
     rows = [0]
-    targets = np.arange(stamps[0] + MIN_SPAN_S * NS_PER_S, stamps[-1] + 1, int(MIN_SPAN_S * NS_PER_S)) if len(stamps) else []
+    targets = (
+        np.arange(stamps[0] + MIN_SPAN_S * NS_PER_S, stamps[-1] + 1, int(MIN_SPAN_S * NS_PER_S)) if len(stamps) else []
+    )
     rows = np.unique(np.concatenate([[0], np.searchsorted(stamps, targets)])).astype(np.int64)
     rows = rows[rows < len(stamps)]
     if len(rows) < 3:

@@ -32,28 +32,38 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_RECEIVER = _words("gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx")
-_CAR = _words("vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu")
+_RECEIVER = _words(
+    "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx"
+)
+_CAR = _words(
+    "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
+)
 _TIME_BESIDE = _words(
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
     "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date"
 )
 _AXIS_NOUNS_OF_ACCEL = "acceleration accelerometer accel acc accelerations"
 _AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega"
-_IMU_BESIDE = _words("imu linear raw uncal calibrated body sensor rotation rate angular velocity vel total with g specific force user")
+_IMU_BESIDE = _words(
+    "imu linear raw uncal calibrated body sensor rotation rate angular velocity vel total with g specific force user"
+)
 
 QUANTITIES: dict[str, Quantity] = {
     "time": Quantity(
         "time",
-        _words("time timestamp timestamps stamp t datetime epoch clock zeit zeitstempel tijd temps hora ts timeofday "
-               "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"),
+        _words(
+            "time timestamp timestamps stamp t datetime epoch clock zeit zeitstempel tijd temps hora ts timeofday "
+            "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"
+        ),
         _TIME_BESIDE | _words("time stamp timestamp week of day seconds second millis nanos uhrzeit"),
     ),
     "date": Quantity("text", _words("date datum day fecha"), _words("utc gps gmt local")),
     "week": Quantity("number", _words("week wn gpsweek weekno"), _words("gps gnss number no num")),
     "latitude": Quantity("place", _words("latitude lat latitud breite breitengrad"), _RECEIVER | _words("n s ns")),
     "longitude": Quantity(
-        "place", _words("longitude lon lng long longitud länge laenge längengrad laengengrad"), _RECEIVER | _words("e w ew")
+        "place",
+        _words("longitude lon lng long longitud länge laenge längengrad laengengrad"),
+        _RECEIVER | _words("e w ew"),
     ),
     "latitude_half": Quantity("text", _words("ns latdir lathem"), _RECEIVER | _words("indicator hemisphere")),
     "longitude_half": Quantity("text", _words("ew londir lonhem longdir"), _RECEIVER | _words("indicator hemisphere")),
@@ -70,7 +80,9 @@ QUANTITIES: dict[str, Quantity] = {
     "velocity_east": Quantity("speed", _words("vele ve veast"), _RECEIVER),
     "velocity_north": Quantity("speed", _words("veln vn vnorth"), _RECEIVER),
     "course": Quantity(
-        "angle", _words("course cog bearing headmot direction richtung kurs cmg"), _RECEIVER | _words("over ground track true motion of")
+        "angle",
+        _words("course cog bearing headmot direction richtung kurs cmg"),
+        _RECEIVER | _words("over ground track true motion of"),
     ),
     "heading": Quantity(
         "angle",
@@ -82,16 +94,28 @@ QUANTITIES: dict[str, Quantity] = {
         "angle", _words("steering steer lenkwinkel steeringangle"), _CAR | _words("angle wheel road tire tyre front")
     ),
     **{
-        f"accel_{axis}": Quantity("acceleration", _words(f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis}"), _IMU_BESIDE)
+        f"accel_{axis}": Quantity(
+            "acceleration", _words(f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis}"), _IMU_BESIDE
+        )
         for axis in "xyz"
     },
     **{
-        f"gyro_{axis}": Quantity("turn rate", _words(f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}"), _IMU_BESIDE)
+        f"gyro_{axis}": Quantity(
+            "turn rate", _words(f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}"), _IMU_BESIDE
+        )
         for axis in "xyz"
     },
     **{f"quaternion_{axis}": Quantity("number", _words(f"q{axis}")) for axis in "xyzw"},
-    "x": Quantity("length", _words("x easting east xeast utmx posx positionx px tx"), _words("pos position local map utm enu global world")),
-    "y": Quantity("length", _words("y northing north ynorth utmy posy positiony py ty"), _words("pos position local map utm enu global world")),
+    "x": Quantity(
+        "length",
+        _words("x easting east xeast utmx posx positionx px tx"),
+        _words("pos position local map utm enu global world"),
+    ),
+    "y": Quantity(
+        "length",
+        _words("y northing north ynorth utmy posy positiony py ty"),
+        _words("pos position local map utm enu global world"),
+    ),
     "z": Quantity("length", _words("z posz positionz pz tz"), _words("pos position local map enu global world")),
     "vehicle_id": Quantity("text", _words("id"), _words("vehicle veh car track object device trip station agent obj")),
     "fix": Quantity("number", _words("fix fixtype quality fixquality"), _words("gps gnss type quality status")),
@@ -169,7 +193,9 @@ def split_name(name: str) -> NamedColumn:
         words, unit = _split_unit_words(words)
     elif len(words) > 1 and not is_unit_text(unit):
         words, more = _split_unit_words(words)  # `speed_kmh (GPS)`
-        words, unit = ([*words, *re.split(r"[^0-9a-zäöü]+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
+        words, unit = (
+            ([*words, *re.split(r"[^0-9a-zäöü]+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
+        )
     joined: list[str] = []
     for word in words:
         pair = (joined[-1], word) if joined else ("", "")
@@ -208,7 +234,11 @@ def _fits(words: tuple[str, ...], quantity: str) -> bool:
     axis = quantity[-1] if quantity.startswith(("accel_", "gyro_")) else ""
     if axis:
         axes = [_AXIS_WORDS[word] for word in words if word in _AXIS_WORDS]
-        joined = [word for word in words if word in wanted.nouns and len(word) <= 6 and word.endswith(axis) and word not in {"gyro"}]
+        joined = [
+            word
+            for word in words
+            if word in wanted.nouns and len(word) <= 6 and word.endswith(axis) and word not in {"gyro"}
+        ]
         if axes and axes != [axis]:
             return False
         if not axes and not joined:

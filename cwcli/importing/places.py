@@ -72,7 +72,9 @@ def _find_geographic(meaning: Meaning, latitude: str, longitude: str) -> None:
             unit, confidence, why = _place_unit(meaning, values[quantity], quantity, column)
             if not unit:
                 return
-        values[quantity] = values[quantity] * FACTORS["place"][unit] if FACTORS["place"][unit] != 1.0 else values[quantity]
+        values[quantity] = (
+            values[quantity] * FACTORS["place"][unit] if FACTORS["place"][unit] != 1.0 else values[quantity]
+        )
         values[quantity] = _with_hemisphere(meaning, values[quantity], f"{quantity}_half")
         units[quantity] = unit, confidence, why
     _drop_invalid_fixes(meaning, values)
@@ -102,7 +104,8 @@ def _place_unit(meaning: Meaning, values: FloatArray, quantity: str, column: str
         return "deg", "certain", "the name"
     if size < 100.0 * limit + 60.0 and (np.nan_to_num(np.abs(values)) % 100.0 < 60.0).all():
         meaning.ask(
-            f"{column!r}: values up to {size:g} look like degrees and minutes (ddmm.mmmm)", "give the original NMEA file"
+            f"{column!r}: values up to {size:g} look like degrees and minutes (ddmm.mmmm)",
+            "give the original NMEA file",
         )
         return "", "", ""
     meaning.ask(f"{column!r}: values up to {size:g} are no {quantity}", f"--column {quantity}='{column}*UNIT'")
@@ -132,8 +135,12 @@ def _drop_invalid_fixes(meaning: Meaning, values: dict[str, FloatArray]) -> None
             meaning.notes.append(f"{int(is_none.sum())} rows with {column} 0 have no fix and are left out")
 
 
-def _ask_about_range(meaning: Meaning, quantity: str, latitude: str, longitude: str, values: dict[str, FloatArray]) -> None:
-    swapped = np.nanmax(np.abs(values["latitude"])) > MAX_LATITUDE_DEG and np.nanmax(np.abs(values["longitude"])) <= 90.0
+def _ask_about_range(
+    meaning: Meaning, quantity: str, latitude: str, longitude: str, values: dict[str, FloatArray]
+) -> None:
+    swapped = (
+        np.nanmax(np.abs(values["latitude"])) > MAX_LATITUDE_DEG and np.nanmax(np.abs(values["longitude"])) <= 90.0
+    )
     if quantity == "latitude" and swapped and np.nanmax(np.abs(values["latitude"])) <= MAX_LONGITUDE_DEG:
         meaning.ask(
             f"{latitude!r} has values beyond 90 degrees: latitude and longitude may be swapped",
@@ -148,13 +155,18 @@ def _ask_about_range(meaning: Meaning, quantity: str, latitude: str, longitude: 
 def _check_near_zero(
     meaning: Meaning, values: dict[str, FloatArray], units: dict[str, tuple[str, str, str]], latitude: str
 ) -> None:
-    if units["latitude"][1] == "given" or "header" in units["latitude"][2] or meaning.table.source.presets.get(latitude):
+    if (
+        units["latitude"][1] == "given"
+        or "header" in units["latitude"][2]
+        or meaning.table.source.presets.get(latitude)
+    ):
         return
     finite = np.isfinite(values["latitude"]) & np.isfinite(values["longitude"])
     size = max(float(np.abs(values[name][finite]).max()) for name in values)
     if 0.0 < size < NEAR_ZERO_DEG and np.abs(values["latitude"][finite]).max() < np.pi / 2:
         meaning.ask(
-            f"{latitude!r}: the values may be degrees or radians", "--column latitude=NAME*rad, or *deg; longitude alike"
+            f"{latitude!r}: the values may be degrees or radians",
+            "--column latitude=NAME*rad, or *deg; longitude alike",
         )
 
 
@@ -167,7 +179,9 @@ def _find_altitude(meaning: Meaning) -> None:
     meaning.chosen["altitude"] = column
     if len(columns) > 1:
         meaning.notes.append(f"height is {column!r}; {', '.join(map(repr, columns[1:]))} left out")
-    meaning.add_scaled("altitude", column, unit or "m", confidence if unit else "assumed", why if unit else "heights are usually in m")
+    meaning.add_scaled(
+        "altitude", column, unit or "m", confidence if unit else "assumed", why if unit else "heights are usually in m"
+    )
 
 
 def _find_local(meaning: Meaning) -> None:
@@ -176,7 +190,13 @@ def _find_local(meaning: Meaning) -> None:
         return
     for quantity, column in (("x", x), ("y", y)):
         unit, confidence, why = meaning.stated_unit(quantity, column)
-        meaning.add_scaled(quantity, column, unit or "m", confidence if unit else "assumed", why if unit else "positions are usually in m")
+        meaning.add_scaled(
+            quantity,
+            column,
+            unit or "m",
+            confidence if unit else "assumed",
+            why if unit else "positions are usually in m",
+        )
     z = meaning.choose("z")
     if z is not None:
         unit, confidence, why = meaning.stated_unit("z", z)
@@ -189,7 +209,10 @@ def _find_local(meaning: Meaning) -> None:
     is_unit_known = all(guess.confidence != "assumed" for guess in meaning.guesses if guess.quantity in {"x", "y"})
     span_s = float(np.ptp(meaning.stamp_ns)) / 1e9
     if not is_unit_known and 0.0 < extent_m < MIN_EXTENT_M and span_s > 10.0:
-        meaning.ask(f"{x!r} and {y!r} change by less than {extent_m:.3g}: they may be degrees", f"--column longitude='{x}' --column latitude='{y}', or --column x='{x}*m' --column y='{y}*m'")
+        meaning.ask(
+            f"{x!r} and {y!r} change by less than {extent_m:.3g}: they may be degrees",
+            f"--column longitude='{x}' --column latitude='{y}', or --column x='{x}*m' --column y='{y}*m'",
+        )
         return
     meaning.track = track_of_points(meaning.stamp_ns[finite], values["x"][finite], values["y"][finite])
 
@@ -241,7 +264,9 @@ def rows_of_new_positions(meaning: Meaning, names: tuple[str, ...]) -> np.ndarra
     since = np.maximum.accumulate(np.where(is_new, np.arange(len(rows)), 0))
     age_s = (meaning.stamp_ns[rows] - meaning.stamp_ns[rows[since]]) / 1e9
     is_kept = is_new | (age_s > 3.0 * usual_s)
-    meaning.notes.append(f"{int(np.count_nonzero(~is_kept))} rows repeat the position before; a fix is the row where it changes")
+    meaning.notes.append(
+        f"{int(np.count_nonzero(~is_kept))} rows repeat the position before; a fix is the row where it changes"
+    )
     keep = np.zeros(len(finite), np.bool_)
     keep[rows[is_kept]] = True
     return keep

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 from cwcli.errors import MissingSignalError
 from cwcli.importing.channels import channels_of_table, with_own_topics
-from cwcli.importing.inertial import find_inertial
+from cwcli.importing.inertial import find_inertial, pair_tables
 from cwcli.importing.load import load_table
 from cwcli.importing.mapping import format_mapping
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import Track
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.places import choose_vehicle, find_places
+from cwcli.importing.poses import turn_poses
 from cwcli.importing.readers import find_kind, load_kind
-from cwcli.importing.readers.base import Recording
+from cwcli.importing.readers.base import FileHead, Recording
+from cwcli.importing.readers.trajectory import is_file_of_times
 from cwcli.importing.speeds import find_headings, find_speed, find_velocity, find_yaw_rate
 from cwcli.importing.stamps import find_stamps
 from cwcli.importing.tables import Answers, AmbiguousError, Guess, Question, SourceTable, ask
@@ -68,6 +70,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
         DataError: A file's rows can't be a recording.
         MissingSignalError: Nothing in the files is a quantity; an `AmbiguousError` asks what only the user knows.
     """
+    files, answers = _helping_files(files, answers)
     kinds = {path: find_kind(path) for path in files}
     tables: list[SourceTable] = []
     recordings: list[Recording] = []
@@ -83,7 +86,9 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
     if questions:
         raise ask(questions)
     _check_time_bases(meanings)
-    channels = with_own_topics([(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)])
+    channels = with_own_topics(
+        [(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)]
+    )
     if not channels and not recordings:
         columns = tuple(column for table in tables for column in table.columns)
         raise MissingSignalError(
@@ -100,6 +105,28 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
         loaded = {column for columns in meaning.table.candidates.values() for column in columns}
         unused[meaning.name] = (*meaning.table.unused, *sorted(loaded - used))
     return ImportPlan(kinds, tuple(guesses), tuple(channels), tuple(recordings), notes, unused, answers)
+
+
+def _helping_files(files: Sequence[str], answers: Answers) -> tuple[list[str], Answers]:
+    """Return the files without those that explain others: DBC files, and a file of times."""
+    dbc, times, others = [], [], []
+    for path in dict.fromkeys(files):
+        head = FileHead(path)
+        if any(line.startswith(("BO_ ", "BU_:", "NS_ :")) for line in head.lines):
+            dbc.append(path)
+        elif is_file_of_times(head):
+            times.append(path)
+        else:
+            others.append(path)
+    if not others and files:
+        raise MissingSignalError(
+            "it only explains another file", where=", ".join(files), hint="name the trace, the poses or the video, too"
+        )
+    if len(times) > 1:
+        raise ask([Question(times[0], f"{len(times)} files hold one time a line", "--times FILE names one")])
+    return others, replace(
+        answers, dbc=(*answers.dbc, *dbc), frame_times=answers.frame_times or (times[0] if times else "")
+    )
 
 
 def _meanings_of_tables(
@@ -129,7 +156,11 @@ def _meanings_of_tables(
 
 
 def _holds_quantity(candidates: Mapping[str, Sequence[str]]) -> bool:
-    return any(name for name in candidates if QUANTITIES[name].kind not in {"time", "text", "number"} and name not in {"altitude", "z"})
+    return any(
+        name
+        for name in candidates
+        if QUANTITIES[name].kind not in {"time", "text", "number"} and name not in {"altitude", "z"}
+    )
 
 
 def _find_quantities(meanings: Sequence[Meaning]) -> None:
@@ -138,6 +169,10 @@ def _find_quantities(meanings: Sequence[Meaning]) -> None:
         choose_vehicle(meaning)
         if not meaning.questions:
             find_places(meaning)
+            _find_orientation(meaning)
+            turn_poses(meaning)
+    accelerations = pair_tables(meanings)
+    paired = {each.name for each in accelerations.values()}
     for meaning in meanings:
         if meaning.questions:
             continue
@@ -146,9 +181,9 @@ def _find_quantities(meanings: Sequence[Meaning]) -> None:
         find_velocity(meaning, track)
         find_headings(meaning, track)
         find_yaw_rate(meaning, track)
-        find_inertial(meaning, track)
+        if meaning.name not in paired:
+            find_inertial(meaning, track, accelerations.get(meaning.name))
         _find_given_steering(meaning)
-        _find_orientation(meaning)
 
 
 def _track_of_others(meaning: Meaning, meanings: Sequence[Meaning]) -> Track | None:

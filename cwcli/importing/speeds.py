@@ -59,7 +59,9 @@ def _speed_unit(
         if ratio > 0 and abs(math.log(ratio * FACTORS["speed"][unit])) > MAX_DISAGREEMENT and confidence != "given":
             what = f"{column!r}: the header says {unit}, but the way between the positions says "
             what += fitting[0] if fitting else f"{ratio * FACTORS['speed'][unit]:.2g} times less"
-            meaning.ask(what, f"--column speed='{column}*{fitting[0] if fitting else unit}', or --column speed= leaves it out")
+            meaning.ask(
+                what, f"--column speed='{column}*{fitting[0] if fitting else unit}', or --column speed= leaves it out"
+            )
             return None
         agrees = ", and the way between the positions agrees" if ratio > 0 else ""
         return unit, confidence, why + agrees
@@ -78,7 +80,9 @@ def _split_gnss_speed(meaning: Meaning) -> None:
     columns = meaning.candidates("speed")
     if len(columns) < 2 or meaning.is_given("speed"):
         return
-    of_receiver = [column for column in columns if {"gps", "gnss", "sog", "gspeed", "ground"} & set(meaning.words(column))]
+    of_receiver = [
+        column for column in columns if {"gps", "gnss", "sog", "gspeed", "ground"} & set(meaning.words(column))
+    ]
     others = [column for column in columns if column not in of_receiver]
     if of_receiver and len(others) == 1:
         meaning.notes.append(f"{', '.join(map(repr, of_receiver))} left out: {others[0]!r} is the speed of the car")
@@ -141,7 +145,19 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
     options = [f"{u}-{s}" for u in units for s in senses]
     default = f"{units[0]}-cw-north" if len(units) == 1 else ""
     words = set(meaning.words(column))
-    if not sense and not words & {"heading", "hdg", "course", "cog", "bearing", "azimuth", "compass", "headmot", "headveh", "kurs", "direction"}:
+    if not sense and not words & {
+        "heading",
+        "hdg",
+        "course",
+        "cog",
+        "bearing",
+        "azimuth",
+        "compass",
+        "headmot",
+        "headveh",
+        "kurs",
+        "direction",
+    }:
         default = ""
     fits = {} if track is None or not track.is_long_enough else _fits(meaning, values, options, track)
     if sense and len(options) == 1:
@@ -152,15 +168,35 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
         return
     chosen = _best_sense(fits, default)
     if chosen is None and not fits and default:
-        _add_heading(meaning, quantity, column, values, default, "assumed", "a heading is usually clockwise from north; no moving position tells")
+        _add_heading(
+            meaning,
+            quantity,
+            column,
+            values,
+            default,
+            "assumed",
+            "a heading is usually clockwise from north; no moving position tells",
+        )
     elif chosen is None:
-        what = f"{column!r} fits no usual sense of a {quantity}" if fits else f"{column!r}: unit or sense of the angle is not known"
+        what = (
+            f"{column!r} fits no usual sense of a {quantity}"
+            if fits
+            else f"{column!r}: unit or sense of the angle is not known"
+        )
         choices = " or ".join(f"--column {quantity}='{column}*{each}'" for each in options[:3])
         meaning.ask(what, f"{choices}; --column {quantity}= leaves it out")
     else:
         if default and chosen != default and _may_be_swapped(meaning, quantity, column, fits[chosen]):
             return
-        _add_heading(meaning, quantity, column, values, chosen, "likely", f"{fits[chosen]:.1f} degrees from the way between the positions")
+        _add_heading(
+            meaning,
+            quantity,
+            column,
+            values,
+            chosen,
+            "likely",
+            f"{fits[chosen]:.1f} degrees from the way between the positions",
+        )
 
 
 def _may_be_swapped(meaning: Meaning, quantity: str, column: str, fit_deg: float) -> bool:
@@ -227,7 +263,9 @@ def _check_stated(
     )
 
 
-def _add_heading(meaning: Meaning, quantity: str, column: str, values: FloatArray, option: str, confidence: str, why: str) -> None:  # noqa: PLR0913
+def _add_heading(
+    meaning: Meaning, quantity: str, column: str, values: FloatArray, option: str, confidence: str, why: str
+) -> None:  # noqa: PLR0913
     meaning.add(quantity, _heading_rad(values, option), Guess(quantity, column, option, confidence, why))
     if option == "deg-cw-north":
         check_swapped(meaning, values)
@@ -254,7 +292,10 @@ def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
         if fitting:
             unit, confidence, why = fitting[0], "likely", f"{abs(ratio):.3g} of it make 1 rad/s of the course"
     if not unit:
-        meaning.ask(f"{column!r}: the unit of the turn rate is not known", f"--column yaw_rate='{column}*radps' or '{column}*degps'")
+        meaning.ask(
+            f"{column!r}: the unit of the turn rate is not known",
+            f"--column yaw_rate='{column}*radps' or '{column}*degps'",
+        )
         return
     factor = FACTORS["turn rate"][unit]
     if meaning.is_given("yaw_rate") or meaning.table.source.presets.get(column):
@@ -265,4 +306,8 @@ def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
     else:
         sense, confidence = 1.0, "assumed"
         why += "; left is positive in most systems, and no turn of the course tells"
-    meaning.add("yaw_rate", sense * factor * values, Guess("yaw_rate", column, unit if sense > 0 else f"-{unit}", confidence, why))
+    meaning.add(
+        "yaw_rate",
+        sense * factor * values,
+        Guess("yaw_rate", column, unit if sense > 0 else f"-{unit}", confidence, why),
+    )

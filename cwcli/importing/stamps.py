@@ -70,12 +70,17 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
     """
     where = table.source.name
     columns = [*table.candidates.get("time", ()), *table.candidates.get("date", ())]
-    candidates = [found for column in dict.fromkeys(columns) if (found := _candidate(table, column, answers)) is not None]
+    candidates = [
+        found for column in dict.fromkeys(columns) if (found := _candidate(table, column, answers)) is not None
+    ]
     candidates = _with_rows_numbered(candidates)
     if not candidates:
         names = ", ".join(table.source.columns[:12])
         raise MissingSignalError(
-            "no column is the time", where=where, found=table.source.columns[:30], hint=f"--column time=NAME, one of {names}"
+            "no column is the time",
+            where=where,
+            found=table.source.columns[:30],
+            hint=f"--column time=NAME, one of {names}",
         )
     given = answers.column_for(table.source, "time")
     best = min(candidates, key=lambda each: RANKS.index(each.rank))
@@ -130,7 +135,9 @@ def _is_datetime(times: TextTimes) -> bool:
     return bool(np.isfinite(times.offset_s[times.valid]).any())
 
 
-def _date_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers, words: tuple[str, ...]) -> Candidate:
+def _date_candidate(
+    table: LoadedTable, column: str, times: TextTimes, answers: Answers, words: tuple[str, ...]
+) -> Candidate:
     where = table.source.name
     question = None
     order, why = _date_order(times, answers)
@@ -174,7 +181,8 @@ def _date_order(times: TextTimes, answers: Answers) -> tuple[str, str]:
 def _date_and_clock_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
     """Return the time of a column of dates together with a column of times of day."""
     clock = next(
-        (name for name, other in table.text_times.items() if name != column and not other.has_date and other.has_clock), None
+        (name for name, other in table.text_times.items() if name != column and not other.has_date and other.has_clock),
+        None,
     )
     if clock is None:
         return None
@@ -182,7 +190,9 @@ def _date_and_clock_candidate(table: LoadedTable, column: str, times: TextTimes,
     joined = TextTimes(times.parts, other.ns_of_day, other.offset_s, times.valid & other.valid, times.mark)
     words = (*split_name(column).words, *split_name(clock).words, split_name(clock).unit_text.lower())
     found = _date_candidate(table, column, joined, answers, words)
-    guess = Guess("time", column, "date", found.guess.confidence, f"with the time of day in {clock!r}; {found.guess.why}")
+    guess = Guess(
+        "time", column, "date", found.guess.confidence, f"with the time of day in {clock!r}; {found.guess.why}"
+    )
     rank = "date and clock" if found.rank == "zoned date" else "local date"
     return Candidate(column, rank, found.stamp_ns, found.valid, guess, found.question)
 
@@ -204,7 +214,9 @@ def _number_candidate(table: LoadedTable, column: str, instants: Instants, answe
     preset = table.source.presets.get(column)
     words = split_name(column).words
     unit = find_unit(table.source.units.get(column, ""), "time") or unit_of_name(column, "time")
-    unit = unit or next((find_unit(word, "time") for word in reversed(words) if len(word) > 3 and find_unit(word, "time")), "")
+    unit = unit or next(
+        (find_unit(word, "time") for word in reversed(words) if len(word) > 3 and find_unit(word, "time")), ""
+    )
     if preset is not None and preset.unit:
         unit = preset.unit
     base = base_of_numbers(instants, unit, words)
@@ -215,7 +227,11 @@ def _number_candidate(table: LoadedTable, column: str, instants: Instants, answe
     guess = Guess("time", column, base.unit, base.confidence, base.why)
     if not base.unit:
         units = " or ".join(f"--column time='{column}*{each}'" for each in ("s", "ms"))
-        what = f"{column!r}: the unit of the time is not known" if not unit else f"{column!r}: the numbers do not fit the unit {unit}"
+        what = (
+            f"{column!r}: the unit of the time is not known"
+            if not unit
+            else f"{column!r}: the numbers do not fit the unit {unit}"
+        )
         question = Question(where, what, units)
         return Candidate(column, "unknown", np.zeros(len(instants.whole), np.int64), instants.valid, guess, question)
     stamp_ns = instants.to_ns(base.unit)
@@ -229,7 +245,11 @@ def _number_candidate(table: LoadedTable, column: str, instants: Instants, answe
         why = f"time of the GPS week, with the week in {week!r}"
         valid = instants.valid & np.isfinite(weeks)
         return Candidate(
-            column, "week", utc_ns_from_gps_seconds(stamp_ns, weeks), valid, Guess("time", column, base.unit, "certain", why)
+            column,
+            "week",
+            utc_ns_from_gps_seconds(stamp_ns, weeks),
+            valid,
+            Guess("time", column, base.unit, "certain", why),
         )
     start_ns, why = 0, "stamps count from the start of the recording"
     if answers.start:
@@ -266,7 +286,9 @@ def _ordered(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
     steps = np.diff(stamps)
     if not steps.any():
         raise DataError(
-            f"{best.column!r}: every row has the same time", where=where, hint="name another column with --column time=NAME"
+            f"{best.column!r}: every row has the same time",
+            where=where,
+            hint="name another column with --column time=NAME",
         )
     n_back = int(np.count_nonzero(steps < 0))
     if n_back > MAX_BACKWARD_SHARE * len(steps) and not _has_several_vehicles(table):
@@ -294,7 +316,9 @@ def _ordered(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
 
 
 def _has_several_vehicles(table: LoadedTable) -> bool:
-    return any(len(table.codes[column][1]) > 1 for column in table.candidates.get("vehicle_id", ()) if column in table.codes)
+    return any(
+        len(table.codes[column][1]) > 1 for column in table.candidates.get("vehicle_id", ()) if column in table.codes
+    )
 
 
 DATE_ORDER_NAMES = tuple(DATE_ORDERS)

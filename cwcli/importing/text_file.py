@@ -49,7 +49,11 @@ def decode_head(data: bytes) -> TextHead | None:
     """Decode the beginning of a file; None if it is no text."""
     is_whole = len(data) < HEAD_BYTES
     encoding, bom = "utf-8", 0
-    for mark, name in ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be")):
+    for mark, name in (
+        (codecs.BOM_UTF8, "utf-8"),
+        (codecs.BOM_UTF16_LE, "utf-16-le"),
+        (codecs.BOM_UTF16_BE, "utf-16-be"),
+    ):
         if data.startswith(mark):
             encoding, bom = name, len(mark)
             break
@@ -65,7 +69,9 @@ def decode_head(data: bytes) -> TextHead | None:
         text = body.decode("cp1252", "replace")
     if not text:
         return TextHead(encoding, bom, (), is_whole)
-    n_control = sum(1 for character in text if (ord(character) < 32 and character not in "\t\r\n\f\v") or character == "\ufffd")
+    n_control = sum(
+        1 for character in text if (ord(character) < 32 and character not in "\t\r\n\f\v") or character == "\ufffd"
+    )
     if n_control > MAX_CONTROL_SHARE * len(text):
         return None
     lines = text.splitlines()

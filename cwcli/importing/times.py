@@ -131,7 +131,9 @@ def _times_of_match(found: Any) -> TextTimes:
         column = texts(name)
         return np.asarray(pc.if_else(pc.equal(column, ""), filler, column).cast(pa.int64())).astype(np.int64)
 
-    parts = np.stack([integers(name, "-1") for name in "abc"], axis=1) if "a" in names else np.full((n, 3), -1, np.int64)
+    parts = (
+        np.stack([integers(name, "-1") for name in "abc"], axis=1) if "a" in names else np.full((n, 3), -1, np.int64)
+    )
     hour, minute, second = integers("hour"), integers("minute"), integers("second")
     part = np.asarray(pc.utf8_rpad(texts("part"), 9, "0").cast(pa.int64())).astype(np.int64)
     half = np.asarray(pc.utf8_upper(pc.utf8_slice_codeunits(texts("half"), 0, 1)).to_pylist())
@@ -296,10 +298,18 @@ def base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> Nu
     if unit and middle * FACTORS["time"][unit] / 1e9 > FIRST_YEAR_S:
         return NumberBase("", "start", "", "")
     if unit:
-        since = "week" if says_gps and middle * FACTORS["time"][unit] / 1e9 < SECONDS_PER_WEEK and _says_week(words) else "start"
+        since = (
+            "week"
+            if says_gps and middle * FACTORS["time"][unit] / 1e9 < SECONDS_PER_WEEK and _says_week(words)
+            else "start"
+        )
         return NumberBase(unit, since, "certain", "the header says the unit")
     step = _middle_step(finite)
-    fitting = [each for each in ("s", "ms", "us", "ns") if step > 0 and SLOWEST_HZ <= 1e9 / (step * FACTORS["time"][each]) <= FASTEST_HZ]
+    fitting = [
+        each
+        for each in ("s", "ms", "us", "ns")
+        if step > 0 and SLOWEST_HZ <= 1e9 / (step * FACTORS["time"][each]) <= FASTEST_HZ
+    ]
     if any(word in {"tow", "sow", "seconds", "elapsed"} for word in words) and "s" in fitting:
         fitting = ["s"]
     has_decimals = bool(len(finite)) and bool((np.abs(finite - np.rint(finite)) > 1e-9).any())

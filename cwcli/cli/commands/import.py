@@ -57,7 +57,9 @@ class AnswerOptions:
     decimal: Annotated[str | None, typer.Option("--decimal", metavar="MARK", help="Decimal mark: . or ,")] = None
     axes: Annotated[
         str | None,
-        typer.Option("--axes", metavar="FORWARD,UP", help="Axes of the inertial sensor or the pose in the car: x,z or -y,z."),
+        typer.Option(
+            "--axes", metavar="FORWARD,UP", help="Axes of the inertial sensor or the pose in the car: x,z or -y,z."
+        ),
     ] = None
     vehicle: Annotated[
         str | None, typer.Option("--id", metavar="ID", help="The ego, or the track, of a file with several.")
@@ -81,7 +83,9 @@ def command(
     answers: AnswerOptions,
     output: Annotated[
         str | None,
-        typer.Option("--output", "-o", metavar="FILE", show_default=False, help="Write the log here; - is standard output."),
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default=False, help="Write the log here; - is standard output."
+        ),
     ] = None,
     mapping: Annotated[
         str | None,
@@ -161,7 +165,14 @@ def _document(plan: ImportPlan, target: str | None) -> dict[str, Any]:
     return {
         "files": dict(plan.kinds),
         "guesses": [
-            {"table": table, "quantity": each.quantity, "column": each.column, "unit": each.unit, "confidence": each.confidence, "why": each.why}
+            {
+                "table": table,
+                "quantity": each.quantity,
+                "column": each.column,
+                "unit": each.unit,
+                "confidence": each.confidence,
+                "why": each.why,
+            }
             for table, guesses in plan.tables
             for each in guesses
         ],

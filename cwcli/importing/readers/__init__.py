@@ -9,14 +9,29 @@ from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.text_file import no_text_error
 
 KIND_MODULES = {
-    "csv": "csv_table",
+    "parquet": "parquet:KIND",
+    "zip": "phone:KIND",
+    "video": "video:KIND",
+    "blf": "can_trace:BLF",
+    "ubx": "ubx:KIND",
+    "gpx": "gpx:KIND",
+    "sumo fcd": "fcd:KIND",
+    "candump": "can_trace:CANDUMP_KIND",
+    "asc": "can_trace:ASC",
+    "gnsslogger": "gnsslogger:KIND",
+    "nmea": "nmea:KIND",
+    "euroc": "euroc:KIND",
+    "tum": "tum:KIND",
+    "kitti": "kitti:KIND",
+    "csv": "csv_table:KIND",
 }
-"""Name of a kind -> module with its `KIND`, in the order in which a file is compared with them."""
+"""Name of a kind -> its description in a module here, in the order in which a file is compared with them."""
 
 
 def load_kind(name: str) -> ImportKind:
     """Return a kind by its name."""
-    kind: ImportKind = import_module(f"cwcli.importing.readers.{KIND_MODULES[name]}").KIND
+    module, _, attribute = KIND_MODULES[name].partition(":")
+    kind: ImportKind = getattr(import_module(f"cwcli.importing.readers.{module}"), attribute)
     return kind
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited
+from cwcli.importing.readers.phone import is_of_phone, stem_of_table, with_phone_meaning
 from cwcli.importing.readers.own_table import with_own_presets
 from cwcli.importing.tables import Answers, SourceTable
 
@@ -15,7 +16,10 @@ def _accepts(head: FileHead) -> bool:
 
 
 def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
-    return [with_own_presets(read_delimited(path, answers))]
+    table = with_own_presets(read_delimited(path, answers))
+    if is_of_phone(table):
+        return [with_phone_meaning(table, stem_of_table(path), b"")]
+    return [table]
 
 
 KIND = ImportKind("CSV and TSV of any program, with a line of names", (".csv", ".tsv", ".txt"), _accepts, _read)

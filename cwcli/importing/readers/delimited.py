@@ -48,7 +48,9 @@ class Layout:
     n_head_lines: int
 
 
-def read_delimited(path: str, answers: Answers, *, part: str = "", data: bytes | None = None, kind: str = "csv") -> SourceTable:
+def read_delimited(
+    path: str, answers: Answers, *, part: str = "", data: bytes | None = None, kind: str = "csv"
+) -> SourceTable:
     """Return the table of a file.
 
     Args:
@@ -125,14 +127,26 @@ def _layout_with(separator: str, n_cells: int, numbered: Sequence[tuple[int, str
                 hint="give every column a name",
             )
         shown = separator.join(rows[0][1])[:60]
-        raise ask([Question(where, f"it has no line of names; it begins with {shown!r}", "put a first line with the columns' names and units")])
+        raise ask(
+            [
+                Question(
+                    where,
+                    f"it has no line of names; it begins with {shown!r}",
+                    "put a first line with the columns' names and units",
+                )
+            ]
+        )
     names_line, names = rows[at]
     last = names_line
     units: dict[str, str] = {}
     unique = _unique_names(names)
     if at + 1 < len(rows):
         k, cells = rows[at + 1]
-        if len(cells) == n_cells and any(is_unit_text(cell) for cell in cells) and not any(_NUMBER.match(cell) for cell in cells):
+        if (
+            len(cells) == n_cells
+            and any(is_unit_text(cell) for cell in cells)
+            and not any(_NUMBER.match(cell) for cell in cells)
+        ):
             units = {name: cell.strip("[]() ") for name, cell in zip(unique, cells, strict=True) if cell.strip()}
             last = k
     if last == rows[-1][0]:
@@ -168,7 +182,9 @@ def _unique_names(cells: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _read_rows(source: str | bytes, head: TextHead, layout: Layout, columns: Sequence[str], told: tuple[str, list[str]]) -> Iterator[Batch]:
+def _read_rows(
+    source: str | bytes, head: TextHead, layout: Layout, columns: Sequence[str], told: tuple[str, list[str]]
+) -> Iterator[Batch]:
     """Yield the rows, all cells as text."""
     import io
 

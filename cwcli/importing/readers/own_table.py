@@ -25,4 +25,6 @@ def with_own_presets(table: SourceTable) -> SourceTable:
     """Return the table with the meaning of its columns, if cwcli wrote it."""
     if not OWN_COLUMNS <= set(table.columns):
         return table
-    return replace(table, kind="cwcli table", presets={name: each for name, each in _PRESETS.items() if name in table.columns})
+    return replace(
+        table, kind="cwcli table", presets={name: each for name, each in _PRESETS.items() if name in table.columns}
+    )
