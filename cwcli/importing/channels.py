@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from cwcli.importing.meaning import Meaning
@@ -46,7 +44,7 @@ def channels_of_table(meaning: Meaning) -> list[OutputChannel]:
 
 def _channel(
     meaning: Meaning, topic: str, schema: str, rows: np.ndarray, frame: str, fields: dict[str, FloatArray]
-) -> OutputChannel:  # type: ignore[type-arg]  # noqa: PLR0913
+) -> OutputChannel:
     stamp_ns = meaning.stamp_ns[rows]
     n = len(stamp_ns)
     made: dict[str, OutputField] = {
@@ -164,16 +162,3 @@ def _covariance(n: int, *, is_measured: bool) -> FloatArray:
     covariance = np.zeros((n, 9))
     covariance[:, 0] = 0.0 if is_measured else NOT_MEASURED
     return covariance
-
-
-def with_own_topics(channels: Sequence[tuple[str, OutputChannel]]) -> list[tuple[str, OutputChannel]]:
-    """Return channels of (table, channel) with a number behind topics that occur again."""
-    from dataclasses import replace
-
-    seen: dict[str, int] = {}
-    renamed = []
-    for table, channel in channels:
-        seen[channel.topic] = seen.get(channel.topic, 0) + 1
-        k = seen[channel.topic]
-        renamed.append((table, channel if k == 1 else replace(channel, topic=f"{channel.topic}_{k}")))
-    return renamed

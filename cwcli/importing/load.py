@@ -20,7 +20,14 @@ from cwcli.importing.cells import (
 )
 from cwcli.importing.names import QUANTITIES, quantities_of_name
 from cwcli.importing.tables import Answers, Question, SourceTable, ask
-from cwcli.importing.times import Instants, TextTimes, join_text_times, parse_text_times
+from cwcli.importing.times import (
+    Instants,
+    TextTimes,
+    clock_of_digits,
+    join_text_times,
+    parse_short_dates,
+    parse_text_times,
+)
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 
@@ -134,8 +141,19 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
                 bad[column] += _append_cells(pieces[column], array, how[column], decimals[column])
     for column in wanted:
         _finish_column(loaded, column, how.get(column, "numbers"), pieces[column])
+    _read_clocks_of_digits(loaded)
     _drop_text_columns(loaded, bad)
     return loaded
+
+
+def _read_clocks_of_digits(loaded: LoadedTable) -> None:
+    """Read times of day that are written as numbers (hhmmss) beside a column of dates."""
+    has_dates = any(times.has_date and not times.has_clock for times in loaded.text_times.values())
+    for column in list(loaded.instants) if has_dates else ():
+        clock = clock_of_digits(loaded.instants[column])
+        if clock is not None and column in loaded.candidates.get("time", ()):
+            loaded.text_times[column] = clock
+            del loaded.instants[column]
 
 
 def _how_to_read(array: Any, quantities: list[str]) -> str:
@@ -144,6 +162,8 @@ def _how_to_read(array: Any, quantities: list[str]) -> str:
     if quantities[0] in {"time", "date"}:
         if is_text(array) and parse_text_times(array) is not None:
             return "text times"
+        if is_text(array) and quantities == ["date"] and parse_short_dates(array) is not None:
+            return "short dates"
         return "instants"
     return "places" if any(quantity in {"latitude", "longitude"} for quantity in quantities) else "numbers"
 
@@ -156,8 +176,8 @@ def _append_cells(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
     if how == "instants":
         pieces.append(read_instant_cells(array, decimal))
         return 0
-    if how == "text times":
-        times = parse_text_times(array)
+    if how in {"text times", "short dates"}:
+        times = parse_text_times(array) if how == "text times" else parse_short_dates(array)
         n = len(array)
         pieces.append(
             times
@@ -179,7 +199,7 @@ def _finish_column(loaded: LoadedTable, column: str, how: str, pieces: list[Any]
     elif how == "instants":
         parts = [np.concatenate([piece[k] for piece in pieces]) for k in range(3)]
         loaded.instants[column] = Instants(*parts)
-    elif how == "text times":
+    elif how in {"text times", "short dates"}:
         loaded.text_times[column] = join_text_times(pieces)
     else:
         loaded.numbers[column] = np.concatenate(pieces) if pieces else np.zeros(0)

@@ -29,18 +29,19 @@ HEAD = "# How these files were read. Edit it and give it again: cwcli import FIL
 _TEXT_ANSWERS = tuple(field.name for field in fields(Answers) if field.name not in {"columns", "dbc"})
 
 
-def parse_column_option(text: str) -> tuple[str, tuple[str, str]]:
-    """Return quantity, column and unit of `QUANTITY=COLUMN*UNIT`.
+def parse_column_option(text: str) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Return (table or "", quantity) and (column, unit) of `QUANTITY=COLUMN*UNIT` or `QUANTITY@TABLE=COLUMN*UNIT`.
 
     Raises:
         UsageError: There is no such quantity, or no equals sign.
     """
-    quantity, equals, value = text.partition("=")
+    name, equals, value = text.partition("=")
+    quantity, _, table = name.partition("@")
     if not equals:
         raise UsageError(f"--column {text}: expected QUANTITY=COLUMN, or QUANTITY=COLUMN*UNIT")
     if quantity not in QUANTITIES:
         raise UsageError(f"--column {text}: there is no quantity {quantity!r}", hint=names_hint(quantity, QUANTITIES))
-    return quantity, split_column_and_unit(value)
+    return (table, quantity), split_column_and_unit(value)
 
 
 def split_column_and_unit(value: str) -> tuple[str, str]:

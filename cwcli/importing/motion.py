@@ -95,11 +95,10 @@ def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> T
         held = np.concatenate([[False], np.diff(stamps) < MIN_SPAN_S * NS_PER_S])
         kept = changed | ~held
         stamps, x, y = stamps[kept], x[kept], y[kept]
-    rows = [0]
-    targets = (
-        np.arange(stamps[0] + MIN_SPAN_S * NS_PER_S, stamps[-1] + 1, int(MIN_SPAN_S * NS_PER_S)) if len(stamps) else []
-    )
-    rows = np.unique(np.concatenate([[0], np.searchsorted(stamps, targets)])).astype(np.int64)
+    if len(stamps) < 3:
+        return None
+    targets = np.arange(stamps[0] + NS_PER_S * MIN_SPAN_S, stamps[-1] + 1, NS_PER_S * MIN_SPAN_S)
+    rows = np.unique(np.concatenate([[0], np.searchsorted(stamps, targets)]).astype(np.int64))
     rows = rows[rows < len(stamps)]
     if len(rows) < 3:
         return None
@@ -150,6 +149,16 @@ def ratio_to_way(track: Track | None, stamp_ns: Int64Array, values: FloatArray) 
     return float(np.median(mean[use] / track.speed_mps[use]))
 
 
+def ratio_spread(track: Track, stamp_ns: Int64Array, values: FloatArray) -> float:
+    """Return the spread of the logarithm of the ratio of a speed to the way: half of its middle 80 %; NaN if unknown."""
+    mean = mean_over_spans(track, stamp_ns, np.abs(values))
+    use = track.is_moving & np.isfinite(mean) & (mean > 0)
+    if np.count_nonzero(use) < 10:
+        return float("nan")
+    low, high = np.percentile(np.log(mean[use] / track.speed_mps[use]), [10, 90])
+    return float(high - low) / 2.0
+
+
 def angle_errors(track: Track, stamp_ns: Int64Array, heading_rad: FloatArray) -> FloatArray:
     """Return heading minus course, (k,), wrapped, of the spans in motion that have a heading."""
     finite = np.isfinite(heading_rad)
@@ -161,7 +170,7 @@ def angle_errors(track: Track, stamp_ns: Int64Array, heading_rad: FloatArray) ->
     row = np.clip(np.searchsorted(stamps, at), 0, len(stamps) - 1)
     near = np.abs(stamps[row] - at) < 2 * NS_PER_S
     error = heading[row] - track.course_rad[track.is_moving]
-    return np.angle(np.exp(1j * error))[near]
+    return np.asarray(np.angle(np.exp(1j * error))[near])
 
 
 def turn_ratio(track: Track | None, stamp_ns: Int64Array, values: FloatArray) -> tuple[float, float]:

@@ -42,7 +42,7 @@ _TIME_BESIDE = _words(
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
     "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date"
 )
-_AXIS_NOUNS_OF_ACCEL = "acceleration accelerometer accel acc accelerations"
+_AXIS_NOUNS_OF_ACCEL = "gforce acceleration accelerometer accel acc accelerations"
 _AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega"
 _IMU_BESIDE = _words(
     "imu linear raw uncal calibrated body sensor rotation rate angular velocity vel total with g specific force user"
@@ -154,6 +154,7 @@ _JOINED = {
     ("g", "speed"): "gspeed",
     ("ground", "speed"): "groundspeed",
     ("sensor", "time"): "time",
+    ("g", "force"): "gforce",
 }
 """Two words that mean one."""
 _UNIT_WORDS = 3
@@ -197,13 +198,19 @@ def split_name(name: str) -> NamedColumn:
             ([*words, *re.split(r"[^0-9a-zäöü]+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
         )
     joined: list[str] = []
-    for word in words:
+    for word in [part for word in words for part in _without_number(word)]:
         pair = (joined[-1], word) if joined else ("", "")
         if pair in _JOINED:
             joined[-1] = _JOINED[pair]
         else:
             joined.append(word)
     return NamedColumn(tuple(word for word in joined if word), unit)
+
+
+def _without_number(word: str) -> list[str]:
+    """Return a word without a number at its end (`speed2`), which tells columns of one quantity apart."""
+    numbered = re.fullmatch(r"([a-zäöü]{3,})\d{1,2}", word)
+    return [numbered.group(1)] if numbered and word not in {"wgs84", "iso8601"} else [] if word.isdecimal() else [word]
 
 
 def _split_unit_words(words: list[str]) -> tuple[list[str], str]:

@@ -15,6 +15,10 @@ MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
 NEAR_ZERO_DEG = 3.15
 """Places nearer to (0, 0) than this may be radians."""
+MAX_JITTER = 1.5
+"""Largest ratio of the way from row to row to that from second to second of a path of a car."""
+MAX_HEIGHT_M = 9000.0
+"""No road is higher: larger numbers are in another unit."""
 MIN_EXTENT_M = 0.5
 """An x and y of a smaller extent, over a minute or more, may be degrees."""
 MAX_SWAPPED_ERROR_DEG, MIN_STRAIGHT_ERROR_DEG = 10.0, 30.0
@@ -179,6 +183,10 @@ def _find_altitude(meaning: Meaning) -> None:
     meaning.chosen["altitude"] = column
     if len(columns) > 1:
         meaning.notes.append(f"height is {column!r}; {', '.join(map(repr, columns[1:]))} left out")
+    scale = FACTORS["length"][unit or "m"]
+    if float(np.nanmax(np.abs(meaning.raw(column)))) * scale > MAX_HEIGHT_M:
+        meaning.notes.append(f"{column!r} is left out: {np.nanmax(np.abs(meaning.raw(column))):g} is no height in m")
+        return
     meaning.add_scaled(
         "altitude", column, unit or "m", confidence if unit else "assumed", why if unit else "heights are usually in m"
     )
@@ -197,6 +205,10 @@ def _find_local(meaning: Meaning) -> None:
             confidence if unit else "assumed",
             why if unit else "positions are usually in m",
         )
+    if _may_be_vectors(meaning, x, y):
+        what = f"{x!r}, {y!r} and 'z' may be positions, accelerations or turn rates"
+        meaning.ask(what, f"--column x='{x}*m' --column y='{y}*m', or --column accel_x='{x}*mps2' and so on")
+        return
     z = meaning.choose("z")
     if z is not None:
         unit, confidence, why = meaning.stated_unit("z", z)
@@ -215,6 +227,21 @@ def _find_local(meaning: Meaning) -> None:
         )
         return
     meaning.track = track_of_points(meaning.stamp_ns[finite], values["x"][finite], values["y"][finite])
+
+
+def _may_be_vectors(meaning: Meaning, x: str, y: str) -> bool:
+    """Tell whether columns called x, y and z, without a unit and beside nothing else, do not look like a path."""
+    table = meaning.table.source
+    bare = all(meaning.words(column) == (axis,) for axis, column in zip("xy", (x, y), strict=True))
+    has_unit = meaning.stated_unit("x", x)[0] or meaning.is_given("x") or table.presets
+    companions = {"z", "speed", "heading", "course", "quaternion_w"} & set(meaning.table.candidates)
+    if not bare or has_unit or companions != {"z"}:
+        return False
+    track = track_of_points(meaning.stamp_ns, meaning.values["x"], meaning.values["y"])
+    if track is None or not track.is_long_enough:
+        return True
+    steps = np.hypot(np.diff(meaning.values["x"]), np.diff(meaning.values["y"]))
+    return float(np.nansum(steps)) > MAX_JITTER * float(track.way_m.sum())
 
 
 def check_swapped(meaning: Meaning, course_deg: FloatArray) -> None:

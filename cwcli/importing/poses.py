@@ -98,7 +98,7 @@ def _ways_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> 
     length = np.linalg.norm(steps, axis=1)
     middle = (rows[:-1] + rows[1:]) // 2
     use = (length > MIN_STEP_M) & np.isfinite(length) & np.isfinite(rotation[middle]).all(axis=(1, 2))
-    return np.einsum("nji,nj->ni", rotation[middle[use]], steps[use] / length[use, None])
+    return np.asarray(np.einsum("nji,nj->ni", rotation[middle[use]], steps[use] / length[use, None]))
 
 
 def _upright_world(rotation: FloatArray) -> FloatArray | None:

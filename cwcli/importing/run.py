@@ -6,7 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 
 from cwcli.errors import MissingSignalError
-from cwcli.importing.channels import channels_of_table, with_own_topics
+from cwcli.importing.channels import (
+    FIX_TOPIC,
+    HEADING_TOPIC,
+    IMU_TOPIC,
+    POSE_TOPIC,
+    SPEED_TOPIC,
+    STEERING_TOPIC,
+    VELOCITY_TOPIC,
+    channels_of_table,
+)
 from cwcli.importing.inertial import find_inertial, pair_tables
 from cwcli.importing.load import load_table
 from cwcli.importing.mapping import format_mapping
@@ -20,13 +29,24 @@ from cwcli.importing.readers.base import FileHead, Recording
 from cwcli.importing.readers.trajectory import is_file_of_times
 from cwcli.importing.speeds import find_headings, find_speed, find_velocity, find_yaw_rate
 from cwcli.importing.stamps import find_stamps
-from cwcli.importing.tables import Answers, AmbiguousError, Guess, Question, SourceTable, ask
+from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable, ask
 from cwcli.importing.units import FACTORS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import OutputChannel
 
 METADATA_NAME = "cwcli.import"
 """Name of the metadata record that says how the files were read."""
+
+QUANTITIES_OF_TOPIC = {
+    FIX_TOPIC: ("latitude", "longitude"),
+    POSE_TOPIC: ("x", "y"),
+    VELOCITY_TOPIC: ("course",),
+    SPEED_TOPIC: ("speed",),
+    HEADING_TOPIC: ("heading",),
+    IMU_TOPIC: ("accel_x", "gyro_x"),
+    STEERING_TOPIC: ("steering",),
+}
+"""Topic -> quantities without which a table has no such channel."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +106,8 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
     if questions:
         raise ask(questions)
     _check_time_bases(meanings)
-    channels = with_own_topics(
-        [(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)]
-    )
+    channels = [(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)]
+    _check_topics(channels)
     if not channels and not recordings:
         columns = tuple(column for table in tables for column in table.columns)
         raise MissingSignalError(
@@ -201,7 +220,8 @@ def _find_given_steering(meaning: Meaning) -> None:
         meaning.add_scaled("steering", column, unit, confidence, why)
     else:
         meaning.notes.append(
-            f"{column!r} is left out: it may be the angle of the steering wheel (--column steering='{column}*deg' if it is that of the road wheels)"
+            f"{column!r} is left out: it may be the angle of the steering wheel "
+            f"(--column steering='{column}*deg' if it is that of the road wheels)"
         )
 
 
@@ -214,6 +234,23 @@ def _find_orientation(meaning: Meaning) -> None:
         if all(columns) and column is not None:
             guess = Guess(f"quaternion_{axis}", column, "", "certain", "the name")
             meaning.add(f"quaternion_{axis}", meaning.raw(column) * FACTORS["number"]["1"], guess)
+
+
+def _check_topics(channels: Sequence[tuple[str, OutputChannel]]) -> None:
+    """Ask which table to read where two hold the same quantity: a log with both could be read either way."""
+    first: dict[str, str] = {}
+    questions = []
+    for table, channel in channels:
+        other = first.setdefault(channel.topic, table)
+        if other != table:
+            quantities = QUANTITIES_OF_TOPIC[channel.topic]
+            choices = " or ".join(
+                " ".join(f"--column '{quantity}@{name}='" for quantity in quantities) for name in (other, table)
+            )
+            what = f"{other} holds the same: {', '.join(quantities)}"
+            questions.append(Question(table, what, f"{choices} leaves one out"))
+    if questions:
+        raise ask(questions)
 
 
 def _check_time_bases(meanings: Sequence[Meaning]) -> None:

@@ -7,7 +7,15 @@ import math
 import numpy as np
 
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import RATIO_TOLERANCE, Track, angle_errors, ratio_to_way, turn_ratio
+from cwcli.importing.motion import (
+    RATIO_TOLERANCE,
+    Track,
+    angle_errors,
+    ratio_spread,
+    ratio_to_way,
+    track_of_places,
+    turn_ratio,
+)
 from cwcli.importing.places import check_swapped, swapped_course_error_deg
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
@@ -17,6 +25,9 @@ SPEED_UNITS = ("mps", "kmh", "mph", "knots")
 """Units that a speed without one can have."""
 MAX_DISAGREEMENT = 0.25
 """Largest logarithm of the ratio of a speed in its stated unit to the speed over ground."""
+MIN_UNEVEN, MAX_EVEN_SHARE = 0.02, 0.4
+"""Least spread of the logarithm of the ratio of a speed to the way, and largest share of it with the places swapped,
+that show a swap."""
 GOOD_FIT_DEG, POOR_FIT_DEG = 12.0, 25.0
 """Median angles to the way below which a sense of a heading fits, and above which it does not."""
 SAME_FIT_DEG = 3.0
@@ -39,11 +50,34 @@ def find_speed(meaning: Meaning, track: Track | None) -> None:
     if meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}:
         values = np.where(values < 0.0, np.nan, values)  # phones write -1 where they know no speed
     unit, confidence, why = meaning.stated_unit("speed", column)
+    if _are_places_swapped(meaning, values):
+        columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
+        meaning.ask(
+            f"{column!r} fits the way between the positions only with latitude and longitude swapped",
+            f"--column latitude='{columns[1]}' --column longitude='{columns[0]}'",
+        )
+        return
     checked = _speed_unit(meaning, column, values, (unit, confidence, why), track)
     if checked is None:
         return
     unit, confidence, why = checked
     meaning.add("speed", values * FACTORS["speed"][unit], Guess("speed", column, unit, confidence, why))
+
+
+def _are_places_swapped(meaning: Meaning, values: FloatArray) -> bool:
+    """Tell whether a speed follows the way only if latitude and longitude are swapped: its ratio to the way is then even.
+
+    A degree of longitude is shorter than one of latitude, so that the ratio changes with the direction where they are
+    swapped.
+    """
+    if "latitude" not in meaning.values or meaning.track is None or meaning.is_given("latitude"):
+        return False
+    latitude, longitude = meaning.values["latitude"], meaning.values["longitude"]
+    if np.nanmax(np.abs(longitude)) > 90.0 or not meaning.track.is_long_enough:
+        return False
+    other = track_of_places(meaning.stamp_ns, longitude, latitude)
+    spread = [ratio_spread(track, meaning.stamp_ns, values) for track in (meaning.track, other) if track is not None]
+    return len(spread) == 2 and spread[0] > MIN_UNEVEN and spread[1] < MAX_EVEN_SHARE * spread[0]
 
 
 def _speed_unit(
@@ -265,7 +299,7 @@ def _check_stated(
 
 def _add_heading(
     meaning: Meaning, quantity: str, column: str, values: FloatArray, option: str, confidence: str, why: str
-) -> None:  # noqa: PLR0913
+) -> None:
     meaning.add(quantity, _heading_rad(values, option), Guess(quantity, column, option, confidence, why))
     if option == "deg-cw-north":
         check_swapped(meaning, values)

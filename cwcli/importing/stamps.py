@@ -112,7 +112,7 @@ def _without_question_if_possible(candidates: list[Candidate], best: Candidate) 
 
 def _with_rows_numbered(candidates: list[Candidate]) -> list[Candidate]:
     """Return the candidates that hold any time."""
-    return [each for each in candidates if each.valid.any()]
+    return [each for each in candidates if each.valid.any() or each.question is not None]
 
 
 def _candidate(table: LoadedTable, column: str, answers: Answers) -> Candidate | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
+from pathlib import PurePath
 from typing import Any
 
 from cwcli.errors import MissingSignalError
@@ -90,9 +91,10 @@ class Answers:
 
     def column_for(self, table: SourceTable, quantity: str) -> tuple[str, str] | None:
         """Return column and unit that the user gave for a quantity of a table; None where nothing was given."""
-        own = self.columns.get((table.name, quantity))
-        if own is not None:
-            return own
+        for name in (table.name, PurePath(table.file).name, table.part):
+            own = self.columns.get((name, quantity)) if name else None
+            if own is not None:
+                return own
         shared = self.columns.get(("", quantity))
         return shared if shared is not None and (not shared[0] or shared[0] in table.columns) else None
 

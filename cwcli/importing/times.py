@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 from zoneinfo import ZoneInfo
@@ -41,6 +42,13 @@ CLOCK_PATTERN = rf"^{_CLOCK}{_ZONE}$"
 """A time of day."""
 ONLY_DATE_PATTERN = rf"^{DATE_PATTERN}$"
 """A date alone."""
+UNIX_DATE_PATTERN = rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK} (?P<zone>UTC|GMT|Z) (?P<c>\d{{4}})$"
+"""A date as Unix writes it, with the month as a number: `Tue 11 14 22:13:20 GMT 2023`."""
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTHS)})[a-z]*\b"
+"""The name of a month."""
+SHORT_DATE_PATTERN = r"^(?P<a>\d{2})(?P<b>\d{2})(?P<c>\d{2})$"
+"""A date of six digits in an order that is not known."""
 DIGITS_DATE_PATTERN = r"^(?P<a>\d{4})(?P<b>\d{2})(?P<c>\d{2})$"
 """A date of eight digits: year, month, day."""
 
@@ -58,7 +66,8 @@ class Instants:
         factor = int(FACTORS["time"][unit])
         limit = 2**62 // factor
         whole = np.clip(np.where(self.valid, self.whole, 0), -limit, limit)
-        return whole * factor + np.rint(np.where(self.valid, self.fraction, 0.0) * factor).astype(np.int64)
+        ns: Int64Array = whole * factor + np.rint(np.where(self.valid, self.fraction, 0.0) * factor).astype(np.int64)
+        return ns
 
     def values(self) -> FloatArray:
         """Return the numbers as doubles (n,), NaN where there is none."""
@@ -94,6 +103,40 @@ class TextTimes:
         return bool(self.ns_of_day.any())
 
 
+def _with_month_numbers(texts: Any) -> tuple[Any, bool]:
+    """Return texts with numbers in place of the names of months, and whether there were any."""
+    import pyarrow.compute as pc
+
+    if not pc.any(pc.match_substring_regex(texts, MONTH_PATTERN)).as_py():
+        return texts, False
+    for k, name in enumerate(MONTHS, 1):
+        texts = pc.replace_substring_regex(texts, rf"(?i)\b{name}[a-z]*\b", f"{k:02d}")
+    return texts, True
+
+
+def clock_of_digits(instants: Instants) -> TextTimes | None:
+    """Return times of day written as numbers, hhmmss; None where one is none."""
+    whole = instants.whole[instants.valid]
+    hour, minute, second = whole // 10_000, whole // 100 % 100, whole % 100
+    if not len(whole) or (hour > 23).any() or (minute > 59).any() or (second > 60).any():
+        return None
+    each = np.where(instants.valid, instants.whole, 0)
+    seconds = (each // 10_000 * 60 + each // 100 % 100) * 60 + each % 100
+    ns = seconds * NS_PER_S + np.rint(instants.fraction * NS_PER_S).astype(np.int64)
+    n = len(each)
+    return TextTimes(np.full((n, 3), -1, np.int64), ns, np.full(n, np.nan), instants.valid, "")
+
+
+def parse_short_dates(array: Any) -> TextTimes | None:
+    """Parse dates of six digits; None where a text is none."""
+    import pyarrow.compute as pc
+
+    from cwcli.importing.cells import trimmed_texts
+
+    found = pc.extract_regex(trimmed_texts(array), SHORT_DATE_PATTERN)
+    return None if found.null_count else _times_of_match(found)
+
+
 def parse_text_times(array: Any) -> TextTimes | None:
     """Parse the texts of a batch; None where most are neither a date nor a time of day.
 
@@ -104,14 +147,16 @@ def parse_text_times(array: Any) -> TextTimes | None:
 
     from cwcli.importing.cells import trimmed_texts
 
-    texts = trimmed_texts(array)
+    texts, has_names = _with_month_numbers(trimmed_texts(array))
     n_given = len(texts) - texts.null_count
     best: TextTimes | None = None
-    for pattern in (DATETIME_PATTERN, CLOCK_PATTERN, ONLY_DATE_PATTERN, DIGITS_DATE_PATTERN):
+    for pattern in (DATETIME_PATTERN, UNIX_DATE_PATTERN, CLOCK_PATTERN, ONLY_DATE_PATTERN, DIGITS_DATE_PATTERN):
         found = pc.extract_regex(texts, pattern)
         n_found = len(found) - found.null_count
         if n_found and n_found >= 0.5 * n_given:
             best = _times_of_match(found)
+            if has_names:  # the month is known, and the day before or behind it
+                best = replace(best, mark=".")
             break
     return best
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cwcli.errors import UsageError, install_hint
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Columns, FloatArray, NumericArray, Ragged
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_FACTORS_BY_KIND, FieldMapping, Term
 from cwcli.signals.quality import BoolArray
@@ -295,7 +295,7 @@ def load_dbc_messages(files: Sequence[str]) -> list[Any]:
     return [message for file in files for message in _load_dbc_file(file).messages]
 
 
-def decode_all_signals(octets: Octets, n_octets: NumericArray, message: Any) -> dict[str, FloatArray]:
+def decode_all_signals(octets: Octets, n_octets: FloatArray | Int64Array, message: Any) -> dict[str, FloatArray]:
     """Return the physical values of each signal of a message, NaN in frames that do not hold it.
 
     Args:

@@ -145,7 +145,7 @@ def _answers(options: AnswerOptions, mapping: str | None) -> Answers:
     ):
         if value is not None and value not in known:
             raise UsageError(f"{option} {value}: it is none of {join_names(list(known))}")
-    columns = {("", quantity): column for quantity, column in map(parse_column_option, options.column or ())}
+    columns = dict(map(parse_column_option, options.column or ()))
     given = Answers(
         columns,
         timezone=options.timezone or "",
@@ -192,8 +192,8 @@ def _print_plan(console: Console, plan: ImportPlan) -> None:
         columns = ("quantity", "column", "unit", "confidence", "why")
         console.print_summary(format_table(columns, [tuple(map(escape_control_characters, row)) for row in rows]))
         console.print_summary("")
-    rows_of_topics = [(topic, schema, n) for topic, schema, n, _ in plan.topics]
-    console.print_summary(format_table(("topic", "schema", "messages"), rows_of_topics))
+    topics = [(topic, schema, n) for topic, schema, n, _ in plan.topics]
+    console.print_summary(format_table(("topic", "schema", "messages"), topics))
     for table, notes in plan.notes.items():
         for note in notes:
             console.print_note(f"{table}: {note}")

@@ -79,7 +79,7 @@ def _can_be_quantity(name: str) -> bool:
 
 def _table_of_message(
     path: str, kind: str, message: Any, times: list[int], data: bytearray, n: list[int]
-) -> SourceTable:  # noqa: PLR0913
+) -> SourceTable:
     octets = np.frombuffer(data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
     values: dict[str, FloatArray] = decode_all_signals(octets, np.array(n), message)
     stamps = np.array(times, np.int64)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited
-from cwcli.importing.readers.phone import is_of_phone, stem_of_table, with_phone_meaning
 from cwcli.importing.readers.own_table import with_own_presets
+from cwcli.importing.readers.phone import is_of_phone, stem_of_table, with_phone_meaning
 from cwcli.importing.tables import Answers, SourceTable
 
 

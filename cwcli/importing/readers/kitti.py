@@ -5,7 +5,6 @@ import numpy as np
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.trajectory import read_kitti, rows_of_numbers
 
-
 MAX_VOLUME_ERROR = 0.05
 """Largest deviation of the determinant of a rotation from 1; other numbers are no rotation."""
 

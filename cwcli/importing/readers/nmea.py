@@ -88,7 +88,7 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
             start_ns = parse_start(answers.start) // NS_PER_DAY * NS_PER_DAY
         else:
             notes.append("no sentence has a date: stamps count from midnight (--start names the day)")
-    tables = []
+    tables: list[SourceTable] = []
     for name, types in SOURCES.items():
         kind = next((each for each in types if each in collected.by_type), None)
         if kind is None:

@@ -23,7 +23,7 @@ _PRESETS = {
 
 def with_own_presets(table: SourceTable) -> SourceTable:
     """Return the table with the meaning of its columns, if cwcli wrote it."""
-    if not OWN_COLUMNS <= set(table.columns):
+    if not set(table.columns) >= OWN_COLUMNS:
         return table
     return replace(
         table, kind="cwcli table", presets={name: each for name, each in _PRESETS.items() if name in table.columns}

@@ -203,4 +203,4 @@ def quaternions_of_rotations(rotation: FloatArray) -> FloatArray:
         table[:, i, i] = squares[:, i]
     rows = table[np.arange(len(r)), largest]
     length = np.linalg.norm(rows, axis=1, keepdims=True)
-    return rows / np.where(length > 0, length, np.nan)
+    return np.asarray(rows / np.where(length > 0, length, np.nan))

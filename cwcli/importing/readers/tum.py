@@ -5,7 +5,6 @@ import numpy as np
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.trajectory import read_tum, rows_of_numbers
 
-
 MAX_LENGTH_ERROR = 0.05
 """Largest deviation of the length of a quaternion from 1; other numbers are no quaternion."""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.unit.importing.drive import DRIVE, N, START_S, digits, epoch, iso, write_table
+from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
 
 D = DRIVE
 KMH, MPH, KNOT = 3.6, 1 / 0.44704, 3600 / 1852
