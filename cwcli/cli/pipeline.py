@@ -20,10 +20,15 @@ from cwcli.pipeline.selection import resolve_selection
 from cwcli.stages import STAGES
 
 if TYPE_CHECKING:
+    from cwcli.input import InputFile
     from cwcli.logs.read.reader import Log
     from cwcli.logs.read.source import Source
     from cwcli.metrics.table import Table
     from cwcli.output import AtomicGroup
+
+
+N_HEAD_BYTES = 16
+"""Bytes by which a log is told from a file that may be imported."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ def run_and_write(job: Job) -> RunOutcome:
         progress.begin_step(f"reading {', '.join(source_names(job.source))}")
         reading = job.reading
         with Log.open(
-            job.source,
+            job.source if job.command != "run" else _imported_source(job.source),
             recover=reading.recover,
             max_chunk_bytes=reading.max_chunk_bytes,
             max_pipe_bytes=reading.max_pipe_bytes,
@@ -101,6 +106,26 @@ def run_and_write(job: Job) -> RunOutcome:
             )
             _write_outputs(job, annotated, outcome, progress)
     return outcome
+
+
+def _imported_source(source: Source) -> Source | InputFile:
+    """The source; a file that is no log is imported, if nothing about it is ambiguous."""
+    if not isinstance(source, str) or source == "-" or "://" in source:
+        return source
+    from cwcli.logs.format.faults import is_importable_head
+
+    try:
+        if not Path(source).is_file():
+            return source
+        with Path(source).open("rb") as file:
+            head = file.read(N_HEAD_BYTES)
+    except (OSError, ValueError):
+        return source
+    if not is_importable_head(head):
+        return source
+    from cwcli.importing.temporary_log import import_if_no_log
+
+    return import_if_no_log(source) or source
 
 
 def _console_for_job(job: Job) -> Console:

@@ -62,13 +62,7 @@ def read_number_cells(array: Any, decimal: str) -> tuple[FloatArray, int]:
     if pa.types.is_dictionary(array.type):
         array = array.dictionary_decode()
     if not is_text(array):
-        if pa.types.is_null(array.type):
-            return np.full(len(array), np.nan), 0
-        if pa.types.is_integer(array.type) or pa.types.is_floating(array.type) or pa.types.is_boolean(array.type):
-            return _floats(array.cast(pa.float64())), 0
-        if pa.types.is_decimal(array.type):
-            return _floats(array.cast(pa.float64())), 0
-        return np.full(len(array), np.nan), len(array)
+        return _typed_numbers(array)
     texts = trimmed_texts(array)
     if decimal == ",":
         texts = pc.if_else(
@@ -82,6 +76,20 @@ def read_number_cells(array: Any, decimal: str) -> tuple[FloatArray, int]:
     numbers = pc.if_else(is_number, texts, pa.scalar(None, texts.type))
     bad = int(pc.sum(pc.invert(pc.fill_null(is_number, True))).as_py() or 0)
     return _floats(numbers.cast(pa.float64())), bad
+
+
+def _typed_numbers(array: Any) -> tuple[FloatArray, int]:
+    """Return the cells of an Arrow column that holds no text as numbers, and how many are none."""
+    import pyarrow as pa
+
+    kind = array.type
+    if pa.types.is_null(kind):
+        return np.full(len(array), np.nan), 0
+    if any(
+        test(kind) for test in (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)
+    ):
+        return _floats(array.cast(pa.float64())), 0
+    return np.full(len(array), np.nan), len(array)
 
 
 def read_place_cells(array: Any, decimal: str) -> tuple[FloatArray, int]:

@@ -68,7 +68,7 @@ def pair_tables(meanings: Sequence[Meaning]) -> dict[str, Meaning]:
 
 
 def _read_vector(meaning: Meaning, name: str, track: Track | None) -> FloatArray | None:
-    """Return accelerations or turn rates in SI and the sensor's axes (n, 3); None without, or where a question is asked."""
+    """Return accelerations or turn rates in SI and the sensor's axes (n, 3); None without, or behind a question."""
     columns = _choose_axes(meaning, name)
     if columns is None or meaning.questions:
         return None
@@ -219,12 +219,12 @@ def _axis(text: str) -> FloatArray | None:
 
 
 def _levelling_rotation(meaning: Meaning, force: FloatArray | None) -> tuple[FloatArray, bool] | None:
-    """Return the rotation that makes gravity point along z, and whether x is then forward; None where it is asked for."""
+    """Return the rotation that makes gravity point along z, and whether x is then forward; None if neither is known."""
     is_device = meaning.table.source.is_device_frame
+    if force is None and is_device:
+        meaning.notes.append("turn rates are left out: without accelerations nothing shows the device's vertical")
+        return None
     if force is None:
-        if is_device:
-            meaning.notes.append("turn rates are left out: without accelerations nothing shows the device's vertical")
-            return None
         return np.eye(3), True
     mean = np.nanmean(force, axis=0)
     size = float(np.linalg.norm(mean))
@@ -235,12 +235,17 @@ def _levelling_rotation(meaning: Meaning, force: FloatArray | None) -> tuple[Flo
         meaning.notes.append("the accelerations are without gravity; the axes are taken as x forward, z up")
         return np.eye(3), True
     upward = mean / size
-    if abs(upward[2]) > UPRIGHT_COS and not is_device:
-        if upward[2] > 0:
-            return np.eye(3), True
-        meaning.notes.append("gravity points up along z: the axes are taken as x forward, y right, z down")
-        return np.diag([1.0, -1.0, -1.0]), True
-    return _rotation_to_z(upward), False
+    return _upright_or_levelled(meaning, upward)
+
+
+def _upright_or_levelled(meaning: Meaning, upward: FloatArray) -> tuple[FloatArray, bool]:
+    """Return the rotation for a unit vector of gravity, and whether x is then forward."""
+    if abs(upward[2]) <= UPRIGHT_COS or meaning.table.source.is_device_frame:
+        return _rotation_to_z(upward), False
+    if upward[2] > 0:
+        return np.eye(3), True
+    meaning.notes.append("gravity points up along z: the axes are taken as x forward, y right, z down")
+    return np.diag([1.0, -1.0, -1.0]), True
 
 
 def _rotation_to_z(upward: FloatArray) -> FloatArray:
@@ -279,7 +284,7 @@ def _turned_forward(
     track: Track | None,
     knows_forward: bool,
 ) -> tuple[FloatArray, bool]:
-    """Return the rotation turned about the vertical by what the changes of speed and course show, and whether they do."""
+    """Return the rotation turned about the vertical as the changes of speed and course show, and whether they do."""
     force, _ = measured
     if force is None or track is None or not track.is_long_enough:
         return rotation, knows_forward
@@ -303,7 +308,8 @@ def _turned_forward(
         return rotation, True
     turned = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
     meaning.notes.append(
-        f"inertial axes are turned by {np.degrees(angle):.0f} deg about the vertical, as speed and course show (correlation {abs(both) / strength:.2f})"
+        f"inertial axes are turned by {np.degrees(angle):.0f} deg about the vertical, "
+        f"as speed and course show (correlation {abs(both) / strength:.2f})"
     )
     return turned @ rotation, True
 

@@ -88,7 +88,7 @@ class Meaning:
         return columns[0]
 
     def stated_unit(self, quantity: str, column: str) -> tuple[str, str, str]:
-        """Return the unit of a column, the confidence and the reason; "" where neither user, format nor header says it."""
+        """Return unit, confidence and reason of a column; the unit is "" where nothing states it."""
         kind = QUANTITIES[quantity].kind
         given = self.answers.column_for(self.table.source, quantity)
         if given is not None and given[0] == column:

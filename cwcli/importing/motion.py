@@ -150,7 +150,7 @@ def ratio_to_way(track: Track | None, stamp_ns: Int64Array, values: FloatArray) 
 
 
 def ratio_spread(track: Track, stamp_ns: Int64Array, values: FloatArray) -> float:
-    """Return the spread of the logarithm of the ratio of a speed to the way: half of its middle 80 %; NaN if unknown."""
+    """Return half the width of the middle 80 % of the logarithm of a speed by the way; NaN if unknown."""
     mean = mean_over_spans(track, stamp_ns, np.abs(values))
     use = track.is_moving & np.isfinite(mean) & (mean > 0)
     if np.count_nonzero(use) < 10:

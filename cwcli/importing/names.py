@@ -198,7 +198,7 @@ def split_name(name: str) -> NamedColumn:
             ([*words, *re.split(r"[^0-9a-zäöü]+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
         )
     joined: list[str] = []
-    for word in [part for word in words for part in _without_number(word)]:
+    for word in [part for each in words for part in _without_number(each)]:
         pair = (joined[-1], word) if joined else ("", "")
         if pair in _JOINED:
             joined[-1] = _JOINED[pair]

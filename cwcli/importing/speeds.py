@@ -65,7 +65,7 @@ def find_speed(meaning: Meaning, track: Track | None) -> None:
 
 
 def _are_places_swapped(meaning: Meaning, values: FloatArray) -> bool:
-    """Tell whether a speed follows the way only if latitude and longitude are swapped: its ratio to the way is then even.
+    """Tell whether a speed follows the way only if latitude and longitude are swapped: the ratio is even only then.
 
     A degree of longitude is shorter than one of latitude, so that the ratio changes with the direction where they are
     swapped.
@@ -243,7 +243,8 @@ def _may_be_swapped(meaning: Meaning, quantity: str, column: str, fit_deg: float
     columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
     meaning.ask(
         f"{column!r} fits the positions only counter-clockwise from east, or with latitude and longitude swapped",
-        f"--column {quantity}='{column}*deg-ccw-east', or --column latitude='{columns[1]}' --column longitude='{columns[0]}'",
+        f"--column {quantity}='{column}*deg-ccw-east', or "
+        f"--column latitude='{columns[1]}' --column longitude='{columns[0]}'",
     )
     return True
 

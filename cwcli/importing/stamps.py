@@ -83,6 +83,8 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
             hint=f"--column time=NAME, one of {names}",
         )
     given = answers.column_for(table.source, "time")
+    if given is None:
+        candidates = [each for each in candidates if _advances(each)] or candidates
     best = min(candidates, key=lambda each: RANKS.index(each.rank))
     if given is None:
         best = _without_question_if_possible(candidates, best)
@@ -93,7 +95,7 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
                     [
                         Question(
                             where,
-                            f"{best.column!r} and {rival.column!r} can each be the time, and they do not advance together",
+                            f"{best.column!r} and {rival.column!r} can each be the time, and do not advance together",
                             f"--column time='{best.column}' or --column time='{rival.column}'",
                         )
                     ]
@@ -101,6 +103,14 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
     if best.question is not None:
         raise ask([best.question])
     return _ordered(table, answers, best)
+
+
+def _advances(candidate: Candidate) -> bool:
+    """Tell whether most rows have another time than the row before."""
+    if candidate.question is not None:
+        return True
+    steps = np.diff(candidate.stamp_ns[candidate.valid])
+    return bool(np.count_nonzero(steps) > (1.0 - MAX_REPEATED_SHARE) * len(steps))
 
 
 def _without_question_if_possible(candidates: list[Candidate], best: Candidate) -> Candidate:

@@ -192,8 +192,8 @@ def _print_plan(console: Console, plan: ImportPlan) -> None:
         columns = ("quantity", "column", "unit", "confidence", "why")
         console.print_summary(format_table(columns, [tuple(map(escape_control_characters, row)) for row in rows]))
         console.print_summary("")
-    topics = [(topic, schema, n) for topic, schema, n, _ in plan.topics]
-    console.print_summary(format_table(("topic", "schema", "messages"), topics))
+    made = [(topic, schema, n) for topic, schema, n, _ in plan.topics]
+    console.print_summary(format_table(("topic", "schema", "messages"), made))
     for table, notes in plan.notes.items():
         for note in notes:
             console.print_note(f"{table}: {note}")

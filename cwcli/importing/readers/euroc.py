@@ -1,4 +1,4 @@
-"""EuRoC and ASL files: `data.csv` of the ground truth (`p_RS_R_x [m]`, `q_RS_w []`) and of an IMU (`w_RS_S_x [rad s^-1]`).
+"""EuRoC and ASL files: the `data.csv` of a ground truth (`p_RS_R_x [m]`) and of an IMU (`w_RS_S_x [rad s^-1]`).
 
 Source: Burri et al., The EuRoC micro aerial vehicle datasets, IJRR 2016; docs of the ASL dataset format.
 """

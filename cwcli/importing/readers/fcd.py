@@ -1,8 +1,8 @@
 """SUMO's floating car data: the positions of all vehicles at each step (`--fcd-output`).
 
-One vehicle is the ego: its positions, speeds and angles become sensor channels. The others become V2X messages (BSM), as
-if each sent at each step. Angles are degrees clockwise from north, positions those of the front bumper. A plane without
-a place on the globe is put at `PLANE_ORIGIN`. Source: sumo.dlr.de/docs/Simulation/Output/FCDOutput.html.
+One vehicle is the ego: its positions, speeds and angles become sensor channels. The others become V2X messages (BSM),
+as if each sent at each step. Angles are degrees clockwise from north, positions those of the front bumper. A plane
+without a place on the globe is put at `PLANE_ORIGIN`. Source: sumo.dlr.de/docs/Simulation/Output/FCDOutput.html.
 """
 
 from __future__ import annotations

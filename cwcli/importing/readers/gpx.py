@@ -1,7 +1,7 @@
 """GPX tracks: `trkpt` with a time each, read as a stream.
 
-Times are UTC (GPX 1.1, topografix.com/GPX/1/1). Speeds in m/s and courses in degrees are read where a program wrote them
-(GPX 1.0, or extensions of the same names).
+Times are UTC (GPX 1.1, topografix.com/GPX/1/1). Speeds in m/s and courses in degrees are read where a program wrote
+them (GPX 1.0, or extensions of the same names).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
             shown = ", ".join(f"{name} ({n} points)" for name, n in tracks[:10])
             raise ask([Question(path, f"it has {len(tracks)} tracks: {shown}", f"--id '{names[0]}'")])
         wanted = names.index(answers.vehicle)
-    found = sorted({name for name in _names_of_points(path, tracks[wanted][0])})
+    found = set(_names_of_points(path, tracks[wanted][0]))
     columns = tuple(name for name in PRESETS if name in {"time", "lat", "lon"} or name in found)
     notes: list[str] = []
 

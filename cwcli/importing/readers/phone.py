@@ -1,7 +1,7 @@
 """Phone recordings as a zip, or as one of its tables: Sensor Logger and phyphox.
 
 Sensor Logger: `Location.csv`, `Accelerometer.csv`, `Gyroscope.csv` with times in ns since 1970 (column `time`).
-phyphox: `Location.csv`, `Accelerometer.csv`, `Gyroscope.csv` with `Time (s)` from the start, which `meta/time.csv` dates.
+phyphox: the same names with `Time (s)` from the start, which `meta/time.csv` dates.
 
 What a phone's `Accelerometer` measures differs: of Sensor Logger it is without gravity, and `TotalAcceleration` or
 `AccelerometerUncalibrated` has it; of phyphox it has it.

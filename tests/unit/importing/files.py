@@ -1,4 +1,4 @@
-"""Forty files of fifteen kinds, as other programs and libraries write them; what each must become, or what it must ask."""
+"""Forty files of fifteen kinds, as other programs write them; what each must become, or what it must ask."""
 
 from __future__ import annotations
 
@@ -299,14 +299,20 @@ def euroc_truth(folder: Path) -> list[Path]:
     half = 0.5 * D.heading_rad
     columns = [[str(s) for s in D.stamp_ns.tolist()], digits(D.x_m, 6), digits(D.y_m, 6), ["0.0"] * N]
     columns += [digits(np.cos(half), 9), ["0.0"] * N, ["0.0"] * N, digits(np.sin(half), 9), ["0.1"] * N]
-    names = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], v_RS_R_x [m s^-1]"
+    names = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
+    names += ", v_RS_R_x [m s^-1]"
     return [write_table(folder / "data.csv", names, columns)]
 
 
 def euroc_imu(folder: Path) -> list[Path]:
     columns = [[str(s) for s in D.stamp_ns.tolist()], ["0.01"] * N, ["0.02"] * N, digits(D.yaw_rate_radps, 6)]
     columns += [digits(D.accel_mps2, 5), digits(D.speed_mps * D.yaw_rate_radps, 5), ["9.81"] * N]
-    names = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
+    names = ",".join(
+        [
+            "#timestamp [ns]",
+            *(f"{w}_RS_S_{axis} [{unit}]" for w, unit in (("w", "rad s^-1"), ("a", "m s^-2")) for axis in "xyz"),
+        ]
+    )
     return [write_table(folder / "imu0.csv", names, columns)]
 
 
@@ -380,18 +386,18 @@ def gnss_logger(folder: Path) -> list[Path]:
     lines = [
         "# Version: v3.0.6.4 Platform: 14", "#",
         "# Raw,utcTimeMillis,TimeNanos,Svid",
-        "# Fix,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,AccuracyMeters,BearingDegrees,UnixTimeMillis",
+        "# Fix,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,BearingDegrees,UnixTimeMillis",
         "# UncalAccel,utcTimeMillis,elapsedRealtimeNanos,UncalAccelXMps2,UncalAccelYMps2,UncalAccelZMps2,BiasXMps2",
-        "# UncalGyro,utcTimeMillis,elapsedRealtimeNanos,UncalGyroXRadPerSec,UncalGyroYRadPerSec,UncalGyroZRadPerSec,DriftXRadPerSec",
+        "# UncalGyro,utcTimeMillis,elapsedRealtimeNanos,UncalGyroXRadPerSec,UncalGyroYRadPerSec,UncalGyroZRadPerSec",
     ]  # fmt: skip
     for k in range(N):
         a, w = ",".join(digits(force[k], 6)), ",".join(digits(turn[k], 6))
         lines += [
             f"Raw,{ms[k]},1,5",
-            f"Fix,GPS,{LAT[k]},{LON[k]},520.0,{D.speed_mps[k]:.4f},3.0,{COURSE[k]},{ms[k]}",
-            f"Fix,NLP,48.2,11.6,520.0,,300.0,,{ms[k]}",
+            f"Fix,GPS,{LAT[k]},{LON[k]},520.0,{D.speed_mps[k]:.4f},{COURSE[k]},{ms[k]}",
+            f"Fix,NLP,48.2,11.6,520.0,,,{ms[k]}",
             f"UncalAccel,{ms[k]},{k},{a},0.0",
-            f"UncalGyro,{ms[k]},{k},{w},0.0",
+            f"UncalGyro,{ms[k]},{k},{w}",
         ]
     (folder / "gnss_log.txt").write_text("\n".join(lines) + "\n")
     return [folder / "gnss_log.txt"]
@@ -458,10 +464,13 @@ def can_dump(folder: Path) -> list[Path]:
 def _fcd(folder: Path, name: str) -> list[Path]:
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<fcd-export>"]
     for k in range(N):
+        rest = 'type="car" pos="0" lane="a_0" slope="0.00"'
+        place = f'x="{D.x_m[k]:.3f}" y="{D.y_m[k]:.3f}" angle="{COURSE[k]}" speed="{D.speed_mps[k]:.3f}"'
+        other = f'x="{100 + D.t_s[k]:.3f}" y="50.0" angle="90.00" speed="1.00"'
         lines += [
             f'  <timestep time="{D.t_s[k]:.2f}">',
-            f'    <vehicle id="{name}" x="{D.x_m[k]:.3f}" y="{D.y_m[k]:.3f}" angle="{COURSE[k]}" type="car" speed="{D.speed_mps[k]:.3f}" pos="0" lane="a_0" slope="0.00"/>',
-            f'    <vehicle id="other" x="{100 + D.t_s[k]:.3f}" y="50.0" angle="90.00" type="car" speed="1.00" pos="0" lane="a_0" slope="0.00"/>',
+            f'    <vehicle id="{name}" {place} {rest}/>',
+            f'    <vehicle id="other" {other} {rest}/>',
             "  </timestep>",
         ]
     (folder / "fcd.xml").write_text("\n".join([*lines, "</fcd-export>"]))

@@ -1,4 +1,4 @@
-"""Forty files of fifteen kinds: 36 become the drive that they hold without an option, the others ask the right question."""
+"""Forty files of fifteen kinds: 36 become the drive that they hold without an option, the others ask."""
 
 from __future__ import annotations
 
