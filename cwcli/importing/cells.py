@@ -169,11 +169,12 @@ def _floats(array: Any) -> FloatArray:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def read_text_cells(array: Any) -> list[str]:
-    """Return the cells as texts, "" for an empty one."""
+def read_name_cells(array: Any) -> tuple[list[str], Int64Array]:
+    """Return the names in a batch, each once ("" for an empty cell), and the index of the name of each row."""
     import pyarrow as pa
 
     if isinstance(array, np.ndarray):
-        return [f"{value:g}" for value in array.tolist()]
+        array = pa.array(array)
     texts = array if is_text(array) else array.cast(pa.string())
-    return [text or "" for text in trimmed_texts(texts).to_pylist()]
+    coded = trimmed_texts(texts).fill_null("").dictionary_encode()
+    return coded.dictionary.to_pylist(), np.asarray(coded.indices).astype(np.int64)

@@ -13,9 +13,9 @@ from cwcli.importing.cells import (
     COMMA_NUMBER_PATTERN,
     is_text,
     read_instant_cells,
+    read_name_cells,
     read_number_cells,
     read_place_cells,
-    read_text_cells,
     trimmed_texts,
 )
 from cwcli.importing.names import QUANTITIES, quantities_of_name
@@ -171,7 +171,7 @@ def _how_to_read(array: Any, quantities: list[str]) -> str:
 def _append_cells(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
     """Append the cells of a batch; returns how many are neither a value nor empty."""
     if how == "texts":
-        pieces.append(read_text_cells(array))
+        pieces.append(read_name_cells(array))
         return 0
     if how == "instants":
         pieces.append(read_instant_cells(array, decimal))
@@ -194,8 +194,8 @@ def _append_cells(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
 def _finish_column(loaded: LoadedTable, column: str, how: str, pieces: list[Any]) -> None:
     if how == "texts":
         names: dict[str, int] = {}
-        codes = [names.setdefault(text, len(names)) for piece in pieces for text in piece]
-        loaded.codes[column] = np.array(codes, np.int64), tuple(names)
+        codes = [np.array([names.setdefault(name, len(names)) for name in own], np.int64)[rows] for own, rows in pieces]
+        loaded.codes[column] = np.concatenate([np.zeros(0, np.int64), *codes]), tuple(names)
     elif how == "instants":
         parts = [np.concatenate([piece[k] for piece in pieces]) for k in range(3)]
         loaded.instants[column] = Instants(*parts)

@@ -116,16 +116,16 @@ def format_mapping(answers: Answers, tables: Sequence[tuple[str, Sequence[Guess]
     said = {name: getattr(answers, name) for name in _TEXT_ANSWERS if getattr(answers, name)}
     if said or answers.dbc:
         lines.append("[answers]")
-        lines += [f"{name} = {_quoted(value)}" for name, value in said.items()]
-        lines += [f"dbc = [{', '.join(map(_quoted, answers.dbc))}]"] if answers.dbc else []
+        lines += [f"{name} = {_toml_string(value)}" for name, value in said.items()]
+        lines += [f"dbc = [{', '.join(map(_toml_string, answers.dbc))}]"] if answers.dbc else []
         lines.append("")
     for name, guesses in tables:
-        lines += ["[[table]]", f"name = {_quoted(name)}"]
+        lines += ["[[table]]", f"name = {_toml_string(name)}"]
         for guess in guesses:
             unit = guess.unit if _is_unit_for_mapping(guess) else ""
             value = f"{guess.column}*{unit}" if unit else guess.column
             why = " ".join(guess.why.split())
-            lines.append(f"{guess.quantity} = {_quoted(value)}  # {guess.confidence}: {why}")
+            lines.append(f"{guess.quantity} = {_toml_string(value)}  # {guess.confidence}: {why}")
         lines.append("")
     return "\n".join(lines)
 
@@ -135,7 +135,7 @@ def _is_unit_for_mapping(guess: Guess) -> bool:
     return bool(guess.unit) and guess.unit not in {"date", "clock"} and not guess.unit.startswith("-")
 
 
-def _quoted(text: str) -> str:
+def _toml_string(text: str) -> str:
     """Return a TOML string."""
     return json.dumps(text, ensure_ascii=True).replace("\\/", "/")
 

@@ -79,11 +79,11 @@ class Meaning:
             first = self.raw(columns[0])
             if not all(_say_the_same(first, self.raw(column)) for column in columns[1:]):
                 self.ask(
-                    f"{_listed(columns)} can each be the {quantity.replace('_', ' ')}",
+                    f"{_join_columns(columns)} can each be the {quantity.replace('_', ' ')}",
                     " or ".join(f"--column {quantity}='{column}'" for column in columns[:4]),
                 )
                 return None
-            self.notes.append(f"{_listed(columns)} hold the same {quantity}: the first one is read")
+            self.notes.append(f"{_join_columns(columns)} hold the same {quantity}: the first one is read")
         self.chosen[quantity] = columns[0]
         return columns[0]
 
@@ -128,7 +128,7 @@ def _say_the_same(first: FloatArray, second: FloatArray) -> bool:
     return bool(np.abs(first[both] - second[both]).max() <= EQUAL_SHARE * scale)
 
 
-def _listed(columns: Sequence[str]) -> str:
+def _join_columns(columns: Sequence[str]) -> str:
     return " and ".join(repr(column) for column in columns[:6]) + (
         f" and {len(columns) - 6} more" if len(columns) > 6 else ""
     )

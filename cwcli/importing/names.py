@@ -120,7 +120,7 @@ QUANTITIES: dict[str, Quantity] = {
     "vehicle_id": Quantity("text", _words("id"), _words("vehicle veh car track object device trip station agent obj")),
     "fix": Quantity("number", _words("fix fixtype quality fixquality"), _words("gps gnss type quality status")),
 }
-"""What is looked for, by name."""
+"""Name of a quantity -> what a column of it can be called, and the kind of its unit."""
 
 _AXIS_WORDS = {"x": "x", "y": "y", "z": "z", "longitudinal": "x", "lateral": "y", "vertical": "z"}
 _JOINED = {

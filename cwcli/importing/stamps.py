@@ -11,7 +11,6 @@ from cwcli.importing.meaning import Meaning
 from cwcli.importing.names import split_name, unit_of_name
 from cwcli.importing.tables import Answers, Guess, Question, ask
 from cwcli.importing.times import (
-    DATE_ORDERS,
     Instants,
     NumberBase,
     TextTimes,
@@ -102,7 +101,7 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
                 )
     if best.question is not None:
         raise ask([best.question])
-    return _ordered(table, answers, best)
+    return _sort_rows_by_stamp(table, answers, best)
 
 
 def _advances(candidate: Candidate) -> bool:
@@ -278,7 +277,7 @@ def _advance_together(first: Candidate, second: Candidate) -> bool:
     return float(np.ptp(difference)) <= MAX_SPREAD_S
 
 
-def _ordered(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
+def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
     """Return the rows that have a stamp, in the order of their stamps."""
     where = table.source.name
     rows = np.flatnonzero(best.valid)
@@ -329,7 +328,3 @@ def _has_several_vehicles(table: LoadedTable) -> bool:
     return any(
         len(table.codes[column][1]) > 1 for column in table.candidates.get("vehicle_id", ()) if column in table.codes
     )
-
-
-DATE_ORDER_NAMES = tuple(DATE_ORDERS)
-"""Values of `--date-order`."""

@@ -44,7 +44,7 @@ DATETIME_PATTERN = rf"^{DATE_PATTERN}[T\s,]+{_CLOCK}{_ZONE}$"
 CLOCK_PATTERN = rf"^{_CLOCK}{_ZONE}$"
 """A time of day."""
 ONLY_DATE_PATTERN = rf"^{DATE_PATTERN}$"
-"""A date alone."""
+"""The pattern of a date without a time of day."""
 UNIX_DATE_PATTERN = rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK} (?P<zone>UTC|GMT|Z) (?P<c>\d{{4}})$"
 """A date as Unix writes it, with the month as a number: `Tue 11 14 22:13:20 GMT 2023`."""
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")

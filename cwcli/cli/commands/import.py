@@ -188,9 +188,11 @@ def _document(plan: ImportPlan, target: str | None) -> dict[str, Any]:
 def _print_plan(console: Console, plan: ImportPlan) -> None:
     for table, guesses in plan.tables:
         console.print_heading(table)
-        rows = [(each.quantity, each.column, each.unit or "-", each.confidence, each.why) for each in guesses]
         columns = ("quantity", "column", "unit", "confidence", "why")
-        console.print_summary(format_table(columns, [tuple(map(escape_control_characters, row)) for row in rows]))
+        texts = [(each.quantity, each.column, each.unit or "-", each.confidence, each.why) for each in guesses]
+        console.print_summary(
+            format_table(columns, [[escape_control_characters(text) for text in row] for row in texts])
+        )
         console.print_summary("")
     made = [(topic, schema, n) for topic, schema, n, _ in plan.topics]
     console.print_summary(format_table(("topic", "schema", "messages"), made))

@@ -1,4 +1,4 @@
-"""SUMO's floating car data: the positions of all vehicles at each step (`--fcd-output`).
+"""SUMO's floating car data: the positions of all vehicles at each step.
 
 One vehicle is the ego: its positions, speeds and angles become sensor channels. The others become V2X messages (BSM),
 as if each sent at each step. Angles are degrees clockwise from north, positions those of the front bumper. A plane
@@ -30,7 +30,7 @@ PLANE_ORIGIN = (52.0, 10.0)
 LONGEST_STEP_MPS = 150.0
 """Faster than any car: positions in degrees change by far less than a speed says."""
 ROWS = ("time", "x", "y", "angle", "speed")
-"""What is read of a vehicle at a step."""
+"""The time, and the attributes of a vehicle at a step that are read."""
 REMOTE_TOPIC = "/v2x/bsm"
 """Topic of the others' messages."""
 
@@ -162,7 +162,7 @@ class OtherVehicles:
         messages: list[bytes] = []
         times: list[Int64Array] = []
         for k, (name, (rows, places)) in enumerate(self.vehicles.items()):
-            received = _received(name, k, rows, places, local_map)
+            received = _messages_of_vehicle(name, k, rows, places, local_map)
             messages += encode_bsm_json(received, local_map)
             times.append(received.log_time_ns)
         log_time_ns = np.concatenate(times)
@@ -172,7 +172,7 @@ class OtherVehicles:
         log.write_messages(channel, log_time_ns[order], [messages[i] for i in order.tolist()])
 
 
-def _received(
+def _messages_of_vehicle(
     name: str, k: int, rows: FloatArray, places: tuple[FloatArray, FloatArray], local_map: LocalMap
 ) -> ReceivedMessages:
     """Return the messages that a vehicle would send: one each step."""

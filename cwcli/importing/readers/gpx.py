@@ -25,7 +25,7 @@ PRESETS = {
     "speed": Preset("speed", "mps"),
     "course": Preset("course"),
 }
-"""What the format fixes."""
+"""Column -> the quantity and unit that the format fixes."""
 
 
 def _accepts(head: FileHead) -> bool:

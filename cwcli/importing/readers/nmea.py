@@ -41,7 +41,7 @@ PRESETS = {
     "speed_mps": Preset("speed", "mps"),
     "course_deg": Preset("course", "deg-cw-north"),
 }
-"""What the format fixes."""
+"""Column -> the quantity and unit that the format fixes."""
 SOURCES = {"position": ("GGA", "RMC"), "velocity": ("RMC", "VTG"), "heading": ("HDT",)}
 """Table -> the sentences that give it, the best first."""
 

@@ -29,7 +29,7 @@ POSE_PRESETS = {
     **{axis: Preset(axis, "m") for axis in "xyz"},
     **{f"q{axis}": Preset(f"quaternion_{axis}") for axis in "xyzw"},
 }
-"""What the format fixes."""
+"""Column -> the quantity and unit that the format fixes."""
 MAX_UNEQUAL_LINES = 0.05
 """Largest share of lines with another number of columns that is left out."""
 

@@ -25,7 +25,7 @@ PRESETS = {
     "velE": Preset("velocity_east", "mps"),
     "velN": Preset("velocity_north", "mps"),
 }
-"""What the format fixes."""
+"""Column -> the quantity and unit that the format fixes."""
 
 
 def _accepts(head: FileHead) -> bool:

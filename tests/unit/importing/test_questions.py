@@ -12,7 +12,7 @@ from cwcli.errors import CwcliError, DataError, InputError
 from cwcli.importing.mapping import parse_column_option
 from cwcli.importing.run import ImportPlan, plan_import
 from cwcli.importing.tables import AmbiguousError, Answers
-from tests.unit.importing.drive import DRIVE, N, START_S, digits, epoch, iso, write_table
+from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
 
 D = DRIVE
 T, LAT, LON = epoch(), digits(D.lat_deg, 8), digits(D.lon_deg, 8)
@@ -29,7 +29,11 @@ ASKED: dict[str, tuple[str, list[list[str]], str]] = {
     "swapped, with a course": ("time,lat,lon,course", [T, LON, LAT, COURSE], "swapped"),
     "swapped, with a speed": ("time,lat,lon,speed_mps", [T, LON, LAT, MPS], "swapped"),
     "swapped, beyond 90 degrees": ("time,lat,lon", [T, digits(D.lon_deg + 100, 8), LAT], "swapped"),
-    "degrees or radians": ("time,lat,lon", [T, digits(np.deg2rad(D.lat_deg), 10), digits(np.deg2rad(D.lon_deg), 10)], "radians"),
+    "degrees or radians": (
+        "time,lat,lon",
+        [T, digits(np.deg2rad(D.lat_deg), 10), digits(np.deg2rad(D.lon_deg), 10)],
+        "radians",
+    ),
     "degrees and minutes": (
         "time,lat,lon",
         [T, digits(4800 + (D.lat_deg - 48) * 60, 6), digits(1100 + (D.lon_deg - 11) * 60, 6)],
@@ -44,22 +48,42 @@ ASKED: dict[str, tuple[str, list[list[str]], str]] = {
         "day and month",
     ),
     "steps of 1": ("time,lat,lon", [[str(k) for k in range(N)], LAT, LON], "unit of the time"),
-    "milliseconds called seconds": ("time_s,lat,lon", [[f"{START_S}{k:03d}" for k in range(N)], LAT, LON], "do not fit the unit s"),
-    "two clocks": ("time,timestamp,lat,lon", [T, digits(START_S + D.t_s * 1.01, 3), LAT, LON], "do not advance together"),
-    "vectors or positions": ("time,x,y,z", [T, digits(D.accel_mps2, 3), digits(D.yaw_rate_radps, 3), ["9.81"] * N], "may be positions"),
+    "milliseconds called seconds": (
+        "time_s,lat,lon",
+        [[f"{START_S}{k:03d}" for k in range(N)], LAT, LON],
+        "do not fit the unit s",
+    ),
+    "two clocks": (
+        "time,timestamp,lat,lon",
+        [T, digits(START_S + D.t_s * 1.01, 3), LAT, LON],
+        "do not advance together",
+    ),
+    "vectors or positions": (
+        "time,x,y,z",
+        [T, digits(D.accel_mps2, 3), digits(D.yaw_rate_radps, 3), ["9.81"] * N],
+        "may be positions",
+    ),
     "x and y in degrees": ("time,x,y", [T, LON, LAT], "may be degrees"),
     "two vehicles": ("time,id,lat,lon", [T, ["a", "b"] * (N // 2), LAT, LON], "names 2 vehicles"),
-    "accelerations without gravity": ("time,ax,ay,az", [T, digits(D.accel_mps2, 3), ["0.1"] * N, ["0.0"] * N], "has no unit"),
+    "accelerations without gravity": (
+        "time,ax,ay,az",
+        [T, digits(D.accel_mps2, 3), ["0.1"] * N, ["0.0"] * N],
+        "has no unit",
+    ),
     "accelerations of another unit": (
         "time,ax [g],ay [g],az [g]",
         [T, digits(D.accel_mps2, 3), ["0.1"] * N, ["9.81"] * N],
         "the header says g, but gravity is 9.8",
     ),
-    "slow turn rates": ("time,gx,gy,gz", [T, ["0.01"] * N, ["0.02"] * N, digits(D.yaw_rate_radps, 4)], "fits rad/s and deg/s"),
+    "slow turn rates": (
+        "time,gx,gy,gz",
+        [T, ["0.01"] * N, ["0.02"] * N, digits(D.yaw_rate_radps, 4)],
+        "fits rad/s and deg/s",
+    ),
     "yaw without positions": ("time,yaw", [T, COURSE], "unit or sense"),
     "no names": (",".join([T[0], LAT[0], LON[0]]), [T, LAT, LON], "no line of names"),
     "course in the other sense, or swapped": ("time,lat,lon,course", [T, LON, LAT, COURSE], "swapped"),
-}  # fmt: skip
+}
 
 
 def plan(path: Path, *columns: str, **answers: str) -> ImportPlan:
