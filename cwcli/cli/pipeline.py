@@ -21,10 +21,15 @@ from cwcli.stages import STAGES
 
 if TYPE_CHECKING:
     from cwcli.digest.digest import Digest
+    from cwcli.input import InputFile
     from cwcli.library.writing import OutputFiles
     from cwcli.logs.read.reader import Log
     from cwcli.logs.read.source import Source
     from cwcli.metrics.table import Table
+
+
+N_HEAD_BYTES = 16
+"""Bytes by which a log is told from a file that may be imported."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +96,9 @@ def run_and_write(job: Job) -> JobOutcome:
     with Progress(quiet=job.talk.quiet) as progress:
         progress.begin_step(f"reading {', '.join(source_names(job.source))}")
         span = (reading.start, reading.end)
+        source = _imported_source(job.source) if job.command == "run" else job.source
         with open_selected(
-            job.source, reading.topics_and_mappings, span, recover=reading.recover, limits=reading.limits
+            source, reading.topics_and_mappings, span, recover=reading.recover, limits=reading.limits
         ) as log:
             rules = RunRules(job.skip, reading.strict, job.writing.channel_choice)
             result = log.run_calls(job.stages, rules, progress.begin_step)
@@ -110,6 +116,26 @@ def _build_digest(job: Job, log: Log, outcome: RunOutcome) -> Digest:
 
     stages = [result.stage for result in outcome.results]
     return build_digest(log, stages, outcome.left_out, outcome.tables_by_name(), is_run=job.skip.lenient)
+
+
+def _imported_source(source: Source) -> Source | InputFile:
+    """The source; a file that is no log is imported, if nothing about it is ambiguous."""
+    if not isinstance(source, str) or source == "-" or "://" in source:
+        return source
+    from cwcli.logs.format.faults import is_importable_head
+
+    try:
+        if not Path(source).is_file():
+            return source
+        with Path(source).open("rb") as file:
+            head = file.read(N_HEAD_BYTES)
+    except (OSError, ValueError):
+        return source
+    if not is_importable_head(head):
+        return source
+    from cwcli.importing.temporary_log import import_if_no_log
+
+    return import_if_no_log(source) or source
 
 
 def _console_for_job(job: Job) -> Console:

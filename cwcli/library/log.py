@@ -16,6 +16,7 @@ from cwcli.logs.read.source import MAX_PIPE_BYTES, Source
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from cwcli.input import InputFile
     from cwcli.library.options import StageOptions
     from cwcli.library.result import Result
     from cwcli.pipeline.call import Call, Selection
@@ -193,7 +194,7 @@ def open_log(
 
 
 def open_selected(
-    source: Source,
+    source: Source | InputFile,
     choices: Sequence[str],
     span: tuple[float | str | None, float | str | None],
     *,
@@ -203,7 +204,7 @@ def open_selected(
     """Open a log and the part of it that is used; `cwcli.open` and the commands come here.
 
     Args:
-        source: As in `open_log`.
+        source: As in `open_log`, or a file that is open already.
         choices: `ROLE=/topic` or `ROLE=/topic:field` of each topic that the user chose.
         span: Start and end, as in `open_log`.
         recover: Read what is intact of a damaged log.
@@ -214,7 +215,7 @@ def open_selected(
     """
     from cwcli.pipeline.selection import resolve_selection
 
-    names = source if isinstance(source, str | Path) else [str(name) for name in source]
+    names = [str(name) for name in source] if isinstance(source, Sequence) and not isinstance(source, str) else source
     opened = reader.Log.open(
         names,
         recover=recover,

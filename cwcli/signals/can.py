@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cwcli.errors import UsageError, install_hint
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Columns, FloatArray, Ragged
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_FACTORS_BY_KIND, FieldMapping, Term
 from cwcli.signals.quality import BoolArray
@@ -284,3 +284,34 @@ def _terms_with_dbc_units(
 
 def _mapping_error(columns: Columns, mapping: FieldMapping, what: str, hint: str = "") -> UsageError:
     return UsageError(f"--map {mapping.role}={mapping.text}: {what}", where=columns.topic, hint=hint)
+
+
+def load_dbc_messages(files: Sequence[str]) -> list[Any]:
+    """Return the messages of DBC files, in the order of the files, as cantools describes them.
+
+    Raises:
+        UsageError: A file can't be read, or cantools is not installed.
+    """
+    return [message for file in files for message in _load_dbc_file(file).messages]
+
+
+def decode_all_signals(octets: Octets, n_octets: FloatArray | Int64Array, message: Any) -> dict[str, FloatArray]:
+    """Return the physical values of each signal of a message, NaN in frames that do not hold it.
+
+    Args:
+        octets: Shape (n, k): the data of n frames of the message.
+        n_octets: Shape (n,): how many of their bytes are valid.
+        message: The message as cantools describes it.
+    """
+    values = {}
+    for signal in message.signals:
+        if signal.length > MAX_SIGNAL_BITS or (signal.is_float and signal.length not in FLOAT_TYPES_BY_BITS):
+            continue
+        needed = _count_bytes_needed([signal])
+        wide = np.pad(octets, ((0, 0), (0, max(needed - octets.shape[1], 0))))
+        (value,), is_present, faults = _decode_physical_values(wide, message, [signal])
+        is_present = is_present & (n_octets >= needed)
+        for is_bad in faults.values():
+            is_present &= ~is_bad
+        values[signal.name] = np.where(is_present, value, np.nan)
+    return values

@@ -53,6 +53,7 @@ CASES = [
     ["report", "ANNOTATED", "-o", "r.html"],
     ["plot", "ANNOTATED", "--what", "motion", "-o", "m.svg"],
     ["export", "ANNOTATED", "-o", "x.csv"],
+    ["import", "TABLE", "-o", "i.mcap"],
     ["export", "ANNOTATED", "--format", "ros2", "-o", "x.mcap"],
     VIEW,
     ["layout", "-o", "l.json"],
@@ -79,7 +80,8 @@ def test_a_document_is_what_the_schema_says(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    places = {"ANNOTATED": str(annotated), "FOLDER": str(folder)}
+    places = {"ANNOTATED": str(annotated), "FOLDER": str(folder), "TABLE": "drive.csv"}
+    (tmp_path / "drive.csv").write_text("time,speed [m/s]\n1700000000,1\n1700000001,2\n1700000002,2\n")
     code = run_command_line([*(places.get(each, each) for each in arguments), "--json"])
     said = capsys.readouterr()
     if arguments[0] != "reproduce":

@@ -9,6 +9,20 @@ from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 
+IMPORTABLE_MAGICS = (
+    b"PAR1",
+    b"PK\x03\x04",
+    b"LOGG",
+    b"\xb5\x62",
+    b"\xef\xbb\xbf",
+    b"\xff\xfe",
+    b"\xfe\xff",
+    b"RIFF",
+    b"\x1a\x45\xdf\xa3",
+)
+"""The first bytes of Parquet, zip, BLF, UBX, text with a byte order mark, AVI and Matroska."""
+TEXT_BYTES = frozenset([9, 10, 13, *range(32, 127), *range(160, 256)])
+"""The bytes of text in common encodings."""
 MAX_NON_MESSAGE_RECORDS = 1 << 16
 """The greatest number of schemas, channels, attachments and runs of metadata in a file. Chosen by hand: many times what
 recorders write."""
@@ -24,7 +38,18 @@ def damaged_file_error(file: InputFile, at: int, why: object) -> InputError:
 
 def not_mcap_error(name: str, head: bytes) -> InputError:
     """Return the error that a file with this beginning is not MCAP."""
-    return InputError("it is not an MCAP file", where=name, hint=_guess_file_format_hint(head))
+    hint = _guess_file_format_hint(head)
+    if not hint and is_importable_head(head):
+        named = "FILE" if name.startswith("<") else name
+        hint = f"if it is a table, a track or another recording: cwcli import {named} -o log.mcap"
+    return InputError("it is not an MCAP file", where=name, hint=hint)
+
+
+def is_importable_head(head: bytes) -> bool:
+    """Tell whether a file with these first bytes can be of a kind that `cwcli import` reads."""
+    if head.startswith(IMPORTABLE_MAGICS) or head[4:8] == b"ftyp":
+        return True
+    return bool(head) and not head.startswith(b"#ROSBAG") and all(byte in TEXT_BYTES for byte in head)
 
 
 def _guess_file_format_hint(head: bytes) -> str:

@@ -1,0 +1,205 @@
+"""`cwcli import`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.options import lazy_typer as typer
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption
+from cwcli.cli.report import print_written_files
+from cwcli.cli.tables import format_table
+from cwcli.cli.text import escape_control_characters, join_names, shorten_and_escape
+from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
+
+if TYPE_CHECKING:
+    from cwcli.importing.run import ImportPlan
+    from cwcli.importing.tables import Answers
+
+EXAMPLES = (
+    "cwcli import drive.csv -o log.mcap",
+    "cwcli import gps.csv imu.csv --timezone Europe/Berlin -o log.mcap",
+    "cwcli import drive.csv --column 'speed=v*kmh' --preview",
+    "cwcli import trace.asc --dbc car.dbc -o log.mcap",
+)
+"""Command lines at the end of the command's `--help`."""
+MAX_UNUSED = 8
+"""Largest number of columns that a note names; chosen by hand."""
+
+
+@dataclass(frozen=True)
+class AnswerOptions:
+    """What only the user knows."""
+
+    heading = "Answers to what the files do not say"
+
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column",
+            metavar="QUANTITY=COLUMN*UNIT",
+            help="A column's meaning: speed='v*kmh', heading='yaw*deg-ccw-east'; `heading=` leaves a quantity out.",
+        ),
+    ] = None
+    timezone: Annotated[
+        str | None,
+        typer.Option("--timezone", metavar="ZONE", help="Zone of local times: UTC, Europe/Berlin, +02:00."),
+    ] = None
+    date_order: Annotated[
+        str | None, typer.Option("--date-order", metavar="ORDER", help="Order of dates: dmy, mdy or ymd.")
+    ] = None
+    start: Annotated[
+        str | None,
+        typer.Option("--start", metavar="TIME", help="When a recording began whose times count from its start."),
+    ] = None
+    decimal: Annotated[str | None, typer.Option("--decimal", metavar="MARK", help="Decimal mark: . or ,")] = None
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            "--axes", metavar="FORWARD,UP", help="Axes of the inertial sensor or the pose in the car: x,z or -y,z."
+        ),
+    ] = None
+    vehicle: Annotated[
+        str | None, typer.Option("--id", metavar="ID", help="The ego, or the track, of a file with several.")
+    ] = None
+    times: Annotated[
+        str | None,
+        typer.Option(
+            "--times", metavar="SOURCE", help="Times of frames or poses: a file with one a line, pts, or 10Hz."
+        ),
+    ] = None
+    dbc: Annotated[
+        list[str] | None, typer.Option("--dbc", metavar="FILE", help="File that describes the messages of a CAN trace.")
+    ] = None
+
+
+def command(
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE", show_default=False, help="Files of one drive that are no logs.")
+    ],
+    talk: TalkOptions,
+    answers: AnswerOptions,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default=False, help="Write the log here; - is standard output."
+        ),
+    ] = None,
+    mapping: Annotated[
+        str | None,
+        typer.Option("--mapping", metavar="FILE", help="How to read the files: a mapping that an import has written."),
+    ] = None,
+    preview: Annotated[bool, typer.Option("--preview", help="Show what would be made, and write nothing.")] = False,
+    force: ForceOption = False,
+) -> None:
+    """Make a log of files that are no logs: tables, tracks, trajectories, phone recordings, CAN traces, videos.
+
+    Reads CSV, TSV, Parquet, GPX, NMEA 0183, u-blox UBX, TUM, KITTI and EuRoC trajectories, recordings of Sensor Logger,
+    phyphox and GNSSLogger, CAN traces (ASC, BLF, candump), SUMO's FCD and video. What the columns are, and their units,
+    times and axes, is guessed and said; the guesses are written beside the log, to be edited and given again with
+    --mapping. What the files do not say is asked, never assumed.
+    """
+    from cwcli.array_memory import bound_array_memory
+    from cwcli.importing.mapping import mapping_name
+    from cwcli.importing.run import plan_import, write_import
+    from cwcli.output import check_targets, write_file
+
+    if output is None and not preview:
+        raise UsageError("no output is named", hint="-o log.mcap, or --preview")
+    target = str(normalise_stdout_name(output or "-"))
+    if target == "-" and talk.json and not preview:
+        raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
+    beside = mapping_name(target) if target != "-" else None
+    if not preview:
+        own = beside if beside != mapping else None
+        check_targets([target, own], force=force, inputs=files)
+    bound_array_memory()
+    console = Console(quiet=talk.quiet, summary_to_stderr=target == "-" and not preview)
+    plan = plan_import(files, _answers(answers, mapping))
+    if not preview:
+        write_import(plan, target, force=force)
+        if beside is not None and beside != mapping:
+            write_file(beside, plan.mapping_text().encode(), force=force)
+    if talk.json:
+        console.print_document("import", _document(plan, None if preview else target))
+        return
+    _print_plan(console, plan)
+    if not preview and target != "-":
+        print_written_files(console, [target, *([beside] if beside not in (None, mapping) else [])])
+
+
+def _answers(options: AnswerOptions, mapping: str | None) -> Answers:
+    """What the user decided, by options and by a mapping file.
+
+    Raises:
+        UsageError: An answer is none of its choices.
+    """
+    from cwcli.importing.mapping import merge_answers, parse_column_option, read_mapping
+    from cwcli.importing.tables import Answers
+
+    for option, value, known in (
+        ("--date-order", options.date_order, ("dmy", "mdy", "ymd")),
+        ("--decimal", options.decimal, (".", ",")),
+    ):
+        if value is not None and value not in known:
+            raise UsageError(f"{option} {value}: it is none of {join_names(list(known))}")
+    columns = dict(map(parse_column_option, options.column or ()))
+    given = Answers(
+        columns,
+        timezone=options.timezone or "",
+        date_order=options.date_order or "",
+        start=options.start or "",
+        decimal=options.decimal or "",
+        axes=options.axes or "",
+        vehicle=options.vehicle or "",
+        frame_times=options.times or "",
+        dbc=tuple(options.dbc or ()),
+    )
+    return given if mapping is None else merge_answers(read_mapping(mapping), given)
+
+
+def _document(plan: ImportPlan, target: str | None) -> dict[str, Any]:
+    """The content of `--json`."""
+    return {
+        "files": dict(plan.kinds),
+        "guesses": [
+            {
+                "table": table,
+                "quantity": each.quantity,
+                "column": each.column,
+                "unit": each.unit,
+                "confidence": each.confidence,
+                "why": each.why,
+            }
+            for table, guesses in plan.tables
+            for each in guesses
+        ],
+        "channels": [
+            {"topic": topic, "schema": schema, "messages": n, "table": table} for topic, schema, n, table in plan.topics
+        ],
+        "notes": {name: list(notes) for name, notes in plan.notes.items() if notes},
+        "unused": {name: list(columns) for name, columns in plan.unused.items() if columns},
+        "written": target,
+    }
+
+
+def _print_plan(console: Console, plan: ImportPlan) -> None:
+    for table, guesses in plan.tables:
+        console.print_heading(table)
+        headings = ("quantity", "column", "unit", "confidence", "why")
+        texts = [(each.quantity, each.column, each.unit or "-", each.confidence, each.why) for each in guesses]
+        console.print_summary(
+            format_table(headings, [[escape_control_characters(text) for text in row] for row in texts])
+        )
+        console.print_summary("")
+    made = [(topic, schema, n) for topic, schema, n, _ in plan.topics]
+    console.print_summary(format_table(("topic", "schema", "messages"), made))
+    for table, notes in plan.notes.items():
+        for note in notes:
+            console.print_note(f"{table}: {note}")
+    for table, columns in plan.unused.items():
+        if columns:
+            more = f" and {len(columns) - MAX_UNUSED} more" if len(columns) > MAX_UNUSED else ""
+            console.print_note(f"{shorten_and_escape(table)}: not read: {', '.join(columns[:MAX_UNUSED])}{more}")

@@ -1,0 +1,256 @@
+"""The columns of a table that can be a quantity, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+
+from cwcli.errors import DataError
+from cwcli.importing.cells import (
+    COMMA_NUMBER_PATTERN,
+    is_text,
+    read_instant_cells,
+    read_name_cells,
+    read_number_cells,
+    read_place_cells,
+    trimmed_texts,
+)
+from cwcli.importing.names import QUANTITIES, quantities_of_name
+from cwcli.importing.tables import Answers, Question, SourceTable, ask
+from cwcli.importing.times import (
+    Instants,
+    TextTimes,
+    clock_of_digits,
+    join_text_times,
+    parse_short_dates,
+    parse_text_times,
+)
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray, Int64Array
+
+MAX_BAD_SHARE = 0.05
+"""Largest share of cells of a column of numbers that are none; a column with more is no column of numbers."""
+THOUSANDS_PATTERN = r"^[+-]?\d{1,3}(,\d{3})+$"
+"""A number with a comma before each three digits, which may be a thousand or a decimal."""
+POINT_DECIMAL_PATTERN = r"^[+-]?\d*\.\d+([eE][+-]?\d+)?$"
+"""A number with decimals behind a point."""
+
+
+@dataclass
+class LoadedTable:
+    """A table whose candidate columns are in memory, n rows each.
+
+    Attributes:
+        source: The table.
+        candidates: Quantity -> columns that can be it.
+        numbers: Column -> numbers in the file's unit.
+        instants: Column of times -> numbers.
+        text_times: Column of times -> dates and times of day.
+        codes: Column of names -> (codes, names).
+        unused: Names of the columns that are no quantity.
+        n_rows: Number of rows.
+    """
+
+    source: SourceTable
+    candidates: dict[str, list[str]]
+    numbers: dict[str, FloatArray] = field(default_factory=dict)
+    instants: dict[str, Instants] = field(default_factory=dict)
+    text_times: dict[str, TextTimes] = field(default_factory=dict)
+    codes: dict[str, tuple[Int64Array, tuple[str, ...]]] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
+    n_rows: int = 0
+
+
+def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[str]]:
+    """Return the columns that can be each quantity: what the user or the format says, else by their names."""
+    found: dict[str, list[str]] = {}
+    taken: dict[str, str] = {}
+    for quantity in QUANTITIES:
+        given = answers.column_for(table, quantity)
+        if given is not None:
+            if given[0] and given[0] not in table.columns:
+                raise DataError(
+                    f"there is no column {given[0]!r}",
+                    where=table.name,
+                    found=table.columns,
+                    hint="--column QUANTITY=COLUMN",
+                )
+            found[quantity] = [given[0]] if given[0] else []
+            if given[0]:
+                taken[given[0]] = quantity
+    for column in table.columns:
+        if column in taken:
+            continue
+        preset = table.presets.get(column)
+        names = [preset.quantity] if preset is not None else quantities_of_name(column)
+        for quantity in names:
+            if quantity in QUANTITIES and answers.column_for(table, quantity) is None:
+                found.setdefault(quantity, []).append(column)
+    for quantity, columns in found.items():  # what the format fixes leaves no other candidate
+        fixed = [column for column in columns if column in table.presets]
+        if fixed and len(fixed) < len(columns):
+            found[quantity] = fixed
+    _drop_lonely_axes(found)
+    return {quantity: columns for quantity, columns in found.items() if columns}
+
+
+def _drop_lonely_axes(found: dict[str, list[str]]) -> None:
+    """Leave out axes without their companions: `gx` alone, `x` without `y`."""
+    for names in (
+        [f"gyro_{axis}" for axis in "xyz"],
+        [f"accel_{axis}" for axis in "xyz"],
+        [f"quaternion_{axis}" for axis in "xyzw"],
+        ["x", "y"],
+        ["velocity_east", "velocity_north"],
+    ):
+        present = [name for name in names if found.get(name)]
+        if 0 < len(present) < len(names) and not (names[0] == "gyro_x" and present == ["gyro_z"]):
+            for name in present:
+                del found[name]
+
+
+def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
+    """Load the candidate columns.
+
+    Raises:
+        InputError, DataError: As the reader.
+        AmbiguousError: The decimal mark is not clear.
+    """
+    candidates = candidates_of_table(table, answers)
+    wanted = list(dict.fromkeys(column for columns in candidates.values() for column in columns))
+    loaded = LoadedTable(table, candidates, unused=tuple(name for name in table.columns if name not in wanted))
+    if not wanted:
+        return loaded
+    of_column = {column: [q for q, columns in candidates.items() if column in columns] for column in wanted}
+    pieces: dict[str, list[Any]] = {column: [] for column in wanted}
+    decimals: dict[str, str] = {}
+    bad = dict.fromkeys(wanted, 0)
+    how: dict[str, str] = {}
+    for batch in table.read_batches(wanted):
+        n = len(next(iter(batch.values())))
+        loaded.n_rows += n
+        for column in wanted:
+            array = batch[column]
+            if column not in how and n:
+                decimals[column] = answers.decimal or _decimal_mark(array, table, column)
+                how[column] = _how_to_read(array, of_column[column])
+            if n:
+                bad[column] += _append_cells(pieces[column], array, how[column], decimals[column])
+    for column in wanted:
+        _finish_column(loaded, column, how.get(column, "numbers"), pieces[column])
+    _read_clocks_of_digits(loaded)
+    _drop_text_columns(loaded, bad)
+    return loaded
+
+
+def _read_clocks_of_digits(loaded: LoadedTable) -> None:
+    """Read times of day that are written as numbers (hhmmss) beside a column of dates."""
+    has_dates = any(times.has_date and not times.has_clock for times in loaded.text_times.values())
+    for column in list(loaded.instants) if has_dates else ():
+        clock = clock_of_digits(loaded.instants[column])
+        if clock is not None and column in loaded.candidates.get("time", ()):
+            loaded.text_times[column] = clock
+            del loaded.instants[column]
+
+
+def _how_to_read(array: Any, quantities: list[str]) -> str:
+    if any(QUANTITIES[quantity].kind == "text" for quantity in quantities) and quantities != ["date"]:
+        return "texts"
+    if quantities[0] in {"time", "date"}:
+        if is_text(array) and parse_text_times(array) is not None:
+            return "text times"
+        if is_text(array) and quantities == ["date"] and parse_short_dates(array) is not None:
+            return "short dates"
+        return "instants"
+    return "places" if any(quantity in {"latitude", "longitude"} for quantity in quantities) else "numbers"
+
+
+def _append_cells(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
+    """Append the cells of a batch; returns how many are neither a value nor empty."""
+    if how == "texts":
+        pieces.append(read_name_cells(array))
+        return 0
+    if how == "instants":
+        pieces.append(read_instant_cells(array, decimal))
+        return 0
+    if how in {"text times", "short dates"}:
+        times = parse_text_times(array) if how == "text times" else parse_short_dates(array)
+        n = len(array)
+        pieces.append(
+            times
+            or TextTimes(
+                np.full((n, 3), -1, np.int64), np.zeros(n, np.int64), np.full(n, np.nan), np.zeros(n, np.bool_), ""
+            )
+        )
+        return 0
+    values, n_bad = (read_place_cells if how == "places" else read_number_cells)(array, decimal)
+    pieces.append(values)
+    return n_bad
+
+
+def _finish_column(loaded: LoadedTable, column: str, how: str, pieces: list[Any]) -> None:
+    if how == "texts":
+        names: dict[str, int] = {}
+        codes = [np.array([names.setdefault(name, len(names)) for name in own], np.int64)[rows] for own, rows in pieces]
+        loaded.codes[column] = np.concatenate([np.zeros(0, np.int64), *codes]), tuple(names)
+    elif how == "instants":
+        parts = [np.concatenate([piece[k] for piece in pieces]) for k in range(3)]
+        loaded.instants[column] = Instants(*parts)
+    elif how in {"text times", "short dates"}:
+        loaded.text_times[column] = join_text_times(pieces)
+    else:
+        loaded.numbers[column] = np.concatenate(pieces) if pieces else np.zeros(0)
+
+
+def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int]) -> None:
+    """Leave out columns whose cells are no numbers, and note single cells that are none."""
+    for column, n_bad in bad.items():
+        if not n_bad or column not in loaded.numbers:
+            continue
+        n_given = int(np.count_nonzero(np.isfinite(loaded.numbers[column]))) + n_bad
+        if n_bad <= MAX_BAD_SHARE * n_given:
+            loaded.source.notes.append(f"{column}: {n_bad} cells are no numbers and are left out")
+            continue
+        quantities = [quantity for quantity, columns in loaded.candidates.items() if column in columns]
+        if any(quantity in {"latitude", "longitude"} for quantity in quantities):
+            raise DataError(
+                f"{n_bad} of {n_given} cells of {column!r} are no numbers",
+                where=loaded.source.name,
+                hint="latitude and longitude are decimal degrees: 48.137, 48,137 or 48.137 N",
+            )
+        for quantity in quantities:
+            loaded.candidates[quantity].remove(column)
+        loaded.candidates = {quantity: columns for quantity, columns in loaded.candidates.items() if columns}
+        loaded.unused = (*loaded.unused, column)
+
+
+def _decimal_mark(array: Any, table: SourceTable, column: str) -> str:
+    """Return the decimal mark of a column by its first cells.
+
+    Raises:
+        AmbiguousError: Both marks are there, or commas may stand before thousands.
+    """
+    import pyarrow.compute as pc
+
+    if not is_text(array):
+        return "."
+    texts = trimmed_texts(array)
+
+    def count(pattern: str) -> int:
+        return int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
+
+    n_comma = count(COMMA_NUMBER_PATTERN)
+    if not n_comma:
+        return "."
+    n_point = count(POINT_DECIMAL_PATTERN)
+    n_thousands = count(THOUSANDS_PATTERN)
+    if n_point:
+        what = f"{column!r} has numbers with a comma and numbers with a point"
+        raise ask([Question(table.name, what, "--decimal . or --decimal , (the others are then left out)")])
+    if n_thousands == n_comma and n_comma < len(texts) - texts.null_count:
+        what = f"{column!r}: the commas may be decimal marks or stand before thousands"
+        raise ask([Question(table.name, what, "--decimal , or remove the commas")])
+    return ","

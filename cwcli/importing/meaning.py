@@ -1,0 +1,134 @@
+"""What a table means: its stamps and its quantities in SI, with every guess and every open question."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import field
+
+import numpy as np
+
+from cwcli.importing.load import LoadedTable
+from cwcli.importing.motion import Track
+from cwcli.importing.names import QUANTITIES, split_name, unit_of_name
+from cwcli.importing.tables import Answers, Guess, Question
+from cwcli.importing.units import FACTORS, find_unit
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray, Int64Array
+
+EQUAL_SHARE = 1e-4
+"""Largest relative difference of two columns that say the same."""
+
+
+@dataclass
+class Meaning:
+    """The meaning of a table, n rows by stamp.
+
+    Attributes:
+        table: The table as loaded.
+        answers: What the user decided.
+        rows: The rows that have a stamp, by stamp.
+        stamp_ns: Shape (n,).
+        since: `1970`, or `start` where stamps count from the start of the recording.
+        values: Quantity -> (n,) in SI; places in degrees; headings in rad counter-clockwise from east.
+        guesses: What was guessed, or given.
+        questions: What only the user knows.
+        notes: What the user should know.
+    """
+
+    table: LoadedTable
+    answers: Answers
+    rows: Int64Array
+    stamp_ns: Int64Array
+    since: str
+    values: dict[str, FloatArray] = field(default_factory=dict)
+    guesses: list[Guess] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    chosen: dict[str, str] = field(default_factory=dict)
+    track: Track | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the table."""
+        return self.table.source.name
+
+    def raw(self, column: str) -> FloatArray:
+        """Return a column of numbers in the file's unit, (n,)."""
+        if column in self.table.numbers:
+            return self.table.numbers[column][self.rows]
+        return self.table.instants[column].values()[self.rows]
+
+    def ask(self, what: str, option: str) -> None:
+        """Add a question."""
+        self.questions.append(Question(self.name, what, option))
+
+    def candidates(self, quantity: str) -> list[str]:
+        """Return the columns that can be a quantity and hold any number."""
+        return [
+            column
+            for column in self.table.candidates.get(quantity, ())
+            if column in self.table.numbers and np.isfinite(self.table.numbers[column]).any()
+        ]
+
+    def choose(self, quantity: str) -> str | None:
+        """Return the column of a quantity; None where there is none, or where a question is asked."""
+        columns = [column for column in self.candidates(quantity) if column not in self.chosen.values()]
+        if not columns:
+            return None
+        if len(columns) > 1:
+            first = self.raw(columns[0])
+            if not all(_say_the_same(first, self.raw(column)) for column in columns[1:]):
+                self.ask(
+                    f"{_join_columns(columns)} can each be the {quantity.replace('_', ' ')}",
+                    " or ".join(f"--column {quantity}='{column}'" for column in columns[:4]),
+                )
+                return None
+            self.notes.append(f"{_join_columns(columns)} hold the same {quantity}: the first one is read")
+        self.chosen[quantity] = columns[0]
+        return columns[0]
+
+    def stated_unit(self, quantity: str, column: str) -> tuple[str, str, str]:
+        """Return unit, confidence and reason of a column; the unit is "" where nothing states it."""
+        kind = QUANTITIES[quantity].kind
+        given = self.answers.column_for(self.table.source, quantity)
+        if given is not None and given[0] == column:
+            unit = given[1] or unit_of_name(column, kind) or find_unit(self.table.source.units.get(column, ""), kind)
+            return unit, "given" if given[1] else "certain", "as you said" if given[1] else "the header says it"
+        preset = self.table.source.presets.get(column)
+        if preset is not None and preset.unit:
+            return preset.unit, "certain", f"{self.table.source.kind} files have it so"
+        unit = find_unit(self.table.source.units.get(column, ""), kind) or unit_of_name(column, kind)
+        return unit, "certain", "the header says it"
+
+    def add(self, quantity: str, values: FloatArray, guess: Guess) -> None:
+        """Add a quantity with its guess."""
+        self.values[quantity] = values
+        self.guesses.append(guess)
+
+    def add_scaled(self, quantity: str, column: str, unit: str, confidence: str, why: str) -> None:
+        """Add a quantity whose unit is a factor."""
+        factor = FACTORS[QUANTITIES[quantity].kind][unit]
+        values = self.raw(column) if factor == 1.0 else self.raw(column) * factor
+        self.add(quantity, values, Guess(quantity, column, unit, confidence, why))
+
+    def is_given(self, quantity: str) -> bool:
+        """Tell whether the user decided about a quantity."""
+        return self.answers.column_for(self.table.source, quantity) is not None
+
+    def words(self, column: str) -> tuple[str, ...]:
+        """Return the words of a column's name."""
+        return split_name(column).words
+
+
+def _say_the_same(first: FloatArray, second: FloatArray) -> bool:
+    both = np.isfinite(first) & np.isfinite(second)
+    if not both.any():
+        return False
+    scale = max(float(np.ptp(first[both])), 1e-9)
+    return bool(np.abs(first[both] - second[both]).max() <= EQUAL_SHARE * scale)
+
+
+def _join_columns(columns: Sequence[str]) -> str:
+    return " and ".join(repr(column) for column in columns[:6]) + (
+        f" and {len(columns) - 6} more" if len(columns) > 6 else ""
+    )

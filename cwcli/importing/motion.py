@@ -1,0 +1,202 @@
+"""The way between positions, and what it says about units, signs and directions of other columns.
+
+Every comparison is over spans of at least a second, so that the noise of single positions hardly counts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
+
+METERS_PER_DEGREE = 111_195.0
+"""Length of a degree of latitude on a sphere of 6,371 km, m."""
+MIN_SPAN_S = 1.0
+"""Shortest time over which a way is measured."""
+MAX_SPAN_S = 5.0
+"""Longest time between two positions that is a way; behind a gap the way is not known."""
+MIN_WAY_M = 100.0
+"""Least way of a track that can show a unit or a direction."""
+MIN_SPEED_MPS = 2.0
+"""Slower spans show no direction: walking pace."""
+RATIO_TOLERANCE = 0.06
+"""Largest deviation of the logarithm of a ratio of speeds: mph and knots differ by 0.14."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Spans of a track of positions, m each.
+
+    Attributes:
+        start_ns, end_ns: Shape (m,): stamps of the two positions.
+        east_m, north_m: Shape (m,): the way between them.
+    """
+
+    start_ns: Int64Array
+    end_ns: Int64Array
+    east_m: FloatArray
+    north_m: FloatArray
+
+    @property
+    def span_s(self) -> FloatArray:
+        """Length of the spans in s."""
+        return (self.end_ns - self.start_ns) / NS_PER_S
+
+    @property
+    def way_m(self) -> FloatArray:
+        """Way of the spans."""
+        return np.hypot(self.east_m, self.north_m)
+
+    @property
+    def speed_mps(self) -> FloatArray:
+        """Speed over ground of the spans."""
+        return self.way_m / self.span_s
+
+    @property
+    def middle_ns(self) -> Int64Array:
+        """Times in the middle of the spans."""
+        return self.start_ns + (self.end_ns - self.start_ns) // 2
+
+    @property
+    def is_moving(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Whether a span shows a direction."""
+        return np.asarray(self.speed_mps > MIN_SPEED_MPS)
+
+    @property
+    def is_long_enough(self) -> bool:
+        """Whether the track can show units and directions."""
+        return bool(self.way_m[self.is_moving].sum() >= MIN_WAY_M)
+
+    @property
+    def course_rad(self) -> FloatArray:
+        """Direction of the way, counter-clockwise from east, (m,)."""
+        return np.arctan2(self.north_m, self.east_m)
+
+
+def track_of_places(stamp_ns: Int64Array, latitude_deg: FloatArray, longitude_deg: FloatArray) -> Track | None:
+    """Return the spans between places, by stamp; None for too few."""
+    keep = np.isfinite(latitude_deg) & np.isfinite(longitude_deg) & ((latitude_deg != 0) | (longitude_deg != 0))
+    if np.count_nonzero(keep) < 3:
+        return None
+    latitude, longitude, stamps = latitude_deg[keep], longitude_deg[keep], stamp_ns[keep]
+    middle = float(np.median(latitude))
+    east = np.unwrap(np.deg2rad(longitude)) * 180.0 / np.pi * METERS_PER_DEGREE * np.cos(np.deg2rad(middle))
+    return track_of_points(stamps, east, latitude * METERS_PER_DEGREE)
+
+
+def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> Track | None:
+    """Return the spans between points; None for too few."""
+    order = np.argsort(stamp_ns, kind="stable")
+    stamps, x, y = stamp_ns[order], x_m[order], y_m[order]
+    changed = np.concatenate([[True], (np.diff(x) != 0) | (np.diff(y) != 0)])
+    if np.count_nonzero(changed) > 2:  # a value that is held is no new position
+        held = np.concatenate([[False], np.diff(stamps) < MIN_SPAN_S * NS_PER_S])
+        kept = changed | ~held
+        stamps, x, y = stamps[kept], x[kept], y[kept]
+    if len(stamps) < 3:
+        return None
+    targets = np.arange(stamps[0] + NS_PER_S * MIN_SPAN_S, stamps[-1] + 1, NS_PER_S * MIN_SPAN_S)
+    rows = np.unique(np.concatenate([[0], np.searchsorted(stamps, targets)]).astype(np.int64))
+    rows = rows[rows < len(stamps)]
+    if len(rows) < 3:
+        return None
+    start, end = rows[:-1], rows[1:]
+    span_ns = stamps[end] - stamps[start]
+    sound = (span_ns > 0) & (span_ns <= MAX_SPAN_S * NS_PER_S)
+    start, end = start[sound], end[sound]
+    if len(start) < 2:
+        return None
+    return Track(stamps[start], stamps[end], x[end] - x[start], y[end] - y[start])
+
+
+def mean_over_spans(track: Track, stamp_ns: Int64Array, values: FloatArray) -> FloatArray:
+    """Return the mean of a column over each span (m,), NaN for a span without rows: trapezes between the rows."""
+    finite = np.isfinite(values)
+    stamps, given = stamp_ns[finite], values[finite]
+    if len(stamps) < 2:
+        return np.full(len(track.start_ns), np.nan)
+    order = np.argsort(stamps, kind="stable")
+    stamps, given = stamps[order], given[order]
+    time_s = (stamps - stamps[0]) / NS_PER_S
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (given[1:] + given[:-1]) * np.diff(time_s))])
+    start_s, end_s = (track.start_ns - stamps[0]) / NS_PER_S, (track.end_ns - stamps[0]) / NS_PER_S
+
+    def area_until(at_s: FloatArray) -> FloatArray:
+        row = np.clip(np.searchsorted(time_s, at_s) - 1, 0, len(time_s) - 2)
+        step = np.maximum(time_s[row + 1] - time_s[row], 1e-12)
+        inside = at_s - time_s[row]
+        slope = (given[row + 1] - given[row]) / step
+        return np.asarray(area[row] + given[row] * inside + 0.5 * slope * inside**2)
+
+    mean = (area_until(end_s) - area_until(start_s)) / (end_s - start_s)
+    outside = (start_s < time_s[0] - 0.5) | (end_s > time_s[-1] + 0.5)
+    gaps = np.diff(time_s)
+    row = np.clip(np.searchsorted(time_s, start_s), 0, len(gaps) - 1)
+    outside |= gaps[row] > MAX_SPAN_S
+    return np.where(outside, np.nan, mean)
+
+
+def ratio_to_way(track: Track | None, stamp_ns: Int64Array, values: FloatArray) -> float:
+    """Return how many units of a column of speeds make 1 m/s over ground; NaN where the track can't tell."""
+    if track is None or not track.is_long_enough:
+        return float("nan")
+    mean = mean_over_spans(track, stamp_ns, np.abs(values))
+    use = track.is_moving & np.isfinite(mean) & (mean > 0)
+    if np.count_nonzero(use) < 5:
+        return float("nan")
+    return float(np.median(mean[use] / track.speed_mps[use]))
+
+
+def ratio_spread(track: Track, stamp_ns: Int64Array, values: FloatArray) -> float:
+    """Return half the width of the middle 80 % of the logarithm of a speed by the way; NaN if unknown."""
+    mean = mean_over_spans(track, stamp_ns, np.abs(values))
+    use = track.is_moving & np.isfinite(mean) & (mean > 0)
+    if np.count_nonzero(use) < 10:
+        return float("nan")
+    low, high = np.percentile(np.log(mean[use] / track.speed_mps[use]), [10, 90])
+    return float(high - low) / 2.0
+
+
+def angle_errors(track: Track, stamp_ns: Int64Array, heading_rad: FloatArray) -> FloatArray:
+    """Return heading minus course, (k,), wrapped, of the spans in motion that have a heading."""
+    finite = np.isfinite(heading_rad)
+    if np.count_nonzero(finite) < 2:
+        return np.zeros(0)
+    order = np.argsort(stamp_ns[finite], kind="stable")
+    stamps, heading = stamp_ns[finite][order], heading_rad[finite][order]
+    at = track.middle_ns[track.is_moving]
+    row = np.clip(np.searchsorted(stamps, at), 0, len(stamps) - 1)
+    near = np.abs(stamps[row] - at) < 2 * NS_PER_S
+    error = heading[row] - track.course_rad[track.is_moving]
+    return np.asarray(np.angle(np.exp(1j * error))[near])
+
+
+def turn_ratio(track: Track | None, stamp_ns: Int64Array, values: FloatArray) -> tuple[float, float]:
+    """Return how many units of a turn rate make 1 rad/s of the course, and the correlation; NaN where it can't tell."""
+    nothing = float("nan"), 0.0
+    if track is None or not track.is_long_enough:
+        return nothing
+    course = track.course_rad
+    neighbours = (track.start_ns[1:] == track.end_ns[:-1]) & track.is_moving[1:] & track.is_moving[:-1]
+    if np.count_nonzero(neighbours) < 10:
+        return nothing
+    change = np.angle(np.exp(1j * np.diff(course)))
+    middle = track.middle_ns
+    between = Track(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
+    rate = mean_over_spans(between, stamp_ns, values)
+    use = neighbours & np.isfinite(rate)
+    if np.count_nonzero(use) < 10:
+        return nothing
+    turned = change[use] / between.span_s[use]
+    if np.abs(turned * between.span_s[use]).sum() < 0.7:  # 40 degrees in all
+        return nothing
+    given = rate[use] - np.median(rate[use])
+    turned = turned - np.median(turned)
+    scale = float((turned * turned).sum())
+    strength = float(np.sqrt(scale * (given * given).sum()))
+    if scale <= 0 or strength <= 0:
+        return nothing
+    both = float((turned * given).sum())
+    return both / scale, both / strength

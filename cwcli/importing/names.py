@@ -1,0 +1,258 @@
+"""Which quantity a column can be by its name, and the unit that the name states.
+
+A name is split into words (`gpsSpeed_kmh`, `GPS Speed (km/h)` -> gps, speed; km/h). A quantity has nouns, of which one
+must be there, and words that may stand beside; any other word makes the column something else.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+from cwcli.importing.units import find_unit, is_unit_text
+from cwcli.lazy_dataclass import dataclass
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a column can be.
+
+    Attributes:
+        kind: Kind of its unit, a key of `cwcli.importing.units.FACTORS`, or `text`.
+        nouns: Words of which exactly one is in the name.
+        beside: Words that may stand beside it.
+    """
+
+    kind: str
+    nouns: frozenset[str]
+    beside: frozenset[str] = frozenset()
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_RECEIVER = _words(
+    "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx"
+)
+_CAR = _words(
+    "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
+)
+_TIME_BESIDE = _words(
+    "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
+    "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date"
+)
+_AXIS_NOUNS_OF_ACCEL = "gforce acceleration accelerometer accel acc accelerations"
+_AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega"
+_IMU_BESIDE = _words(
+    "imu linear raw uncal calibrated body sensor rotation rate angular velocity vel total with g specific force user"
+)
+
+QUANTITIES: dict[str, Quantity] = {
+    "time": Quantity(
+        "time",
+        _words(
+            "time timestamp timestamps stamp t datetime epoch clock zeit zeitstempel tijd temps hora ts timeofday "
+            "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"
+        ),
+        _TIME_BESIDE | _words("time stamp timestamp week of day seconds second millis nanos uhrzeit"),
+    ),
+    "date": Quantity("text", _words("date datum day fecha"), _words("utc gps gmt local")),
+    "week": Quantity("number", _words("week wn gpsweek weekno"), _words("gps gnss number no num")),
+    "latitude": Quantity("place", _words("latitude lat latitud breite breitengrad"), _RECEIVER | _words("n s ns")),
+    "longitude": Quantity(
+        "place",
+        _words("longitude lon lng long longitud länge laenge längengrad laengengrad"),
+        _RECEIVER | _words("e w ew"),
+    ),
+    "latitude_half": Quantity("text", _words("ns latdir lathem"), _RECEIVER | _words("indicator hemisphere")),
+    "longitude_half": Quantity("text", _words("ew londir lonhem longdir"), _RECEIVER | _words("indicator hemisphere")),
+    "altitude": Quantity(
+        "length",
+        _words("altitude alt height elevation ele hmsl höhe hoehe"),
+        _RECEIVER | _words("msl above sea level ellipsoid ellipsoidal wgs hae"),
+    ),
+    "speed": Quantity(
+        "speed",
+        _words("speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad snelheid v_ego"),
+        _RECEIVER | _CAR | _words("over ground 2d horizontal horiz forward longitudinal long linear"),
+    ),
+    "velocity_east": Quantity("speed", _words("vele ve veast"), _RECEIVER),
+    "velocity_north": Quantity("speed", _words("veln vn vnorth"), _RECEIVER),
+    "course": Quantity(
+        "angle",
+        _words("course cog bearing headmot direction richtung kurs cmg"),
+        _RECEIVER | _words("over ground track true motion of"),
+    ),
+    "heading": Quantity(
+        "angle",
+        _words("heading hdg yaw azimuth psi headveh"),
+        _RECEIVER | _CAR | _words("true angle compass orientation north attitude of motion euler ins imu"),
+    ),
+    "yaw_rate": Quantity("turn rate", _words("yawrate gierrate yawvel"), _CAR | _RECEIVER | _words("imu")),
+    "steering": Quantity(
+        "angle", _words("steering steer lenkwinkel steeringangle"), _CAR | _words("angle wheel road tire tyre front")
+    ),
+    **{
+        f"accel_{axis}": Quantity(
+            "acceleration", _words(f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis}"), _IMU_BESIDE
+        )
+        for axis in "xyz"
+    },
+    **{
+        f"gyro_{axis}": Quantity(
+            "turn rate", _words(f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}"), _IMU_BESIDE
+        )
+        for axis in "xyz"
+    },
+    **{f"quaternion_{axis}": Quantity("number", _words(f"q{axis}")) for axis in "xyzw"},
+    "x": Quantity(
+        "length",
+        _words("x easting east xeast utmx posx positionx px tx"),
+        _words("pos position local map utm enu global world"),
+    ),
+    "y": Quantity(
+        "length",
+        _words("y northing north ynorth utmy posy positiony py ty"),
+        _words("pos position local map utm enu global world"),
+    ),
+    "z": Quantity("length", _words("z posz positionz pz tz"), _words("pos position local map enu global world")),
+    "vehicle_id": Quantity("text", _words("id"), _words("vehicle veh car track object device trip station agent obj")),
+    "fix": Quantity("number", _words("fix fixtype quality fixquality"), _words("gps gnss type quality status")),
+}
+"""Name of a quantity -> what a column of it can be called, and the kind of its unit."""
+
+_AXIS_WORDS = {"x": "x", "y": "y", "z": "z", "longitudinal": "x", "lateral": "y", "vertical": "z"}
+_JOINED = {
+    ("yaw", "rate"): "yawrate",
+    ("yaw", "velocity"): "yawrate",
+    ("steering", "wheel"): "steeringwheel",
+    ("rotation", "rate"): "gyro",
+    ("angular", "velocity"): "gyro",
+    ("angular", "rate"): "gyro",
+    ("ang", "vel"): "gyro",
+    ("vel", "n"): "veln",
+    ("vel", "e"): "vele",
+    ("velocity", "north"): "veln",
+    ("velocity", "east"): "vele",
+    ("north", "velocity"): "veln",
+    ("east", "velocity"): "vele",
+    ("vel", "north"): "veln",
+    ("vel", "east"): "vele",
+    ("v", "north"): "veln",
+    ("v", "east"): "vele",
+    ("v", "n"): "veln",
+    ("v", "e"): "vele",
+    ("lat", "dir"): "latdir",
+    ("lon", "dir"): "londir",
+    ("n", "s"): "ns",
+    ("e", "w"): "ew",
+    ("head", "mot"): "headmot",
+    ("head", "veh"): "headveh",
+    ("i", "tow"): "itow",
+    ("h", "msl"): "hmsl",
+    ("g", "speed"): "gspeed",
+    ("ground", "speed"): "groundspeed",
+    ("sensor", "time"): "time",
+    ("g", "force"): "gforce",
+}
+"""Two words that mean one."""
+_UNIT_WORDS = 3
+"""Largest number of words at the end of a name that are tried as a unit (`m s 2`)."""
+
+
+@dataclass(frozen=True)
+class NamedColumn:
+    """What a column's name says.
+
+    Attributes:
+        words: Its words in lower case, without the unit.
+        unit_text: The unit as written, or "".
+    """
+
+    words: tuple[str, ...]
+    unit_text: str
+
+
+@lru_cache(maxsize=4096)
+def split_name(name: str) -> NamedColumn:
+    """Split a column's name into its words and its unit: in brackets, or as its last words."""
+    text = name.strip().strip('"').strip("#").strip().removeprefix(".").removeprefix("field.")
+    unit = ""
+    bracket = re.search(r"[\[(<{]([^\])>}]*)[\])>}]", text)
+    if bracket:
+        unit = bracket.group(1).strip()
+        text = text[: bracket.start()] + " " + text[bracket.end() :]
+    elif re.search(r"\s(in|/)\s*\S+$", text):
+        head, _, tail = re.sub(r"\s(in|/)\s*(\S+)$", r"\0\2", text).partition("\0")
+        if is_unit_text(tail):
+            text, unit = head, tail
+    text = re.sub(r"(?<=[a-zäöü])(?=[A-ZÄÖÜ])", " ", text)
+    text = re.sub(r"(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
+    words = [word for word in re.split(r"[^0-9a-zäöüß°µ]+", text.lower()) if word]
+    if not unit:
+        words, unit = _split_unit_words(words)
+    elif len(words) > 1 and not is_unit_text(unit):
+        words, more = _split_unit_words(words)  # `speed_kmh (GPS)`
+        words, unit = (
+            ([*words, *re.split(r"[^0-9a-zäöü]+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
+        )
+    joined: list[str] = []
+    for word in [part for each in words for part in _without_number(each)]:
+        pair = (joined[-1], word) if joined else ("", "")
+        if pair in _JOINED:
+            joined[-1] = _JOINED[pair]
+        else:
+            joined.append(word)
+    return NamedColumn(tuple(word for word in joined if word), unit)
+
+
+def _without_number(word: str) -> list[str]:
+    """Return a word without a number at its end (`speed2`), which tells columns of one quantity apart."""
+    numbered = re.fullmatch(r"([a-zäöü]{3,})\d{1,2}", word)
+    return [numbered.group(1)] if numbered and word not in {"wgs84", "iso8601"} else [] if word.isdecimal() else [word]
+
+
+def _split_unit_words(words: list[str]) -> tuple[list[str], str]:
+    """Return the words without a unit at their end, and the unit."""
+    for n in range(min(_UNIT_WORDS, len(words) - 1), 0, -1):
+        tail = words[-n:]
+        if n == 1 and tail[0] in {"m", "s", "g"} and len(words) == 2 and words[0] in {"n", "e"}:
+            break
+        for joint in ("", "/"):
+            if is_unit_text(joint.join(tail)):
+                return words[:-n], joint.join(tail)
+    return words, ""
+
+
+def quantities_of_name(name: str) -> list[str]:
+    """Return the quantities that a column can be by its name."""
+    words = split_name(name).words
+    return [quantity for quantity in QUANTITIES if _fits(words, quantity)]
+
+
+def unit_of_name(name: str, kind: str) -> str:
+    """Return the unit of a kind that a column's name states, or ""."""
+    return find_unit(split_name(name).unit_text, kind)
+
+
+def _fits(words: tuple[str, ...], quantity: str) -> bool:
+    wanted = QUANTITIES[quantity]
+    axis = quantity[-1] if quantity.startswith(("accel_", "gyro_")) else ""
+    if axis:
+        axes = [_AXIS_WORDS[word] for word in words if word in _AXIS_WORDS]
+        joined = [
+            word
+            for word in words
+            if word in wanted.nouns and len(word) <= 6 and word.endswith(axis) and word not in {"gyro"}
+        ]
+        if axes and axes != [axis]:
+            return False
+        if not axes and not joined:
+            return False
+        words = tuple(word for word in words if word not in _AXIS_WORDS)
+    nouns = [word for word in words if word in wanted.nouns]
+    others = [word for word in words if word not in wanted.nouns]
+    if quantity == "time":
+        return bool(nouns) and all(word in wanted.beside for word in others)
+    return len(nouns) == 1 and all(word in wanted.beside for word in others)

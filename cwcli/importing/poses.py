@@ -1,0 +1,131 @@
+"""Poses with an orientation: which axis of the body points forward, and which axis of the world up.
+
+Trajectories of cars have the axes of the body (x forward, z up) or of a camera (z forward, y down), and a world with z
+up, or the camera's first pose as its world. The direction of the way in the axes of the body shows which.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.importing.inertial import given_rotation
+from cwcli.importing.meaning import Meaning
+from cwcli.importing.motion import track_of_points
+from cwcli.importing.readers.trajectory import quaternions_of_rotations
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import NS_PER_S
+
+STEP_S = 1.0
+"""Time between two positions whose direction is compared with the axes."""
+MIN_STEP_M = 0.5
+"""Least way between them."""
+MIN_STEPS = 5
+"""Least number of such steps."""
+MIN_ALONG = 0.85
+"""Least mean cosine between the way and the axis that points forward."""
+UPRIGHT_COS = 0.9
+"""Least cosine between the vertical of the body and an axis of the world."""
+CAMERA_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Camera axes (z forward, x right, y down) -> body axes (x forward, y left, z up)."""
+
+
+def turn_poses(meaning: Meaning) -> None:
+    """Turn poses into x forward and z up, or leave their orientation out where the way does not show forward."""
+    values = meaning.values
+    if "quaternion_w" not in values or "x" not in values:
+        return
+    place = np.stack([values["x"], values["y"], values.get("z", np.zeros(len(values["x"])))], axis=1)
+    rotation = rotations_of_quaternions(np.stack([values[f"quaternion_{axis}"] for axis in "xyzw"], axis=1))
+    found = _body_from_sensor(meaning, place, rotation)
+    if found is None:
+        return
+    body_from_sensor, is_orientation_known = found
+    if not is_orientation_known:
+        for axis in "xyzw":
+            del values[f"quaternion_{axis}"]
+        return
+    turned = rotation @ body_from_sensor.T
+    world = _upright_world(turned)
+    if world is None:
+        meaning.ask(
+            "the body's vertical is along no axis of the world", "--axes FORWARD,UP names the body's axes: x,z or z,-y"
+        )
+        return
+    if not np.array_equal(world, np.eye(3)):
+        meaning.notes.append("the world has another axis up: positions are turned so that z is up")
+        place = place @ world.T
+        values["x"], values["y"], values["z"] = place.T
+        turned = world @ turned
+    if not np.array_equal(body_from_sensor, np.eye(3)) or not np.array_equal(world, np.eye(3)):
+        quaternions = quaternions_of_rotations(turned)
+        for k, axis in enumerate("xyzw"):
+            values[f"quaternion_{axis}"] = quaternions[:, k]
+        meaning.track = track_of_points(meaning.stamp_ns, values["x"], values["y"])
+
+
+def _body_from_sensor(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> tuple[FloatArray, bool] | None:
+    """Return the rotation from the sensor's axes to the car's, and whether the orientation can be used."""
+    given = given_rotation(meaning)
+    if given is not None or meaning.questions:
+        return None if given is None else (given, True)
+    ways = _ways_in_body(meaning, place, rotation)
+    if len(ways) < MIN_STEPS:
+        if np.allclose(rotation, np.eye(3), atol=1e-9):
+            return np.eye(3), False
+        meaning.notes.append("too little motion shows the body's axes: taken as x forward, z up")
+        return np.eye(3), True
+    mean = ways.mean(axis=0)
+    if mean[0] > MIN_ALONG:
+        return np.eye(3), True
+    if mean[2] > MIN_ALONG:
+        meaning.notes.append("the way is along the body's z axis: camera axes (z forward, y down)")
+        return CAMERA_TO_BODY, True
+    meaning.notes.append(
+        f"the way is along no usual axis of the body (mean direction {mean[0]:.2f}, {mean[1]:.2f}, {mean[2]:.2f}): "
+        "the orientation is left out; --axes FORWARD,UP names the axes"
+    )
+    return np.eye(3), False
+
+
+def _ways_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Return unit directions of the way in the axes of the body, (m, 3)."""
+    stamps = meaning.stamp_ns
+    targets = np.arange(stamps[0], stamps[-1], int(STEP_S * NS_PER_S))
+    rows = np.unique(np.searchsorted(stamps, targets))
+    if len(rows) < 2:
+        return np.zeros((0, 3))
+    steps = np.diff(place[rows], axis=0)
+    length = np.linalg.norm(steps, axis=1)
+    middle = (rows[:-1] + rows[1:]) // 2
+    use = (length > MIN_STEP_M) & np.isfinite(length) & np.isfinite(rotation[middle]).all(axis=(1, 2))
+    return np.asarray(np.einsum("nji,nj->ni", rotation[middle[use]], steps[use] / length[use, None]))
+
+
+def _upright_world(rotation: FloatArray) -> FloatArray | None:
+    """Return the rotation (3, 3) of the world that makes the mean vertical of the body z; None for a slanted one."""
+    upward = np.nanmean(rotation[:, :, 2], axis=0)
+    upward = upward / max(float(np.linalg.norm(upward)), 1e-9)
+    k = int(np.argmax(np.abs(upward)))
+    if abs(upward[k]) < UPRIGHT_COS:
+        return None
+    if k == 2:
+        return np.eye(3) if upward[2] > 0 else np.diag([1.0, -1.0, -1.0])
+    if k == 1:  # a camera's world: y down or up
+        return CAMERA_TO_BODY if upward[1] < 0 else np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    sign = 1.0 if upward[0] > 0 else -1.0
+    up = sign * np.eye(3)[0]
+    ahead = np.eye(3)[1]
+    return np.stack([ahead, np.cross(up, ahead), up])
+
+
+def rotations_of_quaternions(quaternion: FloatArray) -> FloatArray:
+    """Return rotation matrices (n, 3, 3) of quaternions x, y, z, w (n, 4) of any length; NaN for zero ones."""
+    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        x, y, z, w = (quaternion / np.where(length > 0, length, np.nan)).T
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)

@@ -1,0 +1,50 @@
+"""The kinds of files that can be imported: one file each, and one line here, the most particular first."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from cwcli.errors import InputError
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.text_file import no_text_error
+
+KIND_MODULES = {
+    "parquet": "parquet:KIND",
+    "zip": "phone:KIND",
+    "video": "video:KIND",
+    "blf": "can_trace:BLF",
+    "ubx": "ubx:KIND",
+    "gpx": "gpx:KIND",
+    "sumo fcd": "fcd:KIND",
+    "candump": "can_trace:CANDUMP_KIND",
+    "asc": "can_trace:ASC",
+    "gnsslogger": "gnsslogger:KIND",
+    "nmea": "nmea:KIND",
+    "euroc": "euroc:KIND",
+    "tum": "tum:KIND",
+    "kitti": "kitti:KIND",
+    "csv": "csv_table:KIND",
+}
+"""Name of a kind -> its description in a module here, in the order in which a file is compared with them."""
+
+
+def load_kind(name: str) -> ImportKind:
+    """Return a kind by its name."""
+    module, _, attribute = KIND_MODULES[name].partition(":")
+    kind: ImportKind = getattr(import_module(f"cwcli.importing.readers.{module}"), attribute)
+    return kind
+
+
+def find_kind(path: str) -> str:
+    """Return the name of a file's kind.
+
+    Raises:
+        InputError: It can't be read, is empty, or is of no kind that is known.
+    """
+    head = FileHead(path)
+    if not head.data:
+        raise InputError("it is empty", where=path)
+    for name in KIND_MODULES:
+        if load_kind(name).accepts(head):
+            return name
+    raise no_text_error(path)

@@ -1,0 +1,136 @@
+"""CAN traces: ASC, BLF and candump, read by `python-can`; a DBC file says what the frames mean.
+
+Only messages with a signal that can be a quantity by its name are decoded. ASC traces count from their start; the date
+in an ASC or BLF file is local time without a zone, and is not used for ASC.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from cwcli.errors import DataError, InputError, MissingSignalError, UsageError, install_hint
+from cwcli.importing.names import QUANTITIES, quantities_of_name
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ask
+from cwcli.signals.can import MAX_FRAME_BYTES, decode_all_signals, load_dbc_messages
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import NS_PER_S
+
+CANDUMP = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
+"""A line of candump -l."""
+ASC_HEADER = re.compile(r"^(date\s|base\s+(hex|dec)\b|\d+\.\d+\s+(\d+|CANFD)\s+[0-9A-Fa-f]+x?\s+[RT]x)", re.IGNORECASE)
+"""A line near the start of an ASC trace."""
+BLF_MAGIC = b"LOGG"
+"""First bytes of a BLF file."""
+
+
+def accepts_candump(head: FileHead) -> bool:
+    """Tell whether the lines are those of candump."""
+    return bool(head.lines) and bool(CANDUMP.match(head.lines[0]))
+
+
+def accepts_asc(head: FileHead) -> bool:
+    """Tell whether the lines are those of an ASC trace."""
+    lines = head.lines[:5]
+    return sum(bool(ASC_HEADER.match(line)) for line in lines) >= 2
+
+
+def accepts_blf(head: FileHead) -> bool:
+    """Tell whether the file is a BLF trace."""
+    return head.data.startswith(BLF_MAGIC)
+
+
+def read_trace(path: str, answers: Answers, kind: str) -> Sequence[SourceTable]:
+    """Return a table of each message that has a signal which can be a quantity.
+
+    Raises:
+        AmbiguousError: No DBC file is named.
+        MissingSignalError: None of its messages is in the trace, or none has a quantity.
+        InputError: The trace is damaged.
+        UsageError: A DBC file can't be read, or a package is missing.
+    """
+    if not answers.dbc:
+        raise ask([Question(path, "a CAN trace holds bytes; which signals they are is in a DBC file", "--dbc car.dbc")])
+    given = {column for column, _ in answers.columns.values() if column}
+    messages = {}
+    for message in load_dbc_messages(answers.dbc):
+        if any(_can_be_quantity(signal.name) or signal.name in given for signal in message.signals):
+            messages[message.frame_id, bool(message.is_extended_frame)] = message
+    frames, n_frames = _frames_of_messages(path, kind, messages)
+    found = [(messages[key], *rows) for key, rows in frames.items() if rows[0]]
+    if not found:
+        names = tuple(sorted(message.name for message in messages.values()))
+        raise MissingSignalError(
+            f"none of its {n_frames} frames is a message of {', '.join(answers.dbc)} with a quantity",
+            where=path,
+            found=names[:20],
+            hint="--dbc FILE names the file of this bus; --column QUANTITY=SIGNAL names a signal",
+        )
+    return [_table_of_message(path, kind, message, times, data, n) for message, times, data, n in found]
+
+
+def _can_be_quantity(name: str) -> bool:
+    return any(QUANTITIES[quantity].kind not in {"time", "text", "number"} for quantity in quantities_of_name(name))
+
+
+def _table_of_message(
+    path: str, kind: str, message: Any, times: list[int], data: bytearray, n: list[int]
+) -> SourceTable:
+    octets = np.frombuffer(data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
+    values: dict[str, FloatArray] = decode_all_signals(octets, np.array(n), message)
+    stamps = np.array(times, np.int64)
+    units = {"time": "ns", **{signal.name: signal.unit or "" for signal in message.signals}}
+
+    def read(wanted: Sequence[str]) -> Iterator[Batch]:
+        yield {name: stamps if name == "time" else values[name] for name in wanted}
+
+    names = tuple(name for name in values if name != "time")
+    return SourceTable(path, message.name, kind, ("time", *names), read, units=units)
+
+
+def _frames_of_messages(
+    path: str, kind: str, messages: dict[tuple[int, bool], Any]
+) -> tuple[dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]], int]:
+    """Return stamps, padded data and lengths of the frames of each message, and how many frames there are."""
+    try:
+        import can
+    except ImportError as error:
+        raise UsageError("CAN traces need python-can", hint=install_hint("import")) from error
+    reader_of_kind = {"asc": can.ASCReader, "blf": can.BLFReader, "candump": can.CanutilsLogReader}
+    frames: dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]] = {
+        key: ([], bytearray(), []) for key in messages
+    }
+    n_frames = 0
+    try:
+        with reader_of_kind[kind](path) as reader:
+            for frame in reader:
+                n_frames += 1
+                rows = frames.get((frame.arbitration_id, frame.is_extended_id))
+                if rows is None or frame.is_error_frame or frame.is_remote_frame:
+                    continue
+                data = bytes(frame.data)[:MAX_FRAME_BYTES]
+                rows[0].append(round(frame.timestamp * 1e6) * (NS_PER_S // 1_000_000))
+                rows[1].extend(data.ljust(MAX_FRAME_BYTES, b"\0"))
+                rows[2].append(len(data))
+    except (ValueError, OSError, EOFError, IndexError, KeyError, can.CanError) as error:
+        if not n_frames:
+            raise InputError(f"the trace can't be read: {error}", where=path) from error
+        raise InputError(f"the trace is damaged behind {n_frames} frames: {error}", where=path) from error
+    if not n_frames:
+        raise DataError("it has no frames", where=path)
+    return frames, n_frames
+
+
+def _kind(name: str, summary: str, suffix: str, accepts: Any) -> ImportKind:
+    return ImportKind(summary, (suffix,), accepts, lambda path, answers: read_trace(path, answers, name))
+
+
+ASC = _kind("asc", "CAN traces as ASC, with a DBC file (needs python-can and cantools)", ".asc", accepts_asc)
+BLF = _kind("blf", "CAN traces as BLF, with a DBC file (needs python-can and cantools)", ".blf", accepts_blf)
+CANDUMP_KIND = _kind(
+    "candump", "CAN traces of candump, with a DBC file (needs python-can and cantools)", ".log", accepts_candump
+)

@@ -1,0 +1,248 @@
+"""CSV and TSV: separated text with a line of names.
+
+Separator, decimal mark, line of names, line of units and encoding are found in the first lines. The rows are read by
+Arrow, a few megabytes at a time.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from cwcli.errors import DataError, InputError
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ask
+from cwcli.importing.text_file import TextHead, decode_head, no_text_error, read_head
+from cwcli.importing.units import is_unit_text
+from cwcli.lazy_dataclass import dataclass
+
+SEPARATORS = (";", "\t", ",", "|")
+"""Characters that separate cells, the ones that are never a decimal mark first."""
+N_SHOWN_LINES = 200
+"""Lines at the start that show the layout; chosen by hand."""
+BLOCK_BYTES = 4 << 20
+"""Bytes that Arrow parses at a time."""
+_NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
+_VALUE = re.compile(r"^[+-]?[\d.,:/ TZeE+-]+$")
+MAX_BAD_SHARE = 0.05
+"""Largest share of rows with another number of cells that is left out; more show that the layout is not understood."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a file of separated text is laid out.
+
+    Attributes:
+        separator: Character between cells.
+        names: Names of the columns, each once.
+        units: Column -> unit, from a line of units.
+        n_head_lines: Lines before the first row.
+    """
+
+    separator: str
+    names: tuple[str, ...]
+    units: dict[str, str]
+    n_head_lines: int
+
+
+def read_delimited(
+    path: str, answers: Answers, *, part: str = "", data: bytes | None = None, kind: str = "csv"
+) -> SourceTable:
+    """Return the table of a file.
+
+    Args:
+        path: The file.
+        answers: For a wish about the decimal mark.
+        part: Name of the member of a zip that `data` is, or "".
+        data: The bytes of the member.
+        kind: Name of the kind of file.
+
+    Raises:
+        InputError: It is empty, no text, or has no rows.
+        AmbiguousError: It has no line of names.
+    """
+    where = f"{path}: {part}" if part else path
+    head = decode_head(read_head(path) if data is None else data[: 256 << 10])
+    if head is None:
+        raise no_text_error(where)
+    layout = find_layout(head, where)
+    notes: list[str] = []
+
+    def read(columns: Sequence[str]) -> Iterator[Batch]:
+        return _read_rows(path if data is None else data, head, layout, columns, (where, notes))
+
+    return SourceTable(path, part, kind, layout.names, read, units=layout.units, notes=notes)
+
+
+def find_layout(head: TextHead, where: str) -> Layout:
+    """Find the separator, the names and the units.
+
+    Raises:
+        InputError: There are no lines or no rows.
+        AmbiguousError: There is no line of names.
+        DataError: No separator divides the lines alike.
+    """
+    numbered = [(k, line) for k, line in enumerate(head.lines[:N_SHOWN_LINES]) if line.strip()]
+    if not numbered:
+        raise InputError("it is empty", where=where)
+    if re.fullmatch(r"sep=.", numbered[0][1].strip(), re.IGNORECASE):
+        numbered = numbered[1:]
+    best: tuple[float, int, str] | None = None
+    for separator in SEPARATORS:
+        rows = [_cells(line, separator) for _, line in numbered]
+        counts = Counter(len(cells) for cells in rows[-max(len(rows) - 5, 1) :])
+        n_cells, n_alike = max(counts.items(), key=lambda item: (item[1], item[0]))
+        if n_cells < 2:
+            continue
+        has_names = any(len(cells) == n_cells and _is_names(cells) for cells in rows)
+        score = n_alike / sum(counts.values()) + (1.0 if has_names else 0.0)
+        if best is None or score > best[0] + 1e-9:
+            best = (score, n_cells, separator)
+    if best is None:
+        raise InputError(
+            "its lines are not separated into columns", where=where, hint="columns are separated by , ; | or tabs"
+        )
+    _, n_cells, separator = best
+    return _layout_with(separator, n_cells, numbered, where)
+
+
+def _layout_with(separator: str, n_cells: int, numbered: Sequence[tuple[int, str]], where: str) -> Layout:
+    rows = [(k, _cells(line, separator)) for k, line in numbered]
+    at = next((i for i, (_, cells) in enumerate(rows) if len(cells) == n_cells and _is_names(cells)), None)
+    if at is None:
+        wide = next((cells for _, cells in rows if _is_names(cells) and 1 < len(cells) < n_cells), None)
+        if wide is not None and n_cells % len(wide) in (0, 1) and separator == ",":
+            raise DataError(
+                f"the line of names has {len(wide)} columns and the rows have {n_cells}: decimal commas between commas",
+                where=where,
+                hint="write it with ; or tabs between the columns, or with decimal points",
+            )
+        if wide is not None:
+            raise DataError(
+                f"the line of names has {len(wide)} columns and the rows have {n_cells}",
+                where=where,
+                hint="give every column a name",
+            )
+        shown = separator.join(rows[0][1])[:60]
+        raise ask(
+            [
+                Question(
+                    where,
+                    f"it has no line of names; it begins with {shown!r}",
+                    "put a first line with the columns' names and units",
+                )
+            ]
+        )
+    names_line, names = rows[at]
+    last = names_line
+    units: dict[str, str] = {}
+    unique = _unique_names(names)
+    if at + 1 < len(rows):
+        k, cells = rows[at + 1]
+        if (
+            len(cells) == n_cells
+            and any(is_unit_text(cell) for cell in cells)
+            and not any(_NUMBER.match(cell) for cell in cells)
+        ):
+            units = {name: cell.strip("[]() ") for name, cell in zip(unique, cells, strict=True) if cell.strip()}
+            last = k
+    if last == rows[-1][0]:
+        raise InputError("it has a line of names and no rows", where=where)
+    return Layout(separator, unique, units, last + 1)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    try:
+        cells = next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:
+        return []
+    return [cell.strip() for cell in cells]
+
+
+def _is_names(cells: Sequence[str]) -> bool:
+    """Tell whether cells are names: most are words, and none is a number or a time."""
+    given = [cell.lstrip("#").strip() for cell in cells if cell.strip()]
+    if not given or any(_NUMBER.match(cell) for cell in given):
+        return False
+    words = [cell for cell in given if re.search(r"[^\W\d]", cell) and not _VALUE.match(cell)]
+    return len(words) > 0.5 * len(cells) and len(set(given)) > 0.5 * len(given)
+
+
+def _unique_names(cells: Sequence[str]) -> tuple[str, ...]:
+    """Return each name once: empty ones get a number, repeated ones a number behind them."""
+    seen: Counter[str] = Counter()
+    names = []
+    for k, cell in enumerate(cells):
+        name = cell.lstrip("#").strip() or f"column {k + 1}"
+        seen[name] += 1
+        names.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+    return tuple(names)
+
+
+def _read_rows(
+    source: str | bytes, head: TextHead, layout: Layout, columns: Sequence[str], told: tuple[str, list[str]]
+) -> Iterator[Batch]:
+    """Yield the rows, all cells as text."""
+    import io
+
+    import pyarrow as pa
+    from pyarrow import csv as arrow_csv
+
+    where, notes = told
+    n_bad = [0]
+
+    def skip(_: Any) -> str:
+        n_bad[0] += 1
+        return "skip"
+
+    n_rows = 0
+    with io.BytesIO(source) if isinstance(source, bytes) else Path(source).open("rb") as file:
+        for _ in range(1 if head.bom_bytes else 0):
+            file.seek(head.bom_bytes)
+        _skip_lines(file, head, layout.n_head_lines)
+        try:
+            reader = arrow_csv.open_csv(
+                file,
+                read_options=arrow_csv.ReadOptions(
+                    column_names=list(layout.names), encoding=head.encoding, block_size=BLOCK_BYTES, use_threads=False
+                ),
+                parse_options=arrow_csv.ParseOptions(delimiter=layout.separator, invalid_row_handler=skip),
+                convert_options=arrow_csv.ConvertOptions(
+                    column_types=dict.fromkeys(layout.names, pa.string()),
+                    include_columns=list(columns),
+                    strings_can_be_null=False,
+                ),
+            )
+            for batch in reader:
+                n_rows += len(batch)
+                yield {name: batch.column(name) for name in columns}
+        except pa.ArrowInvalid as error:
+            said = str(error).splitlines()[0]
+            if n_rows == 0 and n_bad[0] == 0 and "Empty" in said:
+                raise InputError("it has a line of names and no rows", where=where) from error
+            raise InputError(f"it can't be read as separated text: {said}", where=where) from error
+    if n_bad[0] > MAX_BAD_SHARE * (n_rows + n_bad[0]):
+        raise DataError(
+            f"{n_bad[0]} of {n_rows + n_bad[0]} rows have not {len(layout.names)} columns",
+            where=where,
+            hint="decimal commas between commas, or another separator further down",
+        )
+    if n_bad[0]:
+        said = f"{n_bad[0]} rows have another number of columns and are left out"
+        if said not in notes:
+            notes.append(said)
+
+
+def _skip_lines(file: Any, head: TextHead, n: int) -> None:
+    """Move an open file behind its first n lines (`\\n`, `\\r\\n` or `\\r`)."""
+    start = file.tell()
+    unit = 2 if head.encoding.startswith("utf-16") else 1
+    text = file.read(1 << 20).decode(head.encoding, "replace")
+    at = 0
+    for line in text.splitlines(keepends=True)[:n]:
+        at += len(line)
+    skipped = text[:at].encode(head.encoding, "replace")
+    file.seek(start + (len(skipped) if unit == 2 or head.encoding == "utf-8" else at))

@@ -1,0 +1,132 @@
+"""GPX tracks: `trkpt` with a time each, read as a stream.
+
+Times are UTC (GPX 1.1, topografix.com/GPX/1/1). Speeds in m/s and courses in degrees are read where a program wrote
+them (GPX 1.0, or extensions of the same names).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from cwcli.errors import DataError, InputError
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ask
+
+POINTS_AT_ONCE = 50_000
+"""Points of a batch."""
+PRESETS = {
+    "time": Preset("time"),
+    "lat": Preset("latitude", "deg"),
+    "lon": Preset("longitude", "deg"),
+    "ele": Preset("altitude", "m"),
+    "speed": Preset("speed", "mps"),
+    "course": Preset("course"),
+}
+"""Column -> the quantity and unit that the format fixes."""
+
+
+def _accepts(head: FileHead) -> bool:
+    return "<gpx" in "\n".join(head.lines[:20])
+
+
+def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
+    tracks = [(name, n) for name, n in _list_tracks(path) if n]
+    if not tracks:
+        raise DataError("it has no track with points", where=path, hint="routes and way points have no times")
+    wanted = 0
+    if len(tracks) > 1:
+        names = [name for name, _ in tracks]
+        if answers.vehicle not in names:
+            shown = ", ".join(f"{name} ({n} points)" for name, n in tracks[:10])
+            raise ask([Question(path, f"it has {len(tracks)} tracks: {shown}", f"--id '{names[0]}'")])
+        wanted = names.index(answers.vehicle)
+    found = set(_names_of_points(path, tracks[wanted][0]))
+    columns = tuple(name for name in PRESETS if name in {"time", "lat", "lon"} or name in found)
+    notes: list[str] = []
+
+    def read(names: Sequence[str]) -> Iterator[Batch]:
+        import pyarrow as pa
+
+        rows: list[dict[str, str]] = []
+        for track, point in _iter_points(path):
+            if track != tracks[wanted][0]:
+                continue
+            rows.append(point)
+            if len(rows) == POINTS_AT_ONCE:
+                yield {name: pa.array([row.get(name, "") for row in rows]) for name in names}
+                rows = []
+        if rows:
+            yield {name: pa.array([row.get(name, "") for row in rows]) for name in names}
+
+    presets = {name: PRESETS[name] for name in columns}
+    if "course" in presets:
+        presets["course"] = Preset("course", "deg-cw-north")
+    return [SourceTable(path, "", "gpx", columns, read, presets=presets, notes=notes)]
+
+
+def _list_tracks(path: str) -> list[tuple[str, int]]:
+    """Return name and number of points of each track; unnamed and equal names get a number."""
+    counts: dict[str, int] = {}
+    for name, _ in _iter_points(path):
+        counts[name] = counts.get(name, 0) + 1
+    return list(counts.items())
+
+
+def _names_of_points(path: str, track: str) -> Iterator[str]:
+    for k, (name, point) in enumerate(_iter_points(path)):
+        if name == track:
+            yield from point
+        if k > POINTS_AT_ONCE:
+            return
+
+
+def _iter_points(path: str) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield track and fields of each point.
+
+    Raises:
+        InputError: It is no XML.
+    """
+    name, n_tracks, seen = "", 0, set()
+    depth_of_point = False
+    segment = None
+    try:
+        with Path(path).open("rb") as file:
+            for event, element in ElementTree.iterparse(file, ("start", "end")):
+                tag = element.tag.rpartition("}")[2]
+                if event == "start":
+                    if tag == "trk":
+                        n_tracks += 1
+                        name = f"track {n_tracks}"
+                    depth_of_point |= tag == "trkpt"
+                    segment = element if tag == "trkseg" else segment
+                elif tag == "name" and not depth_of_point and n_tracks:
+                    text = (element.text or "").strip()
+                    name = text if text and text not in seen else name
+                    seen.add(text)
+                elif tag == "trkpt":
+                    depth_of_point = False
+                    yield name, _fields_of_point(element)
+                    if segment is not None:
+                        segment.remove(element)  # the tree does not grow with the file
+                elif tag in {"trkseg", "trk", "wpt", "rtept"}:
+                    element.clear()
+    except ElementTree.ParseError as error:
+        raise InputError(f"the XML is damaged: {error}", where=path) from error
+    except OSError as error:
+        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+
+
+def _fields_of_point(point: Any) -> dict[str, str]:
+    fields = {"lat": point.get("lat", ""), "lon": point.get("lon", "")}
+    for child in point.iter():
+        tag = child.tag.rpartition("}")[2]
+        if tag in PRESETS and child.text and tag not in fields:
+            fields[tag] = child.text.strip()
+    return fields
+
+
+KIND = ImportKind("GPX tracks", (".gpx",), _accepts, _read)
+"""The description of this kind."""

@@ -1,0 +1,21 @@
+"""KITTI poses: the upper three rows of a pose matrix a line, without times."""
+
+import numpy as np
+
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.readers.trajectory import read_kitti, rows_of_numbers
+
+MAX_VOLUME_ERROR = 0.05
+"""Largest deviation of the determinant of a rotation from 1; other numbers are no rotation."""
+
+
+def _accepts(head: FileHead) -> bool:
+    rows = rows_of_numbers(head, 12)
+    if rows is None:
+        return False
+    volume = np.linalg.det(rows.reshape(-1, 3, 4)[:, :, :3])
+    return bool((np.abs(volume - 1.0) < MAX_VOLUME_ERROR).all())
+
+
+KIND = ImportKind("KITTI poses, with a file of times or a rate", (".txt", ".kitti"), _accepts, read_kitti)
+"""The description of this kind."""

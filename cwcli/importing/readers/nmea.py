@@ -1,0 +1,185 @@
+"""NMEA 0183 as text: GGA or RMC for the position, RMC or VTG for the velocity, HDT for the heading; times are UTC.
+
+A sentence whose checksum is wrong or missing is left out and counted, as for recorded `nmea_msgs/Sentence`.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import field
+from pathlib import Path
+
+import numpy as np
+
+from cwcli.errors import DataError, InputError
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
+from cwcli.importing.times import parse_start
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.builders.nmea import SENTENCE_PARSERS, parse_number_or_nan, split_sentence
+from cwcli.signals.columns import Int64Array
+from cwcli.signals.units import NS_PER_S
+
+NS_PER_DAY = 86_400 * NS_PER_S
+"""Length of a day."""
+SENTENCE = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*\*[0-9A-Fa-f]{2}")
+"""A sentence with its checksum."""
+COLUMNS = {
+    "position": ("latitude_deg", "longitude_deg", "altitude_m"),
+    "velocity": ("speed_mps", "course_deg"),
+    "heading": ("course_deg",),
+}
+"""Table -> the values of a sentence that it takes."""
+PRESETS = {
+    "time": Preset("time", "ns"),
+    "latitude_deg": Preset("latitude", "deg"),
+    "longitude_deg": Preset("longitude", "deg"),
+    "altitude_m": Preset("altitude", "m"),
+    "speed_mps": Preset("speed", "mps"),
+    "course_deg": Preset("course", "deg-cw-north"),
+}
+"""Column -> the quantity and unit that the format fixes."""
+SOURCES = {"position": ("GGA", "RMC"), "velocity": ("RMC", "VTG"), "heading": ("HDT",)}
+"""Table -> the sentences that give it, the best first."""
+
+
+@dataclass
+class Sentences:
+    """The values of a kind of sentence, by its row in the sequence of times."""
+
+    row: array[int] = field(default_factory=lambda: array("q"))
+    values: dict[str, array[float]] = field(default_factory=dict)
+
+
+@dataclass
+class Collected:
+    """What the sentences of a file say.
+
+    Attributes:
+        ns_of_day: Time of day of each sentence that has one.
+        day: Days since 1970 where the sentence has a date, else -1.
+        by_type: Sentence type -> its values.
+        counts: Reason -> sentences that can't be used.
+    """
+
+    ns_of_day: array[int] = field(default_factory=lambda: array("q"))
+    day: array[int] = field(default_factory=lambda: array("q"))
+    by_type: dict[str, Sentences] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+
+
+def _accepts(head: FileHead) -> bool:
+    found = sum(bool(SENTENCE.search(line)) for line in head.lines)
+    return found > 0 and found >= 0.3 * len(head.lines)
+
+
+def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
+    collected = _collect(path)
+    if not len(collected.ns_of_day):
+        raise DataError("no sentence has a time", where=path, hint="GGA and RMC sentences have one")
+    stamps, has_date = _stamps(collected)
+    notes = [f"{reason}: {n} sentences" for reason, n in collected.counts.items()]
+    start_ns = 0
+    if not has_date:
+        if answers.start:
+            start_ns = parse_start(answers.start) // NS_PER_DAY * NS_PER_DAY
+        else:
+            notes.append("no sentence has a date: stamps count from midnight (--start names the day)")
+    tables: list[SourceTable] = []
+    for name, types in SOURCES.items():
+        kind = next((each for each in types if each in collected.by_type), None)
+        if kind is None:
+            continue
+        tables.append(_table(path, name, collected.by_type[kind], stamps + start_ns, notes if not tables else []))
+        tables[-1].notes.append(f"from {kind} sentences")
+    if not tables:
+        raise DataError("it has no GGA, RMC, VTG or HDT sentence", where=path)
+    return tables
+
+
+def _table(path: str, name: str, sentences: Sentences, stamps: Int64Array, notes: list[str]) -> SourceTable:
+    rows = np.frombuffer(sentences.row, np.int64)
+    columns = {"time": stamps[rows], **{key: np.frombuffer(sentences.values[key]) for key in COLUMNS[name]}}
+    given = tuple(key for key, values in columns.items() if key == "time" or np.isfinite(values).any())
+
+    def read(wanted: Sequence[str]) -> Iterator[Batch]:
+        yield {key: columns[key] for key in wanted}
+
+    presets = {key: PRESETS[key] for key in given}
+    if name == "heading":
+        presets["course_deg"] = Preset("heading", "deg-cw-north")
+    return SourceTable(path, name, "nmea", given, read, presets=presets, notes=list(notes))
+
+
+def _collect(path: str) -> Collected:
+    collected = Collected()
+    try:
+        with Path(path).open(encoding="ascii", errors="replace") as file:
+            for line in file:
+                if line.strip():
+                    _collect_line(collected, line)
+    except OSError as error:
+        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+    return collected
+
+
+def _collect_line(collected: Collected, line: str) -> None:
+    kind, fields = split_sentence(line)
+    if not fields:
+        collected.counts[kind] += 1
+        return
+    if kind in {"RMC", "GGA", "ZDA"}:
+        _collect_time(collected, kind, fields)
+    if kind not in SENTENCE_PARSERS or not len(collected.ns_of_day):
+        return
+    values = SENTENCE_PARSERS[kind][1](fields)
+    if not values.is_fix:
+        collected.counts[f"{kind} without a fix"] += 1
+        return
+    sentences = collected.by_type.setdefault(kind, Sentences())
+    sentences.row.append(len(collected.ns_of_day) - 1)
+    for name in ("latitude_deg", "longitude_deg", "altitude_m", "speed_mps", "course_deg"):
+        sentences.values.setdefault(name, array("d")).append(getattr(values, name))
+
+
+def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> None:
+    match = re.fullmatch(r"(\d{2})(\d{2})(\d{2})(?:\.(\d*))?", fields[0])
+    if not match:
+        return
+    hour, minute, second = (int(match.group(k)) for k in (1, 2, 3))
+    part = int((match.group(4) or "").ljust(9, "0")[:9] or "0")
+    day = -1
+    text = fields[8] if kind == "RMC" and len(fields) > 8 else ""
+    if re.fullmatch(r"\d{6}", text):
+        day = _days(2000 + int(text[4:]) if int(text[4:]) < 80 else 1900 + int(text[4:]), int(text[2:4]), int(text[:2]))
+    if kind == "ZDA" and len(fields) > 3 and parse_number_or_nan(fields[3]) > 1979:
+        day = _days(int(fields[3]), int(fields[2]), int(fields[1]))
+    collected.ns_of_day.append(((hour * 60 + minute) * 60 + second) * NS_PER_S + part)
+    collected.day.append(day)
+
+
+def _days(year: int, month: int, day: int) -> int:
+    """Return the days since 1970, -1 for a date that does not exist."""
+    try:
+        return int(np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "D").astype(np.int64))
+    except ValueError:
+        return -1
+
+
+def _stamps(collected: Collected) -> tuple[Int64Array, bool]:
+    """Return ns since 1970 of each time, and whether a date is known: each time is near the one before."""
+    ns = np.frombuffer(collected.ns_of_day, np.int64)
+    day = np.frombuffer(collected.day, np.int64)
+    midnights = np.concatenate([[0], np.cumsum(np.diff(ns) < -NS_PER_DAY // 2)])
+    dated = np.flatnonzero(day >= 0)
+    if not len(dated):
+        return ns + midnights * NS_PER_DAY, False
+    nearest = dated[np.clip(np.searchsorted(dated, np.arange(len(ns)), side="right") - 1, 0, len(dated) - 1)]
+    return ns + (day[nearest] + midnights - midnights[nearest]) * NS_PER_DAY, True
+
+
+KIND = ImportKind("NMEA 0183 sentences as text", (".nmea", ".txt", ".log"), _accepts, _read)
+"""The description of this kind."""

@@ -1,0 +1,191 @@
+"""Phone recordings as a zip, or as one of its tables: Sensor Logger and phyphox.
+
+Sensor Logger: `Location.csv`, `Accelerometer.csv`, `Gyroscope.csv` with times in ns since 1970 (column `time`).
+phyphox: the same names with `Time (s)` from the start, which `meta/time.csv` dates.
+
+What a phone's `Accelerometer` measures differs: of Sensor Logger it is without gravity, and `TotalAcceleration` or
+`AccelerometerUncalibrated` has it; of phyphox it has it.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import zipfile
+from collections.abc import Sequence
+from dataclasses import replace
+
+from cwcli.errors import DataError, InputError, UsageError
+from cwcli.importing.names import split_name
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.readers.delimited import read_delimited
+from cwcli.importing.tables import Answers, Preset, SourceTable
+from cwcli.importing.times import parse_start
+
+MAX_MEMBER_BYTES = 2 << 30
+"""Largest table in a zip that is unpacked, 2 GiB."""
+MAX_TOTAL_BYTES = 4 << 30
+"""Largest sum of the tables that are unpacked, 4 GiB."""
+MAX_RATIO = 200
+"""Largest ratio of a table's size to that in the zip: text of numbers has less than 20."""
+MAX_MEMBERS = 1000
+"""Largest number of files in a zip."""
+LOCATIONS = ("location", "locationgps", "gps", "locationnetwork")
+"""Tables of positions, the best first."""
+ACCELERATIONS = ("totalacceleration", "accelerometeruncalibrated", "accelerometer", "acceleration")
+"""Tables of accelerations, those with gravity first."""
+GYROSCOPES = ("gyroscope", "gyroscopeuncalibrated")
+"""Tables of turn rates, the best first."""
+_SENSOR_LOGGER = {
+    "time": Preset("time", "ns"),
+    "latitude": Preset("latitude", "deg"),
+    "longitude": Preset("longitude", "deg"),
+    "altitude": Preset("altitude", "m"),
+    "speed": Preset("speed", "mps"),
+    "bearing": Preset("course", "deg-cw-north"),
+}
+
+
+def _accepts(head: FileHead) -> bool:
+    return head.data.startswith((b"PK\x03\x04", b"PK\x05\x06"))
+
+
+def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = _tables_of_archive(archive, path)
+            wanted = _wanted_tables(members)
+            if not wanted:
+                shown = tuple(sorted(members))[:30]
+                raise DataError("it holds no table of positions, accelerations or turn rates", where=path, found=shown)
+            texts = {name: _unpack(archive, members[name], path) for name in wanted}
+            start = next(
+                (
+                    _unpack(archive, info, path)
+                    for info in archive.infolist()
+                    if info.filename.endswith("meta/time.csv")
+                ),
+                b"",
+            )
+    except (zipfile.BadZipFile, OSError, NotImplementedError, RuntimeError, EOFError) as error:
+        raise InputError(f"the zip is damaged: {error}", where=path) from error
+    tables = []
+    for name, data in texts.items():
+        if data.count(b"\n") < 2:
+            continue
+        table = read_delimited(path, answers, part=members[name].filename, data=data, kind="phone")
+        tables.append(with_phone_meaning(table, name, start))
+    if not tables:
+        raise InputError("its tables have no rows", where=path)
+    has_position = any(table.part and stem_of_table(table.part) in LOCATIONS for table in tables)
+    if not has_position:
+        tables[0].notes.append("the recording has no location")
+    return tables
+
+
+def stem_of_table(name: str) -> str:
+    base = name.rpartition("/")[2].rpartition(".")[0] or name
+    return "".join(character for character in base.lower() if character.isalnum())
+
+
+def _tables_of_archive(archive: zipfile.ZipFile, path: str) -> dict[str, zipfile.ZipInfo]:
+    """Return the tables by their names without case, blanks and folders.
+
+    Raises:
+        InputError: There are too many files, or one unpacks to too much.
+    """
+    infos = [info for info in archive.infolist() if not info.is_dir()]
+    if len(infos) > MAX_MEMBERS:
+        raise InputError(f"the zip holds {len(infos)} files; recordings of phones hold few", where=path)
+    tables = {
+        stem_of_table(info.filename): info
+        for info in infos
+        if info.filename.lower().endswith((".csv", ".tsv", ".txt")) and "__MACOSX" not in info.filename
+    }
+    return {name: info for name, info in tables.items() if "/meta/" not in f"/{info.filename}"}
+
+
+def _wanted_tables(members: dict[str, zipfile.ZipInfo]) -> list[str]:
+    """Return the names of the tables to read: one of positions, one of accelerations, one of turn rates."""
+    wanted = []
+    for choices in (LOCATIONS, ACCELERATIONS, GYROSCOPES):
+        wanted += [name for name in choices if name in members][:1]
+    if not wanted:  # a zip of other tables
+        wanted = [name for name in members if not name.startswith(("metadata", "annotation", "device"))]
+    return wanted
+
+
+def _unpack(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: str) -> bytes:
+    """Return the bytes of a member.
+
+    Raises:
+        InputError: It unpacks to more than a recording does.
+    """
+    too_large = info.file_size > MAX_MEMBER_BYTES or info.file_size > MAX_RATIO * max(info.compress_size, 4096)
+    if too_large:
+        raise InputError(f"{info.filename} unpacks to {info.file_size / 1e6:,.0f} MB: it is no recording", where=path)
+    with archive.open(info) as file:
+        data = file.read(info.file_size + 1)
+    if len(data) > info.file_size:
+        raise InputError(f"{info.filename} unpacks to more than the zip says", where=path)
+    return data
+
+
+def with_phone_meaning(table: SourceTable, name: str, start: bytes) -> SourceTable:
+    """Return a table with what the apps fix: units, time base, gravity."""
+    columns = set(table.columns)
+    is_sensor_logger = {"time", "seconds_elapsed"} <= columns
+    presets: dict[str, Preset] = {}
+    if is_sensor_logger:
+        if name in LOCATIONS:
+            presets = {column: _SENSOR_LOGGER.get(column, Preset("ignored")) for column in table.columns}
+        else:
+            kind, unit = ("gyro", "radps") if name in GYROSCOPES else ("accel", "mps2")
+            presets = {axis: Preset(f"{kind}_{axis}", unit) for axis in "xyz"} | {"time": Preset("time", "ns")}
+            presets |= {column: Preset("ignored") for column in columns if column not in presets}
+        return replace(table, kind="sensor logger", presets=presets, is_device_frame=True, attitude_is_of_device=True)
+    for column in table.columns:
+        words = split_name(column).words
+        if name in LOCATIONS and words[:1] == ("velocity",):
+            presets[column] = Preset("speed", "mps")
+        elif name in LOCATIONS and words[:1] == ("direction",):
+            presets[column] = Preset("course", "deg-cw-north")
+        elif "absolute" in words or "accuracy" in words or "satellites" in words:
+            presets[column] = Preset("ignored")
+    return replace(
+        table,
+        kind="phyphox",
+        presets=presets,
+        is_device_frame=True,
+        attitude_is_of_device=True,
+        start_ns=_start_of_phyphox(start),
+    )
+
+
+def is_of_phone(table: SourceTable) -> bool:
+    """Tell whether a table is one of a recording of Sensor Logger or phyphox, by its columns and its name."""
+    columns = set(table.columns)
+    if {"time", "seconds_elapsed"} <= columns:
+        return stem_of_table(table.file) in {*LOCATIONS, *ACCELERATIONS, *GYROSCOPES}
+    return "Time (s)" in columns and any(
+        name.startswith(("Acceleration x (", "Linear Acceleration x (", "Gyroscope x (", "Latitude (°)"))
+        for name in columns
+    )
+
+
+def _start_of_phyphox(data: bytes) -> int | None:
+    """Return the system time of the experiment's zero; None where it is not told, or pauses make it unclear."""
+    if not data:
+        return None
+    rows = list(csv.DictReader(io.StringIO(data.decode("utf-8", "replace"))))
+    starts = [row for row in rows if (row.get("event") or "").upper() == "START"]
+    try:
+        first = starts[0]
+        system_s = parse_start(str(first["system time"]))
+        return system_s - round(float(first["experiment time"]) * 1e9)
+    except (IndexError, KeyError, ValueError, UsageError):
+        return None
+
+
+KIND = ImportKind("phone recordings of Sensor Logger and phyphox, as a zip", (".zip",), _accepts, _read)
+"""The description of this kind."""

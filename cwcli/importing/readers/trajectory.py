@@ -1,0 +1,206 @@
+"""Trajectories without a line of names: TUM (a time, a position and a quaternion) and KITTI (rows of pose matrices).
+
+Sources: cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats; the development kit of
+cvlibs.net/datasets/kitti/eval_odometry.php.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from cwcli.errors import DataError, InputError
+from cwcli.importing.readers.base import FileHead
+from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ask
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
+
+NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
+LINES_AT_ONCE = 50_000
+"""Lines that are parsed at a time."""
+POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Position and quaternion, in the order of TUM."""
+POSE_PRESETS = {
+    "time": Preset("time", "s"),
+    **{axis: Preset(axis, "m") for axis in "xyz"},
+    **{f"q{axis}": Preset(f"quaternion_{axis}") for axis in "xyzw"},
+}
+"""Column -> the quantity and unit that the format fixes."""
+MAX_UNEQUAL_LINES = 0.05
+"""Largest share of lines with another number of columns that is left out."""
+
+
+def rows_of_numbers(head: FileHead, n: int) -> FloatArray | None:
+    """Return the first lines as numbers (m, n); None unless every one holds n, between blanks or between commas.
+
+    Lines with # are remarks.
+    """
+    lines = [line for line in head.lines if not line.startswith(("#", "%"))]
+    rows = [_cells(line) for line in lines]
+    if not rows or any(len(row) != n or not all(NUMBER.match(cell) for cell in row) for row in rows):
+        return None
+    return np.array(rows, np.float64)
+
+
+def _cells(line: str) -> list[str]:
+    """Return the cells of a line: between blanks, else between commas."""
+    cells = line.split()
+    return cells if len(cells) > 1 else [cell.strip() for cell in line.rstrip(", ").split(",")]
+
+
+def is_file_of_times(head: FileHead) -> bool:
+    """Tell whether a file holds one number a line, below a line of words at most."""
+    lines = [line for line in head.lines if not line.startswith(("#", "%"))]
+    numbers = [line for line in lines if NUMBER.match(line)]
+    return len(numbers) > 1 and len(numbers) >= len(lines) - 1
+
+
+def iter_number_lines(path: str, n: int, notes: list[str]) -> Iterator[list[list[str]]]:
+    """Yield blocks of lines of n cells each; lines with another number of cells are counted.
+
+    Raises:
+        DataError: Too many of them.
+        InputError: The file can't be read.
+    """
+    n_bad = n_good = 0
+    try:
+        with Path(path).open(encoding="utf-8-sig", errors="replace") as file:
+            while block := list(islice(file, LINES_AT_ONCE)):
+                rows = [_cells(line) for line in block if line.strip() and line[0] not in "#%"]
+                good = [row for row in rows if len(row) == n and all(NUMBER.match(cell) for cell in row)]
+                n_bad += len(rows) - len(good)
+                n_good += len(good)
+                if good:
+                    yield good
+    except OSError as error:
+        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+    if n_bad > MAX_UNEQUAL_LINES * (n_bad + n_good):
+        raise DataError(
+            f"{n_bad} of {n_bad + n_good} lines are not {n} numbers", where=path, hint="the file may be damaged"
+        )
+    if n_bad and (said := f"{n_bad} lines are not {n} numbers and are left out") not in notes:
+        notes.append(said)
+
+
+def read_tum(path: str, answers: Answers) -> Sequence[SourceTable]:
+    """Return the poses of a TUM file."""
+    notes: list[str] = []
+
+    def read(columns: Sequence[str]) -> Iterator[Batch]:
+        import pyarrow as pa
+
+        for rows in iter_number_lines(path, 8, notes):
+            values = np.array([row[1:] for row in rows], np.float64)
+            batch = {name: values[:, k] for k, name in enumerate(POSE_COLUMNS)}
+            yield {name: pa.array([row[0] for row in rows]) if name == "time" else batch[name] for name in columns}
+
+    return [
+        SourceTable(path, "", "tum", ("time", *POSE_COLUMNS), read, presets=_presets_without_time_unit(), notes=notes)
+    ]
+
+
+def _presets_without_time_unit() -> dict[str, Preset]:
+    """Return the presets with the unit of the time left to its size: some tools write ns."""
+    return {**POSE_PRESETS, "time": Preset("time")}
+
+
+def read_kitti(path: str, answers: Answers) -> Sequence[SourceTable]:
+    """Return the poses of a KITTI file, with the times that the user names.
+
+    Raises:
+        AmbiguousError: No times are named, and none lie beside the file.
+        DataError: There is another number of times.
+    """
+    notes: list[str] = []
+    blocks = [np.array(rows, np.float64) for rows in iter_number_lines(path, 12, notes)]
+    if not blocks:
+        raise InputError("it has no poses", where=path)
+    matrices = np.concatenate(blocks).reshape(-1, 3, 4)
+    stamp_ns, why = times_of_rows(path, answers, len(matrices))
+    quaternions = quaternions_of_rotations(matrices[:, :, :3])
+    columns = {name: matrices[:, k, 3] for k, name in enumerate("xyz")}
+    columns |= {f"q{axis}": quaternions[:, k] for k, axis in enumerate("xyzw")}
+    notes.append(f"times: {why}")
+
+    def read(wanted: Sequence[str]) -> Iterator[Batch]:
+        yield {name: stamp_ns if name == "time" else columns[name] for name in wanted}
+
+    presets = {**POSE_PRESETS, "time": Preset("time", "ns")}
+    return [SourceTable(path, "", "kitti", ("time", *POSE_COLUMNS), read, presets=presets, notes=notes)]
+
+
+def times_of_rows(path: str, answers: Answers, n: int) -> tuple[Int64Array, str]:
+    """Return the stamps in ns (n,) of rows without a time: of `--times`, or of a times.txt beside the file.
+
+    Raises:
+        AmbiguousError: There are none.
+        DataError: There is another number of them.
+        InputError: The file of times can't be read.
+    """
+    source = answers.frame_times
+    rate = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[hH][zZ]", source)
+    if rate and float(rate.group(1)) > 0:
+        return np.rint(np.arange(n) * (NS_PER_S / float(rate.group(1)))).astype(np.int64), f"{source}, as you said"
+    if not source:
+        beside = Path(path).with_name("times.txt")
+        if not beside.is_file():
+            raise ask([Question(path, "its rows have no times", "--times times.txt, or --times 10Hz")])
+        source = str(beside)
+    stamps = read_time_lines(source)
+    if len(stamps) != n:
+        raise DataError(
+            f"{source} has {len(stamps)} times for {n} rows", where=path, hint="--times FILE names another one"
+        )
+    return stamps, source
+
+
+def read_time_lines(path: str) -> Int64Array:
+    """Return the times of a file with one a line, in ns: seconds, or ns since 1970 as EuRoC has them.
+
+    Raises:
+        InputError: It can't be read, or holds something else.
+    """
+    import pyarrow as pa
+
+    from cwcli.importing.cells import read_instant_cells
+    from cwcli.importing.times import Instants, base_of_numbers
+
+    try:
+        text = Path(path).read_text("utf-8-sig", errors="replace")
+    except OSError as error:
+        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+    cells = [
+        re.split(r"[,;\s]+", line.strip())[0] for line in text.splitlines() if line.strip() and line[0] not in "#%"
+    ]
+    if cells and not NUMBER.match(cells[0]):
+        cells = cells[1:]
+    if not cells or not all(NUMBER.match(cell) for cell in cells):
+        raise InputError("it has no number at the start of each line", where=path)
+    instants = Instants(*read_instant_cells(pa.array(cells), "."))
+    base = base_of_numbers(instants, "", ())
+    return instants.to_ns(base.unit if base.since == "1970" else "s")
+
+
+def quaternions_of_rotations(rotation: FloatArray) -> FloatArray:
+    """Return unit quaternions x, y, z, w (n, 4) of rotation matrices (n, 3, 3): the largest component first."""
+    trace = np.trace(rotation, axis1=1, axis2=2)
+    diagonal = np.einsum("nii->ni", rotation)
+    squares = np.column_stack([1.0 + 2.0 * diagonal - trace[:, None], 1.0 + trace])
+    largest = np.argmax(squares, axis=1)
+    r = rotation
+    off = {
+        (0, 1): r[:, 0, 1] + r[:, 1, 0], (0, 2): r[:, 0, 2] + r[:, 2, 0], (1, 2): r[:, 1, 2] + r[:, 2, 1],
+        (0, 3): r[:, 2, 1] - r[:, 1, 2], (1, 3): r[:, 0, 2] - r[:, 2, 0], (2, 3): r[:, 1, 0] - r[:, 0, 1],
+    }  # fmt: skip
+    table = np.zeros((len(r), 4, 4))
+    for (i, k), values in off.items():
+        table[:, i, k] = table[:, k, i] = values
+    for i in range(4):
+        table[:, i, i] = squares[:, i]
+    rows = table[np.arange(len(r)), largest]
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.asarray(rows / np.where(length > 0, length, np.nan))

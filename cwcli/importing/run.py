@@ -1,0 +1,285 @@
+"""Imports files: reads them, finds what they mean, and writes the log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
+
+from cwcli.errors import MissingSignalError
+from cwcli.importing.channels import (
+    FIX_TOPIC,
+    HEADING_TOPIC,
+    IMU_TOPIC,
+    POSE_TOPIC,
+    SPEED_TOPIC,
+    STEERING_TOPIC,
+    VELOCITY_TOPIC,
+    channels_of_table,
+)
+from cwcli.importing.inertial import find_inertial, pair_tables
+from cwcli.importing.load import load_table
+from cwcli.importing.mapping import format_mapping
+from cwcli.importing.meaning import Meaning
+from cwcli.importing.motion import Track
+from cwcli.importing.names import QUANTITIES
+from cwcli.importing.places import choose_vehicle, find_places
+from cwcli.importing.poses import turn_poses
+from cwcli.importing.readers import find_kind, load_kind
+from cwcli.importing.readers.base import FileHead, Recording
+from cwcli.importing.readers.trajectory import is_file_of_times
+from cwcli.importing.speeds import find_headings, find_speed, find_velocity, find_yaw_rate
+from cwcli.importing.stamps import find_stamps
+from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable, ask
+from cwcli.importing.units import FACTORS
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import OutputChannel
+
+METADATA_NAME = "cwcli.import"
+"""Name of the metadata record that says how the files were read."""
+
+QUANTITIES_OF_TOPIC = {
+    FIX_TOPIC: ("latitude", "longitude"),
+    POSE_TOPIC: ("x", "y"),
+    VELOCITY_TOPIC: ("course",),
+    SPEED_TOPIC: ("speed",),
+    HEADING_TOPIC: ("heading",),
+    IMU_TOPIC: ("accel_x", "gyro_x"),
+    STEERING_TOPIC: ("steering",),
+}
+"""Topic -> quantities without which a table has no such channel."""
+
+
+@dataclass(frozen=True)
+class ImportPlan:
+    """What an import makes.
+
+    Attributes:
+        kinds: File -> kind.
+        tables: Name of each table and its guesses.
+        channels: Table and channel, in the order of the files.
+        recordings: What its reader makes channels of itself.
+        notes: Table -> what the user should know.
+        unused: Table -> columns that are no quantity.
+        answers: What the user decided.
+    """
+
+    kinds: Mapping[str, str]
+    tables: tuple[tuple[str, tuple[Guess, ...]], ...]
+    channels: tuple[tuple[str, OutputChannel], ...]
+    recordings: tuple[Recording, ...] = ()
+    notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    unused: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    answers: Answers = field(default_factory=Answers)
+
+    @property
+    def topics(self) -> list[tuple[str, str, int, str]]:
+        """Topic, schema, number of messages and table of each channel."""
+        made = [(channel.topic, channel.schema_name, len(channel), table) for table, channel in self.channels]
+        return made + [(*topic, each.name) for each in self.recordings for topic in each.topics]
+
+    def mapping_text(self) -> str:
+        """Return the mapping file."""
+        return format_mapping(self.answers, self.tables)
+
+
+def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
+    """Read files and find what they mean.
+
+    Raises:
+        InputError: A file can't be read.
+        DataError: A file's rows can't be a recording.
+        MissingSignalError: Nothing in the files is a quantity; an `AmbiguousError` asks what only the user knows.
+    """
+    files, answers = _helping_files(files, answers)
+    kinds = {path: find_kind(path) for path in files}
+    tables: list[SourceTable] = []
+    recordings: list[Recording] = []
+    for path, kind in kinds.items():
+        for each in load_kind(kind).read(path, answers):
+            if isinstance(each, SourceTable):
+                tables.append(each)
+            else:
+                recordings.append(each)
+    meanings, unused = _meanings_of_tables(tables, answers)
+    _find_quantities(meanings)
+    questions = [question for meaning in meanings for question in meaning.questions]
+    if questions:
+        raise ask(questions)
+    _check_time_bases(meanings)
+    channels = [(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)]
+    _check_topics(channels)
+    if not channels and not recordings:
+        columns = tuple(column for table in tables for column in table.columns)
+        raise MissingSignalError(
+            "no column is a position, a speed, a heading or an inertial measurement",
+            where=", ".join(files),
+            found=columns[:40],
+            hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(QUANTITIES)}",
+        )
+    guesses = [(meaning.name, tuple(meaning.guesses)) for meaning in meanings if len(meaning.guesses) > 1]
+    guesses += [(each.name, tuple(each.guesses)) for each in recordings]
+    notes = {meaning.name: (*meaning.table.source.notes, *meaning.notes) for meaning in meanings}
+    for meaning in meanings:
+        used = {guess.column for guess in meaning.guesses}
+        loaded = {column for columns in meaning.table.candidates.values() for column in columns}
+        unused[meaning.name] = (*meaning.table.unused, *sorted(loaded - used))
+    return ImportPlan(kinds, tuple(guesses), tuple(channels), tuple(recordings), notes, unused, answers)
+
+
+def _helping_files(files: Sequence[str], answers: Answers) -> tuple[list[str], Answers]:
+    """Return the files without those that explain others: DBC files, and a file of times."""
+    dbc, times, others = [], [], []
+    for path in dict.fromkeys(files):
+        head = FileHead(path)
+        if any(line.startswith(("BO_ ", "BU_:", "NS_ :")) for line in head.lines):
+            dbc.append(path)
+        elif is_file_of_times(head):
+            times.append(path)
+        else:
+            others.append(path)
+    if not others and files:
+        raise MissingSignalError(
+            "it only explains another file", where=", ".join(files), hint="name the trace, the poses or the video, too"
+        )
+    if len(times) > 1:
+        raise ask([Question(times[0], f"{len(times)} files hold one time a line", "--times FILE names one")])
+    return others, replace(
+        answers, dbc=(*answers.dbc, *dbc), frame_times=answers.frame_times or (times[0] if times else "")
+    )
+
+
+def _meanings_of_tables(
+    tables: Sequence[SourceTable], answers: Answers
+) -> tuple[list[Meaning], dict[str, tuple[str, ...]]]:
+    """Return the tables that hold a quantity, with their stamps; and the columns of those that hold none."""
+    meanings, unused, questions = [], {}, []
+    for table in tables:
+        loaded = load_table(table, answers)
+        if not _holds_quantity(loaded.candidates) and len(tables) > 1:
+            unused[table.name] = table.columns
+            continue
+        if not _holds_quantity(loaded.candidates):
+            raise MissingSignalError(
+                "no column is a position, a speed, a heading or an inertial measurement",
+                where=table.name,
+                found=table.columns[:40],
+                hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(QUANTITIES)}",
+            )
+        try:
+            meanings.append(find_stamps(loaded, answers))
+        except AmbiguousError as error:
+            questions.append(Question(error.where, error.what, error.hint))
+    if questions:
+        raise ask(questions)
+    return meanings, unused
+
+
+def _holds_quantity(candidates: Mapping[str, Sequence[str]]) -> bool:
+    return any(
+        name
+        for name in candidates
+        if QUANTITIES[name].kind not in {"time", "text", "number"} and name not in {"altitude", "z"}
+    )
+
+
+def _find_quantities(meanings: Sequence[Meaning]) -> None:
+    """Find the quantities of all tables: positions first, because they judge the others."""
+    for meaning in meanings:
+        choose_vehicle(meaning)
+        if not meaning.questions:
+            find_places(meaning)
+            _find_orientation(meaning)
+            turn_poses(meaning)
+    accelerations = pair_tables(meanings)
+    paired = {each.name for each in accelerations.values()}
+    for meaning in meanings:
+        if meaning.questions:
+            continue
+        track = meaning.track or _track_of_others(meaning, meanings)
+        find_speed(meaning, track)
+        find_velocity(meaning, track)
+        find_headings(meaning, track)
+        find_yaw_rate(meaning, track)
+        if meaning.name not in paired:
+            find_inertial(meaning, track, accelerations.get(meaning.name))
+        _find_given_steering(meaning)
+
+
+def _track_of_others(meaning: Meaning, meanings: Sequence[Meaning]) -> Track | None:
+    """Return the track of another table on the same clock."""
+    return next((each.track for each in meanings if each.track is not None and each.since == meaning.since), None)
+
+
+def _find_given_steering(meaning: Meaning) -> None:
+    """Take a steering angle that the user names; by its name it may be the wheel's or that of the steering wheel."""
+    column = meaning.choose("steering") if meaning.candidates("steering") else None
+    if column is None:
+        return
+    unit, confidence, why = meaning.stated_unit("steering", column)
+    if meaning.is_given("steering") and unit:
+        meaning.add_scaled("steering", column, unit, confidence, why)
+    else:
+        meaning.notes.append(
+            f"{column!r} is left out: it may be the angle of the steering wheel "
+            f"(--column steering='{column}*deg' if it is that of the road wheels)"
+        )
+
+
+def _find_orientation(meaning: Meaning) -> None:
+    """Take a quaternion beside x and y as the orientation of the pose."""
+    if "x" not in meaning.values:
+        return
+    columns = [meaning.choose(f"quaternion_{axis}") for axis in "xyzw"]
+    for axis, column in zip("xyzw", columns, strict=True):
+        if all(columns) and column is not None:
+            guess = Guess(f"quaternion_{axis}", column, "", "certain", "the name")
+            meaning.add(f"quaternion_{axis}", meaning.raw(column) * FACTORS["number"]["1"], guess)
+
+
+def _check_topics(channels: Sequence[tuple[str, OutputChannel]]) -> None:
+    """Ask which table to read where two hold the same quantity: a log with both could be read either way."""
+    first: dict[str, str] = {}
+    questions = []
+    for table, channel in channels:
+        other = first.setdefault(channel.topic, table)
+        if other != table:
+            quantities = QUANTITIES_OF_TOPIC[channel.topic]
+            choices = " or ".join(
+                " ".join(f"--column '{quantity}@{name}='" for quantity in quantities) for name in (other, table)
+            )
+            what = f"{other} holds the same: {', '.join(quantities)}"
+            questions.append(Question(table, what, f"{choices} leaves one out"))
+    if questions:
+        raise ask(questions)
+
+
+def _check_time_bases(meanings: Sequence[Meaning]) -> None:
+    """Ask for the start of tables whose times count from it, beside tables that know the time."""
+    absolute = [meaning for meaning in meanings if meaning.since == "1970"]
+    relative = [meaning for meaning in meanings if meaning.since == "start"]
+    if absolute and relative:
+        raise ask(
+            [
+                Question(
+                    relative[0].name,
+                    f"its times count from the start of the recording, and those of {absolute[0].name} from 1970",
+                    "--start 2024-05-01T08:00:00Z says when the recording started",
+                )
+            ]
+        )
+
+
+def write_import(plan: ImportPlan, target: str, *, force: bool = False) -> None:
+    """Write the log.
+
+    Raises:
+        OutputError: It can't be written.
+    """
+    from cwcli.logs.write.writer import LogWriter
+
+    with LogWriter(target, force=force) as log:
+        for _, channel in plan.channels:
+            log.write_columns(channel)
+        for recording in plan.recordings:
+            recording.write(log)
+        log.add_metadata(METADATA_NAME, {"files": ", ".join(plan.kinds), "mapping": plan.mapping_text()})

@@ -1,0 +1,330 @@
+"""The stamps of a table: which column is the time, and what its values mean."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import DataError, MissingSignalError
+from cwcli.importing.load import LoadedTable
+from cwcli.importing.meaning import Meaning
+from cwcli.importing.names import split_name, unit_of_name
+from cwcli.importing.tables import Answers, Guess, Question, ask
+from cwcli.importing.times import (
+    Instants,
+    NumberBase,
+    TextTimes,
+    base_of_numbers,
+    ns_from_text_times,
+    parse_start,
+    possible_date_orders,
+    utc_ns_from_gps_seconds,
+    zone_error_free,
+)
+from cwcli.importing.units import find_unit
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import Int64Array
+from cwcli.signals.units import NS_PER_S
+
+BoolArray = npt.NDArray[np.bool_]
+MAX_SPREAD_S = 0.1
+"""Two columns of time whose difference changes by less say the same."""
+MAX_BACKWARD_SHARE = 0.2
+"""Largest share of rows that lie before their predecessor and are put into order."""
+MAX_REPEATED_SHARE = 0.5
+"""Largest share of rows with the stamp of the row before."""
+MAX_STAMP_NS = 7_258_118_400 * NS_PER_S
+"""Year 2200: no stamp is later."""
+RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
+"""Meanings of columns of time, the most useful first."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A column that can be the time.
+
+    Attributes:
+        column: Its name.
+        rank: A name of `RANKS`.
+        stamp_ns: Shape (n,), as far as it is known.
+        valid: Shape (n,).
+        guess: What it means.
+        question: What is not known about it, or None.
+    """
+
+    column: str
+    rank: str
+    stamp_ns: Int64Array
+    valid: BoolArray
+    guess: Guess
+    question: Question | None = None
+
+
+def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
+    """Return the table with its stamps; its quantities are still to be found.
+
+    Raises:
+        MissingSignalError: There is no column of time, or what it means is not known.
+        DataError: The times do not advance.
+    """
+    where = table.source.name
+    columns = [*table.candidates.get("time", ()), *table.candidates.get("date", ())]
+    candidates = [
+        found for column in dict.fromkeys(columns) if (found := _candidate(table, column, answers)) is not None
+    ]
+    candidates = _with_rows_numbered(candidates)
+    if not candidates:
+        names = ", ".join(table.source.columns[:12])
+        raise MissingSignalError(
+            "no column is the time",
+            where=where,
+            found=table.source.columns[:30],
+            hint=f"--column time=NAME, one of {names}",
+        )
+    given = answers.column_for(table.source, "time")
+    if given is None:
+        candidates = [each for each in candidates if _advances(each)] or candidates
+    best = min(candidates, key=lambda each: RANKS.index(each.rank))
+    if given is None:
+        best = _without_question_if_possible(candidates, best)
+        rivals = [each for each in candidates if each.rank == best.rank and each is not best and each.question is None]
+        for rival in rivals:
+            if not _advance_together(best, rival):
+                raise ask(
+                    [
+                        Question(
+                            where,
+                            f"{best.column!r} and {rival.column!r} can each be the time, and do not advance together",
+                            f"--column time='{best.column}' or --column time='{rival.column}'",
+                        )
+                    ]
+                )
+    if best.question is not None:
+        raise ask([best.question])
+    return _sort_rows_by_stamp(table, answers, best)
+
+
+def _advances(candidate: Candidate) -> bool:
+    """Tell whether most rows have another time than the row before."""
+    if candidate.question is not None:
+        return True
+    steps = np.diff(candidate.stamp_ns[candidate.valid])
+    return bool(np.count_nonzero(steps) > (1.0 - MAX_REPEATED_SHARE) * len(steps))
+
+
+def _without_question_if_possible(candidates: list[Candidate], best: Candidate) -> Candidate:
+    """Return a column that needs no answer, if there is one that says as much."""
+    if best.question is None:
+        return best
+    return next((each for each in candidates if each.question is None), best)
+
+
+def _with_rows_numbered(candidates: list[Candidate]) -> list[Candidate]:
+    """Return the candidates that hold any time."""
+    return [each for each in candidates if each.valid.any() or each.question is not None]
+
+
+def _candidate(table: LoadedTable, column: str, answers: Answers) -> Candidate | None:
+    words = split_name(column).words
+    if column in table.text_times:
+        times = table.text_times[column]
+        if not times.has_date:
+            return _clock_candidate(table, column, times, answers)
+        if not times.has_clock and not _is_datetime(times):
+            return _date_and_clock_candidate(table, column, times, answers)
+        return _date_candidate(table, column, times, answers, words)
+    if column not in table.instants:
+        return None
+    if column in table.candidates.get("date", ()) and column not in table.candidates.get("time", ()):
+        return None
+    return _number_candidate(table, column, table.instants[column], answers)
+
+
+def _is_datetime(times: TextTimes) -> bool:
+    return bool(np.isfinite(times.offset_s[times.valid]).any())
+
+
+def _date_candidate(
+    table: LoadedTable, column: str, times: TextTimes, answers: Answers, words: tuple[str, ...]
+) -> Candidate:
+    where = table.source.name
+    question = None
+    order, why = _date_order(times, answers)
+    if not order:
+        question = Question(
+            where, f"{column!r}: day and month can be either way round", "--date-order dmy or --date-order mdy"
+        )
+    has_zone = bool(np.isfinite(times.offset_s[times.valid]).all())
+    zone, confidence = answers.timezone, "given"
+    unit_text = split_name(column).unit_text.lower()
+    if has_zone:
+        confidence, why_zone = "certain", "the times name their zone"
+    elif {"utc", "gmt", "zulu"} & {*words, unit_text}:
+        zone, confidence, why_zone = "UTC", "certain", "the header says UTC"
+    elif table.source.kind in {"gpx"}:
+        zone, confidence, why_zone = "UTC", "certain", "the format says UTC"
+    elif zone:
+        why_zone = f"zone {zone}, as you said"
+        zone_error_free(zone)
+    else:
+        why_zone = ""
+        question = question or Question(
+            where, f"{column!r} has times of day without a zone", "--timezone UTC, Europe/Berlin or +02:00"
+        )
+    stamp_ns, valid = ns_from_text_times(times, order or "ymd", zone)
+    guess = Guess("time", column, "date", confidence, "; ".join(text for text in (why, why_zone) if text))
+    rank = "zoned date" if has_zone or zone == "UTC" else "local date"
+    return Candidate(column, rank, stamp_ns, valid, guess, question)
+
+
+def _date_order(times: TextTimes, answers: Answers) -> tuple[str, str]:
+    """Return the order of the date's parts, "" where it is not known, and the reason."""
+    orders = possible_date_orders(times)
+    if answers.date_order in orders or (answers.date_order and not orders):
+        return answers.date_order, "order as you said"
+    if len(orders) == 1 and not answers.date_order:
+        return orders[0], "" if orders[0] == "ymd" else "day before month" if orders[0] == "dmy" else "month before day"
+    return "", ""
+
+
+def _date_and_clock_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
+    """Return the time of a column of dates together with a column of times of day."""
+    clock = next(
+        (name for name, other in table.text_times.items() if name != column and not other.has_date and other.has_clock),
+        None,
+    )
+    if clock is None:
+        return None
+    other = table.text_times[clock]
+    joined = TextTimes(times.parts, other.ns_of_day, other.offset_s, times.valid & other.valid, times.mark)
+    words = (*split_name(column).words, *split_name(clock).words, split_name(clock).unit_text.lower())
+    found = _date_candidate(table, column, joined, answers, words)
+    guess = Guess(
+        "time", column, "date", found.guess.confidence, f"with the time of day in {clock!r}; {found.guess.why}"
+    )
+    rank = "date and clock" if found.rank == "zoned date" else "local date"
+    return Candidate(column, rank, found.stamp_ns, found.valid, guess, found.question)
+
+
+def _clock_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
+    if any(other.has_date and not other.has_clock for other in table.text_times.values()):
+        return None  # the column of dates takes it
+    stamp_ns, valid = ns_from_text_times(times, "ymd", "")
+    why = "times of day without a date: stamps count from midnight"
+    if answers.start:
+        midnight = parse_start(answers.start) // (86_400 * NS_PER_S) * 86_400 * NS_PER_S
+        stamp_ns, why = stamp_ns + midnight, "on the day of --start"
+    return Candidate(column, "clock", stamp_ns, valid, Guess("time", column, "clock", "assumed", why))
+
+
+def _number_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> Candidate:
+    where = table.source.name
+    given = answers.column_for(table.source, "time")
+    preset = table.source.presets.get(column)
+    words = split_name(column).words
+    unit = find_unit(table.source.units.get(column, ""), "time") or unit_of_name(column, "time")
+    unit = unit or next(
+        (find_unit(word, "time") for word in reversed(words) if len(word) > 3 and find_unit(word, "time")), ""
+    )
+    if preset is not None and preset.unit:
+        unit = preset.unit
+    base = base_of_numbers(instants, unit, words)
+    if given is not None and given[0] == column and given[1]:
+        wanted, _, since = given[1].partition("-")
+        read = base_of_numbers(instants, wanted, words)
+        base = NumberBase(wanted, since or read.since, "given", "as you said")
+    guess = Guess("time", column, base.unit, base.confidence, base.why)
+    if not base.unit:
+        units = " or ".join(f"--column time='{column}*{each}'" for each in ("s", "ms"))
+        what = (
+            f"{column!r}: the unit of the time is not known"
+            if not unit
+            else f"{column!r}: the numbers do not fit the unit {unit}"
+        )
+        question = Question(where, what, units)
+        return Candidate(column, "unknown", np.zeros(len(instants.whole), np.int64), instants.valid, guess, question)
+    stamp_ns = instants.to_ns(base.unit)
+    if base.since == "1970":
+        return Candidate(column, "1970", stamp_ns, instants.valid, guess)
+    if base.since == "gps":
+        return Candidate(column, "gps", utc_ns_from_gps_seconds(stamp_ns, None), instants.valid, guess)
+    week = next((name for name in table.candidates.get("week", ()) if name in table.numbers), None)
+    if week is not None and base.since == "week":
+        weeks = table.numbers[week]
+        why = f"time of the GPS week, with the week in {week!r}"
+        valid = instants.valid & np.isfinite(weeks)
+        return Candidate(
+            column,
+            "week",
+            utc_ns_from_gps_seconds(stamp_ns, weeks),
+            valid,
+            Guess("time", column, base.unit, "certain", why),
+        )
+    start_ns, why = 0, "stamps count from the start of the recording"
+    if answers.start:
+        start_ns, why = parse_start(answers.start), "counted from --start"
+    elif table.source.start_ns is not None:
+        start_ns, why = table.source.start_ns, "the file names the time of its start"
+    guess = Guess("time", column, base.unit, base.confidence, f"{base.why}; {why}")
+    return Candidate(column, "start" if not start_ns else "1970", stamp_ns + start_ns, instants.valid, guess)
+
+
+def _advance_together(first: Candidate, second: Candidate) -> bool:
+    both = first.valid & second.valid
+    if np.count_nonzero(both) < 2:
+        return True
+    difference = (first.stamp_ns[both] - second.stamp_ns[both]) / NS_PER_S
+    return float(np.ptp(difference)) <= MAX_SPREAD_S
+
+
+def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
+    """Return the rows that have a stamp, in the order of their stamps."""
+    where = table.source.name
+    rows = np.flatnonzero(best.valid)
+    stamps = best.stamp_ns[rows]
+    notes = []
+    if len(rows) < table.n_rows:
+        notes.append(f"{table.n_rows - len(rows)} rows without a time are left out")
+    if len(stamps) < 2:
+        raise DataError(f"it has {len(stamps)} rows with a time", where=where, hint="a log needs at least two")
+    if stamps.min() < 0:
+        notes.append("times before 0 are moved, so that the first stamp is 0")
+        stamps = stamps - stamps.min()
+    if stamps.max() > MAX_STAMP_NS:
+        raise DataError(f"{best.column!r}: times behind the year 2200", where=where, hint="--column time=NAME*UNIT")
+    steps = np.diff(stamps)
+    if not steps.any():
+        raise DataError(
+            f"{best.column!r}: every row has the same time",
+            where=where,
+            hint="name another column with --column time=NAME",
+        )
+    n_back = int(np.count_nonzero(steps < 0))
+    if n_back > MAX_BACKWARD_SHARE * len(steps) and not _has_several_vehicles(table):
+        raise DataError(
+            f"{best.column!r}: {n_back} of {len(steps)} times are before their predecessor",
+            where=where,
+            hint="name another column with --column time=NAME",
+        )
+    if n_back and not _has_several_vehicles(table):
+        notes.append(f"{n_back} times lie before their predecessor; rows are put into the order of time")
+    order = np.argsort(stamps, kind="stable")
+    n_repeated = int(np.count_nonzero(np.diff(stamps[order]) == 0))
+    if n_repeated > MAX_REPEATED_SHARE * len(stamps) and not _has_several_vehicles(table):
+        raise DataError(
+            f"{best.column!r}: {n_repeated} of {len(stamps)} rows have the time of the row before",
+            where=where,
+            hint="the time is too coarse for the rows; name another column with --column time=NAME",
+        )
+    since = "start" if best.rank in {"start", "clock"} and not answers.start else "1970"
+    meaning = Meaning(table, answers, rows[order], stamps[order], since)
+    meaning.guesses.append(best.guess)
+    meaning.notes += notes
+    meaning.chosen["time"] = best.column
+    return meaning
+
+
+def _has_several_vehicles(table: LoadedTable) -> bool:
+    return any(
+        len(table.codes[column][1]) > 1 for column in table.candidates.get("vehicle_id", ()) if column in table.codes
+    )

@@ -1,0 +1,149 @@
+"""What a reader gives: tables of named columns, in batches of rows; and the answers of the user to its questions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import field
+from pathlib import PurePath
+from typing import Any
+
+from cwcli.errors import MissingSignalError
+from cwcli.lazy_dataclass import dataclass
+
+Batch = Mapping[str, Any]
+"""Columns of some rows: name -> an Arrow array, or a NumPy array of numbers."""
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What a format fixes about a column.
+
+    Attributes:
+        quantity: A name of `cwcli.importing.names.QUANTITIES`.
+        unit: Its unit, as `cwcli.importing.units` spells it.
+    """
+
+    quantity: str
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class SourceTable:
+    """One table of a file.
+
+    Attributes:
+        file: The file's name as given.
+        part: Name of the table inside the file (a member of a zip, a CAN message), or "".
+        kind: Name of the kind of file.
+        columns: Names of the columns, each once.
+        read_batches: The batches of some of the columns; may be called again.
+        presets: Column -> what the format fixes about it.
+        units: Column -> unit text that the file gives outside the column's name, e.g. in a line of units.
+        is_device_frame: The inertial axes are those of a phone, which lies in the car in any direction.
+        attitude_is_of_device: Angles and quaternions are of the device, not of the car.
+        start_ns: Time of the table's zero where the format has it elsewhere; None otherwise.
+        notes: What the user should know; the list grows while the batches are read.
+    """
+
+    file: str
+    part: str
+    kind: str
+    columns: tuple[str, ...]
+    read_batches: Callable[[Sequence[str]], Iterator[Batch]]
+    presets: Mapping[str, Preset] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    is_device_frame: bool = False
+    attitude_is_of_device: bool = False
+    start_ns: int | None = None
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """The file, and the table in it."""
+        return f"{self.file}: {self.part}" if self.part else self.file
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What the user decided, by options or by a mapping file.
+
+    Attributes:
+        columns: (table or "", quantity) -> (column, unit or ""); a column of "" leaves the quantity out.
+        timezone: Name of the zone of local times, or "".
+        date_order: `dmy`, `mdy`, `ymd`, or "".
+        start: ISO 8601 time of the zero of relative times, or "".
+        decimal: `.` or `,`, or "" for what the file shows.
+        axes: Sensor axes that point forward and up, `x,z`, or "".
+        vehicle: Id of the ego or name of the track, or "".
+        frame_times: Source of the frames' or poses' times, or "".
+        dbc: Files that describe the messages of a CAN bus.
+    """
+
+    columns: Mapping[tuple[str, str], tuple[str, str]] = field(default_factory=dict)
+    timezone: str = ""
+    date_order: str = ""
+    start: str = ""
+    decimal: str = ""
+    axes: str = ""
+    vehicle: str = ""
+    frame_times: str = ""
+    dbc: tuple[str, ...] = ()
+
+    def column_for(self, table: SourceTable, quantity: str) -> tuple[str, str] | None:
+        """Return column and unit that the user gave for a quantity of a table; None where nothing was given."""
+        for name in (table.name, PurePath(table.file).name, table.part):
+            own = self.columns.get((name, quantity)) if name else None
+            if own is not None:
+                return own
+        shared = self.columns.get(("", quantity))
+        return shared if shared is not None and (not shared[0] or shared[0] in table.columns) else None
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that the file does not tell.
+
+    Attributes:
+        where: The table.
+        what: What is not known.
+        option: The option that decides, with its choices.
+    """
+
+    where: str
+    what: str
+    option: str
+
+
+class AmbiguousError(MissingSignalError):
+    """The file can be read in several ways, and only the user knows which one is right."""
+
+
+def ask(questions: Sequence[Question]) -> AmbiguousError:
+    """Return the error that puts questions to the user: the first one, and the others behind `found`."""
+    first, *others = questions
+    return AmbiguousError(
+        first.what,
+        where=first.where,
+        found=tuple(f"{each.where}: {each.what} ({each.option})" for each in others),
+        hint=first.option,
+    )
+
+
+@dataclass(frozen=True)
+class Guess:
+    """The meaning of a column.
+
+    Attributes:
+        quantity: A name of `cwcli.importing.names.QUANTITIES`.
+        column: The column.
+        unit: Its unit.
+        confidence: `given` by the user, `certain` (the format or the header says it), `likely` (the values say it) or
+            `assumed` (the usual convention; nothing contradicts).
+        why: The reason in words.
+    """
+
+    quantity: str
+    column: str
+    unit: str
+    confidence: str
+    why: str

@@ -1,0 +1,40 @@
+"""A file that is no log, imported into a temporary log for a command that reads logs."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from cwcli.errors import InputError
+from cwcli.importing.readers import find_kind
+from cwcli.importing.run import plan_import, write_import
+from cwcli.importing.tables import AmbiguousError, Answers
+from cwcli.input import InputFile
+from cwcli.logs.read.converted import ConvertedFile
+from cwcli.logs.read.source_format import SourceFormat
+
+
+def import_if_no_log(path: str) -> ConvertedFile | None:
+    """Return the temporary log that a file becomes; None for what is of no kind that is known.
+
+    Raises:
+        AmbiguousError: Only the user knows how to read it.
+        CwcliError: It is of a known kind and can't be imported.
+    """
+    try:
+        kind = find_kind(path)
+    except InputError:
+        return None
+    try:
+        plan = plan_import([path], Answers())
+    except AmbiguousError as error:
+        hint = f"cwcli import {path} -o log.mcap, with {error.hint}"
+        raise AmbiguousError(error.what, where=error.where, found=error.found, hint=hint) from error
+    with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
+        target = Path(folder) / "imported.mcap"
+        write_import(plan, str(target))
+        log = ConvertedFile(os.open(target, os.O_RDONLY), InputFile.open(path))
+    log.source_format = SourceFormat(f"a file of the kind {kind}")
+    log.notes = {f"imported; `cwcli import {path} --preview` shows how its columns were read": 1}
+    return log

@@ -1,0 +1,89 @@
+"""The beginning of a text file: its encoding and first lines."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+
+from cwcli.errors import InputError
+from cwcli.input import read_file
+from cwcli.lazy_dataclass import dataclass
+
+HEAD_BYTES = 256 << 10
+"""Bytes of a file that are looked at before it is read; chosen by hand."""
+MAX_CONTROL_SHARE = 0.02
+"""Largest share of control characters in a text; chosen by hand."""
+
+
+@dataclass(frozen=True)
+class TextHead:
+    """The beginning of a text file.
+
+    Attributes:
+        encoding: Name of the encoding for Python and Arrow.
+        bom_bytes: Length of the mark at the start.
+        lines: The first lines without their ends; the last one may be cut and is left out, unless it is the only one.
+        is_whole: The lines are the whole file.
+    """
+
+    encoding: str
+    bom_bytes: int
+    lines: tuple[str, ...]
+    is_whole: bool
+
+
+def read_head(path: str | Path, n_bytes: int = HEAD_BYTES) -> bytes:
+    """Return the first bytes of a file.
+
+    Raises:
+        InputError: It can't be read.
+    """
+    try:
+        return read_file(path, n_bytes)
+    except (OSError, ValueError) as error:
+        what = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"it can't be read: {what}", where=str(path)) from error
+
+
+def decode_head(data: bytes) -> TextHead | None:
+    """Decode the beginning of a file; None if it is no text."""
+    is_whole = len(data) < HEAD_BYTES
+    encoding, bom = "utf-8", 0
+    for mark, name in (
+        (codecs.BOM_UTF8, "utf-8"),
+        (codecs.BOM_UTF16_LE, "utf-16-le"),
+        (codecs.BOM_UTF16_BE, "utf-16-be"),
+    ):
+        if data.startswith(mark):
+            encoding, bom = name, len(mark)
+            break
+    body = data[bom:]
+    if encoding == "utf-8" and b"\0" in body:
+        return None
+    try:
+        text = codecs.getincrementaldecoder(encoding)().decode(body, final=is_whole)
+    except UnicodeDecodeError:
+        if encoding != "utf-8":
+            return None
+        encoding = "cp1252"
+        text = body.decode("cp1252", "replace")
+    if not text:
+        return TextHead(encoding, bom, (), is_whole)
+    n_control = sum(
+        1 for character in text if (ord(character) < 32 and character not in "\t\r\n\f\v") or character == "\ufffd"
+    )
+    if n_control > MAX_CONTROL_SHARE * len(text):
+        return None
+    lines = text.splitlines()
+    if not is_whole and len(lines) > 1:
+        lines = lines[:-1]
+    return TextHead(encoding, bom, tuple(lines), is_whole)
+
+
+def no_text_error(name: str) -> InputError:
+    """Return the error that a file is no text."""
+    return InputError(
+        "its bytes are no text and no format that is known",
+        where=name,
+        hint="`cwcli import --help` lists what can be read",
+    )

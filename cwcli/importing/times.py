@@ -1,0 +1,396 @@
+"""The time base of a table: numbers since 1970, since the GPS epoch or since the start; dates with and without a zone.
+
+Nothing is assumed that would move a log silently: a date without a zone, and an order of day and month that no cell
+tells, are questions.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import UsageError
+from cwcli.importing.units import FACTORS
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_from_gps_ns
+from cwcli.signals.units import NS_PER_S
+
+BoolArray = npt.NDArray[np.bool_]
+FIRST_YEAR_S, LAST_YEAR_S = 631_152_000, 4_102_444_800
+"""1990 and 2100 in seconds since 1970: recordings lie between them."""
+GPS_NAMES_FROM_S = 1_000_000_000
+"""Seconds since the GPS epoch of September 2011; earlier logs of vehicles hardly exist."""
+SLOWEST_HZ, FASTEST_HZ = 0.5, 2500.0
+"""Rates of rows that sensors of cars have; other rates show that the unit of the time is another one."""
+
+DATE_ORDERS = {"ymd": ("y", "m", "d"), "dmy": ("d", "m", "y"), "mdy": ("m", "d", "y")}
+"""Order of a date by its name."""
+_CLOCK = (
+    r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,:](?P<part>\d{1,9}))?)?"
+    r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+)
+_ZONE = r"\s*(?P<zone>Z|z|UTC|GMT|[+-]\d{2}:?\d{2}|[+-]\d{2})?"
+DATE_PATTERN = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})[-/.](?P<c>\d{1,4})"
+DATETIME_PATTERN = rf"^{DATE_PATTERN}[T\s,]+{_CLOCK}{_ZONE}$"
+"""A date with a time of day."""
+CLOCK_PATTERN = rf"^{_CLOCK}{_ZONE}$"
+"""A time of day."""
+ONLY_DATE_PATTERN = rf"^{DATE_PATTERN}$"
+"""The pattern of a date without a time of day."""
+UNIX_DATE_PATTERN = rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK} (?P<zone>UTC|GMT|Z) (?P<c>\d{{4}})$"
+"""A date as Unix writes it, with the month as a number: `Tue 11 14 22:13:20 GMT 2023`."""
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTHS)})[a-z]*\b"
+"""The name of a month."""
+SHORT_DATE_PATTERN = r"^(?P<a>\d{2})(?P<b>\d{2})(?P<c>\d{2})$"
+"""A date of six digits in an order that is not known."""
+DIGITS_DATE_PATTERN = r"^(?P<a>\d{4})(?P<b>\d{2})(?P<c>\d{2})$"
+"""A date of eight digits: year, month, day."""
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Times as they stand in a column of numbers: whole units and a fraction (n,), and whether there is one."""
+
+    whole: Int64Array
+    fraction: FloatArray
+    valid: BoolArray
+
+    def to_ns(self, unit: str) -> Int64Array:
+        """Return nanoseconds (n,); 0 where there is none."""
+        factor = int(FACTORS["time"][unit])
+        limit = 2**62 // factor
+        whole = np.clip(np.where(self.valid, self.whole, 0), -limit, limit)
+        ns: Int64Array = whole * factor + np.rint(np.where(self.valid, self.fraction, 0.0) * factor).astype(np.int64)
+        return ns
+
+    def values(self) -> FloatArray:
+        """Return the numbers as doubles (n,), NaN where there is none."""
+        return np.where(self.valid, self.whole + self.fraction, np.nan)
+
+
+@dataclass(frozen=True)
+class TextTimes:
+    """Dates and times of day as they stand in a column of texts.
+
+    Attributes:
+        parts: Shape (n, 3): the numbers of the date in their order, -1 where there is no date.
+        ns_of_day: Shape (n,): nanoseconds since midnight, 0 where there is no time of day.
+        offset_s: Shape (n,): the zone's offset from UTC; NaN without a zone.
+        valid: Shape (n,).
+        mark: Character between the parts of the date, "" without one.
+    """
+
+    parts: Int64Array
+    ns_of_day: Int64Array
+    offset_s: FloatArray
+    valid: BoolArray
+    mark: str
+
+    @property
+    def has_date(self) -> bool:
+        """Whether there are dates."""
+        return bool((self.parts[self.valid] >= 0).any())
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether there are times of day."""
+        return bool(self.ns_of_day.any())
+
+
+def _with_month_numbers(texts: Any) -> tuple[Any, bool]:
+    """Return texts with numbers in place of the names of months, and whether there were any."""
+    import pyarrow.compute as pc
+
+    if not pc.any(pc.match_substring_regex(texts, MONTH_PATTERN)).as_py():
+        return texts, False
+    for k, name in enumerate(MONTHS, 1):
+        texts = pc.replace_substring_regex(texts, rf"(?i)\b{name}[a-z]*\b", f"{k:02d}")
+    return texts, True
+
+
+def clock_of_digits(instants: Instants) -> TextTimes | None:
+    """Return times of day written as numbers, hhmmss; None where one is none."""
+    whole = instants.whole[instants.valid]
+    hour, minute, second = whole // 10_000, whole // 100 % 100, whole % 100
+    if not len(whole) or (hour > 23).any() or (minute > 59).any() or (second > 60).any():
+        return None
+    each = np.where(instants.valid, instants.whole, 0)
+    seconds = (each // 10_000 * 60 + each // 100 % 100) * 60 + each % 100
+    ns = seconds * NS_PER_S + np.rint(instants.fraction * NS_PER_S).astype(np.int64)
+    n = len(each)
+    return TextTimes(np.full((n, 3), -1, np.int64), ns, np.full(n, np.nan), instants.valid, "")
+
+
+def parse_short_dates(array: Any) -> TextTimes | None:
+    """Parse dates of six digits; None where a text is none."""
+    import pyarrow.compute as pc
+
+    from cwcli.importing.cells import trimmed_texts
+
+    found = pc.extract_regex(trimmed_texts(array), SHORT_DATE_PATTERN)
+    return None if found.null_count else _times_of_match(found)
+
+
+def parse_text_times(array: Any) -> TextTimes | None:
+    """Parse the texts of a batch; None where most are neither a date nor a time of day.
+
+    Args:
+        array: Arrow array of n texts.
+    """
+    import pyarrow.compute as pc
+
+    from cwcli.importing.cells import trimmed_texts
+
+    texts, has_names = _with_month_numbers(trimmed_texts(array))
+    n_given = len(texts) - texts.null_count
+    best: TextTimes | None = None
+    for pattern in (DATETIME_PATTERN, UNIX_DATE_PATTERN, CLOCK_PATTERN, ONLY_DATE_PATTERN, DIGITS_DATE_PATTERN):
+        found = pc.extract_regex(texts, pattern)
+        n_found = len(found) - found.null_count
+        if n_found and n_found >= 0.5 * n_given:
+            best = _times_of_match(found)
+            if has_names:  # the month is known, and the day before or behind it
+                best = replace(best, mark=".")
+            break
+    return best
+
+
+def _times_of_match(found: Any) -> TextTimes:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    names = {found.type.field(k).name for k in range(found.type.num_fields)}
+    n = len(found)
+    valid = ~np.asarray(pc.is_null(found))
+
+    def texts(name: str) -> Any:
+        return pc.struct_field(found, name).fill_null("") if name in names else pa.array([""] * n)
+
+    def integers(name: str, filler: str = "0") -> Int64Array:
+        column = texts(name)
+        return np.asarray(pc.if_else(pc.equal(column, ""), filler, column).cast(pa.int64())).astype(np.int64)
+
+    parts = (
+        np.stack([integers(name, "-1") for name in "abc"], axis=1) if "a" in names else np.full((n, 3), -1, np.int64)
+    )
+    hour, minute, second = integers("hour"), integers("minute"), integers("second")
+    part = np.asarray(pc.utf8_rpad(texts("part"), 9, "0").cast(pa.int64())).astype(np.int64)
+    half = np.asarray(pc.utf8_upper(pc.utf8_slice_codeunits(texts("half"), 0, 1)).to_pylist())
+    hour = np.where(half == "P", np.where(hour < 12, hour + 12, hour), np.where((half == "A") & (hour == 12), 0, hour))
+    valid &= (hour < 24) & (minute < 60) & (second < 61)
+    zone = texts("zone").dictionary_encode()
+    offsets = np.array([_zone_offset_s(text) for text in zone.dictionary.to_pylist()] or [np.nan])
+    offset_s = offsets[np.asarray(zone.indices)] if n else np.zeros(0)
+    marks = [mark for mark in pc.unique(texts("mark")).to_pylist() if mark]
+    ns_of_day = ((hour * 60 + minute) * 60 + second) * NS_PER_S + part
+    return TextTimes(parts, ns_of_day, offset_s, valid, marks[0] if marks else "")
+
+
+def _zone_offset_s(text: str) -> float:
+    if not text:
+        return float("nan")
+    if text.upper() in {"Z", "UTC", "GMT"}:
+        return 0.0
+    digits = text[1:].replace(":", "").ljust(4, "0")
+    return (int(digits[:2]) * 3600 + int(digits[2:]) * 60) * (-1.0 if text[0] == "-" else 1.0)
+
+
+def join_text_times(pieces: list[TextTimes]) -> TextTimes:
+    """Return the times of several batches as one."""
+    return TextTimes(
+        np.concatenate([each.parts for each in pieces]),
+        np.concatenate([each.ns_of_day for each in pieces]),
+        np.concatenate([each.offset_s for each in pieces]),
+        np.concatenate([each.valid for each in pieces]),
+        pieces[0].mark,
+    )
+
+
+def possible_date_orders(times: TextTimes) -> list[str]:
+    """Return the orders of day, month and year that every date of a column allows."""
+    parts = times.parts[times.valid & (times.parts[:, 0] >= 0)]
+    orders = []
+    for name, order in DATE_ORDERS.items():
+        year, month, day = (parts[:, order.index(each)] for each in "ymd")
+        is_short = (year < 100).all()
+        fits = (month >= 1).all() and (month <= 12).all() and (day >= 1).all() and (day <= 31).all()
+        if fits and (is_short or (year >= 1970).all()):
+            orders.append(name)
+    long_first = len(parts) > 0 and (parts[:, 0] >= 1000).all()
+    if long_first:
+        return [name for name in orders if name == "ymd"]
+    if "dmy" in orders and times.mark == ".":
+        return ["dmy"]  # dots are German: the day comes first
+    if len(parts) and (parts[:, 2] >= 1000).all():
+        orders = [name for name in orders if name != "ymd"]
+    return orders
+
+
+def ns_from_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Array, BoolArray]:
+    """Return nanoseconds since 1970 (n,) and whether they are a time.
+
+    Args:
+        times: With dates, or without: then days are counted from 1970-01-01, on through midnight.
+        order: A key of `DATE_ORDERS`; unused without dates.
+        zone: Name of the zone of those without an offset, "" for UTC.
+
+    Raises:
+        UsageError: There is no such zone.
+    """
+    valid = times.valid.copy()
+    if times.has_date:
+        indices = [DATE_ORDERS[order].index(each) for each in "ymd"]
+        year, month, day = times.parts[:, indices].T
+        valid &= (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
+        year = np.where(year < 100, year + 2000, year)
+        safe = np.where(valid, year, 1970), np.where(valid, month, 1), np.where(valid, day, 1)
+        first = ((safe[0] - 1970) * 12 + safe[1] - 1).astype("M8[M]").astype("M8[D]")
+        days = first.astype(np.int64) + safe[2] - 1
+    else:
+        days = _days_through_midnight(times.ns_of_day, valid)
+    local_ns = days * 86_400 * NS_PER_S + times.ns_of_day
+    offset_s = np.where(np.isnan(times.offset_s), _offsets_of_zone(zone, local_ns, valid), times.offset_s)
+    return local_ns - np.rint(offset_s).astype(np.int64) * NS_PER_S, valid
+
+
+def _days_through_midnight(ns_of_day: Int64Array, valid: BoolArray) -> Int64Array:
+    """Return the number of midnights before each row (n,)."""
+    steps = np.diff(np.where(valid, ns_of_day, 0), prepend=ns_of_day[:1] if len(ns_of_day) else [])
+    return np.cumsum(steps < -12 * 3600 * NS_PER_S).astype(np.int64)
+
+
+def _offsets_of_zone(zone: str, local_ns: Int64Array, valid: BoolArray) -> FloatArray:
+    """Return the offsets from UTC in s (n,) of local times; they are looked up once for each quarter of an hour."""
+    if not zone or zone.upper() in {"UTC", "GMT", "Z"}:
+        return np.zeros(len(local_ns))
+    if re.fullmatch(r"[+-]\d{2}:?\d{2}", zone):
+        return np.full(len(local_ns), _zone_offset_s(zone))
+    try:
+        known = ZoneInfo(zone)
+    except (KeyError, ValueError, OSError):
+        raise UsageError(
+            f"--timezone {zone}: there is no such zone", hint="--timezone UTC, Europe/Berlin or +02:00"
+        ) from None
+    quarters, index = np.unique(np.where(valid, local_ns, 0) // (900 * NS_PER_S), return_inverse=True)
+    offsets = []
+    for quarter in quarters.tolist():
+        there = datetime.fromtimestamp(quarter * 900, UTC).replace(tzinfo=known).utcoffset()
+        offsets.append(0.0 if there is None else there.total_seconds())
+    return np.array(offsets)[index]
+
+
+def zone_error_free(zone: str) -> str:
+    """Return the zone after a check that it exists."""
+    _offsets_of_zone(zone, np.zeros(1, np.int64), np.ones(1, np.bool_))
+    return zone
+
+
+def parse_start(text: str) -> int:
+    """Return a start given as ISO 8601 with a zone, or as seconds since 1970, in ns.
+
+    Raises:
+        UsageError: It is neither.
+    """
+    try:
+        if re.fullmatch(r"\d+(\.\d+)?", text):
+            return round(float(text) * NS_PER_S)
+        moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
+    except ValueError:
+        moment = None
+    if moment is None or moment.tzinfo is None:
+        raise UsageError(
+            f"--start {text}: it is no time with a zone", hint="--start 2024-05-01T08:00:00Z, or seconds since 1970"
+        )
+    return round(moment.timestamp() * 1000) * 1_000_000
+
+
+@dataclass(frozen=True)
+class NumberBase:
+    """How numbers of time are meant.
+
+    Attributes:
+        unit: `s`, `ms`, `us` or `ns`; "" where the numbers and the header do not tell.
+        since: `1970`, `gps`, `week` or `start`.
+        confidence, why: As in `Guess`.
+    """
+
+    unit: str
+    since: str
+    confidence: str
+    why: str
+
+
+def base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> NumberBase:
+    """Return how numbers of time are meant, by their size, the header's unit and words, and the rate of the rows."""
+    values = instants.values()
+    finite = values[np.isfinite(values)]
+    middle = float(np.median(np.abs(finite))) if len(finite) else 0.0
+    says_gps = any(word in {"gps", "gnss", "tow", "itow", "towms", "sow"} for word in words)
+    for each in ("s", "ms", "us", "ns"):
+        since_s = middle * FACTORS["time"][each] / 1e9
+        if unit and each != unit:
+            continue
+        if FIRST_YEAR_S <= since_s <= LAST_YEAR_S:
+            if says_gps and GPS_NAMES_FROM_S <= since_s <= datetime.now(UTC).timestamp() - GPS_EPOCH_UNIX_S + 86_400:
+                return NumberBase(each, "gps", "likely", "the header says GPS, and the numbers fit GPS time")
+            return NumberBase(each, "1970", "certain" if unit else "likely", f"the numbers are {each} since 1970")
+    if unit and middle * FACTORS["time"][unit] / 1e9 > FIRST_YEAR_S:
+        return NumberBase("", "start", "", "")
+    if unit:
+        since = (
+            "week"
+            if says_gps and middle * FACTORS["time"][unit] / 1e9 < SECONDS_PER_WEEK and _says_week(words)
+            else "start"
+        )
+        return NumberBase(unit, since, "certain", "the header says the unit")
+    step = _middle_step(finite)
+    fitting = [
+        each
+        for each in ("s", "ms", "us", "ns")
+        if step > 0 and SLOWEST_HZ <= 1e9 / (step * FACTORS["time"][each]) <= FASTEST_HZ
+    ]
+    if any(word in {"tow", "sow", "seconds", "elapsed"} for word in words) and "s" in fitting:
+        fitting = ["s"]
+    has_decimals = bool(len(finite)) and bool((np.abs(finite - np.rint(finite)) > 1e-9).any())
+    if has_decimals and "s" in fitting and step < 1.0:
+        fitting = ["s"]
+    if len(fitting) == 1:
+        since = "week" if _says_week(words) else "start"
+        return NumberBase(fitting[0], since, "likely", f"steps of {step:g} {fitting[0]} are a usual rate")
+    return NumberBase("", "start", "", "")
+
+
+def _says_week(words: tuple[str, ...]) -> bool:
+    return any(word in {"tow", "itow", "towms", "sow"} for word in words) or ("week" in words)
+
+
+def _middle_step(values: FloatArray) -> float:
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def utc_ns_from_gps_seconds(gps_ns: Int64Array, week: FloatArray | None) -> Int64Array:
+    """Return UTC in ns since 1970 of GPS times: since the GPS epoch, or in a week.
+
+    Args:
+        gps_ns: Shape (n,), ns since the GPS epoch, or since the week began.
+        week: Shape (n,), or None.
+    """
+    epoch_ns = GPS_EPOCH_UNIX_S * NS_PER_S
+    if week is not None:
+        whole = np.where(np.isfinite(week), week, 0.0).astype(np.int64)
+        gps_ns = gps_ns + whole * SECONDS_PER_WEEK * NS_PER_S
+    return utc_ns_from_gps_ns(gps_ns + epoch_ns)
+
+
+ReadNumbers = Callable[[str], FloatArray]

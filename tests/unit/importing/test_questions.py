@@ -1,0 +1,263 @@
+"""What a file does not say is asked, and never assumed; the answer makes it right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.errors import CwcliError, DataError, InputError
+from cwcli.importing.mapping import parse_column_option
+from cwcli.importing.run import ImportPlan, plan_import
+from cwcli.importing.tables import AmbiguousError, Answers
+from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
+
+D = DRIVE
+T, LAT, LON = epoch(), digits(D.lat_deg, 8), digits(D.lon_deg, 8)
+MPS, KMH, COURSE = digits(D.speed_mps, 3), digits(D.speed_mps * 3.6, 3), digits(D.course_deg, 2)
+AMERICAN = iso(D, "", "%m/%d/%Y %H:%M:%S")
+UNCLEAR = [text.replace("11/14", "05/04") for text in AMERICAN]
+
+ASKED: dict[str, tuple[str, list[list[str]], str]] = {
+    "speed without a unit and positions": ("time,speed", [T, KMH], "has no unit, and no moving position"),
+    "speed of another unit than the header says": ("time,lat,lon,speed_mps", [T, LAT, LON, KMH], "says kmh"),
+    "speed_ms that is in km/h": ("time,lat,lon,speed_ms", [T, LAT, LON, KMH], "says kmh"),
+    "two speeds": ("time,lat,lon,speed1,speed2", [T, LAT, LON, KMH, MPS], "can each be the speed"),
+    "two latitudes": ("time,lat,latitude,lon", [T, LAT, digits(D.lat_deg + 0.001, 8), LON], "can each be the latitude"),
+    "swapped, with a course": ("time,lat,lon,course", [T, LON, LAT, COURSE], "swapped"),
+    "swapped, with a speed": ("time,lat,lon,speed_mps", [T, LON, LAT, MPS], "swapped"),
+    "swapped, beyond 90 degrees": ("time,lat,lon", [T, digits(D.lon_deg + 100, 8), LAT], "swapped"),
+    "degrees or radians": (
+        "time,lat,lon",
+        [T, digits(np.deg2rad(D.lat_deg), 10), digits(np.deg2rad(D.lon_deg), 10)],
+        "radians",
+    ),
+    "degrees and minutes": (
+        "time,lat,lon",
+        [T, digits(4800 + (D.lat_deg - 48) * 60, 6), digits(1100 + (D.lon_deg - 11) * 60, 6)],
+        "degrees and minutes",
+    ),
+    "local time": ("time,lat,lon", [iso(D, "", "%Y-%m-%d %H:%M:%S"), LAT, LON], "without a zone"),
+    "month behind the day or before it": ("time,lat,lon", [UNCLEAR, LAT, LON], "day and month"),
+    "month before the day, local time": ("time,lat,lon", [AMERICAN, LAT, LON], "without a zone"),
+    "date of six digits": (
+        "DATE,TIME,LAT,LON",
+        [["231114"] * N, [f"{221320 + k // 20:06d}" for k in range(N)], LAT, LON],
+        "day and month",
+    ),
+    "steps of 1": ("time,lat,lon", [[str(k) for k in range(N)], LAT, LON], "unit of the time"),
+    "milliseconds called seconds": (
+        "time_s,lat,lon",
+        [[f"{START_S}{k:03d}" for k in range(N)], LAT, LON],
+        "do not fit the unit s",
+    ),
+    "two clocks": (
+        "time,timestamp,lat,lon",
+        [T, digits(START_S + D.t_s * 1.01, 3), LAT, LON],
+        "do not advance together",
+    ),
+    "vectors or positions": (
+        "time,x,y,z",
+        [T, digits(D.accel_mps2, 3), digits(D.yaw_rate_radps, 3), ["9.81"] * N],
+        "may be positions",
+    ),
+    "x and y in degrees": ("time,x,y", [T, LON, LAT], "may be degrees"),
+    "two vehicles": ("time,id,lat,lon", [T, ["a", "b"] * (N // 2), LAT, LON], "names 2 vehicles"),
+    "accelerations without gravity": (
+        "time,ax,ay,az",
+        [T, digits(D.accel_mps2, 3), ["0.1"] * N, ["0.0"] * N],
+        "has no unit",
+    ),
+    "accelerations of another unit": (
+        "time,ax [g],ay [g],az [g]",
+        [T, digits(D.accel_mps2, 3), ["0.1"] * N, ["9.81"] * N],
+        "the header says g, but gravity is 9.8",
+    ),
+    "slow turn rates": (
+        "time,gx,gy,gz",
+        [T, ["0.01"] * N, ["0.02"] * N, digits(D.yaw_rate_radps, 4)],
+        "fits rad/s and deg/s",
+    ),
+    "yaw without positions": ("time,yaw", [T, COURSE], "unit or sense"),
+    "no names": (",".join([T[0], LAT[0], LON[0]]), [T, LAT, LON], "no line of names"),
+    "course in the other sense, or swapped": ("time,lat,lon,course", [T, LON, LAT, COURSE], "swapped"),
+}
+
+
+def plan(path: Path, *columns: str, **answers: str) -> ImportPlan:
+    return plan_import([str(path)], Answers(dict(map(parse_column_option, columns)), **answers))
+
+
+def table(folder: Path, names: str, columns: Sequence[list[str]], separator: str = ",") -> Path:
+    return write_table(folder / "drive.csv", names, list(columns), separator)
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_is_asked(name: str, tmp_path: Path) -> None:
+    names, columns, words = ASKED[name]
+    with pytest.raises(CwcliError, match=words) as found:
+        plan(table(tmp_path, names, columns))
+    assert found.value.exit_code in {4, 5}
+    assert found.value.hint
+    assert "drive.csv" in found.value.where
+
+
+def values(made: ImportPlan, topic: str, path: str) -> np.ndarray:
+    (channel,) = [each for _, each in made.channels if each.topic == topic]
+    return np.asarray(channel.fields[path])
+
+
+def test_answer_about_a_unit(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,speed", [T, KMH])
+    made = plan(path, "speed=speed*kmh")
+    np.testing.assert_allclose(values(made, "/vehicle/twist", "twist.linear.x"), D.speed_mps, atol=1e-3)
+    assert made.tables[0][1][1].confidence == "given"
+
+
+def test_answer_that_swaps(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,lat,lon,course", [T, LON, LAT, COURSE])
+    made = plan(path, "latitude=lon", "longitude=lat")
+    np.testing.assert_allclose(values(made, "/gps/fix", "latitude"), D.lat_deg, atol=1e-8)
+
+
+def test_answer_about_a_zone(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,lat,lon", [iso(D, "", "%Y-%m-%d %H:%M:%S", hours=1), LAT, LON])
+    made = plan(path, timezone="Europe/Berlin")  # winter time: one hour ahead of UTC
+    assert values(made, "/gps/fix", "header.stamp")[0] == START_S * 10**9
+
+
+def test_answer_about_the_order_of_a_date(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,lat,lon", [UNCLEAR, LAT, LON])
+    first = {
+        order: values(plan(path, timezone="UTC", date_order=order), "/gps/fix", "header.stamp")[0]
+        for order in ("dmy", "mdy")
+    }
+    moments = {order: str(np.datetime64(int(stamp), "ns"))[:10] for order, stamp in first.items()}
+    assert moments == {"dmy": "2023-04-05", "mdy": "2023-05-04"}
+
+
+def test_answer_about_a_vehicle(tmp_path: Path) -> None:
+    made = plan(table(tmp_path, "time,id,lat,lon", [T, ["a", "b"] * (N // 2), LAT, LON]), vehicle="b")
+    np.testing.assert_allclose(values(made, "/gps/fix", "latitude"), D.lat_deg[1::2], atol=1e-8)
+
+
+def test_quantity_that_is_left_out(tmp_path: Path) -> None:
+    made = plan(table(tmp_path, "time,lat,lon,speed_mps", [T, LAT, LON, KMH]), "speed=")
+    assert [channel.topic for _, channel in made.channels] == ["/gps/fix"]
+
+
+def test_two_tables_of_positions_are_asked_about(tmp_path: Path) -> None:
+    files = [str(write_table(tmp_path / name, "time,lat,lon", [T, LAT, LON])) for name in ("a.csv", "b.csv")]
+    with pytest.raises(AmbiguousError, match="holds the same"):
+        plan_import(files, Answers())
+    answers = Answers(dict(map(parse_column_option, ["latitude@b.csv=", "longitude@b.csv="])))
+    with pytest.raises(CwcliError):
+        plan_import([files[1]], answers)
+    assert len(plan_import(files, answers).channels) == 1
+
+
+def test_times_from_the_start_beside_times_since_1970_are_asked_about(tmp_path: Path) -> None:
+    gps = write_table(tmp_path / "gps.csv", "time,lat,lon", [T, LAT, LON])
+    car = write_table(tmp_path / "car.csv", "t [s],speed [m/s]", [digits(D.t_s, 2), MPS])
+    with pytest.raises(AmbiguousError, match="count from the start"):
+        plan_import([str(gps), str(car)], Answers())
+    made = plan_import([str(gps), str(car)], Answers(start="2023-11-14T22:13:20Z"))
+    assert values(made, "/vehicle/twist", "header.stamp")[0] == START_S * 10**9
+
+
+@pytest.mark.parametrize(
+    ("sense", "column"),
+    [("yaw", np.degrees(D.heading_rad)), ("yaw_deg", D.course_deg), ("yaw", D.heading_rad)],
+    ids=["counter-clockwise degrees", "compass", "radians"],
+)
+def test_sense_of_a_yaw_is_that_of_the_way(sense: str, column: np.ndarray, tmp_path: Path) -> None:
+    made = plan(table(tmp_path, f"time,lat,lon,speed_mps,{sense},roll", [T, LAT, LON, MPS, digits(column, 6), MPS]))
+    z, w = (values(made, "/vehicle/heading", f"quaternion.{axis}") for axis in "zw")
+    error = np.angle(np.exp(1j * (2 * np.arctan2(z, w) - D.heading_rad)))
+    assert np.abs(error).max() < 1e-4
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_sense_and_unit_of_a_yaw_rate_are_those_of_the_way(sign: float, unit: str, tmp_path: Path) -> None:
+    rate = D.yaw_rate_radps if unit == "rad" else np.degrees(D.yaw_rate_radps)
+    made = plan(table(tmp_path, "time,lat,lon,speed_mps,yaw_rate", [T, LAT, LON, MPS, digits(sign * rate, 6)]))
+    np.testing.assert_allclose(values(made, "/vehicle/twist", "twist.angular.z"), D.yaw_rate_radps, atol=1e-5)
+
+
+def test_position_that_is_repeated_until_the_next_fix(tmp_path: Path) -> None:
+    held = [[column[k // 10 * 10] for k in range(N)] for column in (LAT, LON)]
+    made = plan(table(tmp_path, "time,lat,lon,speed_kmh", [T, *held, KMH]))
+    np.testing.assert_allclose(values(made, "/gps/fix", "latitude"), D.lat_deg[::10], atol=1e-8)
+    assert any("repeat the position" in note for notes in made.notes.values() for note in notes)
+
+
+@pytest.mark.parametrize("axes", ["down", "turned"])
+def test_axes_of_an_imu_are_those_that_speed_and_course_show(axes: str, tmp_path: Path) -> None:
+    """Mounted with z down (a roll of half a turn), or with x to the right (a quarter to the right)."""
+    matrix = (
+        np.diag([1.0, -1.0, -1.0]) if axes == "down" else np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0, 0, 1.0]])
+    )
+    force = np.stack([D.accel_mps2, D.speed_mps * D.yaw_rate_radps, np.full(N, 9.80665)], axis=1) @ matrix.T
+    turn = np.stack([np.zeros(N), np.zeros(N), D.yaw_rate_radps], axis=1) @ matrix.T
+    columns = [T, LAT, LON, *(digits(vector[:, k], 6) for vector in (force, turn) for k in range(3))]
+    names = "time,lat,lon,ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]"
+    made = plan(table(tmp_path, names, columns))
+    for axis, expected in zip("xyz", (D.accel_mps2, D.speed_mps * D.yaw_rate_radps, np.full(N, 9.80665)), strict=True):
+        np.testing.assert_allclose(values(made, "/imu/data", f"linear_acceleration.{axis}"), expected, atol=0.08)
+    np.testing.assert_allclose(values(made, "/imu/data", "angular_velocity.z"), D.yaw_rate_radps, atol=1e-5)
+
+
+BAD: dict[str, tuple[bytes, type[CwcliError], str]] = {
+    "empty": (b"", InputError, "it is empty"),
+    "blank lines": (b"\n\n\n", InputError, "it is empty"),
+    "names alone": (b"time,lat,lon\n", InputError, "no rows"),
+    "one row": (b"time,lat,lon\n1700000000,48.1,11.5\n", DataError, "1 rows with a time"),
+    "no text": (bytes(range(256)) * 40, InputError, "no text"),
+    "decimal commas between commas": (b"time,lat,lon\n" + b"0,1,48,1,11,5\n" * 9, DataError, "decimal commas"),
+    "comma and point": (
+        b"time;lat;lon\n" + b"1700000000;48,1;11.5\n1700000001;48.1;11.5\n" * 9,
+        AmbiguousError,
+        "comma",
+    ),
+    "one time": (b"time,lat,lon\n" + b"1.70E+09,48.1,11.5\n" * 9, DataError, "same time"),
+    "words for numbers": (b"time,lat,lon\n1700000000,north,11\n1700000001,south,11\n", DataError, "no numbers"),
+    "ragged rows": (b"time,lat,lon\n" + b"1700000000,48.1,11.5\n1,2\n" * 9, DataError, "rows"),
+    "nothing known": (b"a,b\n" + b"1,2\n3,4\n", CwcliError, "no column is"),
+    "gpx that is cut": (b'<?xml version="1.0"?><gpx><trk><trkseg><trkpt lat="1" lon="2">', InputError, "damaged"),
+    "zip that is cut": (b"PK\x03\x04" + b"\0" * 60, InputError, "damaged"),
+    "parquet that is cut": (b"PAR1" + b"\0" * 60, InputError, "damaged"),
+    "ubx without solutions": (b"\xb5\x62\x01\x07" + b"\0" * 60, DataError, "NAV-PVT"),
+    "nmea without a sound sentence": (b"$GPGGA,1,2,3*00\r\n" * 9, DataError, "no sentence has a time"),
+}
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".gpx", ".mcap"])
+@pytest.mark.parametrize("name", BAD)
+def test_bad_file_is_refused_in_words(name: str, suffix: str, tmp_path: Path) -> None:
+    """Whatever its name ends in."""
+    data, kind, words = BAD[name]
+    path = tmp_path / f"file{suffix}"
+    path.write_bytes(data)
+    with pytest.raises(kind, match=words):
+        plan(path)
+
+
+def test_zip_that_unpacks_to_too_much_is_not_unpacked(tmp_path: Path) -> None:
+    import zipfile
+
+    path = tmp_path / "bomb.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("Location.csv", b"0" * 20_000_000)
+    with pytest.raises(InputError, match="it is no recording"):
+        plan(path)
+
+
+def test_wrong_suffix_is_read_by_its_content(tmp_path: Path) -> None:
+    from tests.unit.importing.files import gpx_plain
+
+    (path,) = gpx_plain(tmp_path)
+    wrong = path.rename(tmp_path / "track.csv")
+    assert set(plan(wrong).kinds.values()) == {"gpx"}
