@@ -78,7 +78,9 @@ def test_drives_that_disagree_are_named_and_not_used_in_the_next_one(
     assert ", in_time.mcap " in told
     assert "it will not be used" in told
     assert "logs disagree (I^2 " in shown.out
-    assert run_command_line(["estimate", third, "--calibration", car, "-o", str(tmp_path / "out.mcap")]) == 0
+    assert (
+        run_command_line(["estimate", "--details", third, "--calibration", car, "-o", str(tmp_path / "out.mcap")]) == 0
+    )
     shown = capsys.readouterr()
     assert "disagree on the latency of position" in " ".join(shown.err.split())
     assert "jumped" not in shown.out
@@ -89,12 +91,20 @@ def test_calibration_that_does_not_fit_a_log_is_told_on_it(
 ) -> None:
     other = str(tmp_path / "in_time.mcap")
     assert run_command_line(["simulate", "city", "--seed", "4", "-o", other, "-q"]) == 0
-    assert run_command_line(["estimate", other, "--calibration", drives[-1], "-o", str(tmp_path / "out.mcap")]) == 0
+    assert (
+        run_command_line(
+            ["estimate", "--details", other, "--calibration", drives[-1], "-o", str(tmp_path / "out.mcap")]
+        )
+        == 0
+    )
     told = " ".join(capsys.readouterr().err.split())
     assert "makes this log worse" in told
     assert "latency of /gps/fix position found on it: " in told
     assert (
-        run_command_line(["estimate", drives[0], "--calibration", drives[-1], "-o", str(tmp_path / "out2.mcap")]) == 0
+        run_command_line(
+            ["estimate", "--details", drives[0], "--calibration", drives[-1], "-o", str(tmp_path / "out2.mcap")]
+        )
+        == 0
     )
     assert "worse" not in capsys.readouterr().err
 

@@ -146,7 +146,7 @@ def test_a_missing_part_is_told_and_strict_refuses_it(
     assert run_command_line(["info", *parts, "--as-one", "--json"]) == 0
     faults = json.loads(capsys.readouterr().out)["faults"]
     assert faults.pop("parts missing by the numbers in the names (4)") == 1
-    assert run_command_line(["run", *parts, "--as-one"]) == 0
+    assert run_command_line(["run", *parts, "--as-one", "--details"]) == 0
     assert "parts missing by the numbers in the names (4): 1" in " ".join(capsys.readouterr().err.split())
     assert run_command_line(["run", *parts, "--as-one", "--strict", "-o", str(tmp_path / "out.mcap")]) == EXIT_BAD_DATA
     assert not (tmp_path / "out.mcap").exists()

@@ -118,7 +118,7 @@ def test_traces_of_no_place_on_the_globe_are_no_maps(tmp_path: Path, capsys: pyt
 
 def test_of_two_hosts_the_one_of_most_messages_is_the_ego(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trace, out = two_hosts(tmp_path / "trace.mcap"), tmp_path / "out.mcap"
-    assert run_command_line(["estimate", str(trace), "-o", str(out)]) == 0
+    assert run_command_line(["estimate", "--details", str(trace), "-o", str(out)]) == 0
     told = " ".join(capsys.readouterr().err.split())
     assert "several host vehicles, 3 (120 messages), 8 (80 messages): 3 is the ego" in told
     with Log.open(out) as log:
