@@ -188,10 +188,10 @@ def _document(plan: ImportPlan, target: str | None) -> dict[str, Any]:
 def _print_plan(console: Console, plan: ImportPlan) -> None:
     for table, guesses in plan.tables:
         console.print_heading(table)
-        columns = ("quantity", "column", "unit", "confidence", "why")
+        headings = ("quantity", "column", "unit", "confidence", "why")
         texts = [(each.quantity, each.column, each.unit or "-", each.confidence, each.why) for each in guesses]
         console.print_summary(
-            format_table(columns, [[escape_control_characters(text) for text in row] for row in texts])
+            format_table(headings, [[escape_control_characters(text) for text in row] for row in texts])
         )
         console.print_summary("")
     made = [(topic, schema, n) for topic, schema, n, _ in plan.topics]
