@@ -57,7 +57,7 @@ def unknown_delay_sigma_s(latency: Latency) -> float:
         return 0.0
     if latency.applied_s != 0.0 or latency.status is LatencyStatus.CALIBRATED:
         return latency.sigma_s if math.isfinite(latency.sigma_s) else 0.0
-    sigma_s = latency.sigma_s if math.isfinite(latency.sigma_s) else latency.bound_s
+    sigma_s = latency.reach_s if latency.status is LatencyStatus.NOT_OBSERVABLE else latency.sigma_s
     if not math.isfinite(sigma_s) or sigma_s <= 0.0:
         return UNKNOWN_DELAY_SIGMA_S
     share = UNKNOWN_DELAY_SIGMA_S**2 / (UNKNOWN_DELAY_SIGMA_S**2 + sigma_s**2)

@@ -68,6 +68,7 @@ class Latency:
         sigma_s: One sigma of what was found (see `latency_evidence.Evidence.sigma_s`); NaN where nothing was.
         bound_s: The least sigma that any estimator without bias could have, by the filter's information about it; NaN
             where it was not looked for.
+        reach_s: NOT_OBSERVABLE: one sigma of what it may be, by the scatter over the log, s; NaN where not known.
         drift: How much it grows in a second, seconds; 0 but for DRIFTS.
         middle_s: Stamp, since the epoch, at which it is `found_s` where it drifts.
     """
@@ -76,6 +77,7 @@ class Latency:
     found_s: float = float("nan")
     sigma_s: float = float("nan")
     bound_s: float = float("nan")
+    reach_s: float = float("nan")
     drift: float = 0.0
     middle_s: float = 0.0
 

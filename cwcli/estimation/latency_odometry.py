@@ -85,7 +85,9 @@ def refine_position_latencies(series: Sequence[SensorSeries], latencies: Sequenc
             continue
         own = latency_from_odometry(evidence, max(sigmas_s))
         if not latencies[i].sigma_s <= own.sigma_s:
-            refined[i] = own
+            # That of white noise is no bound where fixes have slow errors, which the search models.
+            searched_s = latencies[i].bound_s if np.isfinite(latencies[i].bound_s) else own.sigma_s
+            refined[i] = replace(own, bound_s=min(searched_s, own.sigma_s))
     return refined
 
 
@@ -106,12 +108,11 @@ def find_delay_against_odometry(
     """
     if min(len(position), len(speed), len(yaw_rate)) < MIN_WINDOWS * MIN_ROWS_PER_WINDOW:
         return None
-    way = _integrate_way(speed, yaw_rate)
     time_s, place = position.time_s, position.values[:, 0] + 1j * position.values[:, 1]
     windows = _usable_windows(time_s, speed.time_s - speed.latency_s, yaw_rate.time_s - yaw_rate.latency_s)
     if len(windows) < MIN_WINDOWS:
         return None
-    delay_s = 0.0
+    way, delay_s = _integrate_way(speed, yaw_rate), 0.0
     for _ in range(N_ITERATIONS):
         rows = [_slopes_of_window(time_s[w], place[w], way, delay_s) for w in windows]
         residual, push = np.concatenate([r for r, _ in rows]), np.concatenate([p for _, p in rows])

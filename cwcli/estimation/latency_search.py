@@ -294,13 +294,14 @@ class _LatencySearch:
         if (drifting := self._find_drifting_latency(target, evidence, profile)) is not None:
             return drifting
         found_s, bound_s = evidence.likeliest_latency_s, evidence.formal_sigma_s
-        if not (bound_s < MAX_REPORTED_SIGMA_S and LATENCY_GRID_S[0] < found_s < LATENCY_GRID_S[-1]):
-            return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
         sigma_s = max(evidence.block_scatter_sigma_s, profile.sigma_covering_possible_latencies_s(evidence))
+        unknown = Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s, reach_s=float(np.hypot(found_s, sigma_s)))
+        if not (bound_s < MAX_REPORTED_SIGMA_S and LATENCY_GRID_S[0] < found_s < LATENCY_GRID_S[-1]):
+            return unknown
         if abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts_better_than_zero_latency(target, evidence):
             return Latency(LatencyStatus.APPLIED, found_s, sigma_s, bound_s)
         if not bound_s < MAX_OBSERVABLE_SIGMA_S:
-            return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
+            return unknown
         return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s, bound_s)
 
     def _find_drifting_latency(

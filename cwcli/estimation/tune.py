@@ -17,6 +17,7 @@ from cwcli.estimation.calibrated import (
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.delay_variance import DelaySigmas, combine_delay_sigmas
 from cwcli.estimation.latency import (
+    SIGNIFICANT_SIGMAS,
     Latency,
     LatencyStatus,
     is_reference_of_each_series,
@@ -110,7 +111,7 @@ def tune_latencies_and_noise(
         s if s.is_exact else replace(s, gate_nis=gate_nis(config.gate_probability, s.n_values_per_row)) for s in series
     )
     unknown = (
-        f"{s.source}: the latency of {s.kind.name.lower()} is not observable{_latency_bound_text(latency)} "
+        f"{s.source}: the latency of {s.kind.name.lower()} is not observable{_latency_reach_text(latency)} "
         "and not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s) and not config.blind
@@ -136,8 +137,10 @@ def tune_latencies_and_noise(
     )
 
 
-def _latency_bound_text(latency: Latency) -> str:
-    return f" (sigma at least {1e3 * latency.bound_s:.0f} ms)" if np.isfinite(latency.bound_s) else ""
+def _latency_reach_text(latency: Latency) -> str:
+    """Return what a latency may be that is not observable: three sigma, by the scatter over the log."""
+    reach_ms = 1e3 * SIGNIFICANT_SIGMAS * latency.reach_s
+    return f" (it may be up to {reach_ms:.0f} ms)" if np.isfinite(reach_ms) else ""
 
 
 def _pair_latencies_with_sources(series: Sequence[SensorSeries], latencies: Sequence[Latency]) -> list[SourceLatency]:

@@ -46,7 +46,7 @@ def test_a_clock_that_is_off_moves_the_whole_state() -> None:
         # 60 +- 50 ms beside a prior of 50 ms: 30 ms and a sigma of 35 ms
         (Latency(LatencyStatus.NOT_SIGNIFICANT, 0.06, 0.05, 0.02), np.hypot(0.03, 0.05 / np.sqrt(2.0))),
         (Latency(LatencyStatus.NOT_OBSERVABLE), 0.05),
-        (Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=0.05), 0.05 / np.sqrt(2.0)),
+        (Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=0.01, reach_s=0.05), 0.05 / np.sqrt(2.0)),
     ],
 )
 def test_what_is_not_known_of_a_delay(latency: Latency, expected_s: float) -> None:
