@@ -9,8 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from cwcli.fleet.plan import FleetPlan, LogTask
-from cwcli.fleet.worker import TaskResult, process_log
+from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
 from cwcli.fleet.worker_call import WorkerLost
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ class WorkerDied(Exception):
 
 
 def run_on_local_processes(
-    tasks: Sequence[LogTask], plan: FleetPlan, jobs: int, do: Callable[[LogTask, FleetPlan], TaskResult] = process_log
+    tasks: Sequence[LogTask], plan: FleetPlan, jobs: int, do: Callable[[LogTask, FleetPlan], TaskResult] | None = None
 ) -> Iterator[tuple[LogTask, TaskResult | WorkerDied]]:
     """Process the logs on `jobs` local processes, in order; yield each task with its result as it ends.
 
@@ -39,11 +38,15 @@ def run_on_local_processes(
     Args:
         tasks, plan: The logs, and what is done with each.
         jobs: Number of worker processes.
-        do: Function of a module that a worker calls for each log.
+        do: Function of a module that a worker calls for each log; None for `process_log`.
 
     Raises:
         OutputError: The output folder can't be written.
     """
+    if do is None:
+        from cwcli.fleet.worker import process_log
+
+        do = process_log
     workers = _WorkerPool(plan, do)
     threads = ThreadPoolExecutor(jobs, thread_name_prefix="log")
     try:

@@ -10,6 +10,7 @@ from dataclasses import field
 from typing import Any
 
 from cwcli import __version__
+from cwcli.fleet.input_states import FileState
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.source import MAX_PIPE_BYTES
@@ -29,6 +30,7 @@ class FleetPlan:
         replace: Leave channels of an earlier run out of the annotated log.
         tables: Write the channels' columns too.
         channels: Patterns of the new channels that are written into the annotated logs; empty for all.
+        rehash: Hash every log again, also where the state of its file says that it has not changed.
     """
 
     stages: tuple[StageCall, ...]
@@ -45,6 +47,7 @@ class FleetPlan:
     replace: bool = False
     tables: bool = False
     channels: tuple[str, ...] = ()
+    rehash: bool = False
 
     def stage_calls(self) -> dict[str, StageCall]:
         """Stage calls by name, in order."""
@@ -53,16 +56,38 @@ class FleetPlan:
     def cache_key(self, input_sha256: str) -> str:
         """Hash of version, input and options; an equal key means equal results.
 
-        `max_pipe_bytes` is no part of it, nor, without `--recover`, `max_ratio`: a log that was read within one bound
-        gives the same results within another.
+        `max_pipe_bytes` and `rehash` are no part of it, nor, without `--recover`, `max_ratio`: a log that was read
+        within one bound gives the same results within another.
         """
         settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         settings["stages"] = [[call.stage.name, dataclasses.asdict(call.config)] for call in self.stages]
-        del settings["pipeline"], settings["max_pipe_bytes"]
+        del settings["pipeline"], settings["max_pipe_bytes"], settings["rehash"]
         if not self.recover:
             del settings["max_ratio"]
         basis = json.dumps([__version__, input_sha256, settings], sort_keys=True, default=str)
         return hashlib.sha256(basis.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """The result of one log.
+
+    Attributes:
+        id: Id of the log.
+        status: `done`, `failed`, or `unchanged` if an earlier run had written the same.
+        wall_s, cpu_s: Run times.
+        peak_mb: Largest memory of the worker up to now.
+        attempts: Number of attempts; more than one if a worker died, none if the log was not read.
+        input_state: State of the log's file when it was read; None if it failed, or is not one plain file.
+    """
+
+    id: str
+    status: str
+    wall_s: float
+    cpu_s: float
+    peak_mb: float = 0.0
+    attempts: int = 1
+    input_state: FileState | None = None
 
 
 @dataclass(frozen=True)

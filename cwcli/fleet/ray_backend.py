@@ -9,8 +9,8 @@ from typing import Any
 
 from cwcli.errors import UsageError, install_hint
 from cwcli.fleet.local import WorkerDied
-from cwcli.fleet.plan import FleetPlan, LogTask
-from cwcli.fleet.worker import TaskResult, process_log
+from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
+from cwcli.fleet.worker import process_log
 
 MAX_RETRIES = 1
 """Repetitions of a log whose worker died; chosen as for local processes."""

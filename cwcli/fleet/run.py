@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -31,11 +31,17 @@ from cwcli.fleet.folder import (
     read_json_object,
     write_json_object,
 )
+from cwcli.fleet.input_states import (
+    INPUTS_KEY,
+    FileState,
+    read_file_state,
+    states_from_document,
+    states_to_document,
+)
 from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
 from cwcli.fleet.names import unique_log_ids
-from cwcli.fleet.plan import FleetPlan, LogTask
-from cwcli.fleet.worker import TaskResult, write_log_entry
+from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
 from cwcli.input import names_of_inputs_in_folder, note_input, remember_inputs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
@@ -111,13 +117,17 @@ def run_fleet(
         _refuse_inputs_in_output_folder(folder, tasks)
         _prepare_output_folder(folder, tasks, force=force)
         write_json_object(_make_manifest(folder, plan, tasks), folder / MANIFEST_NAME)
+        known = {} if plan.rehash else states_from_document(read_json_object(folder / RUN_TIMES_NAME))
         statuses: dict[str, str] = {}
+        states: dict[str, FileState] = {}
         times: dict[str, Any] = {}
         try:
-            with closing(_run_tasks(tasks, plan, jobs, ray)) as ended:
+            with closing(_run_tasks(tasks, plan, known, jobs, ray)) as ended:
                 for task, answer in ended:
                     done = _record_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
                     statuses[task.id] = done.status
+                    if done.input_state is not None:
+                        states[task.id] = done.input_state
                     times[task.id] = {
                         "status": done.status,
                         "wall_s": round(done.wall_s, 4),
@@ -131,16 +141,39 @@ def run_fleet(
             manifest = _make_manifest(folder, plan, tasks, statuses)
             write_json_object(manifest, folder / MANIFEST_NAME, durable=True)
         took = {"began": began, "wall_s": round(time.monotonic() - begin, 3), "logs": dict(sorted(times.items()))}
-        write_json_object(took, folder / RUN_TIMES_NAME)
+        write_json_object({**took, INPUTS_KEY: states_to_document(states)}, folder / RUN_TIMES_NAME)
     return FleetResult(folder, manifest, statuses)
 
 
-def _run_tasks(tasks: list[LogTask], plan: FleetPlan, jobs: int | None, ray: str | None) -> Any:
+def _run_tasks(
+    tasks: list[LogTask], plan: FleetPlan, known: Mapping[str, FileState], jobs: int | None, ray: str | None
+) -> Generator[tuple[LogTask, TaskResult | WorkerDied]]:
+    """Yield each task with its result: first the logs that need no reading, then the others as workers end them."""
+    to_read = []
+    for task in tasks:
+        state = known.get(task.id)
+        if state is not None and state == read_file_state(task.path) and _is_up_to_date(task, plan):
+            yield task, TaskResult(task.id, "unchanged", 0.0, 0.0, attempts=0, input_state=state)
+        else:
+            to_read.append(task)
+    if not to_read:
+        return
     if ray is not None:
         from cwcli.fleet.ray_backend import run_on_ray_cluster
 
-        return run_on_ray_cluster(tasks, plan, ray, jobs)
-    return run_on_local_processes(tasks, plan, min(jobs or count_available_processors(), max(len(tasks), 1)))
+        running = run_on_ray_cluster(to_read, plan, ray, jobs)
+    else:
+        running = run_on_local_processes(to_read, plan, min(jobs or count_available_processors(), len(to_read)))
+    yield from running
+
+
+def _is_up_to_date(task: LogTask, plan: FleetPlan) -> bool:
+    """Whether the folder holds the results of a log whose bytes are those of its entry."""
+    folder = LogFolder(Path(task.out), task.id)
+    entry = folder.read_entry()
+    if entry is None or entry.get("source") != task.source or not isinstance(entry.get("sha256"), str):
+        return False
+    return folder.is_done(entry, plan.cache_key(entry["sha256"]))
 
 
 def count_available_processors() -> int:
@@ -208,6 +241,8 @@ def _make_manifest(
 
 def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
     """Record a log whose worker died at every attempt as failed."""
+    from cwcli.fleet.worker import write_log_entry
+
     entry = new_log_entry(task.id, task.source)
     entry["error"] = {
         "exit_code": EXIT_BUG,

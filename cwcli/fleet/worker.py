@@ -25,10 +25,10 @@ from cwcli.fleet.folder import (
     new_log_entry,
     write_table_with_folders,
 )
+from cwcli.fleet.input_states import FileState, read_file_state
 from cwcli.fleet.inputs import temporary_local_copy
-from cwcli.fleet.plan import FleetPlan, LogTask
+from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
 from cwcli.input import InputFile, remember_inputs
-from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.logs.read.source import open_source
@@ -42,26 +42,6 @@ from cwcli.stages import STAGES
 from cwcli.url import redact_urls
 
 
-@dataclass(frozen=True)
-class TaskResult:
-    """The result of one log.
-
-    Attributes:
-        id: Id of the log.
-        status: `done`, `failed`, or `unchanged` if an earlier run had written the same.
-        wall_s, cpu_s: Run times.
-        peak_mb: Largest memory of the worker up to now.
-        attempts: Number of attempts; more than one if a worker died.
-    """
-
-    id: str
-    status: str
-    wall_s: float
-    cpu_s: float
-    peak_mb: float = 0.0
-    attempts: int = 1
-
-
 def process_log(task: LogTask, plan: FleetPlan) -> TaskResult:
     """Process one log, unless an earlier run has done it.
 
@@ -71,8 +51,15 @@ def process_log(task: LogTask, plan: FleetPlan) -> TaskResult:
     bound_array_memory()
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     with remember_inputs():
-        status = _process_and_record(task, plan)
-    return TaskResult(task.id, status, time.perf_counter() - wall_s, time.process_time() - cpu_s, _peak_memory_mb())
+        status, state = _process_and_record(task, plan)
+    return TaskResult(
+        task.id,
+        status,
+        time.perf_counter() - wall_s,
+        time.process_time() - cpu_s,
+        _peak_memory_mb(),
+        input_state=state,
+    )
 
 
 def _peak_memory_mb() -> float:
@@ -84,7 +71,8 @@ def _peak_memory_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
-def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
+def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState | None]:
+    """Process one log and write its entry; returns its status, and the state in which its file was read."""
     folder = LogFolder(Path(task.out), task.id)
     before = folder.read_entry()
     entry = new_log_entry(task.id, task.source)
@@ -92,6 +80,9 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
         entry["without_table"] = {}
     try:
         with _open_log_file(task, plan.max_pipe_bytes) as file:
+            # a converted or joined log depends on more than one file, and a remote one has none here
+            is_plain = type(file) is InputFile and not is_remote_url(task.path)
+            state = read_file_state(file.descriptor) if is_plain else None
             entry["sha256"] = file.begin_sha256().result()
             entry["key"] = plan.cache_key(entry["sha256"])
             if before is not None and folder.is_done(before, entry["key"]):
@@ -99,7 +90,7 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
                     folder.write_entry(
                         {**before, "source": task.source}, [folder.out / name for name in before["outputs"]]
                     )
-                return "unchanged"
+                return "unchanged", state
             folder.remove_all_files()
             make_folder(folder.annotated_log_path.parent, parents=True)
             with Log.open(
@@ -114,7 +105,7 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
         outputs = []
         entry["error"] = bug_to_entry(error, task.path)
     write_log_entry(folder, entry, outputs)
-    return str(entry["status"])
+    return str(entry["status"]), state if entry["status"] == "done" else None
 
 
 def write_log_entry(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:

@@ -96,6 +96,13 @@ class FleetOptions:
             help="With -d: run on this Ray cluster (needs the extra cwcli-drive[ray]).",
         ),
     ] = None
+    rehash: Annotated[
+        bool,
+        typer.Option(
+            "--rehash",
+            help="With -d: hash every log again, also where its file has the size, times and number that it had.",
+        ),
+    ] = False
 
 
 @dataclass(frozen=True)
@@ -212,6 +219,7 @@ def command(
         _refuse_with_directory(writing, inputs, fleet)
         writing.channel_choice.check_patterns_before_run(STAGES[name] for name in options.wanted_stages)
         plan = options.fleet_plan(replace=writing.replace, choice=writing.channel_choice)
+        plan = replace(plan, rehash=fleet.rehash)
         return run_on_many_logs(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
     _refuse_without_directory(logs, pipeline, inputs, fleet)
     job = add_all_stages(
@@ -245,7 +253,12 @@ def _refuse_with_directory(writing: RunOutputOptions, reading: ReadingOptions, f
 def _refuse_without_directory(
     logs: list[str], pipeline: PipelineOptions, reading: ReadingOptions, fleet: FleetOptions
 ) -> None:
-    for option, value in (("--jobs", fleet.jobs), ("--ray", fleet.ray), ("--tables", pipeline.tables or None)):
+    for option, value in (
+        ("--jobs", fleet.jobs),
+        ("--ray", fleet.ray),
+        ("--rehash", fleet.rehash or None),
+        ("--tables", pipeline.tables or None),
+    ):
         if value is not None:
             raise UsageError(f"{option} needs an output folder", hint="name it with -d")
     hint = "name it with -d; or --as-one takes them as the parts of one log"
