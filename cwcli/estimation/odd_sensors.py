@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.estimation.hypotheses.imu import IMU
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.signals.columns import FloatArray
@@ -29,37 +31,32 @@ MAX_REPEATED_ROW_SHARE = 0.1
 """Greatest share of repeats in the other rows: a coarse signal repeats more often. Chosen by hand; not fitted."""
 
 
-def convert_imu_to_si_units(
-    values: FloatArray, variance: FloatArray | None
-) -> tuple[FloatArray, FloatArray | None, list[str]]:
-    """Convert the rows of an IMU to m/s^2 and rad/s, mounted upright, by the size and direction of their values.
+def find_impossible_imu_values(values: FloatArray) -> list[tuple[Hypothesis, str]]:
+    """Return faults of an IMU that the size and direction of its values alone show, with what shows each.
 
     Args:
-        values: Shape (n, 6): accelerometer, gyroscope (forward, left, up).
-        variance: Shape (n, 6) or None.
-
-    Returns:
-        Values, variances and a text on each change.
+        values: Shape (n, 6): accelerometer, gyroscope (forward, left, up); rows that are not finite do not count.
     """
-    words: list[str] = []
+    found: list[tuple[Hypothesis, str]] = []
+    values = values[np.isfinite(values).all(axis=1)]
     if not len(values):
-        return values, variance, words
-    factor = np.ones(6)
+        return found
     force = values[:, :3].mean(axis=0)
     norm = float(np.linalg.norm(force))
     if GRAVITY_RANGE_IN_G[0] < norm < GRAVITY_RANGE_IN_G[1] and abs(force[2]) > MIN_VERTICAL_SHARE * norm:
-        factor[:3] = GRAVITY_MPS2
-        words.append(f"gravity reads {norm:.2f}: accelerations taken as g, not m/s^2")
-    if norm * factor[2] > 0.5 * GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * norm:
-        factor[[1, 2, 4, 5]] *= -1.0
-        words.append("gravity points upward: taken as mounted upside down, and turned about its forward axis")
+        found.append((_imu_hypothesis("g"), f"gravity reads {norm:.2f}"))
+        norm *= GRAVITY_MPS2
+    if norm > 0.5 * GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * float(np.linalg.norm(force)):
+        found.append((_imu_hypothesis("x,-y,-z"), "gravity points upward"))
     fast = float(np.quantile(np.abs(values[:, 5]), 0.99))
     if fast > MAX_YAW_RATE_RADPS:
-        factor[3:] *= np.pi / 180.0
-        words.append(f"yaw rates reach {fast:.0f}: taken as degrees per second, not rad/s")
-    if not words:
-        return values, variance, words
-    return values * factor, None if variance is None else variance * factor**2, words
+        name = "degrees/s" if np.radians(fast) <= MAX_YAW_RATE_RADPS else "milliradians/s"
+        found.append((_imu_hypothesis(name), f"yaw rates reach {fast:.0f}"))
+    return found
+
+
+def _imu_hypothesis(name: str) -> Hypothesis:
+    return next(each for each in IMU if each.name == name)
 
 
 def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: FloatArray) -> bool:

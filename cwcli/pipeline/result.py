@@ -80,6 +80,8 @@ class StageSummary:
         sections, inputs, notes: Its tables, the counts of input messages, and notes.
         verdict: One sentence on the result, "" where the stage has none.
         contradictions: One sentence for each pair of sources that contradict each other; an error with `--strict`.
+        corrections: One sentence for each source whose values were wrong in a known way and were corrected; an error
+            with `--strict`.
     """
 
     title: str
@@ -88,6 +90,7 @@ class StageSummary:
     notes: tuple[str, ...] = ()
     verdict: str = ""
     contradictions: tuple[str, ...] = ()
+    corrections: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the summary for JSON, with names in snake_case; NaN, infinity and empty cells become None."""
@@ -111,6 +114,7 @@ class StageSummary:
             ],
             "notes": list(self.notes),
             **({"verdict": self.verdict} if self.verdict else {}),
+            **({"corrections": list(self.corrections)} if self.corrections else {}),
             **({"contradictions": list(self.contradictions)} if self.contradictions else {}),
         }
 

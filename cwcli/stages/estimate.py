@@ -14,9 +14,10 @@ from cwcli.channels.rejected import rejected_table, write_rejected_measurements
 from cwcli.channels.road_event import road_event_tables, write_road_events
 from cwcli.channels.transforms import read_lever_arms
 from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.calibration import Calibration, calibration_record_entry
 from cwcli.estimation.config import EstimatorConfig, LeverArms
+from cwcli.estimation.correction import Correction
 from cwcli.estimation.from_signals import (
     EgoSignal,
     drop_stretches_without_position,
@@ -141,7 +142,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         required=(Role.EGO_POSITION,),
         optional=(*EGO_SENSOR_ROLES[1:], Role.REMOTE, Role.TRUTH),
     )
-    _check_latency_topics(config.estimator, log)
+    _check_topics_of_options(config.estimator, log)
     if config.estimator.model != "cwcli" and (config.calibration is not None or config.estimator.lever_arms):
         option = "--lever-arm" if config.calibration is None else "--calibration"
         raise UsageError(f"{option} is not for --model {config.estimator.model}")
@@ -198,7 +199,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             apart.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
-    summary = _build_summary(sources, (*stands, *apart, *notes), tracks, told, transforms)
+    summary = _build_summary(sources, (*stands, *apart, *notes), tracks, told, transforms, estimator)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
@@ -253,18 +254,41 @@ def _read_lever_arms_if_used(
     return found, tuple(InputMessageCount.from_transforms(*each) for each in counts), notes
 
 
-def _check_latency_topics(estimator: EstimatorConfig, log: Log) -> None:
-    """Refuse a latency of a topic that the log does not have, because it would be ignored.
+def _check_topics_of_options(estimator: EstimatorConfig, log: Log) -> None:
+    """Refuse an option for a topic that the log does not have, because it would be ignored.
 
     Raises:
         UsageError: There is no such topic.
     """
-    if isinstance(estimator.latency, str):
-        return
     known = [channel.topic for channel in log.channels]
-    for name in estimator.latency:
-        if name not in known:
-            raise UsageError(f"--latency {name}: the log has no topic {name}", where=log.name)
+    for option, names in (
+        ("--latency", () if isinstance(estimator.latency, str) else estimator.latency),
+        ("--trust", estimator.trusted_sources),
+        ("--as", estimator.source_units),
+    ):
+        for name in names:
+            if name not in known:
+                raise UsageError(
+                    f"{option} {name}: the log has no topic {name}", where=log.name, hint=names_hint(name, known)
+                )
+
+
+def _count_corrections(
+    inputs: Sequence[InputMessageCount], corrections: Sequence[Correction]
+) -> tuple[InputMessageCount, ...]:
+    """Return the counts with the rows that were corrected as repaired, and those that were left out as set aside."""
+    counted = []
+    for entry in inputs:
+        repaired, aside = dict(entry.repaired), dict(entry.set_aside)
+        for each in corrections:
+            if each.who.source == entry.topic and each.who.role == entry.role:
+                if each.n_set_aside:
+                    aside[each.fault] = each.n_set_aside
+                else:
+                    repaired[each.fault] = min(each.n_rows, entry.used)
+        n_aside = sum(aside.values()) - sum(entry.set_aside.values())
+        counted.append(replace(entry, used=entry.used - n_aside, repaired=repaired, set_aside=aside))
+    return tuple(counted)
 
 
 def _online_known_since_ns(
@@ -285,12 +309,22 @@ def _build_summary(
     tracks: Mapping[str, TrackSummary],
     online: Sequence[OnlineAvailability],
     transforms: Sequence[InputMessageCount],
+    estimator: EstimatorConfig,
 ) -> StageSummary:
     """Return the summary of the stage: tables, input counts, notes, verdict and contradictions."""
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal) and len(s.stamp_ns)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
-    notes = [*sources.notes, *remarks, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
+    corrections = tracks[EGO_ID].corrections
+    notes = [each.sentence for each in corrections]
+    if estimator.takes_no_online_parameter_from_log:
+        notes += [
+            f"the online states use {each.who} as it is, because they may depend on no later message; "
+            f"--as {each.who.source}={each.name} corrects them, too"
+            for each in corrections
+            if not each.is_by_user and not each.n_set_aside
+        ]
+    notes += [*sources.notes, *remarks, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
     notes.extend(_shared_remote_notes(tracks))
     if online[0].parameters == PARAMETERS_FROM_LOG:
         notes.append(
@@ -301,10 +335,11 @@ def _build_summary(
     return StageSummary(
         "estimate",
         (*estimate_tables(tracks), online_states_table(online)),
-        (*sources.input_message_counts(), *transforms),
+        (*_count_corrections(sources.input_message_counts(), corrections), *transforms),
         tuple(dict.fromkeys(notes)),
         ego_verdict_sentence(tracks[EGO_ID]),
         tuple(each.contradiction_sentence for each in tracks[EGO_ID].contradictions),
+        tuple(each.sentence for each in corrections if not each.is_by_user),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import keyword
 import typing
 from collections.abc import Iterator
 from typing import Any
@@ -62,5 +63,6 @@ def _empty_value(kind: Any) -> Any:
 
 
 def config_key_of_flags(flags: str) -> str:
-    """Name of an option in a configuration file: `tune` of `--tune/--no-tune`."""
-    return flags.partition("/")[0].removeprefix("--").replace("-", "_")
+    """Name of an option in a configuration file: `tune` of `--tune/--no-tune`; `as_` of `--as`, a word of Python."""
+    name = flags.partition("/")[0].removeprefix("--").replace("-", "_")
+    return f"{name}_" if keyword.iskeyword(name) else name
