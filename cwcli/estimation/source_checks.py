@@ -29,11 +29,14 @@ from cwcli.estimation.step_motion import (
     compute_step_motion,
     step_edges_s,
 )
+from cwcli.estimation.turn_regression import regressed_turn_ratio
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)
 """Lengths of the steps, s: as long as a manoeuvre takes, and longer than sensors are late."""
+REGRESSED_LENGTHS_S = (2.0, 4.0)
+"""Lengths of the steps whose turns a line is put through, s: longer than sensors are late."""
 MIN_STEPS_OF_ONE_LENGTH = 4
 """Least number of clear steps of one length. Chosen: three agree by chance."""
 MIN_STEPS_OF_ALL_LENGTHS = 8
@@ -218,6 +221,8 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
         for check, measure in _COMPARE_FUNCTIONS.items():
             measured = [measure(motions[i], motions[j], step_s) for step_s, motions in by_length]
             judgement, number = judge_all_step_lengths(measured)
+            if check is SourceComparisonCheck.TURN and judgement is Judgement.UNKNOWN:
+                judgement, number = _judge_regressed_turns([(motions[i], motions[j]) for _, motions in by_length])
             if judgement is Judgement.UNKNOWN or (check in BIAS_CHECKS and judgement is Judgement.AGREE):
                 continue
             found.append(SourceComparison(check, one, other, judgement, number))
@@ -244,6 +249,27 @@ def judge_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgemen
         return Judgement.CONTRADICT, min(contrary, key=lambda each: each.half).number
     agrees = any(each.judgement is Judgement.AGREE for each in known) and not contrary
     return Judgement.AGREE if agrees else Judgement.UNKNOWN, min(known, key=lambda each: each.half).number
+
+
+def _judge_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tuple[Judgement, float]:
+    """Judge the turns of a pair by a line through those of all steps of REGRESSED_LENGTHS; see `turn_regression`.
+
+    Args:
+        pairs: The motions in steps of `STEP_LENGTHS_S`, as far as the log is long enough.
+    """
+    ratios = [
+        regressed_turn_ratio(*pair)
+        for step_s, pair in zip(STEP_LENGTHS_S, pairs, strict=False)
+        if step_s in REGRESSED_LENGTHS_S
+    ]
+    known = [
+        MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios if not math.isnan(ratio.value)
+    ]
+    if not known:
+        return Judgement.UNKNOWN, math.nan
+    best = min(known, key=lambda each: each.high - each.low)
+    judgements = {each.judge_against_range(TURN_RATIO_RANGE) for each in known}
+    return (judgements.pop() if len(judgements) == 1 else Judgement.UNKNOWN), best.value
 
 
 def turn_fixes_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
