@@ -11,6 +11,7 @@ from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of
 from cwcli.estimation.imu_hypotheses import find_imu_hypothesis
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
+from cwcli.estimation.odd_sensors import find_tilt
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison
@@ -137,7 +138,11 @@ def attempt_with_imu(
     found = find_imu_hypothesis(time_s, imu.values[rows], others)
     if found is None:
         return None
-    corrected = [found.hypothesis.correct_measurements(m) if m is imu else m for m in measurements]
+    hypothesis = found.hypothesis
+    tilt = find_tilt(hypothesis.correct_values(imu.values))
+    if tilt is not None:
+        hypothesis = tilt[0].after(hypothesis)
+    corrected = [hypothesis.correct_measurements(m) if m is imu else m for m in measurements]
     prepared, notes = prepare(corrected)
     if any(each.who.source == imu.source for each in find_tilted_imus(prepared)):
         return None
@@ -149,7 +154,7 @@ def attempt_with_imu(
     if is_contrary or not (by_turns or by_speed):
         return None
     judges = ", ".join(dict.fromkeys(each.source for each in (*by_turns, *by_speed)))
-    correction = correction_of(imu, found.hypothesis, f"log-likelihood ratio {found.gain:.0f} by {judges}")
+    correction = correction_of(imu, hypothesis, f"log-likelihood ratio {found.gain:.0f} by {judges}")
     unused: tuple[SourceQuantity, ...] = ()
     if not found.is_forward_clear or any(
         c.judgement is Judgement.CONTRADICT and c.involves(accel) for c in comparisons

@@ -16,7 +16,7 @@ from cwcli.estimation.correction import Correction, correction_of
 from cwcli.estimation.hypotheses import HYPOTHESES
 from cwcli.estimation.hypotheses.base import compose_by_name
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.odd_sensors import find_impossible_imu_values
+from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.source_checks import MIN_ROWS
 from cwcli.estimation.source_correction import CorrectionAttempt, Prepare, attempt_with_imu, correct_one_source
@@ -136,7 +136,7 @@ def correct_as_user_says(
 def correct_impossible_values(
     measurements: Sequence[Measurements], trusted: Collection[str] = ()
 ) -> tuple[list[Measurements], list[Correction]]:
-    """Return the measurements with IMUs in SI units and upright where their values show it by themselves."""
+    """Return the measurements with IMUs in SI units and level where their values show it by themselves."""
     corrected: list[Measurements] = []
     corrections: list[Correction] = []
     for m in measurements:
@@ -145,6 +145,10 @@ def correct_impossible_values(
             for hypothesis, evidence in find_impossible_imu_values(m.values):
                 own = hypothesis.correct_measurements(own)
                 corrections.append(correction_of(m, hypothesis, evidence))
+            tilt = find_tilt(own.values)
+            if tilt is not None:
+                own = tilt[0].correct_measurements(own)
+                corrections.append(correction_of(m, *tilt))
         corrected.append(own)
     return corrected, corrections
 

@@ -8,6 +8,7 @@ from itertools import permutations, product
 import numpy as np
 
 from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 AXIS_NAMES = ("x", "y", "z")
@@ -79,3 +80,18 @@ AXES = tuple(axes_hypothesis(*axes) for axes in rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
 IMU = (*ACCEL_UNITS, *GYRO_UNITS, *SIGNS, *AXES)
 """Units, signs and axes of `Kind.IMU`."""
+
+
+def tilt_hypothesis(force: FloatArray) -> Hypothesis:
+    """Return the hypothesis that an IMU is tilted: the shortest turn takes its mean specific force (3,) to z.
+
+    Rodrigues' formula: R = I + K + K K / (1 + c), with K the cross product by u x z and c their scalar product, u z.
+    """
+    u = force / np.linalg.norm(force)
+    cross = np.array([[0.0, 0.0, -u[0]], [0.0, 0.0, -u[1]], [u[0], u[1], 0.0]])
+    turn = np.eye(3) + cross + cross @ cross / (1.0 + u[2])
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3] = matrix[3:, 3:] = turn
+    tilt_deg = math.degrees(math.acos(min(1.0, float(u[2]))))
+    fault = f"is mounted tilted by {tilt_deg:.0f} degrees"
+    return Hypothesis("tilted", "tilt", fault, "levelled", tuple(map(tuple, matrix.tolist())), NO_OFFSET)

@@ -110,6 +110,20 @@ def test_a_source_that_is_wrong_in_a_known_way_is_corrected(
         np.testing.assert_allclose(difference, 0.0, atol=1e-9)
 
 
+def test_a_tilted_imu_is_levelled() -> None:
+    c, t = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
+    # Nose up by 30 degrees: gravity reads 9.8 / 2 = 4.9 forward and 8.5 up.
+    judged = _judge(_with_fault(_drive(*LEAN), Kind.IMU, _turned((c, 0, t), (0, 1, 0), (-t, 0, c))))
+    assert [each.sentence for each in judged.corrections] == [
+        "imu (/imu) is mounted tilted by 30 degrees: levelled (gravity reads 4.9 m/s^2 across its vertical axis; "
+        "--trust /imu keeps it as it is)"
+    ]
+    assert judged.contradictions == ()
+    for found, expected in zip(judged.prepared, _judge(_drive(*LEAN)).prepared, strict=True):
+        difference = found.series.values - expected.series.values
+        assert np.abs(difference - difference.mean(axis=0)).max() < 0.05  # m/s^2 and rad/s, from noise in the direction
+
+
 def test_the_sentence_says_what_was_wrong_what_shows_it_and_how_to_undo_it() -> None:
     judged = _judge(_with_fault(_drive(*ALL), Kind.SPEED, lambda v: 3.6 * v))
     sentence = judged.corrections[0].sentence
