@@ -25,6 +25,7 @@ from cwcli.estimation.from_signals import (
     ego_signal_to_measurements,
     merge_remotes_placed_in_map,
 )
+from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, sources_in_doubt
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.online_availability import (
     PARAMETERS_FROM_LOG,
@@ -147,13 +148,11 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         option = "--lever-arm" if config.calibration is None else "--calibration"
         raise UsageError(f"{option} is not for --model {config.estimator.model}")
     lever_arms, transforms, stands = _read_lever_arms_if_used(log, sources, config.estimator)
-    local_map = _map_at_first_fix(sources)
-    measurements, apart = drop_stretches_without_position(_collect_ego_measurements(sources, local_map), MAX_BRIDGE_S)
-    grid_ns = ego_output_stamps_ns(measurements, config.rate_hz, MAX_BRIDGE_S)
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
-    ego, online = estimate_hindsight_and_online(
-        measurements, estimator, grid_ns, blind=estimator.takes_no_online_parameter_from_log
-    )
+    estimated = _estimate_ego(sources, estimator, config.rate_hz)
+    sources, estimated = _correct_latitude_and_longitude(sources, estimated, estimator, config.rate_hz)
+    measurements, local_map, apart = estimated.measurements, estimated.local_map, estimated.notes
+    ego, online = estimated.hindsight, estimated.online
     position = sources.by_role[Role.EGO_POSITION][0]
     heard = sources.by_role.get(Role.REMOTE, ())
     signal, notes = merge_remotes_placed_in_map(heard, position, local_map, is_stitched=config.stitch)
@@ -217,6 +216,72 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         ),
         evaluation_inputs=EstimateEvidence(sources.by_role.get(Role.TRUTH, ()), heard, measurements, judged, local_map),
     )
+
+
+@dataclass(frozen=True)
+class _EstimatedEgo:
+    """Tracks of the ego with what they are from.
+
+    Attributes:
+        measurements: Measurements, positions first.
+        local_map: The map's place on the earth, or None.
+        notes: Notes on measurements that were left out.
+        hindsight, online: The tracks.
+    """
+
+    measurements: list[Measurements]
+    local_map: LocalMap | None
+    notes: list[str]
+    hindsight: Track
+    online: Track
+
+
+def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: float) -> _EstimatedEgo:
+    """Estimate the ego's tracks."""
+    local_map = _map_at_first_fix(sources)
+    measurements, apart = drop_stretches_without_position(_collect_ego_measurements(sources, local_map), MAX_BRIDGE_S)
+    tracks = estimate_hindsight_and_online(
+        measurements,
+        estimator,
+        ego_output_stamps_ns(measurements, rate_hz, MAX_BRIDGE_S),
+        blind=estimator.takes_no_online_parameter_from_log,
+    )
+    return _EstimatedEgo(measurements, local_map, apart, *tracks)
+
+
+def _correct_latitude_and_longitude(
+    sources: SensorSignals, estimated: _EstimatedEgo, estimator: EstimatorConfig, rate_hz: float
+) -> tuple[SensorSignals, _EstimatedEgo]:
+    """Return signals and tracks with right latitudes and longitudes, where the other sources say that they are wrong.
+
+    Nothing is changed where no online state may depend on the whole log, or where no known fault explains it.
+    """
+    positions = sources.by_role[Role.EGO_POSITION]
+    signal = positions[0]
+    kept = {*estimator.trusted_sources, *estimator.source_units}
+    if (
+        not isinstance(signal, PositionSignal)
+        or signal.source in kept
+        or estimator.takes_no_online_parameter_from_log
+        or not is_position_doubted(estimated.hindsight, signal.source)
+    ):
+        return sources, estimated
+    known = sources_in_doubt(estimated.hindsight)
+    for fault in GEODETIC_FAULTS:
+        if not fault.can_explain(signal):
+            continue
+        corrected = tuple(fault.correct(each) if each is signal else each for each in positions)
+        tried_sources = replace(sources, by_role={**sources.by_role, Role.EGO_POSITION: corrected})
+        tried = _estimate_ego(tried_sources, estimator, rate_hz)
+        in_doubt = sources_in_doubt(tried.hindsight)
+        if signal.source in in_doubt or in_doubt - known:
+            continue
+        correction = fault.correction_of(signal)
+        tracks = (
+            replace(track, corrections=(correction, *track.corrections)) for track in (tried.hindsight, tried.online)
+        )
+        return tried_sources, _EstimatedEgo(tried.measurements, tried.local_map, tried.notes, *tracks)
+    return sources, estimated
 
 
 def _map_at_first_fix(sources: SensorSignals) -> LocalMap | None:
