@@ -35,8 +35,6 @@ from cwcli.signals.columns import FloatArray
 
 STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)
 """Lengths of the steps, s: as long as a manoeuvre takes, and longer than sensors are late."""
-REGRESSED_LENGTHS_S = (2.0, 4.0)
-"""Lengths of the steps whose turns a line is put through, s: longer than sensors are late."""
 MIN_STEPS_OF_ONE_LENGTH = 4
 """Least number of clear steps of one length. Chosen: three agree by chance."""
 MIN_STEPS_OF_ALL_LENGTHS = 8
@@ -252,24 +250,16 @@ def judge_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgemen
 
 
 def _judge_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tuple[Judgement, float]:
-    """Judge the turns of a pair by a line through those of all steps of REGRESSED_LENGTHS; see `turn_regression`.
+    """Judge the turns of a pair by a line through those of all steps; see `turn_regression`.
 
     Args:
         pairs: The motions in steps of `STEP_LENGTHS_S`, as far as the log is long enough.
     """
-    ratios = [
-        regressed_turn_ratio(*pair)
-        for step_s, pair in zip(STEP_LENGTHS_S, pairs, strict=False)
-        if step_s in REGRESSED_LENGTHS_S
-    ]
-    known = [
-        MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios if not math.isnan(ratio.value)
-    ]
-    if not known:
-        return Judgement.UNKNOWN, math.nan
-    best = min(known, key=lambda each: each.high - each.low)
-    judgements = {each.judge_against_range(TURN_RATIO_RANGE) for each in known}
-    return (judgements.pop() if len(judgements) == 1 else Judgement.UNKNOWN), best.value
+    ratios = [regressed_turn_ratio(*pair) for pair in pairs[1:]]  # not of those in steps of 1 s
+    intervals = [MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios]
+    return judge_all_step_lengths(
+        [StepComparison.from_median_interval(interval, TURN_RATIO_RANGE) for interval in intervals]
+    )
 
 
 def turn_fixes_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:

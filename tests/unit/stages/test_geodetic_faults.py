@@ -39,8 +39,8 @@ def _signals() -> SensorSignals:
     stamp_ns, log_ns, imu = data["imu"]
     unknown = np.full((len(stamp_ns), 3), np.nan)
     imus = ImuSignal("/imu", stamp_ns, log_ns, imu[:, :3], imu[:, 3:], unknown, unknown)
-    roles = {Role.EGO_POSITION: (position,), Role.EGO_SPEED: (speeds,), Role.EGO_HEADING: (headings,), Role.IMU: (imus,)}
-    return SensorSignals(roles, (), ())
+    found = {Role.EGO_POSITION: position, Role.EGO_SPEED: speeds, Role.EGO_HEADING: headings, Role.IMU: imus}
+    return SensorSignals({role: (signal,) for role, signal in found.items()}, (), ())
 
 
 SIGNALS = _signals()
