@@ -10,14 +10,17 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of
 from cwcli.estimation.hypotheses import HYPOTHESES
 from cwcli.estimation.hypotheses.base import compose_by_name
+from cwcli.estimation.imu_yaw import find_imu_yaw
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt
-from cwcli.estimation.prepare import PreparedSeries
+from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.source_checks import MIN_ROWS
 from cwcli.estimation.source_correction import CorrectionAttempt, Prepare, attempt_with_imu, correct_one_source
 from cwcli.estimation.source_vote import (
@@ -98,6 +101,13 @@ def judge_sources(
         if attempt is None:
             break
         take(attempt)
+    current, turned = correct_turned_imus(current, voted.prepared, trusted)
+    if turned:
+        corrections += turned
+        prepared, notes = prepare(current)
+        voted = leave_out_outvoted_sources(
+            [replace(p, series=empty_series(p.series)) if _quantity(p) in unused else p for p in prepared], trusted
+        )
     return JudgedSources(voted.prepared, notes, tuple(corrections), voted.contradictions)
 
 
@@ -150,6 +160,33 @@ def correct_impossible_values(
                 own = tilt[0].correct_measurements(own)
                 corrections.append(correction_of(m, *tilt))
         corrected.append(own)
+    return corrected, corrections
+
+
+def correct_turned_imus(
+    measurements: Sequence[Measurements], prepared: Sequence[PreparedSeries], trusted: Collection[str] = ()
+) -> tuple[list[Measurements], list[Correction]]:
+    """Return the measurements with level IMUs that are turned about the vertical turned back; see `imu_yaw`.
+
+    Args:
+        measurements: Measurements.
+        prepared: Their series, after what contradicts the others was left out.
+        trusted: Sources that are not corrected.
+    """
+    fixes = [p.series for p in prepared if p.series.kind is Kind.POSITION and len(p.series) >= MIN_ROWS]
+    level = {p.series.source for p in prepared if p.mounting is not None and len(p.series)}
+    corrected: list[Measurements] = []
+    corrections: list[Correction] = []
+    for m in measurements:
+        found = None
+        if m.kind is Kind.IMU and fixes and m.source in level - {*trusted}:
+            rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
+            rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
+            time_s = seconds_since_epoch(m.stamp_ns[rows], earliest_stamp_ns(measurements))
+            found = find_imu_yaw(time_s, m.values[rows], fixes)
+        if found is not None:
+            corrections.append(correction_of(m, *found))
+        corrected.append(m if found is None else found[0].correct_measurements(m))
     return corrected, corrections
 
 

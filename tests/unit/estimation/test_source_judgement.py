@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -122,6 +123,23 @@ def test_a_tilted_imu_is_levelled() -> None:
     for found, expected in zip(judged.prepared, _judge(_drive(*LEAN)).prepared, strict=True):
         difference = found.series.values - expected.series.values
         assert np.abs(difference - difference.mean(axis=0)).max() < 0.05  # m/s^2 and rad/s, from noise in the direction
+
+
+@pytest.mark.parametrize(("degrees", "side"), [(40.0, "right"), (-25.0, "left")])
+def test_an_imu_that_is_turned_about_the_vertical_is_turned_back(degrees: float, side: str) -> None:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    # Forward axis to the right of the car's by that angle: it reads cos times forward minus sin times left.
+    judged = _judge(_with_fault(_drive(*LEAN), Kind.IMU, _turned((c, -s, 0), (s, c, 0), (0, 0, 1))))
+    (correction,) = judged.corrections
+    told = re.match(rf"is mounted turned by (\d+) degrees to the {side} about the vertical", correction.fault)
+    assert told is not None
+    assert abs(float(told[1]) - abs(degrees)) <= 3.0
+    assert judged.contradictions == ()
+
+
+def test_an_imu_that_is_turned_by_ten_degrees_is_left_as_it_is() -> None:
+    c, s = np.cos(np.radians(10.0)), np.sin(np.radians(10.0))
+    assert _judge(_with_fault(_drive(*LEAN), Kind.IMU, _turned((c, -s, 0), (s, c, 0), (0, 0, 1)))).corrections == ()
 
 
 def test_the_sentence_says_what_was_wrong_what_shows_it_and_how_to_undo_it() -> None:
