@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Annotated, Literal
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.calibration import Calibration
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
@@ -78,6 +78,31 @@ def parse_lever_arm_options(entries: Sequence[str]) -> LeverArms:
     return found
 
 
+def parse_source_units(entries: Sequence[str]) -> Mapping[str, str]:
+    """Return the unit or convention of each source from `TOPIC=UNIT` entries.
+
+    Raises:
+        UsageError: An entry is malformed, a source comes twice, or there is no such unit.
+    """
+    from cwcli.estimation.hypotheses import HYPOTHESES
+
+    known = {each.name for own in HYPOTHESES.values() for each in own}
+    found: dict[str, str] = {}
+    for entry in entries:
+        topic, _, unit = entry.partition("=")
+        if not topic or not unit:
+            raise UsageError(f"--as {entry!r} is not TOPIC=UNIT", hint="for example --as /vehicle/velocity=km/h")
+        for part in unit.split("+"):
+            if part not in known:
+                raise UsageError(
+                    f"--as {entry}: there is no unit or convention {part!r}", hint=names_hint(part, sorted(known))
+                )
+        if topic in found:
+            raise UsageError(f"--as names {topic} twice")
+        found[topic] = unit
+    return found
+
+
 def is_lever_arm_on_car(ahead_m: float, left_m: float) -> bool:
     """Whether a lever arm (m) lies within the accepted bounds; False for NaN."""
     return abs(ahead_m) <= MAX_LEVER_ARM_AHEAD_M and abs(left_m) <= MAX_LEVER_ARM_LEFT_M
@@ -106,6 +131,8 @@ class EstimatorConfig:
             stamps, the noise that the messages state and the defaults.
         compares_sources: Compare the sources with each other: contradictions are reported, and an outvoted source is
             left out.
+        trusted_sources: Sources that are neither corrected nor left out.
+        source_units: Source -> name of the unit or convention that its values have, see `hypotheses.HYPOTHESES`.
         senders: How senders of BSMs filtered their motion before they sent it: "plain" not at all, "j2945" as SAE
             J2945/1 asks (`signals.bsm_sender`); the filter is inverted.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.
@@ -164,6 +191,28 @@ class EstimatorConfig:
     calibration: Calibration | None = None
     blind: bool = False
     compares_sources: bool = True
+    trusted_sources: Annotated[
+        tuple[str, ...],
+        Option(
+            "--trust",
+            "Never correct this topic and never leave it out, whatever the other sensors say. Repeatable.",
+            metavar="TOPIC",
+            kind=list[str],
+            parse=tuple,
+        ),
+    ] = ()
+    source_units: Annotated[
+        Mapping[str, str],
+        Option(
+            "--as",
+            "Take a topic's values as being in another unit, sign, axes or convention, such as "
+            "/vehicle/velocity=km/h, /imu/data=degrees/s+-y,x,z or /heading=clockwise-from-north; the log is not "
+            "asked. Repeatable.",
+            metavar="TOPIC=UNIT",
+            kind=list[str],
+            parse=parse_source_units,
+        ),
+    ] = field(default_factory=dict)
     senders: Annotated[
         Senders,
         Option(
@@ -176,9 +225,10 @@ class EstimatorConfig:
     song2016_step_s: float = 0.05
 
     @property
-    def sources_with_given_latency(self) -> tuple[str, ...]:
-        """Sources whose latency the user gives."""
-        return () if isinstance(self.latency, str) else tuple(name.partition(":")[0] for name in self.latency)
+    def sources_with_trusted_clock(self) -> tuple[str, ...]:
+        """Sources whose stamps stay as they are, because the user gives their latency or trusts them."""
+        given = () if isinstance(self.latency, str) else tuple(name.partition(":")[0] for name in self.latency)
+        return (*given, *self.trusted_sources)
 
     @property
     def takes_no_online_parameter_from_log(self) -> bool:

@@ -31,11 +31,16 @@ class SourceQuantity:
     source: str
     kind: Kind
 
+    @property
+    def role(self) -> str:
+        """The role, so that it can be named in `--topic` and `--map`."""
+        return str(_ROLE_OF_KIND.get(self.kind, Role.IMU))
+
     def __str__(self) -> str:
-        """The role, so that it can be named in `--topic` and `--map`, and the topic."""
+        """The role and the topic."""
         if self.kind in RATE_KINDS:
             return f"{Role.IMU} {self.kind.name.lower().replace('_', ' ')} ({self.source})"
-        return f"{_ROLE_OF_KIND.get(self.kind, Role.IMU)} ({self.source})"
+        return f"{self.role} ({self.source})"
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.estimation.hypotheses.imu import IMU, tilt_hypothesis
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.signals.columns import FloatArray
@@ -15,6 +17,9 @@ GRAVITY_RANGE_IN_G = (0.8, 1.2)
 """Range of the mean specific force of an IMU that measures in g. Chosen by hand; not fitted."""
 MIN_VERTICAL_SHARE = 0.8
 """Least share of the mean specific force along the vertical axis, so that it is gravity. Chosen by hand; not fitted."""
+MIN_UPRIGHT_SHARE, MAX_TILTED_SHARE = 0.6, 0.966
+"""Shares of gravity along the z axis of an IMU that is tilted and not turned onto another axis: 53 to 15 degrees. Less
+than 15 degrees change the forward acceleration by 4 %; chosen by hand."""
 MAX_YAW_RATE_RADPS = 3.0
 """Yaw rate that no car exceeds for a hundredth of a drive, rad/s. Chosen: in degrees every bend exceeds it."""
 MAX_CHANGE_PER_SECOND = {Kind.POSITION: 100.0, Kind.VELOCITY: 12.0, Kind.SPEED: 12.0}
@@ -29,37 +34,51 @@ MAX_REPEATED_ROW_SHARE = 0.1
 """Greatest share of repeats in the other rows: a coarse signal repeats more often. Chosen by hand; not fitted."""
 
 
-def convert_imu_to_si_units(
-    values: FloatArray, variance: FloatArray | None
-) -> tuple[FloatArray, FloatArray | None, list[str]]:
-    """Convert the rows of an IMU to m/s^2 and rad/s, mounted upright, by the size and direction of their values.
+def find_impossible_imu_values(values: FloatArray) -> list[tuple[Hypothesis, str]]:
+    """Return faults of an IMU that the size and direction of its values alone show, with what shows each.
 
     Args:
-        values: Shape (n, 6): accelerometer, gyroscope (forward, left, up).
-        variance: Shape (n, 6) or None.
-
-    Returns:
-        Values, variances and a text on each change.
+        values: Shape (n, 6): accelerometer, gyroscope (forward, left, up); rows that are not finite do not count.
     """
-    words: list[str] = []
+    found: list[tuple[Hypothesis, str]] = []
+    values = values[np.isfinite(values).all(axis=1)]
     if not len(values):
-        return values, variance, words
-    factor = np.ones(6)
+        return found
     force = values[:, :3].mean(axis=0)
     norm = float(np.linalg.norm(force))
     if GRAVITY_RANGE_IN_G[0] < norm < GRAVITY_RANGE_IN_G[1] and abs(force[2]) > MIN_VERTICAL_SHARE * norm:
-        factor[:3] = GRAVITY_MPS2
-        words.append(f"gravity reads {norm:.2f}: accelerations taken as g, not m/s^2")
-    if norm * factor[2] > 0.5 * GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * norm:
-        factor[[1, 2, 4, 5]] *= -1.0
-        words.append("gravity points upward: taken as mounted upside down, and turned about its forward axis")
+        found.append((_imu_hypothesis("g"), f"gravity reads {norm:.2f}"))
+        norm *= GRAVITY_MPS2
+    if norm > 0.5 * GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * float(np.linalg.norm(force)):
+        found.append((_imu_hypothesis("x,-y,-z"), "gravity points upward"))
     fast = float(np.quantile(np.abs(values[:, 5]), 0.99))
     if fast > MAX_YAW_RATE_RADPS:
-        factor[3:] *= np.pi / 180.0
-        words.append(f"yaw rates reach {fast:.0f}: taken as degrees per second, not rad/s")
-    if not words:
-        return values, variance, words
-    return values * factor, None if variance is None else variance * factor**2, words
+        name = "degrees/s" if np.radians(fast) <= MAX_YAW_RATE_RADPS else "milliradians/s"
+        found.append((_imu_hypothesis(name), f"yaw rates reach {fast:.0f}"))
+    return found
+
+
+def find_tilt(values: FloatArray) -> tuple[Hypothesis, str] | None:
+    """Return the tilt of an IMU in SI units whose z axis is clearly not vertical, but nearer to it than another axis.
+
+    Args:
+        values: Shape (n, 6): accelerometer, gyroscope; rows that are not finite do not count.
+    """
+    values = values[np.isfinite(values).all(axis=1)]
+    if not len(values):
+        return None
+    force = values[:, :3].mean(axis=0)
+    share = float(np.linalg.norm(force)) / GRAVITY_MPS2
+    upright = float(force[2]) / max(share * GRAVITY_MPS2, 1e-9)
+    is_gravity = GRAVITY_RANGE_IN_G[0] < share < GRAVITY_RANGE_IN_G[1]
+    if not is_gravity or not MIN_UPRIGHT_SHARE < upright < MAX_TILTED_SHARE:
+        return None
+    across = float(np.hypot(*force[:2]))
+    return tilt_hypothesis(force), f"gravity reads {across:.1f} m/s^2 across its vertical axis"
+
+
+def _imu_hypothesis(name: str) -> Hypothesis:
+    return next(each for each in IMU if each.name == name)
 
 
 def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: FloatArray) -> bool:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
-from cwcli.estimation.odd_sensors import convert_imu_to_si_units, is_first_row_contradicted, stuck_row_mask
+from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
 from cwcli.lazy_dataclass import dataclass
@@ -104,8 +104,6 @@ def clean_measurements(
             covariance = None if covariance is None else covariance[1:]
         if m.kind is Kind.IMU:
             variance = None if covariance is None else np.diagonal(covariance, axis1=1, axis2=2)
-            values, variance, words = convert_imu_to_si_units(values, variance)
-            notes += [f"{m.source}: {each}" for each in words]
             imu = level_imu(time, values, variance, mountings.get(m.source))
             if imu.n_interpolated:
                 notes.append(f"{m.source}: {imu.n_interpolated} interpolated IMU samples left out")

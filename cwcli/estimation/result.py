@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.contradiction import Contradiction
+from cwcli.estimation.correction import Correction
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
@@ -131,6 +132,7 @@ class Track:
         manoeuvre: Name of a manoeuvre sigma of `model.MotionParameters` -> value that was found or given.
         gated: Rows that the gate rejected; empty for the paper's filter, which has no gate.
         contradictions: Sources that contradict each other, the most important first.
+        corrections: Sources whose values were wrong in a known way and were corrected.
     """
 
     stamp_ns: Int64Array
@@ -143,3 +145,4 @@ class Track:
     manoeuvre_sigmas: Mapping[str, float] = field(default_factory=dict)
     gated: GatedMeasurements = NO_GATED_MEASUREMENTS
     contradictions: tuple[Contradiction, ...] = ()
+    corrections: tuple[Correction, ...] = ()

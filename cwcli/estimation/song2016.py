@@ -24,6 +24,7 @@ from cwcli.estimation.prepare import (
     seconds_since_epoch,
 )
 from cwcli.estimation.result import SourceReport, Track
+from cwcli.estimation.source_judgement import correct_as_user_says, correct_impossible_values
 from cwcli.estimation.start import (
     UNKNOWN_STATE_SIGMAS,
     find_filter_start,
@@ -97,6 +98,10 @@ def estimate_track_with_song2016(
     does not do.
     """
     epoch = earliest_stamp_ns(measurements)
+    measurements, corrections = correct_as_user_says(measurements, config.source_units)
+    if not config.blind:
+        measurements, found = correct_impossible_values(measurements, {*config.trusted_sources, *config.source_units})
+        corrections += found
     prepared, notes = (
         (prepare_without_looking_ahead(measurements, epoch, {}), [])
         if config.blind
@@ -143,7 +148,10 @@ def estimate_track_with_song2016(
         for p, s, latency, nis, status in zip(prepared, series, latencies, result.nis, result.status, strict=True)
     )  # fmt: skip
     flags = compute_state_flags(series, result.status, wanted, start=replace(start, time_s=begin), causal=config.causal)
-    return Track(output_stamp_ns, state, covariance, flags, reports, result.log_likelihood, tuple(notes))
+    return Track(
+        output_stamp_ns, state, covariance, flags, reports, result.log_likelihood,
+        (*(each.sentence for each in corrections), *notes), corrections=tuple(corrections),
+    )  # fmt: skip
 
 
 def append_jerk_and_yaw_acceleration(

@@ -29,6 +29,7 @@ from cwcli.estimation.step_motion import (
     compute_step_motion,
     step_edges_s,
 )
+from cwcli.estimation.turn_regression import regressed_turn_ratio
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
@@ -218,6 +219,8 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
         for check, measure in _COMPARE_FUNCTIONS.items():
             measured = [measure(motions[i], motions[j], step_s) for step_s, motions in by_length]
             judgement, number = judge_all_step_lengths(measured)
+            if check is SourceComparisonCheck.TURN and judgement is Judgement.UNKNOWN:
+                judgement, number = _judge_regressed_turns([(motions[i], motions[j]) for _, motions in by_length])
             if judgement is Judgement.UNKNOWN or (check in BIAS_CHECKS and judgement is Judgement.AGREE):
                 continue
             found.append(SourceComparison(check, one, other, judgement, number))
@@ -244,6 +247,19 @@ def judge_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgemen
         return Judgement.CONTRADICT, min(contrary, key=lambda each: each.half).number
     agrees = any(each.judgement is Judgement.AGREE for each in known) and not contrary
     return Judgement.AGREE if agrees else Judgement.UNKNOWN, min(known, key=lambda each: each.half).number
+
+
+def _judge_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tuple[Judgement, float]:
+    """Judge the turns of a pair by a line through those of all steps; see `turn_regression`.
+
+    Args:
+        pairs: The motions in steps of `STEP_LENGTHS_S`, as far as the log is long enough.
+    """
+    ratios = [regressed_turn_ratio(*pair) for pair in pairs[1:]]  # not of those in steps of 1 s
+    intervals = [MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios]
+    return judge_all_step_lengths(
+        [StepComparison.from_median_interval(interval, TURN_RATIO_RANGE) for interval in intervals]
+    )
 
 
 def turn_fixes_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:

@@ -7,7 +7,7 @@ other one is left out. Of two sources of which neither is a position both are le
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,36 +38,51 @@ class SourceVoteResult:
     Attributes:
         prepared: The series; those that are left out have no rows.
         contradictions: Contradictions, the most important first.
+        comparisons: Comparisons of all pairs, from which the contradictions follow.
     """
 
     prepared: list[PreparedSeries]
     contradictions: tuple[Contradiction, ...]
+    comparisons: tuple[SourceComparison, ...] = ()
 
 
-def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries]) -> SourceVoteResult:
+def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries], trusted: Collection[str] = ()) -> SourceVoteResult:
     """Compare the sources and leave out those that cannot be right.
 
     Args:
         prepared: Series of one vehicle, positions first.
+        trusted: Sources that are never left out.
     """
-    tilted = _find_tilted_imus(prepared)
+    tilted = [each.with_left_out() if each.who.source in trusted else each for each in find_tilted_imus(prepared)]
+    compared = compare_prepared_sources(prepared, trusted)
+    voted = find_contradicting_sources(compared, trusted)
+    out = {SourceQuantity(each.who.source, kind) for each in tilted if each.left_out for kind in RATE_KINDS}
+    out |= {quantity for each in voted for quantity in each.left_out}
+    kept = [replace(p, series=empty_series(p.series)) if _quantity_of_series(p) in out else p for p in prepared]
+    return SourceVoteResult(kept, (*tilted, *voted), tuple(compared))
+
+
+def compare_prepared_sources(
+    prepared: Sequence[PreparedSeries], trusted: Collection[str] = ()
+) -> list[SourceComparison]:
+    """Compare all pairs of sources but those of IMUs that are not level; for the arguments see above."""
+    tilted = [each for each in find_tilted_imus(prepared) if each.who.source not in trusted]
     out = {SourceQuantity(each.who.source, kind) for each in tilted for kind in RATE_KINDS}
     upright = [p for p in prepared if _quantity_of_series(p) not in out]
     compared = compare_all_source_pairs([p.series for p in upright])
     # Where gravity shows how the IMU is mounted, a bias is mostly gravity, and no fault.
     level = {_quantity_of_series(p) for p in prepared if p.mounting is not None}
-    compared = [c for c in compared if not (c.check is SourceComparisonCheck.ACCEL_BIAS and {c.one, c.other} & level)]
-    voted = find_contradicting_sources(compared)
-    out |= {quantity for each in voted for quantity in each.left_out}
-    kept = [replace(p, series=empty_series(p.series)) if _quantity_of_series(p) in out else p for p in prepared]
-    return SourceVoteResult(kept, (*tilted, *voted))
+    return [c for c in compared if not (c.check is SourceComparisonCheck.ACCEL_BIAS and {c.one, c.other} & level)]
 
 
-def find_contradicting_sources(comparisons: Sequence[SourceComparison]) -> list[Contradiction]:
+def find_contradicting_sources(
+    comparisons: Sequence[SourceComparison], trusted: Collection[str] = ()
+) -> list[Contradiction]:
     """Find the wrong sources one after the other: the one that most others contradict comes first.
 
     Args:
         comparisons: Comparisons of all pairs.
+        trusted: Sources that are blamed only where the other one is trusted, too, and never left out.
     """
     left = [each for each in comparisons if each.judgement is not Judgement.UNKNOWN]
     found = []
@@ -75,13 +90,22 @@ def find_contradicting_sources(comparisons: Sequence[SourceComparison]) -> list[
         suspects = dict.fromkeys(who for each in contrary for who in (each.one, each.other))
         accused = [_contradiction_and_votes_against(left, who) for who in suspects]
         # A position is blamed only where it is outvoted, since without it there is no estimate.
-        worst = max(accused, key=lambda each: (bool(each[0].allies), each[0].who.kind is not Kind.POSITION, each[1]))[0]
+        worst = max(
+            accused,
+            key=lambda each: (
+                each[0].who.source not in trusted,
+                bool(each[0].allies),
+                each[0].who.kind is not Kind.POSITION,
+                each[1],
+            ),
+        )[0]
         by_position = isinstance(worst.against, SourceQuantity) and worst.against.kind is Kind.POSITION
         out: tuple[SourceQuantity, ...] = (worst.who,)
         if worst.who.kind is Kind.POSITION:
             out = ()
         elif not worst.allies and not by_position and isinstance(worst.against, SourceQuantity):
             out = (worst.who, worst.against)  # either may be wrong, and the positions are left
+        out = tuple(quantity for quantity in out if quantity.source not in trusted)
         found.append(worst.with_left_out(*out))
         left = [each for each in left if not any(each.involves(quantity) for quantity in (worst.who, *out))]
     return found
@@ -129,7 +153,7 @@ def _sources_agreeing_against(
     )
 
 
-def _find_tilted_imus(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
+def find_tilted_imus(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
     """Return contradictions for IMUs whose vertical axis is not vertical, so that no axis measures what it should."""
     found = []
     for p in prepared:

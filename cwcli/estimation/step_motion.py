@@ -101,14 +101,14 @@ def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     n = len(edges_s) - 1
     step_s = float(edges_s[1] - edges_s[0])
     nothing, exact = np.full(n, np.nan), np.zeros(n)
-    known = _covered_step_mask(s.time_s, edges_s)
+    known = covered_step_mask(s.time_s, edges_s)
     if s.kind in (Kind.POSITION, Kind.VELOCITY):
         if s.kind is Kind.POSITION:
             moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
             chord_sigma_m = math.sqrt(2.0) * _white_noise_sigma_m(s)
             least_m = max(MIN_CHORD_M, MIN_CHORD_SIGMAS * chord_sigma_m)
         else:
-            moved = np.column_stack([_means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
+            moved = np.column_stack([means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
             chord_sigma_m, least_m = 0.0, MIN_CHORD_M
         distance = np.where(known, np.hypot(*moved.T), np.nan)
         clear = np.where(distance > least_m, distance, np.nan)
@@ -119,8 +119,8 @@ def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     if s.kind is Kind.HEADING:
         values = np.unwrap(values)
     elif s.kind is not Kind.SPEED:
-        values = _trapezoidal_integral(s.time_s, values)
-    mean = np.where(known, _means_between_edges(s.time_s, values, edges_s), np.nan)
+        values = trapezoidal_integral(s.time_s, values)
+    mean = np.where(known, means_between_edges(s.time_s, values, edges_s), np.nan)
     if s.kind is Kind.SPEED:
         return StepMotion(s, mean * step_s, mean, nothing, 0.0, exact, False)
     if s.kind is Kind.ACCEL:
@@ -135,17 +135,17 @@ def step_edges_s(series: Sequence[SensorSeries], step_s: float) -> FloatArray:
     return np.asarray(first + step_s * np.arange(int((last - first) / step_s) + 1))
 
 
-def _trapezoidal_integral(time_s: FloatArray, values: FloatArray) -> FloatArray:
+def trapezoidal_integral(time_s: FloatArray, values: FloatArray) -> FloatArray:
     """Return the trapezoidal integral from the first row on, (n,)."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
 
 
-def _means_between_edges(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
+def means_between_edges(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
     """Return the means (n,) of a column between neighbouring edges."""
-    return np.asarray(np.diff(np.interp(edges_s, time_s, _trapezoidal_integral(time_s, values))) / np.diff(edges_s))
+    return np.asarray(np.diff(np.interp(edges_s, time_s, trapezoidal_integral(time_s, values))) / np.diff(edges_s))
 
 
-def _covered_step_mask(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
+def covered_step_mask(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
     """Return a mask (n,) of the steps that lie within the rows and overlap no pause."""
     gap_s = np.diff(time_s)
     pauses = np.flatnonzero(gap_s > max(MAX_BRIDGED_GAP_S, MAX_BRIDGED_GAP_INTERVALS * median(gap_s)))

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.estimation.contradiction import Contradiction
+from cwcli.estimation.correction import Correction
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.verdict import NeesOfQuantity, consistency_verdict_sentence
@@ -27,7 +28,7 @@ class TrackSummary:
         n_states, span_s, max_speed_mps: Its size.
         median_sigma_m: Median of the horizontal one-sigma per axis, NaN without states.
         n_flagged: States with each `StateFlag`, by its name.
-        sources, notes, contradictions: As in `Track`.
+        sources, notes, contradictions, corrections: As in `Track`.
     """
 
     n_states: int
@@ -38,6 +39,7 @@ class TrackSummary:
     sources: tuple[SourceReport, ...]
     notes: tuple[str, ...]
     contradictions: tuple[Contradiction, ...] = ()
+    corrections: tuple[Correction, ...] = ()
 
 
 def summarise_track(track: Track) -> TrackSummary:
@@ -53,13 +55,19 @@ def summarise_track(track: Track) -> TrackSummary:
         sources=track.sources,
         notes=track.notes,
         contradictions=track.contradictions,
+        corrections=track.corrections,
     )
 
 
 def ego_verdict_sentence(ego: TrackSummary, nees: Sequence[NeesOfQuantity] = ()) -> str:
     """Return the sentence on the consistency of the ego's track; `nees` is used where there is a truth."""
     return consistency_verdict_sentence(
-        ego.sources, n_states=ego.n_states, n_flagged=ego.n_flagged, nees=nees, contradictions=ego.contradictions
+        ego.sources,
+        n_states=ego.n_states,
+        n_flagged=ego.n_flagged,
+        nees=nees,
+        contradictions=ego.contradictions,
+        corrections=ego.corrections,
     )
 
 

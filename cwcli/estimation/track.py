@@ -22,6 +22,7 @@ from cwcli.estimation.calibration_check import notes_on_worse_prediction
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction
+from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_delays
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.lever_arms import move_states_to_antenna, set_given_lever_arms
@@ -52,7 +53,12 @@ from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.estimation.song2016 import estimate_track_with_song2016
 from cwcli.estimation.source_clocks import align_source_clocks, notes_on_hidden_clock_steps
-from cwcli.estimation.source_vote import leave_out_outvoted_sources
+from cwcli.estimation.source_judgement import (
+    JudgedSources,
+    correct_as_user_says,
+    correct_impossible_values,
+    judge_sources,
+)
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
     hold_position_before_start,
@@ -153,8 +159,8 @@ def _add_calibration_notes(track: Track, measurements: Sequence[Measurements], c
 class _TunedMeasurements:
     """Series before and after tuning, with the stamp of second 0 and notes.
 
-    `contradictions` are those that the sources show before anything is estimated. `measurements` are those before
-    cleaning, their clocks aligned.
+    `contradictions` and `corrections` are what the sources show before anything is estimated. `measurements` are those
+    before cleaning, their clocks aligned.
     """
 
     epoch_ns: int
@@ -162,6 +168,7 @@ class _TunedMeasurements:
     tuned: TunedSeries
     notes: tuple[str, ...]
     contradictions: tuple[Contradiction, ...] = ()
+    corrections: tuple[Correction, ...] = ()
     measurements: Sequence[Measurements] = ()
 
 
@@ -178,32 +185,36 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         measurements, clock_notes = align_source_clocks(
             measurements,
             corrects=not (config.blind or config.takes_no_online_parameter_from_log),
-            trusted=config.sources_with_given_latency,
+            trusted=config.sources_with_trusted_clock,
         )
     positions = [m for m in measurements if m.kind is Kind.POSITION]
     epoch = earliest_stamp_ns(
         positions if config.blind else measurements
     )  # a row that comes later may be of an earlier time
-    prepared, notes = _prepare_series(measurements, epoch, config)
-    prepared = set_given_lever_arms(prepared, config.lever_arms)
-    contradictions: tuple[Contradiction, ...] = ()
+
+    def prepare(current: Sequence[Measurements]) -> tuple[list[PreparedSeries], list[str]]:
+        prepared, notes = _prepare_series(current, epoch, config)
+        return set_given_lever_arms(prepared, config.lever_arms), notes
+
+    aligned = measurements
+    measurements, by_user = correct_as_user_says(measurements, config.source_units)
+    trusted = {*config.trusted_sources, *config.source_units}
+    # Where no state may depend on what the whole log shows, it is told, and nothing is changed.
+    looks_ahead = not (config.blind or (config.causal and config.calibration is not None))
     if config.compares_sources:
-        voted = leave_out_outvoted_sources(prepared)
-        contradictions = voted.contradictions
-        if config.blind or (config.causal and config.calibration is not None):
-            # No state may depend on what the whole log shows: it is told, and nothing is left out.
-            contradictions = tuple(each.with_left_out() for each in contradictions)
-        else:
-            prepared = voted.prepared
-        notes = [*(f"{each.contradiction_sentence}; {each.consequence_text}" for each in contradictions), *notes]
-    return _TunedMeasurements(
-        epoch,
-        prepared,
-        tune_latencies_and_noise(prepared, config, MotionParameters()),
-        (*clock_notes, *notes),
-        contradictions,
-        measurements,
+        judged = judge_sources(measurements, prepare, trusted=trusted, looks_ahead=looks_ahead)
+    else:
+        corrected, found = correct_impossible_values(measurements, trusted) if looks_ahead else (measurements, [])
+        judged = JudgedSources(*prepare(corrected), tuple(found), ())
+    corrections = (*by_user, *judged.corrections)
+    notes = (
+        *clock_notes,
+        *(each.sentence for each in corrections),
+        *(f"{each.contradiction_sentence}; {each.consequence_text}" for each in judged.contradictions),
+        *judged.notes,
     )
+    tuned = tune_latencies_and_noise(judged.prepared, config, MotionParameters())
+    return _TunedMeasurements(epoch, judged.prepared, tuned, notes, judged.contradictions, corrections, aligned)
 
 
 def _filter_and_smooth(
@@ -258,6 +269,7 @@ def _filter_and_smooth(
             *tuned_measurements.contradictions,
             *([] if config.blind else find_values_beyond_sensor_limits(reports, tuned_measurements.contradictions)),
         ),
+        tuned_measurements.corrections,
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from cwcli.estimation.contradiction import Contradiction
+from cwcli.estimation.correction import Correction
 from cwcli.estimation.measurements import RATE_KINDS
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.tolerances import (
@@ -47,8 +48,9 @@ def consistency_verdict_sentence(
     n_flagged: Mapping[str, int],
     nees: Sequence[NeesOfQuantity] = (),
     contradictions: Sequence[Contradiction] = (),
+    corrections: Sequence[Correction] = (),
 ) -> str:
-    """Whether the estimate is as good as it says.
+    """Whether the estimate is as good as it says; what was corrected of the input comes first.
 
     The worst comes first: sources of which one must be wrong, states that err by more than they say, sources that
     contradict the others, states that hang in the air, sources that are noisier than taken for, and what is better than
@@ -60,7 +62,24 @@ def consistency_verdict_sentence(
         n_flagged: How many of them have each flag, by its name.
         nees: Where there is a truth.
         contradictions: Sources that can't both be right.
+        corrections: Sources that were wrong in a known way. Those that the user asked for are not repeated.
     """
+    corrected = [each.sentence for each in corrections if not each.is_by_user]
+    before = f"input corrected: {'; '.join(corrected)}. With that: " if corrected else ""
+    return before + _verdict_on_estimate(
+        sources, n_states=n_states, n_flagged=n_flagged, nees=nees, contradictions=contradictions
+    )
+
+
+def _verdict_on_estimate(
+    sources: Sequence[SourceReport],
+    *,
+    n_states: int,
+    n_flagged: Mapping[str, int],
+    nees: Sequence[NeesOfQuantity],
+    contradictions: Sequence[Contradiction],
+) -> str:
+    """Return the verdict on the estimate from what was used of the input; arguments as above."""
     if not n_states:
         return "nothing was estimated"
     surer = [

@@ -97,7 +97,7 @@ def run_stages(
         stages: Name -> stage, in order.
         selection: The part of the log that is used.
         skip: Which stages are left out.
-        strict: Rejected, repaired or lost data, and sources that contradict each other, are an error.
+        strict: Rejected, repaired or lost data, corrected sources and contradictions are an error.
         choice: The channels that will be written, for the records.
         step: Called with a text on each step, for a progress display.
 
@@ -143,7 +143,7 @@ def run_stages(
 
 
 def raise_on_data_faults(outcome: RunOutcome, start_ns: int) -> None:
-    """Raise an error if data was rejected, repaired or lost, or if sources contradict each other (`--strict`).
+    """Raise an error for rejected, repaired or lost data, corrected sources and contradictions (`--strict`).
 
     The message gives the time of a fault from the log's start.
 
@@ -152,6 +152,7 @@ def raise_on_data_faults(outcome: RunOutcome, start_ns: int) -> None:
     """
     found = [f"{reason}: {count}" for reason, count in outcome.faults.items()]
     for result in outcome.results:
+        found += result.summary.corrections
         found += result.summary.contradictions
         for entry in result.summary.inputs:
             for kind, counts in (("rejected", entry.rejected), ("repaired", entry.repaired)):

@@ -81,6 +81,8 @@ class StageSummary:
         verdict: One sentence on the result, "" where the stage has none.
         contradictions: One sentence for each pair of sources that contradict each other; an error with `--strict`.
         verdict_subject: What the verdict is about.
+        corrections: One sentence for each source whose values were wrong in a known way and were corrected; an error
+            with `--strict`.
     """
 
     title: str
@@ -90,6 +92,7 @@ class StageSummary:
     verdict: str = ""
     contradictions: tuple[str, ...] = ()
     verdict_subject: str = "the result"
+    corrections: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the summary for JSON, with names in snake_case; NaN, infinity and empty cells become None."""
@@ -113,6 +116,7 @@ class StageSummary:
             ],
             "notes": list(self.notes),
             **({"verdict": self.verdict} if self.verdict else {}),
+            **({"corrections": list(self.corrections)} if self.corrections else {}),
             **({"contradictions": list(self.contradictions)} if self.contradictions else {}),
         }
 

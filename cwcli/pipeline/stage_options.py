@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import keyword
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
@@ -70,8 +71,9 @@ def iter_option_entries(default: Any, path: tuple[str, ...] = ()) -> Iterator[Op
 
 
 def config_key_of_flags(flags: str) -> str:
-    """Name of an option in a configuration file: `tune` of `--tune/--no-tune`."""
-    return flags.partition("/")[0].removeprefix("--").replace("-", "_")
+    """Name of an option in a configuration file: `tune` of `--tune/--no-tune`; `as_` of `--as`, a word of Python."""
+    name = flags.partition("/")[0].removeprefix("--").replace("-", "_")
+    return f"{name}_" if keyword.iskeyword(name) else name
 
 
 def configure_stage(

@@ -14,9 +14,10 @@ from cwcli.channels.rejected import rejected_table, write_rejected_measurements
 from cwcli.channels.road_event import road_event_tables, write_road_events
 from cwcli.channels.transforms import read_lever_arms
 from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.calibration import Calibration, calibration_record_entry
 from cwcli.estimation.config import EstimatorConfig, LeverArms
+from cwcli.estimation.correction import Correction
 from cwcli.estimation.from_signals import (
     EgoSignal,
     drop_stretches_without_position,
@@ -24,6 +25,7 @@ from cwcli.estimation.from_signals import (
     ego_signal_to_measurements,
     merge_remotes_placed_in_map,
 )
+from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, sources_in_doubt
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.online_availability import (
     PARAMETERS_FROM_LOG,
@@ -142,23 +144,16 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         required=(Role.EGO_POSITION,),
         optional=(*EGO_SENSOR_ROLES[1:], Role.REMOTE, Role.TRUTH),
     )
-    _check_latency_topics(config.estimator, log)
+    _check_topics_of_options(config.estimator, log)
     if config.estimator.model != "cwcli" and (config.calibration is not None or config.estimator.lever_arms):
         option = "--lever-arm" if config.calibration is None else "--calibration"
         raise UsageError(f"{option} is not for --model {config.estimator.model}")
     lever_arms, transforms, stands = _read_lever_arms_if_used(log, sources, config.estimator)
-    local_map = _map_at_first_fix(sources)
-    aligned, clocks = align_source_clocks(
-        _collect_ego_measurements(sources, local_map),
-        corrects=not (config.estimator.takes_no_online_parameter_from_log or config.calibration is not None),
-        trusted=config.estimator.sources_with_given_latency,
-    )
-    measurements, apart = drop_stretches_without_position(aligned, MAX_BRIDGE_S)
-    grid_ns = ego_output_stamps_ns(measurements, config.rate_hz, MAX_BRIDGE_S)
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
-    ego, online = estimate_hindsight_and_online(
-        measurements, estimator, grid_ns, blind=estimator.takes_no_online_parameter_from_log
-    )
+    estimated = _estimate_ego(sources, estimator, config.rate_hz)
+    sources, estimated = _correct_latitude_and_longitude(sources, estimated, estimator, config.rate_hz)
+    measurements, local_map, apart = estimated.measurements, estimated.local_map, estimated.notes
+    ego, online = estimated.hindsight, estimated.online
     position = sources.by_role[Role.EGO_POSITION][0]
     heard = sources.by_role.get(Role.REMOTE, ())
     signal, notes = merge_remotes_placed_in_map(heard, position, local_map, is_stitched=config.stitch)
@@ -204,7 +199,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             apart.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
-    summary = _build_summary(sources, (*clocks, *stands, *apart, *notes), tracks, told, transforms)
+    summary = _build_summary(sources, (*stands, *apart, *notes), tracks, told, transforms, estimator)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
@@ -222,6 +217,77 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         ),
         evaluation_inputs=EstimateEvidence(sources.by_role.get(Role.TRUTH, ()), heard, measurements, judged, local_map),
     )
+
+
+@dataclass(frozen=True)
+class _EstimatedEgo:
+    """Tracks of the ego with what they are from.
+
+    Attributes:
+        measurements: Measurements, positions first.
+        local_map: The map's place on the earth, or None.
+        notes: Notes on measurements that were left out.
+        hindsight, online: The tracks.
+    """
+
+    measurements: list[Measurements]
+    local_map: LocalMap | None
+    notes: list[str]
+    hindsight: Track
+    online: Track
+
+
+def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: float) -> _EstimatedEgo:
+    """Estimate the ego's tracks."""
+    local_map = _map_at_first_fix(sources)
+    aligned, clock_notes = align_source_clocks(
+        _collect_ego_measurements(sources, local_map),
+        corrects=not (estimator.takes_no_online_parameter_from_log or estimator.calibration is not None),
+        trusted=estimator.sources_with_trusted_clock,
+    )
+    measurements, apart = drop_stretches_without_position(aligned, MAX_BRIDGE_S)
+    tracks = estimate_hindsight_and_online(
+        measurements,
+        estimator,
+        ego_output_stamps_ns(measurements, rate_hz, MAX_BRIDGE_S),
+        blind=estimator.takes_no_online_parameter_from_log,
+    )
+    return _EstimatedEgo(measurements, local_map, [*clock_notes, *apart], *tracks)
+
+
+def _correct_latitude_and_longitude(
+    sources: SensorSignals, estimated: _EstimatedEgo, estimator: EstimatorConfig, rate_hz: float
+) -> tuple[SensorSignals, _EstimatedEgo]:
+    """Return signals and tracks with right latitudes and longitudes, where the other sources say that they are wrong.
+
+    Nothing is changed where no online state may depend on the whole log, or where no known fault explains it.
+    """
+    positions = sources.by_role[Role.EGO_POSITION]
+    signal = positions[0]
+    kept = {*estimator.trusted_sources, *estimator.source_units}
+    if (
+        not isinstance(signal, PositionSignal)
+        or signal.source in kept
+        or estimator.takes_no_online_parameter_from_log
+        or not is_position_doubted(estimated.hindsight, signal.source)
+    ):
+        return sources, estimated
+    known = sources_in_doubt(estimated.hindsight)
+    for fault in GEODETIC_FAULTS:
+        if not fault.can_explain(signal):
+            continue
+        corrected = tuple(fault.correct(each) if each is signal else each for each in positions)
+        tried_sources = replace(sources, by_role={**sources.by_role, Role.EGO_POSITION: corrected})
+        tried = _estimate_ego(tried_sources, estimator, rate_hz)
+        in_doubt = sources_in_doubt(tried.hindsight)
+        if signal.source in in_doubt or in_doubt - known:
+            continue
+        correction = fault.correction_of(signal)
+        tracks = (
+            replace(track, corrections=(correction, *track.corrections)) for track in (tried.hindsight, tried.online)
+        )
+        return tried_sources, _EstimatedEgo(tried.measurements, tried.local_map, tried.notes, *tracks)
+    return sources, estimated
 
 
 def _map_at_first_fix(sources: SensorSignals) -> LocalMap | None:
@@ -259,18 +325,41 @@ def _read_lever_arms_if_used(
     return found, tuple(InputMessageCount.from_transforms(*each) for each in counts), notes
 
 
-def _check_latency_topics(estimator: EstimatorConfig, log: Log) -> None:
-    """Refuse a latency of a topic that the log does not have, because it would be ignored.
+def _check_topics_of_options(estimator: EstimatorConfig, log: Log) -> None:
+    """Refuse an option for a topic that the log does not have, because it would be ignored.
 
     Raises:
         UsageError: There is no such topic.
     """
-    if isinstance(estimator.latency, str):
-        return
     known = [channel.topic for channel in log.channels]
-    for name in estimator.latency:
-        if name not in known:
-            raise UsageError(f"--latency {name}: the log has no topic {name}", where=log.name)
+    for option, names in (
+        ("--latency", () if isinstance(estimator.latency, str) else estimator.latency),
+        ("--trust", estimator.trusted_sources),
+        ("--as", estimator.source_units),
+    ):
+        for name in names:
+            if name not in known:
+                raise UsageError(
+                    f"{option} {name}: the log has no topic {name}", where=log.name, hint=names_hint(name, known)
+                )
+
+
+def _count_corrections(
+    inputs: Sequence[InputMessageCount], corrections: Sequence[Correction]
+) -> tuple[InputMessageCount, ...]:
+    """Return the counts with the rows that were corrected as repaired, and those that were left out as set aside."""
+    counted = []
+    for entry in inputs:
+        repaired, aside = dict(entry.repaired), dict(entry.set_aside)
+        for each in corrections:
+            if each.who.source == entry.topic and each.who.role == entry.role:
+                if each.n_set_aside:
+                    aside[each.fault] = each.n_set_aside
+                else:
+                    repaired[each.fault] = min(each.n_rows, entry.used)
+        n_aside = sum(aside.values()) - sum(entry.set_aside.values())
+        counted.append(replace(entry, used=entry.used - n_aside, repaired=repaired, set_aside=aside))
+    return tuple(counted)
 
 
 def _online_known_since_ns(
@@ -291,12 +380,22 @@ def _build_summary(
     tracks: Mapping[str, TrackSummary],
     online: Sequence[OnlineAvailability],
     transforms: Sequence[InputMessageCount],
+    estimator: EstimatorConfig,
 ) -> StageSummary:
     """Return the summary of the stage: tables, input counts, notes, verdict and contradictions."""
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal) and len(s.stamp_ns)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
-    notes = [*remarks, *sources.notes, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
+    corrections = tracks[EGO_ID].corrections
+    notes = [each.sentence for each in corrections]
+    if estimator.takes_no_online_parameter_from_log:
+        notes += [
+            f"the online states use {each.who} as it is, because they may depend on no later message; "
+            f"--as {each.who.source}={each.name} corrects them, too"
+            for each in corrections
+            if not each.is_by_user and not each.n_set_aside
+        ]
+    notes += [*remarks, *sources.notes, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
     notes.extend(_shared_remote_notes(tracks))
     if online[0].parameters == PARAMETERS_FROM_LOG:
         notes.append(
@@ -307,10 +406,11 @@ def _build_summary(
     return StageSummary(
         "estimate",
         (*estimate_tables(tracks), online_states_table(online)),
-        (*sources.input_message_counts(), *transforms),
+        (*_count_corrections(sources.input_message_counts(), corrections), *transforms),
         tuple(dict.fromkeys(notes)),
         ego_verdict_sentence(tracks[EGO_ID]),
         tuple(each.contradiction_sentence for each in tracks[EGO_ID].contradictions),
+        corrections=tuple(each.sentence for each in corrections if not each.is_by_user),
         verdict_subject="the ego's states",
     )
 

@@ -1,4 +1,4 @@
-"""One sensor that lies: it is named in the verdict, it moves nothing, and `--strict` ends with 5."""
+"""One sensor that lies: its fault is said first and corrected, it moves nothing, and `--strict` ends with 5."""
 
 from __future__ import annotations
 
@@ -94,51 +94,65 @@ def test_without_a_fault_nothing_is_named(sensors: str, right: Path, tmp_path: P
     assert _error_m(summary) < MOST_M[sensors]
 
 
-def test_a_speed_in_km_h_is_named_and_left_out(right: Path) -> None:
+def test_a_speed_in_km_h_is_said_first_converted_and_counted(right: Path) -> None:
     summary = _estimate(right, *IN_KMH)
-    told = re.fullmatch(
-        rf"not consistent: (ego_speed \({SPEED}\) contradicts ego_position \({FIX}\): the car covered (\S+) times the "
-        rf"distance between the fixes, as if km/h were taken for m/s) \(imu accel \({IMU}\) agrees with ego_position "
-        rf"\({FIX}\); ego_speed \({SPEED}\) is left out of the estimate\).*",
+    told = re.match(
+        rf"input corrected: (ego_speed \({SPEED}\) is in km/h, not m/s: converted \(log-likelihood ratio (\d+) by "
+        rf"{FIX}, {IMU}; --trust {SPEED} keeps it as it is\))\. With that: consistent",
         summary["verdict"],
     )
     assert told is not None
-    assert float(told[2]) == pytest.approx(3.6, abs=0.05)
-    assert summary["contradictions"] == [told[1]]
-    assert any(note.startswith(f"ego_speed ({SPEED}) contradicts") for note in summary["notes"])
-    assert f"{SPEED} speed" not in _used(summary)
+    assert float(told[2]) > 100.0
+    assert summary["corrections"] == [told[1]] == summary["notes"][:1]
+    assert "contradictions" not in summary
+    (speed,) = (each for each in summary["inputs"] if each["topic"] == SPEED)
+    assert speed["repaired"] == {"is in km/h, not m/s": speed["used"]}
+    assert f"{SPEED} speed" in _used(summary)
     assert _error_m(summary) < MOST_M["full"]
+
+
+def test_a_trusted_speed_is_kept_and_what_the_user_says_is_done(right: Path) -> None:
+    kept = _estimate(right, *IN_KMH, "--trust", SPEED)
+    assert "corrections" not in kept
+    assert re.match(rf"not consistent: .*contradicts ego_speed \({SPEED}\)", kept["verdict"])
+    assert f"{SPEED} speed" in _used(kept)
+    by_hand = _estimate(right, *IN_KMH, "--as", f"{SPEED}=km/h")
+    assert by_hand["notes"][0] == f"ego_speed ({SPEED}) is in km/h, not m/s: converted, as --as says"
+    assert "corrections" not in by_hand
+    assert by_hand["verdict"].startswith("consistent")
+    assert _error_m(by_hand) < MOST_M["full"]
+
+
+def test_options_for_topics_and_units_that_are_not_there_are_refused(cwcli: Run, right: Path) -> None:
+    for option, words in (
+        (("--trust", "/speed"), b"--trust /speed: the log has no topic /speed"),
+        (("--as", "/speed=km/h"), b"--as /speed: the log has no topic /speed"),
+        (("--as", f"{SPEED}=g"), b"there is no such fault of /vehicle/velocity"),
+    ):
+        done = cwcli("estimate", right, *option)
+        assert done.returncode == 2
+        assert words in done.stderr
 
 
 @pytest.mark.parametrize("sensors", ["full", "lean"])
 @pytest.mark.parametrize(
-    ("change", "named", "left_out"),
+    ("change", "said"),
     [
-        (sign_turned, f"imu yaw rate ({IMU}) contradicts ego_position ({FIX}): it turns the other way", {"yaw rate"}),
-        (
-            upright,
-            f"imu ({IMU}) contradicts gravity: on average it reads 9.8 m/s^2 along its forward axis and",
-            {"yaw rate", "accel"},
-        ),
+        (sign_turned, f"imu ({IMU}) has a gyroscope with the wrong sign: reversed (log-likelihood ratio "),
+        (upright, f"imu ({IMU}) is mounted with -z forward, y left and x up, not x, y and z: turned (log-likelihood"),
     ],
     ids=["gyroscope's sign turned", "IMU upright"],
 )
-def test_a_wrong_imu_is_named_and_left_out(
-    sensors: str,
-    change: Change,
-    named: str,
-    left_out: set[str],
-    right: Path,
-    tmp_path: Path,
+def test_a_wrong_imu_is_said_first_and_corrected(
+    sensors: str, change: Change, said: str, right: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "wrong.mcap"
     messages = imu_changed(change)(read(right))
     write(log, lean(messages) if sensors == "lean" else messages)
     summary = _estimate(log)
-    assert summary["verdict"].startswith(f"not consistent: {named}")
-    assert not {f"{IMU} {quantity}" for quantity in left_out} & _used(summary)
-    parameters = summary["sections"].get("parameters", [])
-    statuses = {row["status"] for row in parameters if row["source"] == IMU}
+    assert summary["verdict"].startswith(f"input corrected: {said}")
+    assert {f"{IMU} accel", f"{IMU} yaw rate"} <= _used(summary)
+    statuses = {row["status"] for row in summary["sections"].get("parameters", []) if row["source"] == IMU}
     assert "contradicts" not in statuses  # nothing was absorbed that would have to be refused
     assert _error_m(summary) < MOST_M[sensors]
 
@@ -147,11 +161,21 @@ def test_strict_ends_with_5_and_writes_nothing(cwcli: Run, right: Path, tmp_path
     target = tmp_path / "strict.mcap"
     done = cwcli("estimate", right, *IN_KMH, "--strict", "-o", target)
     assert done.returncode == 5
-    assert b"contradicts ego_position" in done.stderr
+    assert b"is in km/h, not m/s: converted" in done.stderr
     assert not target.exists()
     assert cwcli("estimate", right, "--strict", "-o", target).returncode == 0
 
 
 def test_latency_none_and_no_sensor_model_say_so_too(right: Path) -> None:
-    for option in (("--latency", "none"), ("--sensor-model", "none"), ("--causal", "--latency", "none")):
-        assert "contradicts ego_position" in _estimate(right, *IN_KMH, *option)["verdict"]
+    for option in (("--latency", "none"), ("--sensor-model", "none")):
+        assert _estimate(right, *IN_KMH, *option)["verdict"].startswith(f"input corrected: ego_speed ({SPEED})")
+    # Here no state may depend on the whole log: it is told, and nothing is changed.
+    assert "contradicts ego_position" in _estimate(right, *IN_KMH, "--causal", "--latency", "none")["verdict"]
+
+
+def test_online_states_that_may_not_depend_on_the_whole_log_are_told_to_be_uncorrected(right: Path) -> None:
+    notes = _estimate(right, *IN_KMH, "--latency", "none")["notes"]
+    assert (
+        f"the online states use ego_speed ({SPEED}) as it is, because they may depend on no later message; "
+        f"--as {SPEED}=km/h corrects them, too"
+    ) in notes

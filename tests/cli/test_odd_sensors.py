@@ -114,13 +114,14 @@ CASES = {
     "five seconds": Case(between((FIX, SPEED, HEADING, IMU, TRUTH), 5.0, 99.0), (), 0.25, 0.2, 0.6),
     "gaps of all sensors": Case(between((FIX, SPEED, HEADING, IMU), 8.0, 12.0), ("gap",), 0.8, 0.3, 0.6),
     "stamps out of order": Case(swapped, ()),
-    "IMU in g": Case(IN_G, ("accelerations taken as g",)),
-    "gyroscope in degrees": Case(IN_DEGREES, ("taken as degrees per second",)),
+    "IMU in g": Case(IN_G, ("measures acceleration in g, not m/s^2: converted",)),
+    "gyroscope in degrees": Case(IN_DEGREES, ("measures turn rates in degrees/s, not rad/s",)),
     "IMU in g and degrees": Case(
-        lambda messages: IN_G(IN_DEGREES(messages)), ("accelerations taken as g", "taken as degrees per second")
+        lambda messages: IN_G(IN_DEGREES(messages)),
+        ("measures acceleration in g, not m/s^2", "measures turn rates in degrees/s, not rad/s"),
     ),
-    "IMU upside down": Case(UPSIDE_DOWN, ("taken as mounted upside down",)),
-    "speed that sticks": Case(stuck, ("speed rows repeat one value for long",)),
+    "IMU upside down": Case(UPSIDE_DOWN, ("is mounted with x forward, -y left and -z up",)),
+    "speed that sticks": Case(stuck, ("repeats one value for long",)),
     "fixes twice": Case(twice, ("duplicate message",)),
     "first speed 0": Case(zero_first, ("the first speed row contradicts the following rows",)),
 }

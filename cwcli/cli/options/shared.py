@@ -157,7 +157,9 @@ class ReadingOptions:
     strict: Annotated[
         bool,
         typer.Option(
-            "--strict", help="Rejected or repaired data, or sources that contradict each other: an error (exit code 5)."
+            "--strict",
+            help="Rejected or repaired data, or sources that were corrected or contradict each other: an error "
+            "(exit code 5).",
         ),
     ] = False
 

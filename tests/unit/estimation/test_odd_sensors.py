@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.estimation.measurements import Kind
-from cwcli.estimation.odd_sensors import convert_imu_to_si_units, is_first_row_contradicted, stuck_row_mask
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.odd_sensors import find_impossible_imu_values, is_first_row_contradicted, stuck_row_mask
 
 TIME_S = 0.1 * np.arange(100)
 
@@ -16,12 +16,21 @@ def _imu(force: tuple[float, float, float], yaw_rate: float) -> np.ndarray:
 
 
 def test_an_imu_in_g_upside_down_and_in_degrees_becomes_one_in_si_units() -> None:
-    values, variance, words = convert_imu_to_si_units(_imu((0.0, 0.0, -1.0), 20.0), np.ones((100, 6)))
-    np.testing.assert_allclose(values[:, 2], 9.80665)
-    np.testing.assert_allclose(values[:, 5], -np.radians(20.0) * np.sin(TIME_S))
-    assert variance is not None
-    np.testing.assert_allclose(variance[0], [9.80665**2] * 3 + [np.radians(1.0) ** 2] * 3)
-    assert len(words) == 3
+    values = _imu((0.0, 0.0, -1.0), 20.0)
+    found = find_impossible_imu_values(values)
+    assert [(each.name, evidence) for each, evidence in found] == [
+        ("g", "gravity reads 1.00"),
+        ("x,-y,-z", "gravity points upward"),
+        ("degrees/s", "yaw rates reach 20"),
+    ]
+    stamp_ns = np.rint(1e9 * TIME_S).astype(np.int64)
+    m = Measurements("/imu", Kind.IMU, stamp_ns, values, np.ones((100, 6)))
+    for hypothesis, _ in found:
+        m = hypothesis.correct_measurements(m)
+    np.testing.assert_allclose(m.values[:, 2], 9.80665)
+    np.testing.assert_allclose(m.values[:, 5], -np.radians(20.0) * np.sin(TIME_S))
+    assert m.covariance is not None
+    np.testing.assert_allclose(np.diag(m.covariance[0]), [9.80665**2] * 3 + [np.radians(1.0) ** 2] * 3)
 
 
 @pytest.mark.parametrize(
@@ -31,9 +40,7 @@ def test_an_imu_in_g_upside_down_and_in_degrees_becomes_one_in_si_units() -> Non
 )
 def test_an_imu_in_si_units_is_left_as_it_is(force: tuple[float, float, float]) -> None:
     given = _imu(force, 1.2)  # rad/s: as fast as a car turns round
-    values, _, words = convert_imu_to_si_units(given, None)
-    assert values is given
-    assert words == []
+    assert find_impossible_imu_values(given) == []
 
 
 def test_a_first_speed_of_zero_is_apart_from_a_drive_at_15_mps_but_not_from_a_start() -> None:

@@ -1,0 +1,113 @@
+"""Find rows in which a sensor repeats one value although the car moves: it is stuck, saturated or switched off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.odd_sensors import MAX_REPEATED_ROW_SHARE, MIN_STUCK_DURATION_S, MIN_STUCK_ROWS, stuck_row_mask
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+MIN_MOVING_SPEED_MPS = 3.0
+"""Least mean speed by the fixes at which a repeated zero or heading is a fault and no standstill, m/s."""
+MIN_SATURATED_ROWS = 5
+"""Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
+
+
+@dataclass(frozen=True)
+class FixMotion:
+    """Smoothed positions of a vehicle, for its mean speed between two times.
+
+    Attributes:
+        time_s: Shape (n,), sorted.
+        values: Shape (n, 2), m.
+    """
+
+    time_s: FloatArray
+    values: FloatArray
+
+    def mean_speed_mps(self, begin_s: float, end_s: float) -> float:
+        """Return the distance between two times over the time; 0 where there are no fixes about it."""
+        if len(self.time_s) < 2 or begin_s >= self.time_s[-1] or end_s <= self.time_s[0]:
+            return 0.0
+        begin, end = (
+            np.array([np.interp(t, self.time_s, column) for column in self.values.T]) for t in (begin_s, end_s)
+        )
+        return float(np.hypot(*(end - begin))) / (end_s - begin_s)
+
+
+def frozen_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray, fixes: FixMotion) -> BoolArray:
+    """Return a mask (n,) of rows that repeat a value which usually changes.
+
+    A speed and a velocity may repeat a zero, and a heading any value, as long as the car stands.
+
+    Args:
+        kind: Kind of the rows.
+        time_s: Shape (n,), sorted.
+        values: Shape (n, d), finite.
+        fixes: Positions of the same vehicle.
+    """
+    if kind is Kind.IMU:
+        return _saturated_gyroscope_mask(values) | _repeated_row_mask(time_s, values, lambda begin_s, end_s: True)
+    if kind in (Kind.SPEED, Kind.VELOCITY):
+        zero = (values == 0.0).all(axis=1)
+        if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATED_ROW_SHARE:
+            return stuck_row_mask(kind, time_s, values)
+        frozen = np.zeros(len(time_s), np.bool_)
+        for begin, end in _runs(zero, MIN_STUCK_ROWS):
+            is_long = time_s[end - 1] - time_s[begin] >= MIN_STUCK_DURATION_S
+            if is_long and fixes.mean_speed_mps(time_s[begin], time_s[end - 1]) > MIN_MOVING_SPEED_MPS:
+                frozen[begin:end] = True
+        return stuck_row_mask(kind, time_s, values) | frozen
+    if kind is Kind.HEADING:
+        return _repeated_row_mask(
+            time_s, values, lambda begin_s, end_s: fixes.mean_speed_mps(begin_s, end_s) > MIN_MOVING_SPEED_MPS
+        )
+    return np.zeros(len(time_s), np.bool_)
+
+
+def _runs(mask: BoolArray, least: int) -> list[tuple[int, int]]:
+    """Return begin and end (exclusive) of the stretches of True in a mask (n,) that have at least so many rows."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    return [(int(b), int(e)) for b, e in zip(edges[::2], edges[1::2], strict=True) if e - b >= least]
+
+
+def _repeated_row_mask(time_s: FloatArray, values: FloatArray, is_fault: Callable[[float, float], bool]) -> BoolArray:
+    """Return a mask (n,) of rows that repeat one value for long in stretches that are a fault.
+
+    Only where other rows hardly repeat: a coarse signal repeats often.
+    """
+    frozen = np.zeros(len(time_s), np.bool_)
+    if len(time_s) < 2 * MIN_STUCK_ROWS:
+        return frozen
+    same = (np.diff(values, axis=0) == 0.0).all(axis=1)
+    if not same.any():
+        return frozen
+    long = np.zeros(len(time_s), np.bool_)
+    for begin, end in _runs(same, MIN_STUCK_ROWS):  # rows begin .. end are one number
+        if time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
+            long[begin + 1 : end + 1] = True
+            if is_fault(time_s[begin], time_s[end]):
+                frozen[begin + 1 : end + 1] = True
+    elsewhere = same[~long[1:]]
+    is_usual = not len(elsewhere) or elsewhere.mean() >= MAX_REPEATED_ROW_SHARE
+    return np.zeros(len(time_s), np.bool_) if is_usual else frozen
+
+
+def _saturated_gyroscope_mask(values: FloatArray) -> BoolArray:
+    """Return a mask (n,) of the rows in which an axis of the gyroscope stays at the end of its range."""
+    saturated = np.zeros(len(values), np.bool_)
+    if len(values) < 2 * MIN_STUCK_ROWS:
+        return saturated
+    for column in values[:, 3:].T:
+        for limit in (column.max(), column.min()):
+            at_end = column == limit
+            if MIN_SATURATED_ROWS <= at_end.sum() < 0.5 * len(column):
+                for begin, end in _runs(at_end, MIN_SATURATED_ROWS):
+                    saturated[begin:end] = True
+    return saturated

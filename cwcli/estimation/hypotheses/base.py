@@ -1,0 +1,93 @@
+"""What may be wrong with all rows of a source: a linear map of its values, with its name and texts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
+from cwcli.estimation.passes import SensorSeries
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A fault of a source that a linear map of its values repairs: correct = matrix @ measured + offset.
+
+    Attributes:
+        name: Name for `--as SOURCE=NAME`.
+        group: Faults of one group exclude each other, such as two units; those of different groups may come together.
+        fault: End of the sentence "SOURCE ...", such as "is in km/h, not m/s".
+        action: What is done about it, such as "converted".
+        matrix: d rows of d numbers, with d of `QUANTITIES`.
+        offset: d numbers.
+    """
+
+    name: str
+    group: str
+    fault: str
+    action: str
+    matrix: Sequence[Sequence[float]]
+    offset: Sequence[float]
+
+    @classmethod
+    def of_scalar(
+        cls, name: str, group: str, fault: str, action: str, *, factor: float = 1.0, offset: float = 0.0
+    ) -> Hypothesis:
+        """Return a hypothesis for a kind with one value: correct = factor * measured + offset."""
+        return cls(name, group, fault, action, ((factor,),), (offset,))
+
+    def correct_values(self, values: FloatArray) -> FloatArray:
+        """Return the corrected values (n, d) of measured ones (n, d)."""
+        return np.asarray(values @ np.array(self.matrix, float).T + np.array(self.offset, float))
+
+    def correct_measurements(self, m: Measurements) -> Measurements:
+        """Return the measurements with corrected values and covariances."""
+        matrix = np.array(self.matrix, float)
+        covariance = None if m.covariance is None else matrix @ m.covariance @ matrix.T
+        return replace(m, values=self.correct_values(m.values), covariance=covariance)
+
+    def correct_series(self, s: SensorSeries) -> SensorSeries:
+        """Return a series with corrected values; its noise is left as it is."""
+        width = QUANTITIES[s.kind].width
+        values = np.zeros_like(s.values)
+        values[:, :width] = self.correct_values(s.values[:, :width])
+        return replace(s, values=values)
+
+    def after(self, first: Hypothesis) -> Hypothesis:
+        """Return one hypothesis for two faults: `first` is repaired first, then this one."""
+        own, earlier = np.array(self.matrix, float), np.array(first.matrix, float)
+        offset = own @ np.array(first.offset, float) + np.array(self.offset, float)
+        return Hypothesis(
+            f"{first.name}+{self.name}",
+            f"{first.group}+{self.group}",
+            f"{first.fault} and {self.fault}",
+            first.action if first.action == self.action else f"{first.action} and {self.action}",
+            tuple(map(tuple, (own @ earlier).tolist())),
+            tuple(offset.tolist()),
+        )
+
+
+def with_combinations(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses and each pair of two of different groups, a unit before a sign or a convention."""
+    pairs = [
+        second.after(first)
+        for i, first in enumerate(hypotheses)
+        for second in hypotheses[i + 1 :]
+        if first.group != second.group
+    ]
+    return (*hypotheses, *pairs)
+
+
+def compose_by_name(kind: Kind, known: Sequence[Hypothesis], name: str) -> Hypothesis | None:
+    """Return the hypothesis with a name, or of several names joined by "+"; None if one is not known."""
+    found: Hypothesis | None = None
+    for part in name.split("+"):
+        own = next((each for each in known if each.name == part), None)
+        if own is None:
+            return None
+        found = own if found is None else own.after(found)
+    return found

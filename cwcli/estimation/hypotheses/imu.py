@@ -1,0 +1,97 @@
+"""Hypotheses on an IMU, which should have x forward, y left and z up, and measure in m/s^2 and rad/s."""
+
+from __future__ import annotations
+
+import math
+from itertools import permutations, product
+
+import numpy as np
+
+from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
+
+AXIS_NAMES = ("x", "y", "z")
+"""Names of the axes of an IMU."""
+NO_OFFSET = (0.0,) * 6
+"""No offset of accelerometer and gyroscope."""
+
+
+def _scaled(name: str, group: str, fault: str, action: str, accel: float, gyro: float) -> Hypothesis:
+    diagonal = np.diag([accel] * 3 + [gyro] * 3)
+    return Hypothesis(name, group, fault, action, tuple(map(tuple, diagonal.tolist())), NO_OFFSET)
+
+
+def axes_hypothesis(forward: int, left: int, up: int) -> Hypothesis:
+    """Return the hypothesis that these axes of the IMU point forward, left and up.
+
+    Args:
+        forward, left, up: 1, 2, 3 for x, y, z; negative for an axis that points the other way.
+    """
+    names = [("-" if axis < 0 else "") + AXIS_NAMES[abs(axis) - 1] for axis in (forward, left, up)]
+    turned = np.zeros((6, 6))
+    for row, axis in enumerate((forward, left, up)):
+        turned[row, abs(axis) - 1] = turned[row + 3, abs(axis) + 2] = math.copysign(1.0, axis)
+    fault = f"is mounted with {names[0]} forward, {names[1]} left and {names[2]} up, not x, y and z"
+    return Hypothesis(",".join(names), "axes", fault, "turned", tuple(map(tuple, turned.tolist())), NO_OFFSET)
+
+
+def rotations() -> tuple[tuple[int, int, int], ...]:
+    """Return the 24 rotations onto axes: which axes (1 to 3 with sign) point forward, left and up."""
+    found = []
+    for order, signs in product(permutations((1, 2, 3)), product((1, -1), repeat=3)):
+        axes = tuple(sign * axis for sign, axis in zip(signs, order, strict=True))
+        matrix = np.zeros((3, 3))
+        for row, axis in enumerate(axes):
+            matrix[row, abs(axis) - 1] = math.copysign(1.0, axis)
+        if np.linalg.det(matrix) > 0.0:
+            found.append((axes[0], axes[1], axes[2]))
+    return tuple(sorted(found, key=lambda axes: axes != (1, 2, 3)))
+
+
+def _accel_unit(name: str, fault: str, mps2_per_unit: float) -> Hypothesis:
+    return _scaled(name, "accel unit", f"measures acceleration in {fault}", "converted", mps2_per_unit, 1.0)
+
+
+def _gyro_unit(name: str, fault: str, radps_per_unit: float) -> Hypothesis:
+    return _scaled(name, "gyro unit", f"measures turn rates in {fault}", "converted", 1.0, radps_per_unit)
+
+
+ACCEL_UNITS = (
+    _accel_unit("g", "g, not m/s^2", STANDARD_GRAVITY_MPS2),
+    _accel_unit("mg", "mg, not m/s^2", 1e-3 * STANDARD_GRAVITY_MPS2),
+    _accel_unit("cm/s^2", "cm/s^2, not m/s^2", 0.01),
+    _accel_unit("ft/s^2", "feet/s^2, not m/s^2", 0.3048),
+    _accel_unit("m/s^2-read-as-g", "m/s^2, but was converted as if it were in g", 1.0 / STANDARD_GRAVITY_MPS2),
+)
+"""Units of the accelerometer."""
+GYRO_UNITS = (
+    _gyro_unit("degrees/s", "degrees/s, not rad/s", math.pi / 180.0),
+    _gyro_unit("milliradians/s", "milliradians/s, not rad/s", 1e-3),
+    _gyro_unit("rad/s-read-as-degrees/s", "rad/s, but was converted as if it were in degrees/s", 180.0 / math.pi),
+)
+"""Units of the gyroscope."""
+SIGNS = (
+    _scaled("accel-reversed", "accel sign", "has an accelerometer with the wrong sign", "reversed", -1.0, 1.0),
+    _scaled("gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0),
+)
+"""Signs of accelerometer and gyroscope."""
+AXES = tuple(axes_hypothesis(*axes) for axes in rotations()[1:])
+"""The 23 rotations onto axes besides the right one."""
+IMU = (*ACCEL_UNITS, *GYRO_UNITS, *SIGNS, *AXES)
+"""Units, signs and axes of `Kind.IMU`."""
+
+
+def tilt_hypothesis(force: FloatArray) -> Hypothesis:
+    """Return the hypothesis that an IMU is tilted: the shortest turn takes its mean specific force (3,) to z.
+
+    Rodrigues' formula: R = I + K + K K / (1 + c), with K the cross product by u x z and c their scalar product, u z.
+    """
+    u = force / np.linalg.norm(force)
+    cross = np.array([[0.0, 0.0, -u[0]], [0.0, 0.0, -u[1]], [u[0], u[1], 0.0]])
+    turn = np.eye(3) + cross + cross @ cross / (1.0 + u[2])
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3] = matrix[3:, 3:] = turn
+    tilt_deg = math.degrees(math.acos(min(1.0, float(u[2]))))
+    fault = f"is mounted tilted by {tilt_deg:.0f} degrees"
+    return Hypothesis("tilted", "tilt", fault, "levelled", tuple(map(tuple, matrix.tolist())), NO_OFFSET)

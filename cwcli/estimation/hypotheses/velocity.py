@@ -1,0 +1,29 @@
+"""Hypotheses on a velocity over ground, which should be east and north in m/s."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.estimation.hypotheses.speed import SPEED
+
+NO_OFFSET = (0.0, 0.0)
+"""No offset of east and north."""
+
+
+def _axes(name: str, fault: str, east: tuple[float, float], north: tuple[float, float]) -> Hypothesis:
+    return Hypothesis(name, "axes", fault, "axes exchanged", (east, north), NO_OFFSET)
+
+
+VELOCITY = (
+    *(
+        replace(each, matrix=((each.matrix[0][0], 0.0), (0.0, each.matrix[0][0])), offset=NO_OFFSET)
+        for each in SPEED
+        if each.group == "unit"
+    ),
+    _axes("north-east", "has north before east", (0.0, 1.0), (1.0, 0.0)),
+    _axes("west-north", "has west in place of east", (-1.0, 0.0), (0.0, 1.0)),
+    _axes("east-south", "has south in place of north", (1.0, 0.0), (0.0, -1.0)),
+    _axes("west-south", "points backward", (-1.0, 0.0), (0.0, -1.0)),
+)
+"""Units and axes of `Kind.VELOCITY`."""

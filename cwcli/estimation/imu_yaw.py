@@ -1,0 +1,78 @@
+"""Find how far a level IMU is turned about the vertical, by its horizontal accelerations and those of the fixes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.estimation.median import median
+from cwcli.estimation.passes import SensorSeries
+from cwcli.estimation.source_hypotheses import evidence_motions
+from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_between_edges
+from cwcli.signals.columns import FloatArray
+
+MIN_YAW_RAD = math.radians(15.0)
+"""Least angle that is corrected: less changes the forward acceleration by 4 % and adds a quarter of the lateral one."""
+MIN_STEPS = 10
+"""Least number of steps. Chosen by hand; not fitted."""
+MIN_CORRELATION = 0.8
+"""Least correlation of the turned accelerations with those of the fixes. Chosen by hand; not fitted."""
+N_SIGMAS = 5.0
+"""Least distance of the angle from MIN_YAW_RAD / 2 in its sigmas. Chosen by hand: neighbouring steps share fixes."""
+MIN_LATERAL_MPS2 = 0.5
+"""Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows."""
+
+
+def find_imu_yaw(
+    time_s: FloatArray, values: FloatArray, others: Sequence[SensorSeries]
+) -> tuple[Hypothesis, str] | None:
+    """Return the turn of a level IMU about the vertical and what shows it, or None.
+
+    The accelerations of a step by the IMU (forward f, left l) are those of the fixes (v', v w) turned by the angle.
+    The turn of least squares between two sets of vectors has the angle atan2(sum of cross products, sum of scalar
+    products) (Horn, 1987, in the plane). Noise of either makes both sums smaller and does not move it.
+
+    Args:
+        time_s: Shape (n,), sorted.
+        values: Shape (n, 6): accelerometer and gyroscope, levelled.
+        others: Series of the other sources, positions first.
+    """
+    motions, edges_s = evidence_motions(others[:1])
+    if len(edges_s) < MIN_STEPS + 3:
+        return None
+    measured = np.column_stack([means_between_edges(time_s, column, edges_s) for column in values[:, :2].T])
+    measured[~covered_step_mask(time_s, edges_s)] = np.nan
+    reference = _accelerations(motions[0], float(edges_s[1] - edges_s[0]))
+    measured = measured[1:-1]
+    rows = np.isfinite(measured).all(axis=1) & np.isfinite(reference).all(axis=1)
+    n = int(rows.sum())
+    if n < MIN_STEPS:
+        return None
+    f, r = (column[rows] - [median(column[rows, 0]), median(column[rows, 1])] for column in (measured, reference))
+    power = float(np.square(f).sum()) * float(np.square(r).sum())
+    dot, cross = float((f * r).sum()), float((f[:, 1] * r[:, 0] - f[:, 0] * r[:, 1]).sum())
+    if np.square(r).sum() < n * MIN_LATERAL_MPS2**2 or math.hypot(dot, cross) < MIN_CORRELATION * math.sqrt(power):
+        return None
+    yaw_rad = math.atan2(cross, dot)
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    rest = f @ np.array([[c, -s], [s, c]]) - r
+    sigma_rad = math.sqrt(float(np.square(rest).sum()) / (2.0 * n) / float(np.square(r).sum()))
+    if abs(yaw_rad) < MIN_YAW_RAD or abs(yaw_rad) - N_SIGMAS * sigma_rad < 0.5 * MIN_YAW_RAD:
+        return None
+    matrix = np.eye(6)
+    matrix[:2, :2] = matrix[3:5, 3:5] = ((c, s), (-s, c))
+    side = "right" if yaw_rad > 0.0 else "left"
+    fault = f"is mounted turned by {abs(math.degrees(yaw_rad)):.0f} degrees to the {side} about the vertical"
+    hypothesis = Hypothesis("yawed", "yaw", fault, "turned back", tuple(map(tuple, matrix.tolist())), (0.0,) * 6)
+    evidence = f"accelerations of {others[0].source}, sigma {math.degrees(sigma_rad):.1f} degrees in {n} steps"
+    return hypothesis, evidence
+
+
+def _accelerations(m: StepMotion, step_s: float) -> FloatArray:
+    """Return forward and left acceleration in each step but the first and last, (n - 2, 2)."""
+    turn = m.turn_rad
+    forward = (m.speed_mps[2:] - m.speed_mps[:-2]) / (2.0 * step_s)
+    return np.column_stack([forward, m.speed_mps[1:-1] * (turn[:-1] + turn[1:]) / (2.0 * step_s)])

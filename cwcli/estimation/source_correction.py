@@ -1,0 +1,169 @@
+"""Correct the one source whose wrong unit, sign, axes or convention best explains the contradictions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.estimation.contradiction import SourceQuantity
+from cwcli.estimation.correction import Correction, correction_of
+from cwcli.estimation.imu_hypotheses import find_imu_hypothesis
+from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
+from cwcli.estimation.odd_sensors import find_tilt
+from cwcli.estimation.passes import SensorSeries
+from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
+from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison
+from cwcli.estimation.source_hypotheses import MIN_MARGIN, Finding, find_hypothesis, judges_if_explained
+from cwcli.estimation.source_vote import (
+    compare_prepared_sources,
+    find_tilted_imus,
+)
+from cwcli.estimation.standstill_heading import has_heading_jumps
+from cwcli.lazy_dataclass import dataclass
+
+Prepare = Callable[[Sequence[Measurements]], tuple[list[PreparedSeries], list[str]]]
+"""A function that cleans measurements; returns the series and notes."""
+MAX_IMU_RATIO_ERROR = 0.35
+"""Greatest relative difference from 1 of an IMU's turns and changes of speed after a correction: an IMU that is tilted
+by 30 degrees shows 0.87 of both, and slopes and latencies change more."""
+
+
+@dataclass(frozen=True)
+class CorrectionAttempt:
+    """Measurements with one correction more.
+
+    Attributes:
+        measurements, prepared, notes: As `JudgedSources`.
+        correction: What was corrected.
+        unused: Quantities of the source that still contradict the others and are left out.
+    """
+
+    measurements: list[Measurements]
+    prepared: list[PreparedSeries]
+    notes: list[str]
+    correction: Correction
+    unused: tuple[SourceQuantity, ...] = ()
+
+
+def correct_one_source(
+    measurements: Sequence[Measurements],
+    prepared: Sequence[PreparedSeries],
+    comparisons: Sequence[SourceComparison],
+    prepare: Prepare,
+    trusted: Collection[str],
+) -> CorrectionAttempt | None:
+    """Return the measurements with the correction that clearly explains a contradiction best; None without one."""
+    usable = [p.series for p in prepared if len(p.series) >= MIN_ROWS and not p.series.is_exact]
+    contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT]
+    suspects = {who for each in contrary for who in (each.one, each.other)} | {
+        each.who for each in find_tilted_imus(prepared)
+    }
+    # Headings in degrees jump, and then differ from the course by nothing that lasts.
+    suspects |= {
+        SourceQuantity(s.source, s.kind)
+        for s in usable
+        if s.kind is Kind.HEADING and has_heading_jumps(s.time_s, s.values[:, 0])
+    }
+    suspects = {who for who in suspects if who.source not in trusted}
+    imus = {m.source: m for m in measurements if m.kind is Kind.IMU}
+    suspected_imus = dict.fromkeys(m for m in imus if any(who.source == m and _is_of_imu(who) for who in suspects))
+    tilted = {each.who.source for each in find_tilted_imus(prepared)}
+    level = [s for s in usable if not (s.kind in RATE_KINDS and s.source in tilted)]
+    if not any(s.kind is Kind.POSITION for s in level):
+        return None
+    findings = [
+        found
+        for i, s in enumerate(level)
+        if SourceQuantity(s.source, s.kind) in suspects
+        and not (s.kind in RATE_KINDS and s.source in imus)
+        and (found := find_hypothesis(level, i)) is not None
+    ]
+    attempts = [(found.gain, found.who, _attempt(measurements, found, prepare)) for found in findings]
+    for source in suspected_imus:
+        tried = attempt_with_imu(imus[source], measurements, level, prepare)
+        if tried is not None:
+            attempts.append((tried[0], SourceQuantity(source, Kind.IMU), tried[1]))
+    # A wrong position shows on a map; so it is corrected only where nothing else explains the contradiction.
+    attempts.sort(key=lambda each: (each[1].kind is Kind.POSITION, -each[0]))
+    for gain, who, attempt in attempts:
+        rivals = (
+            other_gain
+            for other_gain, other, _ in attempts
+            if other.kind is not Kind.POSITION and _contradict_each_other(contrary, who, other)
+        )
+        if who.kind is Kind.POSITION or all(gain - other_gain >= MIN_MARGIN for other_gain in rivals):
+            return attempt
+    return None
+
+
+def _is_of_imu(who: SourceQuantity) -> bool:
+    return who.kind in (*RATE_KINDS, Kind.IMU)
+
+
+def _contradict_each_other(contrary: Sequence[SourceComparison], who: SourceQuantity, other: SourceQuantity) -> bool:
+    """Whether two sources contradict each other; quantities of one IMU count together."""
+
+    def is_same(one: SourceQuantity, two: SourceQuantity) -> bool:
+        return one == two or (one.source == two.source and _is_of_imu(one) and _is_of_imu(two))
+
+    return not is_same(who, other) and any(
+        (is_same(each.one, who) and is_same(each.other, other))
+        or (is_same(each.one, other) and is_same(each.other, who))
+        for each in contrary
+    )
+
+
+def _attempt(measurements: Sequence[Measurements], found: Finding, prepare: Prepare) -> CorrectionAttempt:
+    """Return the measurements with a finding applied."""
+    corrected = [
+        found.hypothesis.correct_measurements(m) if SourceQuantity(m.source, m.kind) == found.who else m
+        for m in measurements
+    ]
+    own = next(m for m in measurements if SourceQuantity(m.source, m.kind) == found.who)
+    return CorrectionAttempt(corrected, *prepare(corrected), correction_of(own, found.hypothesis, found.evidence))
+
+
+def attempt_with_imu(
+    imu: Measurements, measurements: Sequence[Measurements], level: Sequence[SensorSeries], prepare: Prepare
+) -> tuple[float, CorrectionAttempt] | None:
+    """Return gain and measurements with units, signs and axes of an IMU corrected; None where none clearly wins."""
+    others = [s for s in level if s.source != imu.source]
+    if not any(s.kind is Kind.POSITION for s in others):
+        return None
+    rows = np.flatnonzero(np.isfinite(imu.values).all(axis=1))
+    rows = rows[np.argsort(imu.stamp_ns[rows], kind="stable")]
+    time_s = seconds_since_epoch(imu.stamp_ns[rows], earliest_stamp_ns(measurements))
+    found = find_imu_hypothesis(time_s, imu.values[rows], others)
+    if found is None:
+        return None
+    hypothesis = found.hypothesis
+    tilt = find_tilt(hypothesis.correct_values(imu.values))
+    if tilt is not None:
+        hypothesis = tilt[0].after(hypothesis)
+    corrected = [hypothesis.correct_measurements(m) if m is imu else m for m in measurements]
+    prepared, notes = prepare(corrected)
+    if any(each.who.source == imu.source for each in find_tilted_imus(prepared)):
+        return None
+    comparisons = compare_prepared_sources(prepared)
+    accel, yaw_rate = (SourceQuantity(imu.source, kind) for kind in RATE_KINDS)
+    by_turns = judges_if_explained(comparisons, yaw_rate, MAX_IMU_RATIO_ERROR)
+    by_speed = judges_if_explained(comparisons, accel, MAX_IMU_RATIO_ERROR)
+    is_contrary = any(c.judgement is Judgement.CONTRADICT and c.involves(yaw_rate) for c in comparisons)
+    if is_contrary or not (by_turns or by_speed):
+        return None
+    judges = ", ".join(dict.fromkeys(each.source for each in (*by_turns, *by_speed)))
+    correction = correction_of(imu, hypothesis, f"log-likelihood ratio {found.gain:.0f} by {judges}")
+    unused: tuple[SourceQuantity, ...] = ()
+    if not found.is_forward_clear or any(
+        c.judgement is Judgement.CONTRADICT and c.involves(accel) for c in comparisons
+    ):
+        if not found.changes_yaw_rate:
+            return None
+        unused = (accel,)
+        correction = replace(
+            correction,
+            action=f"{correction.action}; its acceleration is not used, because its forward axis is not clear",
+        )
+    return found.gain, CorrectionAttempt(corrected, prepared, notes, correction, unused)

@@ -1,0 +1,109 @@
+"""Log-likelihood of the motion by one source, given that by the others, step by step.
+
+Residuals of a step follow Student's t distribution, so that a wrong step of a reference costs little. Its scale is
+that of the hypothesis with the least scatter, but not below the floors here: noise of a step cannot decide.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.median import median
+from cwcli.estimation.step_motion import MEDIAN_ABSOLUTE_TO_SIGMA, StepMotion
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray
+
+DEGREES_OF_FREEDOM = 4.0
+"""Degrees of freedom of Student's t: tails as heavy as those of fixes in a town. Chosen by hand; not fitted."""
+MIN_WAY_SIGMA_M, MIN_TURN_SIGMA_RAD, MIN_COURSE_SIGMA_RAD, MIN_SPEED_CHANGE_SIGMA_MPS, MIN_LATERAL_SIGMA_MPS2 = (
+    0.5,
+    0.05,
+    0.05,
+    0.3,
+    0.4,
+)
+"""Least scales of a step's way (m), turn (rad), course (rad), change of speed (m/s) and lateral acceleration (m/s^2).
+Chosen: 2 % of 30 m, 3 degrees, and what a slope, a latency or a banked road changes in 2 s."""
+MIN_COMPARED_STEPS = 4
+"""Least number of steps that are compared. Chosen by hand: three agree by chance."""
+UNKNOWN_RESIDUAL_SCALES = 6.0
+"""Residual, in scales, of a step in which one hypothesis has motion and another none. Chosen: clearly an outlier."""
+MIN_COURSE_SPEED_MPS = 4.0
+"""Slower, a car may drive backward for long, m/s, as in `source_checks`."""
+FIX_KINDS = (Kind.POSITION, Kind.VELOCITY)
+"""Kinds that come from fixes."""
+
+
+@dataclass(frozen=True)
+class StepResiduals:
+    """Residuals of the steps of one pair in one quantity.
+
+    Attributes:
+        values: Shape (n,), NaN where the pair cannot be compared.
+        floor: Least scale, in the same unit.
+    """
+
+    values: FloatArray
+    floor: float
+
+
+def log_likelihood_gains(none: Sequence[StepResiduals], candidates: Sequence[Sequence[StepResiduals]]) -> list[float]:
+    """Return the log-likelihood of each candidate minus that without a correction, summed over pairs and steps.
+
+    Args:
+        none: Residuals of each pair without a correction.
+        candidates: Candidate -> residuals of the same pairs.
+    """
+    gains = [0.0] * len(candidates)
+    for k, own in enumerate(none):
+        columns = [own.values, *(each[k].values for each in candidates)]
+        known = np.isfinite(columns).any(axis=0)
+        if int(known.sum()) < MIN_COMPARED_STEPS:
+            continue
+        columns = [column[known] for column in columns]
+        counts = [int(np.isfinite(column).sum()) for column in columns]
+        scatter = min(
+            median(np.abs(column[np.isfinite(column)]))
+            for column, count in zip(columns, counts, strict=True)
+            if 2 * count >= max(counts)
+        )
+        scale = max(own.floor, MEDIAN_ABSOLUTE_TO_SIGMA * scatter)
+        values = [_log_likelihood(column, scale) for column in columns]
+        for i in range(len(candidates)):
+            gains[i] += values[i + 1] - values[0]
+    return gains
+
+
+def pair_residuals(one: StepMotion, other: StepMotion) -> list[StepResiduals]:
+    """Return the residuals of a pair in all quantities, in a fixed order; NaN where the pair has no such quantity."""
+    kinds = {one.kind, other.kind}
+    found = []
+    if kinds <= {*FIX_KINDS, Kind.SPEED} and kinds != {Kind.POSITION}:
+        found.append(StepResiduals(one.distance_m - other.distance_m, MIN_WAY_SIGMA_M))
+    found.append(StepResiduals(_wrapped(one.turn_rad - other.turn_rad), MIN_TURN_SIGMA_RAD))
+    fixes = [m for m in (one, other) if m.kind in FIX_KINDS]
+    if fixes and one.has_zero_angle and other.has_zero_angle:
+        with np.errstate(invalid="ignore"):
+            rows = np.abs(fixes[0].speed_mps) > MIN_COURSE_SPEED_MPS
+        difference = np.where(rows, _wrapped(one.angle_rad - other.angle_rad), np.nan)
+        found.append(StepResiduals(difference, MIN_COURSE_SIGMA_RAD))
+    if Kind.ACCEL in kinds and len(kinds) == 2:
+        change = one.speed_change_mps - other.speed_change_mps
+        known = change[np.isfinite(change)]
+        found.append(StepResiduals(change - (median(known) if len(known) else 0.0), MIN_SPEED_CHANGE_SIGMA_MPS))
+    return found
+
+
+def _wrapped(angle_rad: FloatArray) -> FloatArray:
+    return np.asarray((angle_rad + math.pi) % (2.0 * math.pi) - math.pi)
+
+
+def _log_likelihood(residuals: FloatArray, scale: float) -> float:
+    """Return the log-likelihood of residuals (n,) up to a constant; NaN counts as UNKNOWN_RESIDUAL_SCALES."""
+    in_scales = np.where(np.isfinite(residuals), residuals / scale, UNKNOWN_RESIDUAL_SCALES)
+    nu = DEGREES_OF_FREEDOM
+    return -0.5 * (nu + 1.0) * float(np.log1p(np.square(in_scales) / nu).sum())

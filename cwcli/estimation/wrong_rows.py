@@ -1,0 +1,102 @@
+"""Set rows aside that are wrong although the rest of their source is right, and count them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.estimation.contradiction import SourceQuantity
+from cwcli.estimation.correction import Correction
+from cwcli.estimation.frozen_rows import FixMotion, frozen_row_mask
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_epoch
+from cwcli.estimation.source_checks import MIN_ROWS
+from cwcli.estimation.standstill_heading import has_heading_jumps, standstill_flip_mask
+from cwcli.signals.columns import FloatArray
+
+SPEED_STEP_S = 2.0
+"""Time over which fixes show whether the car stands, s."""
+
+
+def set_wrong_rows_aside(
+    measurements: Sequence[Measurements], trusted: Collection[str]
+) -> tuple[list[Measurements], list[Correction]]:
+    """Return the measurements without stuck rows and without headings that are turned round while the car stands."""
+    epoch = earliest_stamp_ns(measurements)
+    fixes = _fix_motion(measurements, epoch)
+    corrected: list[Measurements] = []
+    corrections: list[Correction] = []
+    for m in measurements:
+        kept = m
+        if m.source not in trusted and len(m) >= MIN_ROWS and not m.is_exact:
+            rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
+            rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
+            time_s, values = seconds_since_epoch(m.stamp_ns[rows], epoch), m.values[rows]
+            frozen = frozen_row_mask(m.kind, time_s, values, fixes)
+            if frozen.any():
+                kept = _without_rows(kept, rows[frozen])
+                what = "repeats one value for long, as a sensor that is stuck or saturated"
+                corrections.append(_rows_set_aside(m, "stuck", what, frozen, time_s))
+            if m.kind is Kind.HEADING and has_heading_jumps(time_s, values[:, 0]):
+                flipped = standstill_flip_mask(time_s, values[:, 0], _speed_at(time_s, measurements, fixes, epoch))
+                if flipped.any() and not has_heading_jumps(time_s[~flipped], values[~flipped, 0]):
+                    kept = _without_rows(kept, rows[flipped])
+                    what = "is turned round while the car stands"
+                    corrections.append(_rows_set_aside(m, "standstill", what, flipped, time_s))
+        corrected.append(kept)
+    return corrected, corrections
+
+
+def _without_rows(m: Measurements, rows: npt.NDArray[np.intp]) -> Measurements:
+    """Return the measurements with rows that count as not measured."""
+    values = m.values.copy()
+    values[rows] = np.nan
+    return replace(m, values=values)
+
+
+def _rows_set_aside(
+    m: Measurements, name: str, fault: str, mask: npt.NDArray[np.bool_], time_s: FloatArray
+) -> Correction:
+    n, first_s = int(mask.sum()), float(time_s[int(np.argmax(mask))])
+    return Correction(
+        SourceQuantity(m.source, m.kind),
+        name,
+        fault,
+        f"{n} rows set aside",
+        f"the first at {first_s:.1f} s",
+        n_set_aside=n,
+    )
+
+
+def _fix_motion(measurements: Sequence[Measurements], epoch: int) -> FixMotion:
+    """Return the positions of the first source of positions."""
+    m = next(m for m in measurements if m.kind is Kind.POSITION)
+    rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
+    rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
+    return FixMotion(seconds_since_epoch(m.stamp_ns[rows], epoch), m.values[rows])
+
+
+def _speed_at(time_s: FloatArray, measurements: Sequence[Measurements], fixes: FixMotion, epoch: int) -> FloatArray:
+    """Return the absolute speed (n,) at times by a wheel speed, else by the fixes smoothed over SPEED_STEP_S."""
+    for m in measurements:
+        rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
+        if m.kind is Kind.SPEED and len(rows) >= MIN_ROWS:
+            rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
+            return np.asarray(
+                np.abs(np.interp(time_s, seconds_since_epoch(m.stamp_ns[rows], epoch), m.values[rows, 0]))
+            )
+    if len(fixes.time_s) < MIN_ROWS:
+        return np.full(len(time_s), np.nan)
+    edges_s = np.arange(fixes.time_s[0], fixes.time_s[-1] + SPEED_STEP_S, SPEED_STEP_S)
+    row = np.minimum(np.searchsorted(edges_s, fixes.time_s, side="right") - 1, len(edges_s) - 1)
+    count = np.bincount(row, minlength=len(edges_s))
+    used = np.flatnonzero(count)
+    if len(used) < 3:
+        return np.full(len(time_s), np.nan)
+    mean = np.column_stack([np.bincount(row, column, len(edges_s))[used] / count[used] for column in fixes.values.T])
+    middle_s = np.bincount(row, fixes.time_s, len(edges_s))[used] / count[used]
+    speed = np.hypot(*np.diff(mean, axis=0).T) / np.diff(middle_s)
+    return np.asarray(np.interp(time_s, 0.5 * (middle_s[1:] + middle_s[:-1]), speed))

@@ -1,0 +1,230 @@
+"""Is a sensor that lies found out? `python -m tests.studies.lying_sensors [--faults] [--seeds N] [--scenarios]`.
+
+Each fault of `sensor_faults` is put into simulated drives, full (fix, heading, speed, IMU) and lean (fix, IMU). Told
+are the position's error beside that of the drive without the fault, whether source and fault are named, and the NEES
+beside the verdict. A case is good where the error is within HARMLESS of the fault-free one, or source and fault are
+named; and bad in any case where the verdict is "consistent" with a NEES above MAX_NEES. `--quiet` runs drives without a
+fault and the logs of `--logs` instead: no hypothesis may be applied there. The exit code is 1 where less than MIN_SHARE
+of the cases is good, a verdict is wrong, or something is corrected without a fault.
+
+`--kept-aside` runs those faults that were kept aside; without it they are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cwcli.errors import CwcliError
+from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
+from cwcli.estimation.contradiction import SourceQuantity
+from cwcli.estimation.prepare import clean_measurements, earliest_stamp_ns
+from cwcli.estimation.source_judgement import JudgedSources, judge_sources
+from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.logs.read.reader import Log
+from cwcli.signals.role import Role
+from cwcli.simulation.catalogue import scenario_names
+from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.stages.estimate import EGO_SENSOR_ROLES, _collect_ego_measurements, _map_at_first_fix
+from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
+from tests.studies import sensor_faults
+from tests.studies.sensor_faults import FAULTS, Fault
+from tests.studies.sensor_model import measurements_of
+
+LEAN = (Kind.POSITION, Kind.IMU)
+FIRST_SEED = 9301
+HARMLESS, MAX_NEES, MIN_SHARE = 1.2, 4.0, 0.95
+SCENARIOS = {
+    "city": ("city", ()),
+    "phone": ("phone", ()),
+    "curve": ("curve", ()),
+    "city-coarse": ("city", ("sensors.gnss.rate_hz=1", "sensors.gnss.sigma_m=1.5", "sensors.imu.rate_hz=50")),
+}
+"""Name -> scenario and what is changed in it."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One fault in one drive.
+
+    Attributes:
+        ratio: Error of the position over that without the fault.
+        is_named: Source and fault are told.
+        nees: Of the position, per degree of freedom.
+        verdict, told: What the user reads.
+    """
+
+    ratio: float
+    is_named: bool
+    nees: float
+    verdict: str
+    told: str
+
+    @property
+    def is_good(self) -> bool:
+        """Harmless or named."""
+        return self.ratio <= HARMLESS or self.is_named
+
+    @property
+    def has_wrong_verdict(self) -> bool:
+        """Just "consistent" although the errors are far larger than their sigma."""
+        return self.verdict.startswith("consistent") and self.nees > MAX_NEES
+
+
+def variants(measurements: Sequence[Measurements]) -> dict[str, list[Measurements]]:
+    """All sensors, and fixes with an IMU alone."""
+    return {"full": list(measurements), "lean": [m for m in measurements if m.kind in LEAN]}
+
+
+def simulated(name: str, seed: int) -> SimulatedDrive:
+    """A drive of a scenario of `SCENARIOS`, or of the catalogue."""
+    scenario, overrides = SCENARIOS.get(name, (name, ()))
+    return simulate_scenario(load_scenario(scenario, overrides), seed)
+
+
+def judged(measurements: Sequence[Measurements]) -> JudgedSources:
+    """What the vote says, without an estimate."""
+    epoch = earliest_stamp_ns(measurements)
+    return judge_sources(measurements, lambda current: clean_measurements(current, epoch))
+
+
+def estimated(drive: SimulatedDrive, measurements: Sequence[Measurements]) -> tuple[float, float, Track]:
+    """The position's root mean square error over both axes, m, its NEES per degree of freedom, and the track."""
+    stamp_ns = drive.truth_stamp_ns[::50]
+    track = estimate_track(measurements, EstimatorConfig(), stamp_ns)
+    error = track.state[:, :2] - drive.true_states_by_vehicle[HOST_NAME][::50, :2]
+    squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(track.covariance[:, :2, :2]), error)
+    return float(np.sqrt((error**2).sum(axis=1).mean())), float(squared.mean()) / 2.0, track
+
+
+def told_of(track: Track) -> list[str]:
+    """What the user is told of sources: corrections and contradictions first, then what was left out."""
+    return [
+        *(each.sentence for each in track.corrections),
+        *(each.contradiction_sentence for each in track.contradictions),
+        *(note for note in track.notes if "stuck" in note or "saturat" in note),
+    ]
+
+
+def is_named(fault: Fault, track: Track) -> bool:
+    """Whether a sentence that blames the right source has a word of the fault; of two alone both may be blamed."""
+    topics = {Kind.SPEED: "speed", Kind.IMU: "imu", Kind.HEADING: "heading", Kind.POSITION: "gnss)"}
+    if fault.kind is Kind.POSITION and any("no third source tells" in c.consequence_text for c in track.contradictions):
+        return any(SourceQuantity("gnss", Kind.POSITION) in (c.who, c.against) for c in track.contradictions)
+    blamed = [each.split(" contradicts ")[0] for each in told_of(track)]
+    return any(
+        topics[fault.kind] in who and any(word in sentence for word in fault.words)
+        for who, sentence in zip(blamed, told_of(track), strict=True)
+    )
+
+
+def run_fault(drive: SimulatedDrive, right: Sequence[Measurements], fault: Fault, least_m: float) -> Case:
+    """Put a fault into a drive and estimate it."""
+    speed = np.abs(drive.true_states_by_vehicle[HOST_NAME][::50, 2])
+    sensor_faults.STANDING_SPEED[:] = [0.05 * np.arange(len(speed)), speed]
+    error_m, nees, track = estimated(drive, fault.apply(right))
+    verdict = ego_verdict_sentence(summarise_track(track))
+    return Case(error_m / least_m, is_named(fault, track), nees, verdict, "; ".join(told_of(track)))
+
+
+def iter_cases(
+    scenarios: Sequence[str], seeds: Sequence[int], faults: Sequence[Fault]
+) -> Iterator[tuple[str, str, Fault, Case]]:
+    """Yield drive, variant, fault and case."""
+    for name in scenarios:
+        for seed in seeds:
+            drive = simulated(name, seed)
+            for variant, right in variants(measurements_of(drive)).items():
+                least_m, _, _ = estimated(drive, right)
+                for fault in faults:
+                    if any(m.kind is fault.kind for m in right):
+                        yield f"{name} {seed}", variant, fault, run_fault(drive, right, fault, least_m)
+
+
+def check_faults(scenarios: Sequence[str], seeds: Sequence[int], faults: Sequence[Fault], *, is_wordy: bool) -> bool:
+    """Print a line for each fault; whether enough cases are good, and no verdict is wrong."""
+    by_fault: dict[str, list[Case]] = defaultdict(list)
+    for drive, variant, fault, case in iter_cases(scenarios, seeds, faults):
+        by_fault[fault.name].append(case)
+        if is_wordy or not case.is_good or case.has_wrong_verdict:
+            mark = "ok" if case.is_good and not case.has_wrong_verdict else "BAD"
+            print(f"{mark} {drive} {variant} {fault.name}: {case.ratio:.2f} x, NEES {case.nees:.1f}, {case.told or 'nothing'}"
+                  f" | {case.verdict[:120]}", flush=True)  # fmt: skip
+    print("| fault | cases | good | named | error, median and most | wrong verdicts |\n|---|---|---|---|---|---|")
+    for name, cases in by_fault.items():
+        ratios = [case.ratio for case in cases]
+        print(f"| {name} | {len(cases)} | {sum(c.is_good for c in cases)} | {sum(c.is_named for c in cases)} | "
+              f"{np.median(ratios):.2f}, {max(ratios):.2f} | {sum(c.has_wrong_verdict for c in cases)} |")  # fmt: skip
+    every = [case for cases in by_fault.values() for case in cases]
+    n_good, n_wrong = sum(c.is_good for c in every), sum(c.has_wrong_verdict for c in every)
+    print(f"{n_good} of {len(every)} good ({100 * n_good / max(len(every), 1):.1f} %), {n_wrong} wrong verdicts")
+    return n_good >= MIN_SHARE * len(every) and not n_wrong
+
+
+def read_log(path: Path) -> list[Measurements]:
+    """The ego's measurements of a log, as `cwcli estimate` takes them; none where it has no position."""
+    with Log.open(path) as log:
+        try:
+            sources = read_sensor_signals(
+                log, SourceConfig(), command="estimate", required=(Role.EGO_POSITION,), optional=EGO_SENSOR_ROLES[1:]
+            )
+        except CwcliError:
+            return []
+        return _collect_ego_measurements(sources, _map_at_first_fix(sources))
+
+
+def check_without_fault(scenarios: Sequence[str], seeds: Sequence[int], logs: Sequence[Path]) -> bool:
+    """Whether nothing is corrected and nothing is named in any drive without a fault."""
+    n, n_corrected, n_named = 0, 0, 0
+    drives = ((f"{name} {seed}", measurements_of(simulated(name, seed))) for name in scenarios for seed in seeds)
+    for title, measurements in (*drives, *((path.name, read_log(path)) for path in logs)):
+        for variant, own in variants(measurements).items():
+            if not any(m.kind is Kind.POSITION and len(m) for m in own):
+                continue
+            n += 1
+            found = judged(own)
+            n_corrected += len(found.corrections)
+            n_named += len(found.contradictions)
+            for sentence in (
+                *(each.sentence for each in found.corrections),
+                *(each.contradiction_sentence for each in found.contradictions),
+            ):
+                print(f"{title} {variant}: {sentence}", flush=True)
+    print(f"without a fault: {n_corrected} corrected and {n_named} named in {n} drives")
+    return not n_corrected and not n_named
+
+
+def main() -> None:
+    """Print the tables; exit code 1 where a bound is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--faults", nargs="*", default=[], help="Those with this in their name.")
+    parser.add_argument("--scenarios", nargs="*", default=list(SCENARIOS))
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
+    parser.add_argument("--kept-aside", action="store_true", help="The faults that were kept aside alone.")
+    parser.add_argument("--quiet", action="store_true", help="Drives without a fault alone.")
+    parser.add_argument("--logs", type=Path, nargs="*", default=[])
+    parser.add_argument("--wordy", action="store_true", help="A line for each case.")
+    options = parser.parse_args()
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
+    if options.quiet:
+        every = options.scenarios if options.scenarios != list(SCENARIOS) else [*SCENARIOS, *scenario_names()]
+        sys.exit(0 if check_without_fault(list(dict.fromkeys(every)), seeds, options.logs) else 1)
+    chosen = [
+        fault
+        for fault in FAULTS
+        if fault.is_kept_aside is options.kept_aside
+        and (not options.faults or any(part in fault.name for part in options.faults))
+    ]
+    sys.exit(0 if check_faults(options.scenarios, seeds, chosen, is_wordy=options.wordy) else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,180 @@
+"""Faults of sensors as functions on a simulated drive's measurements, for the study `lying_sensors` and its test.
+
+A fault changes measurements as if the sensor, its driver or its mounting were wrong in that way. A quarter of them is
+kept aside (`is_kept_aside`): they were written before the detection and not run until it was finished.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.estimation import Kind, Measurements
+
+G = 9.80665
+LATITUDE_DEG = 48.0
+Change = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Times (n,), s from the start, and values (n, d) -> wrong values (n, d)."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault.
+
+    Attributes:
+        name: Name in tables.
+        kind: Kind of the measurements that it changes.
+        change: What it does to them.
+        words: Words of which one names the fault in what the user is told.
+        is_kept_aside: Not looked at while the detection was built.
+    """
+
+    name: str
+    kind: Kind
+    change: Change
+    words: tuple[str, ...] = ()
+    is_kept_aside: bool = False
+
+    def apply(self, measurements: Sequence[Measurements]) -> list[Measurements]:
+        """Measurements with the fault."""
+        first_ns = min(int(m.stamp_ns.min()) for m in measurements)
+        return [
+            replace(m, values=self.change((m.stamp_ns - first_ns) / 1e9, m.values.copy()), covariance=None)
+            if m.kind is self.kind
+            else m
+            for m in measurements
+        ]
+
+
+def scaled(factor: float) -> Change:
+    return lambda _, values: factor * values
+
+
+def affine(sign: float, offset_deg: float) -> Change:
+    return lambda _, values: (sign * values + np.radians(offset_deg) + np.pi) % (2 * np.pi) - np.pi
+
+
+def imu(accel: Sequence[Sequence[float]] | float = 1.0, gyro: Sequence[Sequence[float]] | float = 1.0) -> Change:
+    """Matrices or factors: what is read is this times what should be."""
+    a, g = (np.eye(3) * m if np.isscalar(m) else np.array(m, float) for m in (accel, gyro))
+    return lambda _, values: np.column_stack([values[:, :3] @ a.T, values[:, 3:] @ g.T])
+
+
+def turned(*rows: Sequence[float]) -> Change:
+    return imu(rows, rows)
+
+
+def rotation(axis: int, degrees: float) -> np.ndarray:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    m = np.eye(3)
+    i, j = [k for k in range(3) if k != axis]
+    m[i, i] = m[j, j] = c
+    m[i, j], m[j, i] = (-s, s)
+    return m
+
+
+def flipped_at_standstill(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    # The simulated heading has 0.5 deg of noise; the fault needs the truth: the caller stores it here.
+    speed = np.interp(time_s, *STANDING_SPEED)
+    return np.where(speed[:, None] < 0.3, values + np.pi, values)
+
+
+def zero_at_standstill(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    speed = np.interp(time_s, *STANDING_SPEED)
+    return np.where(speed[:, None] < 0.3, 0.0, values)
+
+
+STANDING_SPEED: list[np.ndarray] = [np.array([0.0, 1.0]), np.array([1.0, 1.0])]
+"""Times and absolute true speeds of the drive at hand; set by the study."""
+
+
+def stuck(begin_s: float, end_s: float) -> Change:
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        rows = np.flatnonzero((time_s >= begin_s) & (time_s < end_s))
+        if len(rows):
+            values[rows] = values[rows[0]]
+        return values
+
+    return change
+
+
+def zero_between(begin_s: float, end_s: float) -> Change:
+    return lambda time_s, values: np.where(((time_s >= begin_s) & (time_s < end_s))[:, None], 0.0, values)
+
+
+def clipped(limit: float, *columns: int) -> Change:
+    def change(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+        values[:, list(columns)] = np.clip(values[:, list(columns)], -limit, limit)
+        return values
+
+    return change
+
+
+def columns(*order: int) -> Change:
+    """Columns in this order, from 1; a negative number is a changed sign."""
+    return lambda _, values: np.column_stack([np.sign(k) * values[:, abs(k) - 1] for k in order])
+
+
+def exchanged_degrees(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Latitude and longitude exchanged at 48 degrees north, 11 degrees east: the map is another one."""
+    stretch = np.cos(np.radians(LATITUDE_DEG))
+    return np.column_stack([values[:, 1] * np.cos(np.radians(11.0)), values[:, 0] / stretch])
+
+
+FAULTS = (
+    Fault("speed in km/h", Kind.SPEED, scaled(3.6), ("km/h",)),
+    Fault("speed / 3.6", Kind.SPEED, scaled(1 / 3.6), ("divided by 3.6",)),
+    Fault("speed in mph", Kind.SPEED, scaled(2.23694), ("miles/h",)),
+    Fault("speed in knots", Kind.SPEED, scaled(1.94384), ("knots",), True),
+    Fault("speed in ft/s", Kind.SPEED, scaled(3.28084), ("feet/s",)),
+    Fault("speed in cm/s", Kind.SPEED, scaled(100.0), ("cm/s",), True),
+    Fault("speed sign", Kind.SPEED, scaled(-1.0), ("wrong sign", "sign is wrong")),
+    Fault("speed km/h and sign", Kind.SPEED, scaled(-3.6), ("km/h",), True),
+    Fault("speed always 0", Kind.SPEED, scaled(0.0), ("covered 0.0", "ego_speed")),
+    Fault("speed stuck 40 s", Kind.SPEED, stuck(130.0, 170.0), ("stuck",)),
+    Fault("speed 0 for 20 s", Kind.SPEED, zero_between(100.0, 120.0), ("reads 0", "stuck")),
+    Fault("speed clipped at 8", Kind.SPEED, clipped(8.0, 0), ("stuck", "saturat"), True),
+    Fault("speed x 1.5", Kind.SPEED, scaled(1.5), ("ego_speed",)),
+    Fault("gyro sign", Kind.IMU, imu(gyro=-1.0), ("gyroscope with the wrong sign",)),
+    Fault("gyro in deg/s", Kind.IMU, imu(gyro=180 / np.pi), ("degrees/s",)),
+    Fault("gyro in mrad/s", Kind.IMU, imu(gyro=1e3), ("milliradians/s",), True),
+    Fault("gyro deg/s and sign", Kind.IMU, imu(gyro=-180 / np.pi), ("degrees/s",), True),
+    Fault("gyro halved", Kind.IMU, imu(gyro=0.5), ("yaw rate",)),
+    Fault("gyro always 0", Kind.IMU, imu(gyro=0.0), ("does not turn", "yaw rate")),
+    Fault("gyro clipped at 0.1", Kind.IMU, clipped(0.1, 3, 4, 5), ("saturat", "yaw rate"), True),
+    Fault("gyro stuck 20 s", Kind.IMU, stuck(110.0, 130.0), ("stuck",)),
+    Fault("accel in g", Kind.IMU, imu(accel=1 / G), (" in g",)),
+    Fault("accel in mg", Kind.IMU, imu(accel=1e3 / G), (" in mg",), True),
+    Fault("accel sign", Kind.IMU, imu(accel=-1.0), ("accelerometer with the wrong sign",)),
+    Fault("IMU x up", Kind.IMU, turned((0, 0, 1), (0, 1, 0), (-1, 0, 0)), ("mounted with -z forward",)),
+    Fault("IMU x down", Kind.IMU, turned((0, 0, -1), (0, 1, 0), (1, 0, 0)), ("mounted with z forward",)),
+    Fault("IMU y up", Kind.IMU, turned((1, 0, 0), (0, 0, 1), (0, -1, 0)), ("-z left and y up",)),
+    Fault("IMU y down", Kind.IMU, turned((1, 0, 0), (0, 0, -1), (0, 1, 0)), ("z left and -y up",), True),
+    Fault("IMU backward", Kind.IMU, turned((-1, 0, 0), (0, -1, 0), (0, 0, 1)), ("-x forward",)),
+    Fault("IMU x left", Kind.IMU, turned((0, 1, 0), (-1, 0, 0), (0, 0, 1)), ("-y forward",)),
+    Fault("IMU x right", Kind.IMU, turned((0, -1, 0), (1, 0, 0), (0, 0, 1)), ("y forward",), True),
+    Fault("IMU upside down", Kind.IMU, turned((1, 0, 0), (0, -1, 0), (0, 0, -1)), ("-y left and -z up",)),
+    Fault("IMU upside down, backward", Kind.IMU, turned((-1, 0, 0), (0, 1, 0), (0, 0, -1)), ("-z up",), True),
+    Fault("IMU x down, backward", Kind.IMU, turned((0, 0, -1), (0, -1, 0), (-1, 0, 0)), ("-x up",)),
+    Fault("IMU pitched 30 deg", Kind.IMU, turned(*rotation(1, 30.0)), ("mounted",)),
+    Fault("IMU yawed 40 deg", Kind.IMU, turned(*rotation(2, 40.0)), ("mounted", "accel"), True),
+    Fault("IMU g and deg/s", Kind.IMU, imu(1 / G, 180 / np.pi), ("degrees/s",)),
+    Fault("heading clockwise from north", Kind.HEADING, affine(-1, 90), ("clockwise from north",)),
+    Fault("heading clockwise from east", Kind.HEADING, affine(-1, 0), ("clockwise from east",)),
+    Fault("heading from north", Kind.HEADING, affine(1, -90), ("from north",)),
+    Fault("heading + 90 deg", Kind.HEADING, affine(1, 90), ("from south",)),
+    Fault("heading + 180 deg", Kind.HEADING, affine(1, 180), ("backward",)),
+    Fault("heading clockwise from south", Kind.HEADING, affine(-1, -90), ("clockwise from south",), True),
+    Fault("heading in degrees", Kind.HEADING, scaled(180 / np.pi), ("in degrees",)),
+    Fault("heading always 0", Kind.HEADING, scaled(0.0), ("ego_heading",)),
+    Fault("heading flipped at standstill", Kind.HEADING, flipped_at_standstill, ("while the car stands",)),
+    Fault("heading 0 at standstill", Kind.HEADING, zero_at_standstill, ("while the car stands", "stuck"), True),
+    Fault("heading + 45 deg", Kind.HEADING, affine(1, 45), ("45 degrees",)),
+    Fault("heading stuck 30 s", Kind.HEADING, stuck(100.0, 130.0), ("stuck",)),
+    Fault("fix north before east", Kind.POSITION, columns(2, 1), ("north before east", "ego_position")),
+    Fault("fix mirrored east", Kind.POSITION, columns(-1, 2), ("wrong sign", "ego_position"), True),
+    Fault("fix latitude, longitude exchanged", Kind.POSITION, exchanged_degrees, ("exchanged", "ego_position")),
+)  # fmt: skip
+"""The faults; numbers and axes by hand. Words are what the sentence on the right fault must contain."""

@@ -1,0 +1,37 @@
+"""A small part of the study `tests.studies.lying_sensors`: what it counts, and that one drive passes."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.studies.lying_sensors import FIRST_SEED, Case, judged, run_fault, simulated, variants
+from tests.studies.sensor_faults import FAULTS
+from tests.studies.sensor_model import measurements_of
+
+
+def test_a_case_is_good_where_it_is_harmless_or_named() -> None:
+    assert Case(1.1, is_named=False, nees=1.0, verdict="consistent", told="").is_good
+    assert Case(99.0, is_named=True, nees=99.0, verdict="not consistent: ...", told="...").is_good
+    assert not Case(1.3, is_named=False, nees=1.0, verdict="consistent", told="").is_good
+    assert Case(99.0, is_named=True, nees=4.1, verdict="consistent", told="...").has_wrong_verdict
+    assert not Case(99.0, is_named=True, nees=4.1, verdict="input corrected: ...", told="...").has_wrong_verdict
+
+
+def test_there_are_enough_faults_and_a_quarter_is_kept_aside() -> None:
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS) >= 40
+    assert 0.2 <= sum(fault.is_kept_aside for fault in FAULTS) / len(FAULTS) <= 0.3
+
+
+@pytest.mark.parametrize("variant", ["full", "lean"])
+def test_faults_in_a_drive_through_a_bend_are_found_out(variant: str) -> None:
+    drive = simulated("curve", FIRST_SEED)
+    right = variants(measurements_of(drive))[variant]
+    assert judged(right).corrections == judged(right).contradictions == ()
+    bad = []
+    for fault in FAULTS[:: 1 if variant == "lean" else 4]:
+        if not fault.is_kept_aside and any(m.kind is fault.kind for m in right):
+            # The error without a fault is 0.1 m.
+            case = run_fault(drive, right, fault, 0.1)
+            if not case.is_good or case.has_wrong_verdict:
+                bad.append((fault.name, case))
+    assert bad == []
