@@ -90,7 +90,7 @@ class RecordedSummary:
     """The summary of a stage, read from its record.
 
     Attributes:
-        verdict, notes, contradictions: As in `pipeline.result.StageSummary`.
+        verdict, notes, contradictions, corrections: As in `pipeline.result.StageSummary`.
         sections: Its tables.
     """
 
@@ -98,6 +98,7 @@ class RecordedSummary:
     notes: tuple[str, ...]
     sections: tuple[SummaryTable, ...]
     contradictions: tuple[str, ...] = ()
+    corrections: tuple[str, ...] = ()
 
     def column_cells(self, key: str, *columns: str) -> list[tuple[Cell, ...]]:
         """Return the cells of some columns of a table, row by row; [] if the table or a column is missing."""
@@ -117,6 +118,7 @@ def read_recorded_summary(record: Record) -> RecordedSummary:
         _parse_texts(found.get("notes")),
         tuple(filter(None, map(_parse_section, sections))) if isinstance(sections, list) else (),
         _parse_texts(found.get("contradictions")),
+        _parse_texts(found.get("corrections")),
     )
 
 

@@ -121,10 +121,11 @@ class StageSummary:
         }
 
     def to_record_entry(self) -> dict[str, str]:
-        """Return tables, notes, verdict and contradictions as an entry of the record, for later readers of the log."""
+        """Return what later readers of the log need, as an entry of the record: tables, notes, verdict, doubts."""
         told = {
             "verdict": self.verdict,
             "notes": list(self.notes),
+            **({"corrections": list(self.corrections)} if self.corrections else {}),
             **({"contradictions": list(self.contradictions)} if self.contradictions else {}),
             "sections": [
                 {

@@ -199,7 +199,9 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             apart.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
-    summary = _build_summary(sources, (*stands, *apart, *notes), tracks, told, transforms, estimator)
+    summary = _build_summary(
+        sources, (*stands, *apart, *notes), tracks, told, transforms, estimator, estimated.clock_corrections
+    )
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
@@ -226,12 +228,14 @@ class _EstimatedEgo:
     Attributes:
         measurements: Measurements, positions first.
         local_map: The map's place on the earth, or None.
+        clock_corrections: Sentences on clocks that were corrected.
         notes: Notes on measurements that were left out.
         hindsight, online: The tracks.
     """
 
     measurements: list[Measurements]
     local_map: LocalMap | None
+    clock_corrections: list[str]
     notes: list[str]
     hindsight: Track
     online: Track
@@ -240,9 +244,10 @@ class _EstimatedEgo:
 def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: float) -> _EstimatedEgo:
     """Estimate the ego's tracks."""
     local_map = _map_at_first_fix(sources)
+    corrects_clocks = not (estimator.takes_no_online_parameter_from_log or estimator.calibration is not None)
     aligned, clock_notes = align_source_clocks(
         _collect_ego_measurements(sources, local_map),
-        corrects=not (estimator.takes_no_online_parameter_from_log or estimator.calibration is not None),
+        corrects=corrects_clocks,
         trusted=estimator.sources_with_trusted_clock,
     )
     measurements, apart = drop_stretches_without_position(aligned, MAX_BRIDGE_S)
@@ -252,7 +257,9 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
         ego_output_stamps_ns(measurements, rate_hz, MAX_BRIDGE_S),
         blind=estimator.takes_no_online_parameter_from_log,
     )
-    return _EstimatedEgo(measurements, local_map, [*clock_notes, *apart], *tracks)
+    corrections = clock_notes if corrects_clocks else []
+    notes = apart if corrects_clocks else [*clock_notes, *apart]
+    return _EstimatedEgo(measurements, local_map, corrections, notes, *tracks)
 
 
 def _correct_latitude_and_longitude(
@@ -286,7 +293,9 @@ def _correct_latitude_and_longitude(
         tracks = (
             replace(track, corrections=(correction, *track.corrections)) for track in (tried.hindsight, tried.online)
         )
-        return tried_sources, _EstimatedEgo(tried.measurements, tried.local_map, tried.notes, *tracks)
+        return tried_sources, _EstimatedEgo(
+            tried.measurements, tried.local_map, tried.clock_corrections, tried.notes, *tracks
+        )
     return sources, estimated
 
 
@@ -381,13 +390,14 @@ def _build_summary(
     online: Sequence[OnlineAvailability],
     transforms: Sequence[InputMessageCount],
     estimator: EstimatorConfig,
+    clock_corrections: Sequence[str],
 ) -> StageSummary:
     """Return the summary of the stage: tables, input counts, notes, verdict and contradictions."""
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal) and len(s.stamp_ns)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
     corrections = tracks[EGO_ID].corrections
-    notes = [each.sentence for each in corrections]
+    notes = [*clock_corrections, *(each.sentence for each in corrections)]
     if estimator.takes_no_online_parameter_from_log:
         notes += [
             f"the online states use {each.who} as it is, because they may depend on no later message; "
@@ -410,7 +420,7 @@ def _build_summary(
         tuple(dict.fromkeys(notes)),
         ego_verdict_sentence(tracks[EGO_ID]),
         tuple(each.contradiction_sentence for each in tracks[EGO_ID].contradictions),
-        corrections=tuple(each.sentence for each in corrections if not each.is_by_user),
+        corrections=(*clock_corrections, *(each.sentence for each in corrections if not each.is_by_user)),
         verdict_subject="the ego's states",
     )
 

@@ -32,6 +32,7 @@ DOUBTS: Registry[DoubtRule] = Registry(
     "cwcli.doubts",
     {
         "contradiction": "cwcli.evaluation.doubts.contradiction:RULE",
+        "correction": "cwcli.evaluation.doubts.correction:RULE",
         "speed": "cwcli.evaluation.doubts.implausible:SPEED_RULE",
         "acceleration": "cwcli.evaluation.doubts.implausible:ACCELERATION_RULE",
         "lateral-acceleration": "cwcli.evaluation.doubts.implausible:LATERAL_ACCELERATION_RULE",

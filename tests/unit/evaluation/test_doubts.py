@@ -73,6 +73,12 @@ DOUBTFUL = [
         1.0,
         "ego_speed (/wheel) contradicts ego_position (/fix): 3.6 times the way.",
     ),
+    (
+        "correction",
+        evidence(more={"corrections": ["ego_speed (/wheel) is in km/h, not m/s: converted"]}),
+        1.0,
+        "ego_speed (/wheel) is in km/h, not m/s: converted.",
+    ),
     ("speed", evidence(ego=states(speed=-211.0 / 3.6)), 211.0, "The estimate has a speed of 211 km/h at 0 s."),
     ("acceleration", evidence(ego=states(accel=20.0)), 20.0, "The estimate has an acceleration of 20 m/s² at 0 s."),
     (
