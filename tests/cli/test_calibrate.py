@@ -26,6 +26,9 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return [*logs, car]
 
 
+ESTIMATE = ("estimate", "--details")
+
+
 def test_calibration_of_two_drives_has_what_was_planted(drives: list[str]) -> None:
     car = load_calibration(drives[-1])
     latency = car.find_constant("/gps/fix", "position", "latency_s")
@@ -78,9 +81,7 @@ def test_drives_that_disagree_are_named_and_not_used_in_the_next_one(
     assert ", in_time.mcap " in told
     assert "it will not be used" in told
     assert "logs disagree (I^2 " in shown.out
-    assert (
-        run_command_line(["estimate", "--details", third, "--calibration", car, "-o", str(tmp_path / "out.mcap")]) == 0
-    )
+    assert run_command_line([*ESTIMATE, third, "--calibration", car, "-o", str(tmp_path / "out.mcap")]) == 0
     shown = capsys.readouterr()
     assert "disagree on the latency of position" in " ".join(shown.err.split())
     assert "jumped" not in shown.out
