@@ -28,7 +28,10 @@ MIN_REJECTING_S = 0.3
 REJECTED_ROW_SHARE = 0.5
 """Share of the squared innovation that the variance of a state holds while rows are rejected.
 
-Chosen: the state and the rejected rows are taken to be right with the same probability."""
+Chosen: the state and the rejected rows are taken to be right with the same probability, once they have been rejected
+for `DOUBT_TIME_S`; before, the share grows with the square of the time: most rejections are short, and outliers."""
+DOUBT_TIME_S = 2.0
+"""Time of rejections after which the rows are as likely right as the state, s: they are then believed (`ekf.pyx`)."""
 MIN_GAP_S = 2.0
 """Least duration of a gap between used positions, s. Chosen by hand; not fitted."""
 MIN_GAP_STEPS = 3.0
@@ -166,9 +169,12 @@ def add_variance_of_rejected_rows(
             continue
         grown = covariance.copy() if grown is covariance else grown
         first, last = np.searchsorted(output_s, begins), np.searchsorted(output_s, ends)
-        for begin, end, squared in zip(first.tolist(), last.tolist(), found[rows, 1].tolist(), strict=True):
+        time_s, used = s.time_s - s.latency_s, np.flatnonzero(status != UpdateStatus.GATED)
+        since = np.append(-1, used)[np.searchsorted(used, rows)] + 1  # the first rejected row behind the last other one
+        share = REJECTED_ROW_SHARE * np.minimum((time_s[rows] - time_s[since]) / DOUBT_TIME_S, 1.0) ** 2
+        for begin, end, variance in zip(first.tolist(), last.tolist(), share * found[rows, 1], strict=True):
             for i in states:
-                grown[begin:end, i, i] += REJECTED_ROW_SHARE * squared
+                grown[begin:end, i, i] += variance
     return grown
 
 

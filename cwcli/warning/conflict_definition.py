@@ -19,9 +19,9 @@ FORMER_MEASURE_NAMES = {"outline": "gap"}
 _DEFINITION_PATTERN = re.compile(r"\s*([\w.-]+)\s*(?:([<>])\s*(\S+))?\s*")
 """The syntax of one part of a definition: a name, and optionally a comparison and a number."""
 _OR_PATTERN = re.compile(r"\s+or\s+")
-"""What stands between the parts of a definition."""
+"""The syntax of what stands between the parts of a definition."""
 DEFAULT_CONFLICT = "distance or gap or ttc"
-"""What counts as a conflict by default.
+"""The definition of a conflict that `--conflict` has by default.
 
 The centre distance of song2016 alone misses cars that touch at their corners or ends, or nearly do: a car that stops
 right behind another one is 4.5 m from it. The outlines (`gap`: they touch) and the time to their contact (`ttc`: 1 s;

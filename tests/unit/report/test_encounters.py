@@ -88,7 +88,8 @@ def test_collision_in_words() -> None:
         "they did: at 5.0 s their outlines overlap, with 0.0 m between their centres."
     )
     assert story.more[0] == (
-        "The warning was right: it came 2.8 s before the two were closer than 2.5 m, centre to centre."
+        "The warning was right: it came 2.8 s before the two were closer than 2.5 m, centre to centre, or the two "
+        "touched, or the two were 1 s from contact."
     )
     assert [badge.tone for badge in story.badges] == ["alert"]
 
