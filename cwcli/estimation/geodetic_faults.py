@@ -82,4 +82,4 @@ def is_position_doubted(track: Track, topic: str) -> bool:
 
 def sources_in_doubt(track: Track) -> set[str]:
     """Return the topics that were corrected or blamed."""
-    return {each.who.source for each in (*track.contradictions, *track.corrections)}
+    return {each.who.source for each in track.contradictions} | {each.who.source for each in track.corrections}
