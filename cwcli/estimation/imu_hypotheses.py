@@ -17,7 +17,13 @@ from cwcli.estimation.hypotheses.imu import ACCEL_UNITS, GYRO_UNITS, SIGNS, axes
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.estimation.passes import SensorSeries
-from cwcli.estimation.source_hypotheses import COST_OF_A_FAULT, MIN_GAIN, MIN_MARGIN, evidence_motions
+from cwcli.estimation.source_hypotheses import (
+    COST_OF_A_FAULT,
+    MAX_UNIT_ERROR,
+    MIN_GAIN,
+    MIN_MARGIN,
+    evidence_motions,
+)
 from cwcli.estimation.step_evidence import (
     MIN_COMPARED_STEPS,
     MIN_LATERAL_SIGMA_MPS2,
@@ -33,6 +39,8 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 GRAVITY_NORM_RANGE = (0.8, 1.2)
 """Range of the mean specific force relative to gravity in the right unit: bends and slopes change it by less."""
+GRAVITY_SHARE_SIGMA = 0.05
+"""One sigma of the mean specific force relative to gravity: bends, and an accelerometer's scale of 3 %."""
 MAX_REMOVED_GRAVITY_SHARE = 0.3
 """Greatest mean specific force relative to gravity where gravity was removed. Chosen by hand; not fitted."""
 TILT_SIGMA_RAD = math.radians(20.0)
@@ -102,7 +110,7 @@ class _ImuFault:
         ]
         found: Hypothesis | None = None
         for part in parts:
-            found = part if found is None else part.after(found)
+            found = part if found is None else part.combine_after(found)
         return found
 
 
@@ -156,7 +164,7 @@ def find_imu_hypothesis(time_s: FloatArray, values: FloatArray, others: Sequence
     if hypothesis is None or best.total < MIN_GAIN:
         return None
     yaw_rival = max(each.total for each in faults if each.yaw_key != best.yaw_key)
-    forward_rival = max(each.total for each in faults if each.forward_key != best.forward_key)
+    forward_rival = max(each.total for each in faults if not _has_same_forward_axis(each, best, accel_units))
     if best.total - yaw_rival < MIN_MARGIN:
         return None
     # A mirrored map makes both the turns and the lateral acceleration of a right IMU seem reversed.
@@ -166,6 +174,12 @@ def find_imu_hypothesis(time_s: FloatArray, values: FloatArray, others: Sequence
     return ImuFinding(
         hypothesis, best.total, best.total - forward_rival >= MIN_MARGIN, changes_yaw_rate=best.yaw_key != (3, 0)
     )
+
+
+def _has_same_forward_axis(one: _ImuFault, other: _ImuFault, units: Sequence[float]) -> bool:
+    """Whether two combinations read nearly the same forward acceleration; 1 mg and 1 cm/s^2 differ by 2 %."""
+    ratio = units[one.accel_unit] / units[other.accel_unit]
+    return one.forward_key[0] == other.forward_key[0] and abs(ratio - 1.0) < MAX_UNIT_ERROR
 
 
 def _combinations(n_accel_units: int, n_gyro_units: int) -> Iterator[tuple[tuple[int, int, int], int, int, int, int]]:
@@ -228,4 +242,5 @@ def _gravity_log_likelihood(force_mps2: FloatArray, up: int) -> float:
     tilt_rad = math.acos(
         max(-1.0, min(1.0, math.copysign(force_mps2[abs(up) - 1], up * force_mps2[abs(up) - 1]) / norm))
     )
-    return max(MIN_GRAVITY_LOG_LIKELIHOOD, -0.5 * (tilt_rad / TILT_SIGMA_RAD) ** 2)
+    log_likelihood = -0.5 * ((tilt_rad / TILT_SIGMA_RAD) ** 2 + ((share - 1.0) / GRAVITY_SHARE_SIGMA) ** 2)
+    return max(MIN_GRAVITY_LOG_LIKELIHOOD, log_likelihood)

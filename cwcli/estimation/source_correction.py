@@ -141,7 +141,7 @@ def attempt_with_imu(
     hypothesis = found.hypothesis
     tilt = find_tilt(hypothesis.correct_values(imu.values))
     if tilt is not None:
-        hypothesis = tilt[0].after(hypothesis)
+        hypothesis = tilt[0].combine_after(hypothesis)
     corrected = [hypothesis.correct_measurements(m) if m is imu else m for m in measurements]
     prepared, notes = prepare(corrected)
     if any(each.who.source == imu.source for each in find_tilted_imus(prepared)):

@@ -6,7 +6,6 @@ that of the hypothesis with the least scatter, but not below the floors here: no
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +14,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.estimation.step_motion import MEDIAN_ABSOLUTE_TO_SIGMA, StepMotion
 from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 
 DEGREES_OF_FREEDOM = 4.0
@@ -84,22 +84,18 @@ def pair_residuals(one: StepMotion, other: StepMotion) -> list[StepResiduals]:
     found = []
     if kinds <= {*FIX_KINDS, Kind.SPEED} and kinds != {Kind.POSITION}:
         found.append(StepResiduals(one.distance_m - other.distance_m, MIN_WAY_SIGMA_M))
-    found.append(StepResiduals(_wrapped(one.turn_rad - other.turn_rad), MIN_TURN_SIGMA_RAD))
+    found.append(StepResiduals(wrap_angle(one.turn_rad - other.turn_rad), MIN_TURN_SIGMA_RAD))
     fixes = [m for m in (one, other) if m.kind in FIX_KINDS]
     if fixes and one.has_zero_angle and other.has_zero_angle:
         with np.errstate(invalid="ignore"):
             rows = np.abs(fixes[0].speed_mps) > MIN_COURSE_SPEED_MPS
-        difference = np.where(rows, _wrapped(one.angle_rad - other.angle_rad), np.nan)
+        difference = np.where(rows, wrap_angle(one.angle_rad - other.angle_rad), np.nan)
         found.append(StepResiduals(difference, MIN_COURSE_SIGMA_RAD))
     if Kind.ACCEL in kinds and len(kinds) == 2:
         change = one.speed_change_mps - other.speed_change_mps
         known = change[np.isfinite(change)]
         found.append(StepResiduals(change - (median(known) if len(known) else 0.0), MIN_SPEED_CHANGE_SIGMA_MPS))
     return found
-
-
-def _wrapped(angle_rad: FloatArray) -> FloatArray:
-    return np.asarray((angle_rad + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def _log_likelihood(residuals: FloatArray, scale: float) -> float:

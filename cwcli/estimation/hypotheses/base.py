@@ -57,7 +57,7 @@ class Hypothesis:
         values[:, :width] = self.correct_values(s.values[:, :width])
         return replace(s, values=values)
 
-    def after(self, first: Hypothesis) -> Hypothesis:
+    def combine_after(self, first: Hypothesis) -> Hypothesis:
         """Return one hypothesis for two faults: `first` is repaired first, then this one."""
         own, earlier = np.array(self.matrix, float), np.array(first.matrix, float)
         offset = own @ np.array(first.offset, float) + np.array(self.offset, float)
@@ -74,7 +74,7 @@ class Hypothesis:
 def with_combinations(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the hypotheses and each pair of two of different groups, a unit before a sign or a convention."""
     pairs = [
-        second.after(first)
+        second.combine_after(first)
         for i, first in enumerate(hypotheses)
         for second in hypotheses[i + 1 :]
         if first.group != second.group
@@ -89,5 +89,5 @@ def compose_by_name(kind: Kind, known: Sequence[Hypothesis], name: str) -> Hypot
         own = next((each for each in known if each.name == part), None)
         if own is None:
             return None
-        found = own if found is None else own.after(found)
+        found = own if found is None else own.combine_after(found)
     return found

@@ -17,7 +17,7 @@ NO_OFFSET = (0.0,) * 6
 """No offset of accelerometer and gyroscope."""
 
 
-def _scaled(name: str, group: str, fault: str, action: str, accel: float, gyro: float) -> Hypothesis:
+def _scale_hypothesis(name: str, group: str, fault: str, action: str, accel: float, gyro: float) -> Hypothesis:
     diagonal = np.diag([accel] * 3 + [gyro] * 3)
     return Hypothesis(name, group, fault, action, tuple(map(tuple, diagonal.tolist())), NO_OFFSET)
 
@@ -50,11 +50,11 @@ def rotations() -> tuple[tuple[int, int, int], ...]:
 
 
 def _accel_unit(name: str, fault: str, mps2_per_unit: float) -> Hypothesis:
-    return _scaled(name, "accel unit", f"measures acceleration in {fault}", "converted", mps2_per_unit, 1.0)
+    return _scale_hypothesis(name, "accel unit", f"measures acceleration in {fault}", "converted", mps2_per_unit, 1.0)
 
 
 def _gyro_unit(name: str, fault: str, radps_per_unit: float) -> Hypothesis:
-    return _scaled(name, "gyro unit", f"measures turn rates in {fault}", "converted", 1.0, radps_per_unit)
+    return _scale_hypothesis(name, "gyro unit", f"measures turn rates in {fault}", "converted", 1.0, radps_per_unit)
 
 
 ACCEL_UNITS = (
@@ -72,8 +72,10 @@ GYRO_UNITS = (
 )
 """Units of the gyroscope."""
 SIGNS = (
-    _scaled("accel-reversed", "accel sign", "has an accelerometer with the wrong sign", "reversed", -1.0, 1.0),
-    _scaled("gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0),
+    _scale_hypothesis(
+        "accel-reversed", "accel sign", "has an accelerometer with the wrong sign", "reversed", -1.0, 1.0
+    ),
+    _scale_hypothesis("gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0),
 )
 """Signs of accelerometer and gyroscope."""
 AXES = tuple(axes_hypothesis(*axes) for axes in rotations()[1:])

@@ -14,4 +14,4 @@ POSITION = (
     _axes("west-north", "has its longitude or east with the wrong sign", "mirrored", (-1.0, 0.0), (0.0, 1.0)),
     _axes("east-south", "has its latitude or north with the wrong sign", "mirrored", (1.0, 0.0), (0.0, -1.0)),
 )
-"""Axes of `Kind.POSITION`."""
+"""Hypotheses on the axes of `Kind.POSITION`: exchanged or mirrored."""

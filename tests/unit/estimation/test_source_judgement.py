@@ -92,6 +92,7 @@ FAULTS = [
     ("x,-z,y", Kind.IMU, LEAN, _turned((1, 0, 0), (0, 0, 1), (0, -1, 0))),
     ("-x,-y,z", Kind.IMU, LEAN, _turned((-1, 0, 0), (0, -1, 0), (0, 0, 1))),
     ("-y,x,z", Kind.IMU, ALL, _turned((0, 1, 0), (-1, 0, 0), (0, 0, 1))),
+    ("mg", Kind.IMU, LEAN, lambda v: v * np.array([1000.0 / G, 1000.0 / G, 1000.0 / G, 1.0, 1.0, 1.0])),
     ("accel-reversed", Kind.IMU, LEAN, lambda v: v * np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])),
 ]
 
