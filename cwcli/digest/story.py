@@ -178,11 +178,13 @@ def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
         return ""
     if verdict is None:
         return "Whether the warning was right can't be said: the other's track is not in the log."
-    conflict = rule.parsed_conflict_definition.conflict_text
+    definition = rule.parsed_conflict_definition
+    conflict = definition.conflict_text
+    begin = conflict if len(definition.parts) == 1 else "the conflict began"
     if verdict.kind == VERDICT_TRUE:
-        return f"The warning was right: it came {verdict.lead_time_s:.1f} s before {conflict}."
+        return f"The warning was right: it came {verdict.lead_time_s:.1f} s before {begin}."
     if verdict.kind == VERDICT_LATE:
-        return f"The warning was late: it came {-verdict.lead_time_s:.1f} s after {conflict}."
+        return f"The warning was late: it came {-verdict.lead_time_s:.1f} s after {begin}."
     if verdict.kind == VERDICT_FALSE:
         return f"By what followed it was a false alarm: there was no moment when {conflict}."
     return "Whether the warning was right can't be said: the tracks end too early."
@@ -296,10 +298,11 @@ def _warning_badges(drive_encounters: DriveEncounters) -> list[Badge]:
 def _missed_conflict_sentences(drive: Drive, drive_encounters: DriveEncounters) -> list[str]:
     """Return sentences on the first conflicts without a warning."""
     sentences = []
-    conflict = drive.warning_config.parsed_conflict_definition.conflict_text
+    definition = drive.warning_config.parsed_conflict_definition
+    begin = definition.conflict_text if len(definition.parts) == 1 else "a conflict began"
     for missed in drive_encounters.missed_conflicts[:3]:
         sentences.append(
-            f"No warning came before {_seconds_since_start_text(drive, missed.conflict.onset_ns)}, when {conflict} "
+            f"No warning came before {_seconds_since_start_text(drive, missed.conflict.onset_ns)}, when {begin} "
             f"({missed.other.kind} {escape_control_characters(missed.other.id)[:MAX_ID_CHARACTERS]}, nearest "
             f"{missed.conflict.closest_m:.1f} m)."
         )
