@@ -19,7 +19,7 @@ from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
 from cwcli.cli.load import load_function
 from cwcli.cli.options.complete import run_completion_with_bash_equals_fix
-from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_options
+from cwcli.cli.options.configfile import origins_of_configured_options
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import use_typer_declarations
 from cwcli.cli.options.plain_coercion import use_plain_coercion
@@ -44,13 +44,13 @@ class PlainCommand(typer.core.TyperCommand):
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the arguments, then the options, below the headings of their groups if there are many."""
         arguments: list[tuple[str, str]] = []
-        groups: dict[str, list[tuple[str, str]]] = {}
+        groups: dict[str, list[tuple[str, str]]] = {"Options": []}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)
             if record is not None and parameter.param_type_name == "argument":
                 arguments.append(record)
             elif record is not None:
-                heading = getattr(parameter, "rich_help_panel", None) or TalkOptions.heading
+                heading = getattr(parameter, "rich_help_panel", None) or "Options"
                 groups.setdefault(heading, []).append(record)
         if sum(map(len, groups.values())) <= MAX_OPTIONS_WITHOUT_HEADINGS:
             groups = {"Options": [record for records in groups.values() for record in records]}

@@ -111,6 +111,6 @@ def test_both_receivers_are_used(
     two_receivers(tmp_path)
     monkeypatch.chdir(tmp_path)
     (first, _) = (shlex.split(line.strip())[1:] for line in RECIPES["two receivers"].splitlines())
-    assert run_command_line(first) == 0
+    assert run_command_line([*first, "--details"]) == 0
     told = capsys.readouterr().out
     assert re.search(r"/gps/front +position +\d", told) and re.search(r"/gps/rear +position +\d", told)

@@ -194,8 +194,9 @@ def test_examples_parse(name: str) -> None:
         ("run", ["Arguments", "Pipeline", "Many logs", "Output", "Input", "General", *(f"Stage {s}" for s in STAGES)]),
         ("warn", ["Arguments", "Options", "Output", "Input", "General"]),
         ("estimate", ["Arguments", "Options", "Output", "Input", "General"]),
-        ("compare", ["Arguments", "Options"]),
-        ("info", ["Arguments", "Input", "General"]),
+        ("compare", ["Arguments", "Options", "General", "Output"]),
+        ("info", ["Arguments", "Options", "Input", "General"]),
+        ("join", ["Arguments", "Options"]),
     ],
 )
 def test_many_options_stand_under_headings(
