@@ -19,7 +19,7 @@ from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
 from cwcli.cli.load import load_function
 from cwcli.cli.options.complete import run_completion_with_bash_equals_fix
-from cwcli.cli.options.configfile import origins_of_configured_options
+from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_options
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import use_typer_declarations
 from cwcli.cli.options.plain_coercion import use_plain_coercion
@@ -50,7 +50,8 @@ class PlainCommand(typer.core.TyperCommand):
             if record is not None and parameter.param_type_name == "argument":
                 arguments.append(record)
             elif record is not None:
-                heading = getattr(parameter, "rich_help_panel", None) or "Options"
+                own = TalkOptions.heading if parameter.name == "help" else "Options"
+                heading = getattr(parameter, "rich_help_panel", None) or own
                 groups.setdefault(heading, []).append(record)
         if sum(map(len, groups.values())) <= MAX_OPTIONS_WITHOUT_HEADINGS:
             groups = {"Options": [record for records in groups.values() for record in records]}
