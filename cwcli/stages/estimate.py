@@ -26,6 +26,8 @@ from cwcli.estimation.from_signals import (
     merge_remotes_placed_in_map,
 )
 from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, sources_in_doubt
+from cwcli.estimation.hypotheses import HYPOTHESES
+from cwcli.estimation.hypotheses.base import compose_by_name
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.online_availability import (
     PARAMETERS_FROM_LOG,
@@ -400,8 +402,8 @@ def _build_summary(
     notes = [*clock_corrections, *(each.sentence for each in corrections)]
     if estimator.takes_no_online_parameter_from_log:
         notes += [
-            f"the online states use {each.who} as it is, because they may depend on no later message; "
-            f"--as {each.who.source}={each.name} corrects them, too"
+            f"the online states use {each.who} as it is, because they may depend on no later message"
+            + _hint_to_correct(each)
             for each in corrections
             if not each.is_by_user and not each.n_set_aside
         ]
@@ -423,6 +425,14 @@ def _build_summary(
         corrections=(*clock_corrections, *(each.sentence for each in corrections if not each.is_by_user)),
         verdict_subject="the ego's states",
     )
+
+
+def _hint_to_correct(correction: Correction) -> str:
+    """Return which option corrects the online states, too; "" where the fault has no name that `--as` takes."""
+    kind = correction.who.kind
+    if compose_by_name(kind, HYPOTHESES.get(kind, ()), correction.name) is None:
+        return ""
+    return f"; --as {correction.who.source}={correction.name} corrects them, too"
 
 
 def _shared_remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:

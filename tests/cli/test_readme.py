@@ -33,7 +33,7 @@ def test_tables_of_the_session_are_those_of_cwcli_run(cwcli: Run) -> None:
     shown = tables(readme[readme.index("Two of its tables:") : readme.index("## Exit codes")])
     printed = tables(cwcli("run", SAMPLES / "intersection.mcap").stdout.decode())  # with --details
     assert [len(row) for row in shown] == [len(row) for row in printed]
-    assert len(shown) == 13
+    assert len(shown) == 15
     for shown_row, printed_row in zip(shown, printed, strict=True):
         for ours, theirs in zip(shown_row, printed_row, strict=True):
             value = number(theirs)
