@@ -57,19 +57,19 @@ class StaleRows:
     """Rows without a new measurement.
 
     Attributes:
-        is_repeated: Shape (n,): the row repeats the value before it.
+        is_repetition: Shape (n,): the row repeats the value before it.
         is_interpolated: Shape (n,): the row lies on the line between two measurements.
         period_s: Time between two measurements; NaN where there is no such row.
     """
 
-    is_repeated: npt.NDArray[np.bool_]
+    is_repetition: npt.NDArray[np.bool_]
     is_interpolated: npt.NDArray[np.bool_]
     period_s: float = float("nan")
 
     @property
     def n_repeated(self) -> int:
         """Number of repeated rows."""
-        return int(np.count_nonzero(self.is_repeated))
+        return int(np.count_nonzero(self.is_repetition))
 
     @property
     def n_interpolated(self) -> int:
@@ -84,7 +84,7 @@ class StaleRows:
     @property
     def is_stale(self) -> npt.NDArray[np.bool_]:
         """Shape (n,): the row holds no new measurement."""
-        return self.is_repeated | self.is_interpolated
+        return self.is_repetition | self.is_interpolated
 
     def notes(self, source: str, kind: Kind) -> list[str]:
         """Return what the user is told; empty where there is nothing to tell."""
@@ -93,7 +93,7 @@ class StaleRows:
             (self.n_repeated, "repeat the value before them while the vehicle moves"),
             (self.n_interpolated, "are interpolated between two measurements"),
         ]
-        n = len(self.is_repeated)
+        n = len(self.is_repetition)
         return [
             f"{source}: {count} of {n} {name} rows {why}: only one each {self.period_s:.2g} s is used"
             for count, why in told
@@ -116,9 +116,9 @@ def find_stale_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> Stale
     none = np.zeros(len(time_s), np.bool_)
     if len(time_s) < 2 * MIN_REPETITIONS:
         return StaleRows(none, none)
-    is_repeated, period_s = _find_repeated_rows(kind, time_s, values)
-    if is_repeated.any():
-        return StaleRows(is_repeated, none, period_s)
+    is_repetition, period_s = _find_repeated_rows(kind, time_s, values)
+    if is_repetition.any():
+        return StaleRows(is_repetition, none, period_s)
     if kind in (Kind.POSITION, Kind.VELOCITY, Kind.SPEED, Kind.HEADING):
         is_interpolated, period_s = _find_interpolated_rows(kind, time_s, values)
         return StaleRows(none, is_interpolated, period_s)

@@ -34,7 +34,7 @@ def rounded_to_degrees(values_m: np.ndarray, digits: int) -> np.ndarray:
 @pytest.mark.parametrize("digits", [15, 7])
 def test_of_fixes_once_a_second_that_are_repeated_ten_times_the_first_counts(digits: int) -> None:
     found = find_stale_rows(Kind.POSITION, TIME_S, rounded_to_degrees(held(fixes(TIME_S), TIME_S, 1.0), digits))
-    np.testing.assert_array_equal(~found.is_repeated, np.arange(len(TIME_S)) % 10 == 0)
+    np.testing.assert_array_equal(~found.is_repetition, np.arange(len(TIME_S)) % 10 == 0)
     assert found.period_s == pytest.approx(1.0)
     assert not found.is_interpolated.any()
     (note,) = found.notes("/gps", Kind.POSITION)
@@ -46,7 +46,7 @@ def test_ten_fixes_a_second_published_twelve_times_are_repeated_every_sixth_time
     measured_s = np.arange(0.0, 121.0, 0.1)
     values = fixes(measured_s)[np.searchsorted(measured_s, time_s + 1e-9) - 1]
     found = find_stale_rows(Kind.POSITION, time_s, values)
-    assert found.is_repeated.sum() == pytest.approx(240, abs=2)  # 1440 rows of 1200 fixes
+    assert found.is_repetition.sum() == pytest.approx(240, abs=2)  # 1440 rows of 1200 fixes
 
 
 @pytest.mark.parametrize("kind", [Kind.SPEED, Kind.HEADING, Kind.VELOCITY])
@@ -55,7 +55,7 @@ def test_a_speed_a_heading_and_a_velocity_are_seen_to_repeat_too(kind: Kind) -> 
     whole = values[kind].reshape(len(drive_s), -1)
     noisy = whole + 0.05 * np.random.default_rng(1).standard_normal(whole.shape)
     found = find_stale_rows(kind, drive_s, held(noisy, drive_s, 0.5))
-    assert (~found.is_repeated).sum() == pytest.approx(240, abs=2)
+    assert (~found.is_repetition).sum() == pytest.approx(240, abs=2)
 
 
 def test_a_standing_car_is_measured_once_a_period() -> None:
@@ -63,13 +63,13 @@ def test_a_standing_car_is_measured_once_a_period() -> None:
     values = fixes(TIME_S)
     values = np.concatenate([values[:500], np.tile(values[500], (300, 1)), values[500:900]])
     found = find_stale_rows(Kind.POSITION, TIME_S, held(values, TIME_S, 1.0))
-    assert (~found.is_repeated)[500:800].sum() == pytest.approx(30, abs=1)
+    assert (~found.is_repetition)[500:800].sum() == pytest.approx(30, abs=1)
 
 
 def test_fixes_that_stop_while_the_car_goes_on_count_once() -> None:
     values = held(fixes(TIME_S), TIME_S, 1.0)
     values[500:600] = values[500]  # 10 s, over 100 m
-    assert (~find_stale_rows(Kind.POSITION, TIME_S, values).is_repeated)[500:600].sum() == 1
+    assert (~find_stale_rows(Kind.POSITION, TIME_S, values).is_repetition)[500:600].sum() == 1
 
 
 @pytest.mark.parametrize("digits", [7, 6, 5])
@@ -101,7 +101,7 @@ def test_fixes_on_straight_lines_between_those_of_each_second_are_interpolated(d
     values[50:60] = values[50]  # the car stands
     drawn = np.column_stack([np.interp(TIME_S, measured, column) for column in values.T])
     found = find_stale_rows(Kind.POSITION, TIME_S, rounded_to_degrees(drawn, digits))
-    assert not found.is_repeated.any()
+    assert not found.is_repetition.any()
     assert found.period_s == pytest.approx(1.0)
     used = np.flatnonzero(~found.is_interpolated & (TIME_S <= 119.0))
     np.testing.assert_array_equal(used, np.arange(0, 1200, 10))

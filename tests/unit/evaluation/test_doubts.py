@@ -19,6 +19,7 @@ from cwcli.evaluation.doubts import (
     find_remarks_in_evidence,
 )
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_over_window
+from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE, StateFlag
 
@@ -60,6 +61,12 @@ def evidence(
     record = {"sources": list(sources or [source()]), "summary": {"sections": sections, **(more or {})}, **entries}
     records = {"estimate": {key: json.dumps(value) for key, value in record.items()}}
     return DoubtEvidence(records, states() if ego is None else ego, 0, faults or {})
+
+
+def assumed_camera_evidence() -> DoubtEvidence:
+    """What is known of lanes that were found with an assumed lens and mounting, without an estimate."""
+    notes = [f"{text}: 60 degrees" for text in (ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT)]
+    return DoubtEvidence({"lanes": {"summary": json.dumps({"sections": [], "notes": notes})}})
 
 
 def names(found: DoubtEvidence) -> list[str]:
@@ -122,6 +129,12 @@ DOUBTFUL = [
         "/gps/fix position scatters by 2.0 times its sigma (NIS 4.0).",
     ),
     ("resets", evidence(source(resets=2)), 2.0, "/gps/fix position jumped 2 times, and the track with it."),
+    (
+        "camera",
+        assumed_camera_evidence(),
+        2.0,
+        "The camera's lens and mounting are assumed, so every distance to the lane may be wrong.",
+    ),
     (
         "gaps",
         evidence(ego=states(flags=int(StateFlag.BRIDGED))),
