@@ -46,7 +46,7 @@ _RAISED_WORDS = frozenset({"active", "raised", "triggered", "on", "data", "state
 _LEVEL_WORDS = frozenset({"level", "severity", "state", "status", "data", "warning", "alert", "stage"})
 """Words of numbers that grow with the urgency of a warning, and are 0 without one."""
 FieldKind = Literal["number", "truth value", "text"]
-"""What a field of a message holds."""
+"""The kinds of values that a field of a message can hold."""
 _SPEED_UNIT_OF_WORD = {"kmh": "kmh", "kph": "kmh", "kmph": "kmh", "mph": "mph", "knots": "knots"}
 """Word in a name -> unit of speed, as `--map` spells it."""
 _UNIT_OF_WORD = _SPEED_UNIT_OF_WORD | {"deg": "deg", "degrees": "deg"}

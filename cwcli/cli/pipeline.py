@@ -13,7 +13,7 @@ from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions, source_names
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
-from cwcli.errors import UsageError
+from cwcli.errors import CwcliError, UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Call
 from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, RunRules, SkipRules
@@ -60,10 +60,17 @@ class Job:
 
 @dataclass(frozen=True)
 class JobOutcome:
-    """What came of a job: the results of its stages, and their digest (None where none is printed)."""
+    """What came of a job.
+
+    Attributes:
+        run: Results of its stages.
+        digest: Their digest, None where none is printed.
+        is_imported: The source is no log and was imported.
+    """
 
     run: RunOutcome
     digest: Digest | None
+    is_imported: bool = False
 
 
 def run_write_and_print(job: Job) -> None:
@@ -75,6 +82,9 @@ def run_write_and_print(job: Job) -> None:
     job = replace(job, writing=replace(job.writing, output=normalise_stdout_name(job.writing.output)))
     console = _console_for_job(job)
     outcome = run_and_write(job)
+    if outcome.is_imported:
+        name = outcome.run.name
+        console.print_note(f"{name} was imported; `cwcli import {name} --preview` shows how its columns were read")
     if job.talk.json:
         console.print_document(job.command, job_document(job, outcome.run))
     elif outcome.digest is not None:
@@ -107,7 +117,7 @@ def run_and_write(job: Job) -> JobOutcome:
             digest = None if job.talk.quiet or job.talk.json else _build_digest(job, result.annotated, outcome)
     outcome.written.extend(written.names)
     outcome.left_profile = written.dropped_profile
-    return JobOutcome(outcome, digest)
+    return JobOutcome(outcome, digest, is_imported=source is not job.source)
 
 
 def _build_digest(job: Job, log: Log, outcome: RunOutcome) -> Digest:
@@ -122,14 +132,15 @@ def _imported_source(source: Source) -> Source | InputFile:
     """The source; a file that is no log is imported, if nothing about it is ambiguous."""
     if not isinstance(source, str) or source == "-" or "://" in source:
         return source
+    from cwcli.input import InputFile
     from cwcli.logs.format.faults import is_importable_head
 
+    if not Path(source).is_file():
+        return source
     try:
-        if not Path(source).is_file():
-            return source
-        with Path(source).open("rb") as file:
-            head = file.read(N_HEAD_BYTES)
-    except (OSError, ValueError):
+        with InputFile.open(source) as file:
+            head = bytes(file[0:N_HEAD_BYTES])
+    except CwcliError:  # whoever reads the log says it
         return source
     if not is_importable_head(head):
         return source

@@ -52,7 +52,7 @@ class _Way:
     velocity: ComplexArray
     way: ComplexArray
 
-    def at(self, time_s: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    def interpolate(self, time_s: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Interpolate way and velocity at times (m,), s."""
         return np.interp(time_s, self.time_s, self.way), np.interp(time_s, self.time_s, self.velocity)
 
@@ -186,7 +186,7 @@ def _slopes_of_window(
 
     Both without what another place, rotation or scale of the window would explain.
     """
-    passed, velocity = way.at(time_s - delay_s)
+    passed, velocity = way.interpolate(time_s - delay_s)
     centred, target = passed - passed.mean(), place - place.mean()
     power = float((centred.real**2 + centred.imag**2).sum())
     if power <= 0.0:

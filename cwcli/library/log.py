@@ -126,7 +126,7 @@ class Log:
             )
         for file in self._log.file.disk_files:
             file.check_unchanged()
-        return Result(self, annotated, outcome, rules.choice)
+        return Result(self.require_open, annotated, outcome, rules.choice)
 
     def table(self, topic: str) -> pa.Table:
         """Read a channel as an Arrow table, one row a message; times are int64, ns since the epoch.

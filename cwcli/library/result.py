@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,6 @@ from cwcli.pipeline.call import Selection
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from cwcli.library.log import Log
     from cwcli.logs.read import reader
     from cwcli.pipeline.channel_choice import ChannelChoice
     from cwcli.pipeline.execute import RunOutcome
@@ -39,8 +39,11 @@ class Result:
         faults: What is wrong with the input file -> how often.
     """
 
-    def __init__(self, source: Log, annotated: reader.Log, outcome: RunOutcome, choice: ChannelChoice) -> None:
-        self._source = source
+    def __init__(
+        self, require_open: Callable[[], None], annotated: reader.Log, outcome: RunOutcome, choice: ChannelChoice
+    ) -> None:
+        """Hold the results; `require_open` raises `UsageError` if the log is closed that they belong to."""
+        self._require_open = require_open
         self.annotated, self.outcome, self.choice = annotated, outcome, choice
         self.name: str = outcome.name
         self.stages: tuple[str, ...] = tuple(result.stage for result in outcome.results)
@@ -159,7 +162,7 @@ class Result:
         """
         from cwcli.library.writing import OutputFiles, write_outputs
 
-        self._source.require_open()
+        self._require_open()
         files = OutputFiles(
             annotated=f"./{target}" if str(target) == "-" else str(target),
             tables_folder=None if tables is None else str(tables),
@@ -183,4 +186,4 @@ class Result:
     def _require_in_memory_or_open(self, topic: str) -> None:
         """Raise `UsageError` if a channel lies in the file of a log that is closed."""
         if topic not in {channel.topic for channel in self.annotated.added_channels}:
-            self._source.require_open()
+            self._require_open()

@@ -5,18 +5,34 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from cwcli.array_memory import array_memory_bound
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import AtomicGroup, check_targets, make_folder
 
 if TYPE_CHECKING:
-    from cwcli.library.result import Result
+    from cwcli.logs.read.reader import Log
     from cwcli.metrics.table import Table
+    from cwcli.pipeline.channel_choice import ChannelChoice
+    from cwcli.pipeline.execute import RunOutcome
 
 STDOUT = "-"
 """The name of standard output."""
+
+
+class WritableRun(Protocol):
+    """A run whose results are in memory (`cwcli.library.result.Result`).
+
+    Attributes:
+        annotated: The log with what the stages have made.
+        outcome: The stages' results.
+        choice: Which channels are written.
+    """
+
+    annotated: Log
+    outcome: RunOutcome
+    choice: ChannelChoice
 
 
 @dataclass(frozen=True)
@@ -39,7 +55,7 @@ class OutputFiles:
     is_folder_of_parts: bool = False
     force: bool = False
 
-    def table_by_file(self, result: Result) -> dict[Path, Table]:
+    def table_by_file(self, result: WritableRun) -> dict[Path, Table]:
         """Return every table that is written, by its file."""
         if self.tables_folder is None:
             return dict(self.tables)
@@ -63,7 +79,9 @@ class WrittenFiles:
     dropped_profile: str = ""
 
 
-def write_outputs(result: Result, files: OutputFiles, step: Callable[[str], None] = lambda text: None) -> WrittenFiles:
+def write_outputs(
+    result: WritableRun, files: OutputFiles, step: Callable[[str], None] = lambda text: None
+) -> WrittenFiles:
     """Write the annotated log and the tables: all of them or none.
 
     Args:
@@ -93,7 +111,7 @@ def write_outputs(result: Result, files: OutputFiles, step: Callable[[str], None
 
 
 def _write_annotated_log(
-    result: Result, files: OutputFiles, target: str, together: AtomicGroup
+    result: WritableRun, files: OutputFiles, target: str, together: AtomicGroup
 ) -> tuple[list[str], str]:
     """Write the annotated log; return the names of its files, and the profile that it could not keep or ""."""
     from cwcli.logs.write.annotate import CopyOptions, annotate_log

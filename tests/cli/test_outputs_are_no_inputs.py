@@ -49,13 +49,14 @@ ARGUMENTS = {
     "reproduce": ["song2016"],
     "layout": ["LOG"],
     "export": ["LOG"],
+    "import": ["TABLE"],
     "plot": ["LOG"],
     "view": ["LOG"],
 }
 """Each command with everything that it can read, beside the configuration."""
 READING = {
     *("config", "file", "dbc", "expect", "vehicle", "observe__vehicle", "calibration", "labelled"),
-    *("model", "lanes__model"),
+    *("model", "lanes__model", "mapping", "times"),
 }
 """Parameters with a file that is read."""
 FOLDERS = {"metrics_dir", "directory", "plots", "report"}
@@ -95,6 +96,9 @@ def files(predicted: Path, tmp_path: Path) -> dict[str, Path]:
     shutil.copy(ROOT / "sample_logs" / "straight.toml", found["SCENARIO"])
     shutil.copy(next((ROOT / "cwcli" / "dynamics" / "vehicles").glob("*.toml")), found["CAR"])
     found["CONFIG"].write_text("quiet = true\n")
+    found["TABLE"] = tmp_path / "TABLE.csv"
+    rows = [f"{1_700_000_000 + k},{48.0 + 1e-4 * k:.4f},11.0" for k in range(20)]
+    found["TABLE"].write_text("\n".join(["unix_time_s,latitude_deg,longitude_deg", *rows]) + "\n")
     return found
 
 
@@ -110,7 +114,7 @@ def state(folder: Path) -> dict[str, tuple[int, bytes]]:
 def test_every_option_with_a_file_is_known() -> None:
     """Whoever adds an option with a file says here whether it is read or written."""
     names = {name for _, name, option in file_parameters() if option.startswith("--")}
-    assert names == READING - {"file"} | FOLDERS | {"output", "metrics", "junit", "markdown_file"}
+    assert names == READING - {"file"} | FOLDERS | {"output", "metrics", "junit", "markdown_file", "comment"}
     assert {command for command, _ in WRITING} == set(ARGUMENTS)
 
 
@@ -390,6 +394,15 @@ OPENERS = {
     "signals/radio/tables.py": "comes with cwcli",
     "signals/v2x_tables.py": "comes with cwcli",
     "reproduction/expectations.py": "comes with cwcli",
+    **dict.fromkeys(
+        (
+            f"importing/readers/{name}.py"
+            for name in ("delimited", "fcd", "gnsslogger", "gpx", "nmea", "trajectory", "ubx")
+        ),
+        "a file that is imported, which `cwcli import` refuses as an output",
+    ),
+    "importing/readers/phone.py": "a file in the archive that is imported",
+    "importing/temporary_log.py": "the log that it has just written",
 }
 """Modules that open files themselves, and which."""
 OPENING = {"open", "fdopen", "read_bytes", "read_text", "write_bytes", "write_text", "savefig", "mmap"}
@@ -408,7 +421,7 @@ def test_files_are_opened_in_known_places_only() -> None:
 
 def _opens(node: ast.Call) -> bool:
     owner, _, name = ast.unparse(node.func).rpartition(".")
-    is_ours = owner in {"Log", "InputFile", "cls"}
+    is_ours = owner in {"Log", "reader.Log", "InputFile", "cls"}
     is_in_memory = bool(node.args) and ast.unparse(node.args[0]).startswith(("io.BytesIO", "pa.BufferReader", "sink"))
     opens = (name in OPENING and not is_ours) or (owner, name) == ("parquet", "read_table")
     return opens and not is_in_memory

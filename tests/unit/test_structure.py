@@ -40,4 +40,6 @@ def test_the_search_finds_a_circle() -> None:
 
 
 def test_no_module_imports_itself_round_about() -> None:
-    assert circles(grimp.build_graph("cwcli", cache_dir=None)) == []
+    graph = grimp.build_graph("cwcli", cache_dir=None)
+    graph.remove_module("cwcli")  # it only names what users import, and imports that when it is used
+    assert circles(graph) == []

@@ -21,7 +21,7 @@ SAMPLE_LOG_NAME = "intersection"
 PAGE_PACKAGES = ("jinja2", "plotly")
 """Packages that the page needs."""
 NEXT_STEP = "cwcli run YOUR.mcap"
-"""What the demo suggests."""
+"""The command that the demo suggests at its end."""
 
 
 def command(

@@ -9,9 +9,9 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 
 MAX_ASSUMPTIONS = 1
-"""From how many assumed properties on the lanes are doubted. Chosen: each changes every distance."""
+"""Number of assumed properties from which the lanes are doubted. Chosen by hand: each changes every distance."""
 PROPERTIES = {"lens": ASSUMED_LENS_TEXT, "mounting": ASSUMED_MOUNTING_TEXT}
-"""What may be assumed -> how the note of `lanes` on it begins."""
+"""Property of a camera that may be assumed -> the beginning of the note of `lanes` that says so."""
 
 
 def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.text import shorten_and_escape
 
 MAX_CONTRADICTIONS = 1
-"""From how many contradictions on the estimate is doubted. Chosen: one is enough to spoil it."""
+"""Number of contradictions from which the estimate is doubted. Chosen by hand: one is enough to spoil it."""
 
 
 def find_contradictions(evidence: DoubtEvidence) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.text import shorten_and_escape
 
 MAX_UNDOUBTED_CORRECTIONS = 1
-"""From how many corrected sources on the estimate is doubted. Chosen: the user should see every one of them."""
+"""Number of corrected sources from which the estimate is doubted. Chosen by hand: the user should see every one."""
 
 
 def find_corrections(evidence: DoubtEvidence) -> Iterator[Finding]:

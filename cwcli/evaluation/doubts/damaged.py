@@ -9,7 +9,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.text import shorten_and_escape
 
 MAX_FAULTS = 1
-"""From how many faults of the file on it is doubted. Chosen: what is lost is not known."""
+"""Number of faults of the file from which its results are doubted. Chosen by hand: nobody knows what one has lost."""
 
 
 def find_faults(evidence: DoubtEvidence) -> Iterator[Finding]:

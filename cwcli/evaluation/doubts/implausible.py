@@ -18,7 +18,7 @@ MAX_PLAUSIBLE_ACCEL_MPS2 = 12.0
 KMH_PER_MPS = 3.6
 """Kilometres per hour in a metre per second."""
 ADVICE = "Check the units and the axes of the sensors."
-"""What to do about an implausible value."""
+"""The advice for every implausible value, a sentence for users."""
 
 
 def _speed_kmh(state: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from cwcli.pipeline.records import read_number
 from cwcli.text import format_count
 
 MAX_RESETS = 1
-"""From how many resets on the estimate is doubted. Chosen: a jump is never the car's motion."""
+"""Number of resets from which the estimate is doubted. Chosen by hand: a jump is never the car's motion."""
 
 
 def find_resets(evidence: DoubtEvidence) -> Iterator[Finding]:
