@@ -20,9 +20,9 @@ from cwcli.kernels import spill
 MOST_ARRAY_BYTES = 128 << 20
 """Size of the large arrays that lie in memory before further ones go to the file, 128 MiB; chosen by hand."""
 MOST_MAPPED_BYTES = 64 << 20
-"""Size of the file's pages that the process holds in memory, about 64 MiB; chosen by hand."""
+"""Size of the pages of the large arrays' file that the process holds in memory, about 64 MiB; chosen by hand."""
 MOST_FILE_BYTES = 1 << 40
-"""Greatest size of the file, 1 TiB; it takes only the disk space that is used."""
+"""Greatest size of the large arrays' file, 1 TiB; chosen by hand, since it takes only the disk space that is used."""
 FOLDER_ON_DISK = "/var/tmp"
 """The folder of the file that holds large arrays where /tmp is in memory."""
 _ONE_AT_A_TIME = threading.Lock()

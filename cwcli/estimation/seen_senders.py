@@ -34,7 +34,7 @@ Chosen as the period of slow senders; not fitted."""
 AVERAGING_WINDOW_S = 2.0
 """Duration of the moments that are averaged, s. Chosen by hand; not fitted."""
 MIN_MOMENTS = 3
-"""Least number of moments in the mean. Chosen by hand; not fitted."""
+"""Least number of moments over which the offset of a sender is averaged. Chosen by hand; not fitted."""
 MIN_SQUARED_DISTANCE_ADVANTAGE = 13.8
 """Least excess of the squared distance to another car: a likelihood ratio of 1000, as for joined ids."""
 MAX_SQUARED_DISTANCE = 13.8

@@ -27,7 +27,8 @@ MIN_WAY_SIGMA_M, MIN_TURN_SIGMA_RAD, MIN_COURSE_SIGMA_RAD, MIN_SPEED_CHANGE_SIGM
     0.4,
 )
 """Least scales of a step's way (m), turn (rad), course (rad), change of speed (m/s) and lateral acceleration (m/s^2).
-Chosen: 2 % of 30 m, 3 degrees, and what a slope, a latency or a banked road changes in 2 s."""
+Chosen by hand: 2 % of a way of 25 m; 3 degrees for turn and course; for the others what a slope, a latency or a banked
+road changes in 2 s."""
 MIN_COMPARED_STEPS = 4
 """Least number of steps that are compared. Chosen by hand: three agree by chance."""
 UNKNOWN_RESIDUAL_SCALES = 6.0

@@ -17,7 +17,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 MIN_REGRESSED_STEPS = 6
-"""Least number of steps of a line. Chosen by hand; not fitted."""
+"""Least number of steps through whose turns a regression line is laid. Chosen by hand; not fitted."""
 MIN_SPREAD_RAD = 0.15
 """Least standard deviation of the turns of the steps, rad: a bend and a straight in 4 s each. Chosen by hand."""
 N_SIGMAS = 4.0
@@ -25,7 +25,8 @@ N_SIGMAS = 4.0
 MAX_RESIDUAL_SIGMAS = 4.0
 """Residuals beyond this many of their scatters are left out in a second pass: a jump of the fixes."""
 MIN_SCATTER_RAD = 0.01
-"""Least scatter of the residuals, rad. Chosen: the bias of a gyroscope drifts."""
+"""Least scatter of the residuals of the regression line, rad. Chosen by hand: the bias of a gyroscope drifts by so much
+in a step."""
 MOTION_BY_NOISE = (Kind.YAW_RATE, Kind.HEADING, Kind.VELOCITY, Kind.POSITION)
 """Kinds from the least noise of a turn to the largest; the abscissa of a line must have little noise."""
 

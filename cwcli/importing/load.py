@@ -32,7 +32,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 
 MAX_BAD_SHARE = 0.05
-"""Largest share of cells of a column of numbers that are none; a column with more is no column of numbers."""
+"""Largest share of cells without a number in a column of numbers; a column with more is none. Chosen by hand."""
 THOUSANDS_PATTERN = r"^[+-]?\d{1,3}(,\d{3})+$"
 """A number with a comma before each three digits, which may be a thousand or a decimal."""
 POINT_DECIMAL_PATTERN = r"^[+-]?\d*\.\d+([eE][+-]?\d+)?$"

@@ -17,7 +17,7 @@ from cwcli.vision.encoded import Image
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
 """Header of a compressed depth image: the kind of compression, and the numbers a and b (image_transport_plugins)."""
 MAX_GREY_LEVEL = 255
-"""Greatest grey level; 0 is left for pixels without a measurement."""
+"""Greatest grey level of an 8-bit image; 0 is left for pixels without a measurement."""
 
 
 class DepthImageError(ValueError):

@@ -67,7 +67,8 @@ LINE_OFFSETS_IN_WIDTHS = np.array([-1.5, -0.5, 0.5, 1.5])
 SAME_LINE_TOLERANCE = 0.15
 """Distance below which two lines count as one, over the camera's height. Chosen by hand; not fitted."""
 LATERAL_JERK_SIGMA_MPS3 = 1.0
-"""Sigma of the lateral jerk in a road's bends, in m/s^3: clothoids are designed for 0.5 to 1, ramps for more."""
+"""Sigma of the lateral jerk in a road's bends, in m/s^3. Chosen by hand: the upper end of what clothoids are designed
+for, 0.5 to 1; ramps have more."""
 MAX_SPIRAL_SIGMAS = 4.0
 """Greatest change of curvature that is searched, in sigmas of its prior. Chosen by hand; not fitted."""
 UNPREDICTED_TURN_DISTANCE_M = 10.0

@@ -44,7 +44,8 @@ def _evenly_spread_normal_points(n: int) -> FloatArray:
 
 
 NORMAL_POINTS = _evenly_spread_normal_points(N_SAMPLE_POINTS)
-"""Points of a five-dimensional normal distribution, shape (192, 5), the same in every run."""
+"""Evenly spread points of the five-dimensional standard normal distribution, in sigmas, shape (192, 5), equal in every
+run."""
 
 
 def weighted_mean_lane(

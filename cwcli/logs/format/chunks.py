@@ -28,7 +28,7 @@ MAX_LZ4_RATIO = 256
 PARTIAL_BLOCK_BYTES = 1 << 16
 """Bytes that are decompressed at a time from a cut chunk, and lost at an error in it. Chosen by hand."""
 BYTES_PER_MEGABYTE = 1_000_000
-"""The number of bytes in a megabyte, for messages to users."""
+"""The number of bytes in a megabyte, 10^6 (SI), for messages to users."""
 MESSAGE_OVERHEAD_BYTES = 500
 """Bytes that take about as long to decompress as one message takes to scan, decode and check. Chosen by hand."""
 CHUNK_CRC_OFFSET_BYTES = RECORD_PREFIX.size + 24

@@ -94,7 +94,7 @@ def open_recording_folder(folder: str, name: str, open_file: Opener, *, as_one: 
     Args:
         folder: The folder, or its URL.
         name: Name for messages.
-        opened: Opens one file by its name.
+        open_file: Opens one file by its name.
         as_one: Without a metadata.yaml, join all log files of the folder.
 
     Raises:

@@ -18,7 +18,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_paper_run
 
 CONVERGED_ERROR_PERCENT = 10.0
-"""An observer has converged where its error stays below this, in per cent, the paper's bound."""
+"""An observer has converged where its error stays below this, in per cent of the true value, the bound of zhang2011."""
 STATIC_ERROR_WINDOW_S = 1.0
 """The static error is the largest of this last part of a run, in s. Chosen by hand; not fitted."""
 EQUAL_STATIC_ERROR_PERCENT = 0.05

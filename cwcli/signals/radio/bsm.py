@@ -13,11 +13,11 @@ from cwcli.signals.radio.types import Enum, Int, ListOf, Open, Sized, bit_string
 VEHICLE_SAFETY_EXTENSIONS_ID = 0
 """The PartII-Id of the vehicle safety extensions."""
 LATITUDE_TYPE = Int(-900_000_000, 900_000_001)
-"""The ASN.1 type of a latitude."""
+"""The ASN.1 type of a latitude in 1e-7 degrees (SAE J2735)."""
 LONGITUDE_TYPE = Int(-1_799_999_999, 1_800_000_001)
-"""The ASN.1 type of a longitude."""
+"""The ASN.1 type of a longitude in 1e-7 degrees (SAE J2735)."""
 ELEVATION_TYPE = Int(-4096, 61_439)
-"""The ASN.1 type of an elevation."""
+"""The ASN.1 type of an elevation in 0.1 m (SAE J2735)."""
 ACCURACY_TYPE = sequence_type(("semiMajor", Int(0, 255)), ("semiMinor", Int(0, 255)), ("orientation", Int(0, 65_535)))
 """The ASN.1 type of the position accuracy."""
 _TRANSMISSION_TYPE = Enum(8)

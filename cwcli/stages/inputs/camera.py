@@ -85,7 +85,7 @@ class CameraSource:
         )
 
     def needs_rectifying(self) -> bool:
-        """Return whether the frames differ from those of a pinhole camera without roll."""
+        """Return whether the lens distorts the frames."""
         return needs_rectifying(self.camera_for_size(1000, 1000))
 
     def shape_mismatch_note(self, width_px: int, height_px: int) -> str:
