@@ -241,6 +241,21 @@ def test_what_the_user_says_is_done_without_asking_the_log() -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["degrees+clockwise-from-north", "clockwise-from-north+degrees"])
+def test_the_order_in_which_the_user_names_faults_does_not_matter(name: str) -> None:
+    """Clockwise from north in degrees: east is 90, north 0, west 270."""
+    m = Measurements("/heading", Kind.HEADING, np.arange(3), np.array([[90.0], [0.0], [270.0]]))
+    (corrected,), _ = correct_as_user_says([m], {"/heading": name})
+    np.testing.assert_allclose(np.cos(corrected.values[:, 0]), [1.0, 0.0, -1.0], atol=1e-12)
+    np.testing.assert_allclose(np.sin(corrected.values[:, 0]), [0.0, 1.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["km/h+mph", "km/h+km/h"])
+def test_two_units_of_one_source_are_refused(name: str) -> None:
+    with pytest.raises(UsageError, match="/speed"):
+        correct_as_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": name})
+
+
 def test_units_that_a_source_cannot_have_are_refused() -> None:
     with pytest.raises(UsageError, match="there is no such fault of /speed"):
         correct_as_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "clockwise-from-north"})
