@@ -361,15 +361,13 @@ def _count_corrections(
     """Return the counts with the rows that were corrected as repaired, and those that were left out as set aside."""
     counted = []
     for entry in inputs:
-        repaired, aside = dict(entry.repaired), dict(entry.set_aside)
-        for each in corrections:
-            if each.who.source == entry.topic and each.who.role == entry.role:
-                if each.n_set_aside:
-                    aside[each.fault] = each.n_set_aside
-                else:
-                    repaired[each.fault] = min(each.n_rows, entry.used)
-        n_aside = sum(aside.values()) - sum(entry.set_aside.values())
-        counted.append(replace(entry, used=entry.used - n_aside, repaired=repaired, set_aside=aside))
+        own = [each for each in corrections if each.who.source == entry.topic and each.who.role == entry.role]
+        aside = {each.fault: each.n_set_aside for each in own if each.n_set_aside}
+        used = entry.used - sum(aside.values())
+        repaired = {each.fault: min(each.n_rows, used) for each in own if not each.n_set_aside}
+        counted.append(
+            replace(entry, used=used, repaired={**entry.repaired, **repaired}, set_aside={**entry.set_aside, **aside})
+        )
     return tuple(counted)
 
 
