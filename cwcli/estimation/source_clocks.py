@@ -196,7 +196,8 @@ def _shifts_at_steps_of_log_clock(
 
     Another source's stamps run on there, and this source pauses for as long as the clock steps.
     """
-    clock, shifts = clocks[source], []
+    clock = clocks[source]
+    shifts: list[tuple[int, float]] = []
     for other, theirs in clocks.items():
         for step in theirs.steps:
             if other == source or step.is_of_stamps or step.change_s < 0.0 or clock.steps:

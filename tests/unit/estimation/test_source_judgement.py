@@ -211,6 +211,24 @@ def test_headings_that_are_turned_round_at_standstill_are_set_aside_and_counted(
     assert {p.series.kind: len(p.series) for p in judged.prepared}[Kind.HEADING] == len(TIME_S) + 100
 
 
+def test_a_row_that_is_stuck_and_turned_round_is_set_aside_once() -> None:
+    """A speed of zero while the car moves makes it seem to stand; the heading is stuck meanwhile, and turned round."""
+
+    def stop(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[400:500] = 0.0
+        return values
+
+    def freeze(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[400:500] = values[400] + np.pi
+        return values
+
+    drive = _with_fault(_with_fault(_drive(*ALL), Kind.SPEED, stop), Kind.HEADING, freeze)
+    own = [each for each in _judge(drive).corrections if each.who.kind is Kind.HEADING]
+    assert sum(each.n_set_aside for each in own) == 100
+
+
 def test_a_speed_of_zero_while_the_fixes_move_is_set_aside_but_not_at_standstill() -> None:
     def drop(values: np.ndarray) -> np.ndarray:
         values = values.copy()
