@@ -211,6 +211,12 @@ def test_headings_that_are_turned_round_at_standstill_are_set_aside_and_counted(
     assert {p.series.kind: len(p.series) for p in judged.prepared}[Kind.HEADING] == len(TIME_S) + 100
 
 
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_an_imu_of_a_few_rows_is_no_reason_to_fail(n: int) -> None:
+    few = [m.select_rows(np.arange(len(m)) < n) if m.kind is Kind.IMU else m for m in _drive(*LEAN)]
+    assert _judge(few).corrections == ()
+
+
 def test_a_row_that_is_stuck_and_turned_round_is_set_aside_once() -> None:
     """A speed of zero while the car moves makes it seem to stand; the heading is stuck meanwhile, and turned round."""
 
