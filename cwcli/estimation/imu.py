@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,6 +16,8 @@ N_MOUNTING_BLOCKS = 10
 """Number of parts of a log whose scatter gives the sigma of the mounting; chosen by hand."""
 INTERPOLATION_WINDOW_SAMPLES = 15
 """Number of consecutive samples in which most must lie on a straight line to count as interpolated; chosen by hand."""
+MIN_STEADY_TURN_RADPS = 0.1
+"""Least mean turn rate of a vehicle that drives in circles, rad/s: twice the bias of a phone's gyroscope."""
 MAX_INTERPOLATED_CURVATURE_RATIO = 0.02
 """Greatest curvature of an interpolated sample, relative to the median curvature of the signal; chosen by hand."""
 
@@ -37,8 +41,13 @@ class ImuMounting:
         """Find the mounting by the mean direction of the specific force (n, 3); None without an upward gravity in it.
 
         The part that is proportional to the turn rate (n, 3) about that direction is acceleration in bends and is
-        subtracted first: a drive with more turns to one side would otherwise seem rolled.
+        subtracted first: a drive with more turns to one side would otherwise seem rolled. Where the vehicle drives in
+        circles all the time, acceleration and gravity cannot be told apart, and the axis of the turn is the vertical.
         """
+        axis = find_steady_turn_axis(gyro)
+        turning = None if axis is None else cls._from_steady_turn(force.mean(axis=0), axis)
+        if turning is not None:
+            return turning
         force = _remove_turning_from_specific_force(force, gyro)
         up = force.mean(axis=0) if len(force) else np.zeros(3)
         norm = float(np.linalg.norm(up))
@@ -47,6 +56,20 @@ class ImuMounting:
         parts = [part.mean(axis=0)[:2] / norm for part in np.array_split(force, N_MOUNTING_BLOCKS) if len(part)]
         sigma_rad = float(np.mean(np.std(parts, axis=0, ddof=1))) / len(parts) ** 0.5 if len(parts) > 1 else np.nan
         return cls(float(np.arcsin(up[0] / norm)), float(np.arctan2(up[1], up[2])), sigma_rad)
+
+    @classmethod
+    def _from_steady_turn(cls, force: FloatArray, axis: FloatArray) -> ImuMounting | None:
+        """Find the mounting by the mean specific force (3,) and the axis (3,) of a turn that lasts for the whole drive.
+
+        The acceleration in the turn is level and to the side, so that the force along the axis is gravity, and the one
+        along the forward axis is gravity's share. No sigma is given: the bias of the gyroscope is not known.
+        """
+        gravity = float(force @ axis)
+        up = axis * math.copysign(1.0, gravity)
+        if not (abs(gravity) > MIN_GRAVITY_MPS2 and up[2] > 0.5):
+            return None
+        nose_up = min(max(float(force[0]) / abs(gravity), -1.0), 1.0)
+        return cls(math.asin(nose_up), math.atan2(float(up[1]), float(up[2])))
 
     @property
     def up_axis(self) -> FloatArray:
@@ -120,6 +143,21 @@ def level_imu(
         int(invented.sum()),
         mounting,
     )
+
+
+def find_steady_turn_axis(gyro: FloatArray) -> FloatArray | None:
+    """Return the axis (3,) about which a vehicle turns all the time, by its turn rates (n, 3), or None.
+
+    The mean turn rate is then larger than its scatter, as on a skid pad. In other drives bends to both sides and
+    straight roads make it small.
+    """
+    if not len(gyro):
+        return None
+    mean = gyro.mean(axis=0)
+    rate = float(np.linalg.norm(mean))
+    if rate < MIN_STEADY_TURN_RADPS or rate**2 < float(gyro.var(axis=0).sum()):
+        return None
+    return np.asarray(mean / rate)
 
 
 def _remove_turning_from_specific_force(force: FloatArray, gyro: FloatArray) -> FloatArray:

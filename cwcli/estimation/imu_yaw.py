@@ -41,7 +41,7 @@ def find_imu_yaw(
         others: Series of the other sources, positions first.
     """
     motions, edges_s = evidence_motions(others[:1])
-    if len(edges_s) < MIN_STEPS + 3:
+    if len(edges_s) < MIN_STEPS + 3 or len(time_s) < MIN_STEPS:
         return None
     measured = np.column_stack([means_between_edges(time_s, column, edges_s) for column in values[:, :2].T])
     measured[~covered_step_mask(time_s, edges_s)] = np.nan

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.imu import IMU, tilt_hypothesis
+from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.signals.columns import FloatArray
@@ -72,6 +73,9 @@ def find_tilt(values: FloatArray) -> tuple[Hypothesis, str] | None:
     upright = float(force[2]) / max(share * GRAVITY_MPS2, 1e-9)
     is_gravity = GRAVITY_RANGE_IN_G[0] < share < GRAVITY_RANGE_IN_G[1]
     if not is_gravity or not MIN_UPRIGHT_SHARE < upright < MAX_TILTED_SHARE:
+        return None
+    axis = find_steady_turn_axis(values[:, 3:])
+    if axis is not None and abs(axis[2]) >= MAX_TILTED_SHARE:  # the force leans in the bend, the IMU does not
         return None
     across = float(np.hypot(*force[:2]))
     return tilt_hypothesis(force), f"gravity reads {across:.1f} m/s^2 across its vertical axis"

@@ -15,7 +15,6 @@ from dataclasses import field, replace
 import numpy as np
 
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
-from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock
 from cwcli.estimation.measurements import Kind
@@ -24,7 +23,7 @@ from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import chi_square_quantile
-from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
+from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
 AGREEMENT_PROBABILITY = 0.99
@@ -273,27 +272,13 @@ def _pool_imu_mountings(drives: Sequence[DriveEvidence]) -> dict[str, dict[str, 
         for report in drive.track.sources:
             if report.mounting is not None and report.kind is Kind.ACCEL and report.n_used:
                 mine = found.setdefault(report.source, {"nose_up_rad": [], "left_up_rad": []})
-                mounting = mounting_without_net_acceleration(report.mounting, drive.track)
                 for name, angles in mine.items():
-                    value, sigma = getattr(mounting, name), mounting.sigma_rad
+                    value, sigma = getattr(report.mounting, name), report.mounting.sigma_rad
                     angles.append(ConstantOfDrive(value, sigma, drive.duration_minutes, drive.log))
     return {
         source: {name: pool_constant_over_drives(said) for name, said in angles.items()}
         for source, angles in found.items()
     }
-
-
-def mounting_without_net_acceleration(mounting: ImuMounting, track: Track) -> ImuMounting:
-    """Return the mounting without the share of a drive that ends faster or slower than it began.
-
-    The mean specific force of a drive holds, beside gravity g, its mean forward acceleration a = (v_end - v_start) / T:
-    that turns it by atan(a / g) in the vertical plane ahead.
-    """
-    duration_s = float(track.stamp_ns[-1] - track.stamp_ns[0]) / NS_PER_S if len(track.stamp_ns) else 0.0
-    if not duration_s > 0.0:
-        return mounting
-    mean_accel_mps2 = float(track.state[-1, SPEED] - track.state[0, SPEED]) / duration_s
-    return replace(mounting, nose_up_rad=mounting.nose_up_rad - math.atan2(mean_accel_mps2, STANDARD_GRAVITY_MPS2))
 
 
 def _driving_evidence(drives: Sequence[DriveEvidence]) -> dict[str, float]:

@@ -143,7 +143,11 @@ def _find_repeated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> t
     n_held = int(np.count_nonzero(is_held))
     if n_held < MIN_REPETITIONS or n_held < MIN_REPEATED_SHARE * int(np.count_nonzero(should_change)):
         return none, float("nan")
-    period_s = median(np.diff(time_s[first])[is_held])
+    held_s = np.diff(time_s[first])[is_held]
+    # Of stamps that are cut to whole seconds most differences are 0; their mean is right all the same.
+    period_s = median(held_s) or float(np.mean(held_s))
+    if not period_s > 0.0:
+        return none, float("nan")
     size = np.append(change.max(axis=1), 0.0)
     usual = median(size[:-1][is_held])
     run = np.cumsum(is_new) - 1

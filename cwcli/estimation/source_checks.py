@@ -361,11 +361,17 @@ def _judge_median_course_difference(one: StepMotion, other: StepMotion, step_s: 
     )
 
 
-def _speed_changes_without_accel_bias(m: StepMotion) -> FloatArray:
-    """Return the changes of speed; from those of an accelerometer the median is subtracted."""
-    change = m.speed_change_mps
-    known = change[np.isfinite(change)]
-    return change - median(known) if m.kind is Kind.ACCEL and len(known) else change
+def _speed_changes_beside_the_median(one: StepMotion, other: StepMotion) -> tuple[FloatArray, FloatArray]:
+    """Return the changes of speed of two sources, each without its median over the steps that both have.
+
+    The median of an accelerometer's changes is its bias and that of the car. So it is subtracted from both: a car that
+    accelerates evenly all the time shows nothing.
+    """
+    changes = one.speed_change_mps, other.speed_change_mps
+    known = np.isfinite(changes[0]) & np.isfinite(changes[1])
+    if not known.any():
+        return changes
+    return changes[0] - median(changes[0][known]), changes[1] - median(changes[1][known])
 
 
 def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
@@ -373,8 +379,7 @@ def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) ->
         return UNKNOWN_STEP_COMPARISON
     least = [max(MIN_SPEED_CHANGE_MPS, MIN_CHANGE_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
     return _median_ratio_in_both_directions(
-        _speed_changes_without_accel_bias(one),
-        _speed_changes_without_accel_bias(other),
+        *_speed_changes_beside_the_median(one, other),
         least,
         math.inf,
         SPEED_CHANGE_RATIO_RANGE,

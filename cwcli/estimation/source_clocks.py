@@ -196,18 +196,21 @@ def _shifts_at_steps_of_log_clock(
 
     Another source's stamps run on there, and this source pauses for as long as the clock steps.
     """
-    clock, shifts = clocks[source], []
+    clock = clocks[source]
+    shifts: list[tuple[int, float]] = []
     for other, theirs in clocks.items():
         for step in theirs.steps:
             if other == source or step.is_of_stamps or step.change_s < 0.0 or clock.steps:
                 continue
-            begin_ns = step.log_ns - round((step.change_s + 1.0) * NS_PER_S)
-            k = max(int(np.searchsorted(clock.log_ns, begin_ns)) - 1, 0)
+            search_ns = step.log_ns - round((step.change_s + 1.0) * NS_PER_S)
+            k = max(int(np.searchsorted(clock.log_ns, search_ns)) - 1, 0)
             near = slice(k, int(np.searchsorted(clock.log_ns, step.log_ns + NS_PER_S)) + 1)
             pause_s = np.diff(clock.stamp_ns[near]) / NS_PER_S
             if len(pause_s) and float(pause_s.max()) > 0.9 * step.change_s:
-                first = k + int(pause_s.argmax()) + 1
-                shifts.append((int(clock.log_ns[first]), -step.change_s))
+                begin_ns = int(clock.log_ns[k + int(pause_s.argmax()) + 1])
+                if any(begin_ns == known_ns for known_ns, _ in shifts):  # another source shows the same step
+                    continue
+                shifts.append((begin_ns, -step.change_s))
                 notes.append(
                     f"{source}: the log's clock steps by {step.change_s:+.2f} s against {other}, and its stamps with "
                     "it, corrected"

@@ -139,7 +139,9 @@ def correct_as_user_says(
         kinds = [m.kind for m in measurements if m.source == source]
         if source not in used and kinds:
             names = [each.name for kind in kinds for each in HYPOTHESES.get(kind, ())]
-            raise UsageError(f"--as {source}={name}: there is no such fault of {source}", hint=names_hint(name, names))
+            is_twice = "+" in name and all(part in names for part in name.split("+"))
+            hint = "name only one unit, one sign and one choice of axes" if is_twice else names_hint(name, names)
+            raise UsageError(f"--as {source}={name}: there is no such fault of {source}", hint=hint)
     return corrected, corrections
 
 

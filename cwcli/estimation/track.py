@@ -30,6 +30,7 @@ from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.net_acceleration import reports_without_net_acceleration
 from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.passes import (
@@ -71,6 +72,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import chi_square_mean_bounds, gate_nis
 from cwcli.signals.columns import Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import StateFlag
 
 MIN_NIS_ROWS = 20
 """Least number of rows of a source whose NIS is reported. Chosen by hand; not fitted."""
@@ -240,6 +242,13 @@ def _filter_and_smooth(
         )
         notes += notes_on_rows_before_start(tuned.series, result)
     reports = tuple(_build_source_report(p, tuned, i, result) for i, p in enumerate(prepared))
+    flags = compute_state_flags(
+        tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal
+    )
+    if config.calibration is None and not config.blind:  # else the mountings are not from this drive
+        # The filter alone does not know the speed at its start.
+        known = (flags & StateFlag.STARTING == 0) | (not config.causal)
+        reports = reports_without_net_acceleration(reports, output_stamp_ns[known], result.state[known])
     notes += tuned.notes
     if config.calibration is not None:
         for s, report in zip(tuned.series, reports, strict=True):
@@ -257,9 +266,7 @@ def _filter_and_smooth(
         output_stamp_ns,
         state,
         covariance + covariance_from_delays(state, tuned.delay_sigmas),
-        compute_state_flags(
-            tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal
-        ),
+        flags,
         reports,
         result.log_likelihood,
         tuple(notes),

@@ -42,7 +42,9 @@ def set_wrong_rows_aside(
                 corrections.append(_rows_set_aside(m, "stuck", what, frozen, time_s))
             if m.kind is Kind.HEADING and has_heading_jumps(time_s, values[:, 0]):
                 flipped = standstill_flip_mask(time_s, values[:, 0], _speed_at(time_s, measurements, fixes, epoch))
-                if flipped.any() and not has_heading_jumps(time_s[~flipped], values[~flipped, 0]):
+                flipped &= ~frozen  # no row is set aside twice
+                rest = ~(flipped | frozen)
+                if flipped.any() and not has_heading_jumps(time_s[rest], values[rest, 0]):
                     kept = _without_rows(kept, rows[flipped])
                     what = "is turned round while the car stands"
                     corrections.append(_rows_set_aside(m, "standstill", what, flipped, time_s))

@@ -361,15 +361,13 @@ def _count_corrections(
     """Return the counts with the rows that were corrected as repaired, and those that were left out as set aside."""
     counted = []
     for entry in inputs:
-        repaired, aside = dict(entry.repaired), dict(entry.set_aside)
-        for each in corrections:
-            if each.who.source == entry.topic and each.who.role == entry.role:
-                if each.n_set_aside:
-                    aside[each.fault] = each.n_set_aside
-                else:
-                    repaired[each.fault] = min(each.n_rows, entry.used)
-        n_aside = sum(aside.values()) - sum(entry.set_aside.values())
-        counted.append(replace(entry, used=entry.used - n_aside, repaired=repaired, set_aside=aside))
+        own = [each for each in corrections if each.who.source == entry.topic and each.who.role == entry.role]
+        aside = {each.fault: each.n_set_aside for each in own if each.n_set_aside}
+        used = entry.used - sum(aside.values())
+        repaired = {each.fault: min(each.n_rows, used) for each in own if not each.n_set_aside}
+        counted.append(
+            replace(entry, used=used, repaired={**entry.repaired, **repaired}, set_aside={**entry.set_aside, **aside})
+        )
     return tuple(counted)
 
 
@@ -403,7 +401,7 @@ def _build_summary(
     if estimator.takes_no_online_parameter_from_log:
         notes += [
             f"the online states use {each.who} as it is, because they may depend on no later message"
-            + _hint_to_correct(each)
+            + _hint_to_correct(each, corrections)
             for each in corrections
             if not each.is_by_user and not each.n_set_aside
         ]
@@ -427,12 +425,16 @@ def _build_summary(
     )
 
 
-def _hint_to_correct(correction: Correction) -> str:
-    """Return which option corrects the online states, too; "" where the fault has no name that `--as` takes."""
+def _hint_to_correct(correction: Correction, corrections: Sequence[Correction]) -> str:
+    """Return which option corrects the online states, too; "" where a fault of the source has no name for `--as`.
+
+    The option names all faults of the source, because what it does not name is then left as it is.
+    """
     kind = correction.who.kind
-    if compose_by_name(kind, HYPOTHESES.get(kind, ()), correction.name) is None:
+    name = "+".join(each.name for each in corrections if each.who == correction.who and not each.n_set_aside)
+    if compose_by_name(kind, HYPOTHESES.get(kind, ()), name) is None:
         return ""
-    return f"; --as {correction.who.source}={correction.name} corrects them, too"
+    return f"; --as {correction.who.source}={name} corrects them, too"
 
 
 def _shared_remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:

@@ -83,11 +83,18 @@ def with_combinations(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...
 
 
 def compose_by_name(kind: Kind, known: Sequence[Hypothesis], name: str) -> Hypothesis | None:
-    """Return the hypothesis with a name, or of several names joined by "+"; None if one is not known."""
-    found: Hypothesis | None = None
-    for part in name.split("+"):
-        own = next((each for each in known if each.name == part), None)
-        if own is None:
-            return None
-        found = own if found is None else own.combine_after(found)
+    """Return the hypothesis with a name, or of several names joined by "+".
+
+    They are repaired in the order of `known`, a unit before a convention, however they are named.
+
+    Returns:
+        None if a name is not known, or if two of them exclude each other, such as two units.
+    """
+    parts = name.split("+")
+    own = [each for each in known if each.name in parts]
+    if len(own) < len(parts) or len({each.group for each in own}) < len(own):
+        return None
+    found = own[0]
+    for each in own[1:]:
+        found = each.combine_after(found)
     return found

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.imu import interpolated_sample_mask, level_imu
+from cwcli.estimation.odd_sensors import find_tilt
 from cwcli.estimation.prepare import burst_row_mask
 
 TIME = 0.01 * np.arange(2000)
@@ -77,6 +78,34 @@ def test_a_bend_to_one_side_does_not_look_like_a_rolled_mount() -> None:
     assert levelled.mounting is not None
     assert levelled.mounting.left_up_rad == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(levelled.yaw_rate_radps, values[:, 5], atol=1e-9)
+
+
+@pytest.mark.parametrize("yaw_rate_radps", [0.3, -0.5])
+def test_a_circle_without_end_does_not_look_like_a_rolled_mount(yaw_rate_radps: float) -> None:
+    """A skid pad at 10 m/s and 0.3 rad/s: the mean force leans by atan(3 / 9.81), 17 degrees, but the turn does not."""
+    rng = np.random.default_rng(4)
+    time_s = np.arange(0.0, 60.0, 0.05)
+    values = rng.normal(0.0, [0.1] * 3 + [0.005] * 3, (len(time_s), 6))
+    values += [0.0, 10.0 * yaw_rate_radps, 9.80665, 0.0, 0.0, yaw_rate_radps]
+    levelled = level_imu(time_s, values, None)
+    assert levelled.mounting is not None
+    assert levelled.mounting.left_up_rad == pytest.approx(0.0, abs=np.radians(0.1))
+    assert levelled.yaw_rate_radps.mean() == pytest.approx(yaw_rate_radps, rel=1e-3)
+    assert find_tilt(values) is None
+
+
+def test_an_imu_that_is_rolled_is_found_to_be_tilted_on_a_circle_too() -> None:
+    """Rolled by 30 degrees at 10 m/s and 0.3 rad/s: the turn is about its axis (0, sin 30, cos 30)."""
+    time_s = np.arange(0.0, 60.0, 0.05)
+    s, c = np.sin(np.radians(30.0)), np.cos(np.radians(30.0))
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+    force, gyro = turn @ [0.0, 3.0, 9.80665], turn @ [0.0, 0.0, 0.3]
+    values = np.tile(np.concatenate([force, gyro]), (len(time_s), 1))
+    assert find_tilt(values) is not None
+    levelled = level_imu(time_s, values, None)
+    assert levelled.mounting is not None
+    assert levelled.mounting.left_up_rad == pytest.approx(np.radians(30.0), abs=1e-9)
+    np.testing.assert_allclose(levelled.yaw_rate_radps, 0.3, atol=1e-9)
 
 
 def test_a_rolled_mount_in_a_bend_is_still_found() -> None:

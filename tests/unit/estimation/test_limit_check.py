@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, estimate_track, sensor_limits
@@ -14,7 +15,7 @@ from cwcli.estimation.contradiction import GRAVITY_TEXT, Contradiction, SourceQu
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import Latency, LatencyStatus, reject_latency_beyond_limits
 from cwcli.estimation.limit_check import CAR_MOTION_TEXT, find_values_beyond_sensor_limits
-from cwcli.estimation.measurements import Kind
+from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
@@ -102,6 +103,28 @@ def test_a_latency_beyond_what_sensors_have_is_not_corrected(latency: Latency, s
         assert limited.applied_s == 0.0
         assert limited.found_s == latency.found_s
         assert limited.drift == 0.0
+
+
+def test_a_log_that_only_accelerates_contradicts_no_sensor() -> None:
+    """From 0 by 1.8 m/s^2 for 14 s: the mean force leans by 10 degrees, and the bias of the IMU is 0."""
+    rng = np.random.default_rng(0)
+    time_s = np.arange(0.0, 14.0, 0.05)
+    stamp_ns = 10**18 + np.rint(time_s * 1e9).astype(np.int64)
+    speed, zero = 1.8 * time_s, np.zeros_like(time_s)
+    values = {
+        Kind.POSITION: np.column_stack([0.5 * speed * time_s, zero]) + 0.3 * rng.standard_normal((len(time_s), 2)),
+        Kind.SPEED: speed + 0.05 * rng.standard_normal(len(time_s)),
+        Kind.IMU: np.column_stack([zero + 1.8, zero, zero + 9.80665, zero, zero, zero])
+        + rng.standard_normal((len(time_s), 6)) * np.array([0.1] * 3 + [0.005] * 3),
+    }
+    track = estimate_track(
+        [Measurements(f"/{kind.name.lower()}", kind, stamp_ns, own) for kind, own in values.items()], EstimatorConfig()
+    )
+    (accel,) = (report for report in track.sources if report.kind is Kind.ACCEL)
+    assert accel.mounting is not None
+    assert accel.mounting.nose_up_rad == pytest.approx(0.0, abs=np.radians(1.0))
+    assert accel.bias == pytest.approx(0.0, abs=0.3)
+    assert track.contradictions == ()
 
 
 def test_the_table_of_the_docs_has_these_bounds() -> None:

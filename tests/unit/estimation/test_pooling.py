@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +12,14 @@ from cwcli.errors import UsageError
 from cwcli.estimation import EstimatorConfig, Kind, LatencyStatus, Measurements, estimate_track
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.imu import ImuMounting
+from cwcli.estimation.net_acceleration import reports_without_net_acceleration
 from cwcli.estimation.pooling import (
     ConstantOfDrive,
     DriveEvidence,
     calibrate_from_drives,
-    mounting_without_net_acceleration,
     pool_constant_over_drives,
 )
+from cwcli.estimation.result import SourceReport
 from cwcli.estimation.track import estimate_hindsight_and_online
 from tests.studies.city_drive import EPOCH_NS, city_drive, measure
 
@@ -67,8 +66,9 @@ def test_a_drive_that_ends_faster_is_not_taken_for_a_tilted_imu(pitch_deg: float
     assert taken is not None
     state = np.zeros((2, 8))
     state[1, 2] = end_mps
-    track: Any = SimpleNamespace(stamp_ns=np.array([0, 20_000_000_000]), state=state)
-    found = mounting_without_net_acceleration(taken, track)
+    report = SourceReport("/imu", Kind.ACCEL, mounting=taken)
+    (found,) = (each.mounting for each in reports_without_net_acceleration([report], np.array([0, 20 * 10**9]), state))
+    assert found is not None
     assert math.degrees(found.nose_up_rad) == pytest.approx(pitch_deg, abs=1e-4)
     assert found.left_up_rad == taken.left_up_rad
 

@@ -49,6 +49,18 @@ def test_ten_fixes_a_second_published_twelve_times_are_repeated_every_sixth_time
     assert found.is_repetition.sum() == pytest.approx(240, abs=2)  # 1440 rows of 1200 fixes
 
 
+def test_repeated_fixes_with_stamps_of_whole_seconds_are_counted_without_a_warning() -> None:
+    """Five fixes a second, each published twice; most neighbouring stamps are equal."""
+    time_s = np.floor(TIME_S + 1e-9)
+    found = find_stale_rows(Kind.POSITION, time_s, held(fixes(TIME_S), TIME_S, 0.2))
+    np.testing.assert_array_equal(found.is_repeated, np.arange(len(TIME_S)) % 2 == 1)
+    assert found.period_s == pytest.approx(0.2, rel=0.02)
+
+
+def test_rows_of_one_stamp_are_left_alone() -> None:
+    assert not find_stale_rows(Kind.POSITION, np.zeros_like(TIME_S), held(fixes(TIME_S), TIME_S, 0.2)).is_stale.any()
+
+
 @pytest.mark.parametrize("kind", [Kind.SPEED, Kind.HEADING, Kind.VELOCITY])
 def test_a_speed_a_heading_and_a_velocity_are_seen_to_repeat_too(kind: Kind) -> None:
     drive_s, values = made_drive()

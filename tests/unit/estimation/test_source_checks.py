@@ -123,6 +123,21 @@ def test_a_forward_axis_that_does_not_point_forward_contradicts_the_speed(factor
     assert found.number == pytest.approx(factor, abs=0.05 * max(1.0, abs(factor)))
 
 
+def test_a_car_that_accelerates_evenly_shows_nothing_of_its_accelerometer() -> None:
+    """2 m/s^2 for 20 s: what the accelerometer shows may be its bias, so that neither is in doubt."""
+    time_s = np.arange(0.0, 20.0, 0.05)
+    speed = 2.0 * time_s
+    values = {
+        Kind.POSITION: np.column_stack([0.5 * speed * time_s, np.zeros_like(time_s)]),
+        Kind.SPEED: speed,
+        Kind.ACCEL: np.full_like(time_s, 2.0) + 0.05 * np.random.default_rng(0).standard_normal(len(time_s)),
+    }
+    found = compare_all_source_pairs(drive_series(values, time_s, *values))
+    changes = [each for each in found if each.check is SourceComparisonCheck.SPEED_CHANGE]
+    assert all(each.judgement is Judgement.UNKNOWN for each in changes)
+    assert not any(each.judgement is Judgement.CONTRADICT for each in found)
+
+
 def test_an_accelerometer_with_a_bias_contradicts_only_where_it_is_large() -> None:
     for bias, judgement in ((0.8, None), (2.5, Judgement.CONTRADICT)):
         values = {**VALUES, Kind.ACCEL: VALUES[Kind.ACCEL] + bias}

@@ -134,6 +134,25 @@ def test_a_step_of_the_logs_clock_is_taken_off_the_stamps_that_it_makes() -> Non
     assert "the log's clock steps by +3.00 s against /position" in notes[0]
 
 
+def test_a_step_of_the_logs_clock_that_two_receivers_show_is_taken_off_once() -> None:
+    """Two sources keep their own clocks, so that both show the same step of 3 s; the yaw rate's stamps make it."""
+    *own, yaw_rate = drive()
+    begin_ns = EPOCH_NS + 60 * NS
+
+    def late(ns: np.ndarray) -> np.ndarray:
+        return ns + 3 * NS * (ns >= begin_ns)
+
+    given = [
+        *(replace(m, log_time_ns=late(m.received_ns)) for m in own),
+        replace(yaw_rate, stamp_ns=late(yaw_rate.stamp_ns), log_time_ns=late(yaw_rate.received_ns)),
+    ]
+    aligned, notes = align_source_clocks(given)
+    for each, right in zip(aligned, [*own, yaw_rate], strict=True):
+        np.testing.assert_allclose((each.stamp_ns - right.stamp_ns) / NS, 0.0, atol=0.02)
+    (note,) = notes
+    assert note.startswith("/yaw_rate: the log's clock steps by +3.00 s against /position")
+
+
 def test_stamps_that_are_trusted_are_told_and_stay() -> None:
     fixes, *others = drive()
     given = [with_stamps(fixes, 18.0), *others]

@@ -211,6 +211,30 @@ def test_headings_that_are_turned_round_at_standstill_are_set_aside_and_counted(
     assert {p.series.kind: len(p.series) for p in judged.prepared}[Kind.HEADING] == len(TIME_S) + 100
 
 
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_an_imu_of_a_few_rows_is_no_reason_to_fail(n: int) -> None:
+    few = [m.select_rows(np.arange(len(m)) < n) if m.kind is Kind.IMU else m for m in _drive(*LEAN)]
+    assert _judge(few).corrections == ()
+
+
+def test_a_row_that_is_stuck_and_turned_round_is_set_aside_once() -> None:
+    """A speed of zero while the car moves makes it seem to stand; the heading is stuck meanwhile, and turned round."""
+
+    def stop(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[400:500] = 0.0
+        return values
+
+    def freeze(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[400:500] = values[400] + np.pi
+        return values
+
+    drive = _with_fault(_with_fault(_drive(*ALL), Kind.SPEED, stop), Kind.HEADING, freeze)
+    own = [each for each in _judge(drive).corrections if each.who.kind is Kind.HEADING]
+    assert sum(each.n_set_aside for each in own) == 100
+
+
 def test_a_speed_of_zero_while_the_fixes_move_is_set_aside_but_not_at_standstill() -> None:
     def drop(values: np.ndarray) -> np.ndarray:
         values = values.copy()
@@ -239,6 +263,21 @@ def test_what_the_user_says_is_done_without_asking_the_log() -> None:
     assert told[0].sentence == (
         "ego_speed (/speed) is in km/h, not m/s and has the wrong sign: converted and reversed, as --as says"
     )
+
+
+@pytest.mark.parametrize("name", ["degrees+clockwise-from-north", "clockwise-from-north+degrees"])
+def test_the_order_in_which_the_user_names_faults_does_not_matter(name: str) -> None:
+    """Clockwise from north in degrees: east is 90, north 0, west 270."""
+    m = Measurements("/heading", Kind.HEADING, np.arange(3), np.array([[90.0], [0.0], [270.0]]))
+    (corrected,), _ = correct_as_user_says([m], {"/heading": name})
+    np.testing.assert_allclose(np.cos(corrected.values[:, 0]), [1.0, 0.0, -1.0], atol=1e-12)
+    np.testing.assert_allclose(np.sin(corrected.values[:, 0]), [0.0, 1.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["km/h+mph", "km/h+km/h"])
+def test_two_units_of_one_source_are_refused(name: str) -> None:
+    with pytest.raises(UsageError, match="/speed"):
+        correct_as_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": name})
 
 
 def test_units_that_a_source_cannot_have_are_refused() -> None:
