@@ -1,0 +1,167 @@
+"""Damaged and hostile files: an error in words or the right values, and never a traceback, a flood or a wrong value."""
+
+from __future__ import annotations
+
+import tracemalloc
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.errors import DataError, InputError, UsageError
+from cwcli.importing.run import ImportPlan, plan_import
+from cwcli.importing.tables import Answers
+from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
+
+D = DRIVE
+T, LAT, LON = epoch(), digits(D.lat_deg, 8), digits(D.lon_deg, 8)
+SINCE_START = digits(D.t_s, 3)
+UTC = iso(D)
+
+
+def plan(path: Path, **answers: str) -> ImportPlan:
+    return plan_import([str(path)], Answers(**answers))
+
+
+def table(folder: Path, times: list[str], names: str = "time,lat,lon", *more: list[str]) -> Path:
+    repeats = len(times) // N
+    return write_table(folder / "drive.csv", names, [times, LAT * repeats, LON * repeats, *more])
+
+
+def replaced(texts: list[str], row: int, text: str) -> list[str]:
+    return [*texts[:row], text, *texts[row + 1 :]]
+
+
+def log_times(made: ImportPlan) -> np.ndarray:
+    (channel,) = [each for _, each in made.channels if each.topic == "/gps/fix"]
+    return np.asarray(channel.log_time_ns)
+
+
+def notes(made: ImportPlan) -> str:
+    return "\n".join(note for each in made.notes.values() for note in each)
+
+
+@pytest.mark.parametrize(
+    ("names", "times"),
+    [
+        ("time_s,lat,lon", SINCE_START * 2),
+        ("time,lat,lon", [*T, *digits(START_S + D.t_s + 3.013, 3)]),
+        ("time,lat,lon", [*UTC, *UTC]),
+    ],
+    ids=["from the start", "overlapping", "dates"],
+)
+def test_two_drives_in_one_table_are_not_mixed(names: str, times: list[str], tmp_path: Path) -> None:
+    """The row where the second one begins is named: N rows stand before it."""
+    with pytest.raises(DataError, match=f"row {N + 1} begins again") as found:
+        plan(table(tmp_path, times, names))
+    assert found.value.hint
+
+
+def test_rows_out_of_order_are_put_into_order(tmp_path: Path) -> None:
+    """A block that was written late is no second drive: no other row lies among its rows."""
+    half = N // 2
+    columns = [each[half:] + each[:half] for each in (T, LAT, LON)]
+    made = plan(write_table(tmp_path / "drive.csv", "time,lat,lon", columns))
+    np.testing.assert_array_equal(log_times(made), np.rint((START_S + D.t_s) * 1e3).astype(np.int64) * 1_000_000)
+
+
+@pytest.mark.parametrize("time", ["4102444000", "1700000300"])
+def test_memory_does_not_grow_with_the_time_between_two_rows(time: str, tmp_path: Path) -> None:
+    tracemalloc.start()
+    made = plan(table(tmp_path, replaced(T, N - 1, time)))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert log_times(made)[-1] == int(time) * 1_000_000_000
+    assert most < 100_000_000
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        "9999-12-31T23:59:59Z",
+        "2300-01-01T00:00:00Z",
+        "0001-01-01T00:00:00Z",
+        "2023-02-31T00:00:00Z",
+        "1969-12-31T23:59:59Z",
+        "2023-11-14T22:13:20+99:99",
+        "2023-13-14T22:13:20Z",
+    ],
+)
+def test_row_with_an_impossible_date_is_left_out(time: str, tmp_path: Path) -> None:
+    made = plan(table(tmp_path, replaced(UTC, 5, time)))
+    assert "1 rows without a time are left out" in notes(made)
+    np.testing.assert_array_equal(log_times(made), np.delete(log_times(plan(table(tmp_path, UTC))), 5))
+
+
+@pytest.mark.parametrize("time", ["9999999999999999999", "999999999999", "-1e18", "1e300"])
+def test_row_with_an_impossible_number_of_time_is_left_out(time: str, tmp_path: Path) -> None:
+    made = plan(table(tmp_path, replaced(T, 5, time)))
+    assert "1 rows without a time are left out" in notes(made)
+    expected = np.delete(np.rint((START_S + D.t_s) * 1e3).astype(np.int64) * 1_000_000, 5)
+    assert np.abs(log_times(made) - expected).max() < 1000  # a double resolves 240 ns
+
+
+@pytest.mark.parametrize("year", ["9999", "2900"])
+def test_dates_of_the_far_future_are_refused(year: str, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="behind the year 2200"):
+        plan(table(tmp_path, [text.replace("2023", year) for text in UTC]))
+
+
+@pytest.mark.parametrize("start", ["9" * 400, "99999999999999", "9999-12-31T23:59:59Z", "0001-01-01T00:00:00Z"])
+def test_impossible_start_is_wrong_usage(start: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--start"):
+        plan(table(tmp_path, SINCE_START, "time_s,lat,lon"), start=start)
+
+
+def phone_zip(folder: Path, start: str = "", method: int = zipfile.ZIP_DEFLATED) -> Path:
+    rows = zip(SINCE_START, LAT, LON, strict=True)
+    path = folder / "phone.zip"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("Location.csv", "Time (s),Latitude (°),Longitude (°)\n" + "\n".join(map(",".join, rows)))
+        if start:
+            archive.writestr("meta/time.csv", f'"event","experiment time","system time"\n"START",{start}\n')
+    return path
+
+
+@pytest.mark.parametrize("start", ["1e400,1700000000", "0," + "9" * 400, "0,99999999999999", "-1e18,1700000000"])
+def test_impossible_start_of_a_phone_is_no_start(start: str, tmp_path: Path) -> None:
+    assert log_times(plan(phone_zip(tmp_path, start)))[0] == 0
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+@pytest.mark.parametrize("at", [45, 60, 300, 2000])
+def test_zip_with_damaged_data_is_refused(method: int, at: int, tmp_path: Path) -> None:
+    path = phone_zip(tmp_path, method=method)
+    data = bytearray(path.read_bytes())
+    data[at : at + 12] = b"\xff" * 12
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"the zip is damaged|unpacks"):
+        plan(path)
+
+
+def sentence(text: str) -> str:
+    checksum = 0
+    for character in text:
+        checksum ^= ord(character)
+    return f"${text}*{checksum:02X}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "GPZDA,221323.0,14,11,2023.5,00,00",
+        "GPZDA,221323.0,,,2023,00,00",
+        "GPZDA,221323.0,14,11,99999,00,00",
+        "GPZDA,221323.0,14,11,1e9,00,00",
+        "GPRMC,996199.00,V,4808.0,N,01134.0,E,19.0,010.0,141123,,",
+    ],
+)
+def test_nmea_with_an_impossible_time_is_read_without_it(text: str, tmp_path: Path) -> None:
+    lines = [
+        sentence(f"GPRMC,2213{20 + k:02d}.00,A,48{8 + k / 100:07.4f},N,01134.0000,E,36.0,000.0,141123,,")
+        for k in range(30)
+    ]
+    path = tmp_path / "drive.nmea"
+    path.write_text("\n".join([*lines[:3], sentence(text), *lines[3:]]))
+    np.testing.assert_array_equal(log_times(plan(path)), (START_S + np.arange(30)) * 1_000_000_000)
