@@ -142,7 +142,7 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
     for column in wanted:
         _finish_column(loaded, column, how.get(column, "numbers"), pieces[column])
     _read_clocks_of_digits(loaded)
-    _drop_text_columns(loaded, bad)
+    _drop_text_columns(loaded, bad, answers)
     return loaded
 
 
@@ -205,7 +205,7 @@ def _finish_column(loaded: LoadedTable, column: str, how: str, pieces: list[Any]
         loaded.numbers[column] = np.concatenate(pieces) if pieces else np.zeros(0)
 
 
-def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int]) -> None:
+def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Answers) -> None:
     """Leave out columns whose cells are no numbers, and note single cells that are none."""
     for column, n_bad in bad.items():
         if not n_bad or column not in loaded.numbers:
@@ -215,6 +215,13 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int]) -> None:
             loaded.source.notes.append(f"{column}: {n_bad} cells are no numbers and are left out")
             continue
         quantities = [quantity for quantity, columns in loaded.candidates.items() if column in columns]
+        given = [name for name in quantities if answers.column_for(loaded.source, name)]
+        if given:
+            raise DataError(
+                f"{n_bad} of {n_given} cells of {column!r} are no numbers",
+                where=loaded.source.name,
+                hint=f"--column {given[0]}=NAME names another column",
+            )
         if any(quantity in {"latitude", "longitude"} for quantity in quantities):
             raise DataError(
                 f"{n_bad} of {n_given} cells of {column!r} are no numbers",

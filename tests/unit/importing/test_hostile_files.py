@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cwcli.errors import DataError, InputError, UsageError
+from cwcli.importing.mapping import parse_column_option
 from cwcli.importing.run import ImportPlan, plan_import
 from cwcli.importing.tables import Answers
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
@@ -165,3 +166,32 @@ def test_nmea_with_an_impossible_time_is_read_without_it(text: str, tmp_path: Pa
     path = tmp_path / "drive.nmea"
     path.write_text("\n".join([*lines[:3], sentence(text), *lines[3:]]))
     np.testing.assert_array_equal(log_times(plan(path)), (START_S + np.arange(30)) * 1_000_000_000)
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("speed=v*foo", "no such unit"),
+        ("speed=v*deg", "no such unit"),
+        ("latitude=lat*m", "no such unit"),
+        ("time=time*foo", "no such unit"),
+        ("time=time*s-foo", "no such unit"),
+        ("heading=v*deg-foo", "no such unit"),
+        ("vehicle_id=text*m", "no such unit"),
+        ("speed=velocity", "no column 'velocity'"),
+        ("speed@other.csv=v", "no such table"),
+        ("speed=text", "are no numbers"),
+    ],
+)
+def test_answer_that_fits_nothing_is_refused(option: str, words: str, tmp_path: Path) -> None:
+    path = table(tmp_path, T, "time,lat,lon,v,text", digits(D.speed_mps, 3), ["a"] * N)
+    with pytest.raises((UsageError, DataError), match=words):
+        plan_import([str(path)], Answers(dict([parse_column_option(option)])))
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("kmh", 1 / 3.6), ("km/h", 1 / 3.6), ("m/s", 1.0), ("mph", 0.44704)])
+def test_unit_of_an_answer_may_be_spelled_as_in_a_header(unit: str, factor: float, tmp_path: Path) -> None:
+    path = write_table(tmp_path / "drive.csv", "time,v", [T, digits(D.speed_mps, 3)])
+    made = plan_import([str(path)], Answers(dict([parse_column_option(f"speed=v*{unit}")])))
+    (channel,) = [each for _, each in made.channels]
+    np.testing.assert_allclose(channel.fields["twist.linear.x"], D.speed_mps * factor, atol=0.002)
