@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 import tracemalloc
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -10,9 +13,10 @@ import numpy as np
 import pytest
 
 from cwcli.errors import DataError, InputError, UsageError
-from cwcli.importing.mapping import parse_column_option
-from cwcli.importing.run import ImportPlan, plan_import
+from cwcli.importing.mapping import parse_column_option, read_mapping
+from cwcli.importing.run import ImportPlan, plan_import, write_import
 from cwcli.importing.tables import Answers
+from cwcli.logs.read.reader import Log
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
 
 D = DRIVE
@@ -195,3 +199,67 @@ def test_unit_of_an_answer_may_be_spelled_as_in_a_header(unit: str, factor: floa
     made = plan_import([str(path)], Answers(dict([parse_column_option(f"speed=v*{unit}")])))
     (channel,) = [each for _, each in made.channels]
     np.testing.assert_allclose(channel.fields["twist.linear.x"], D.speed_mps * factor, atol=0.002)
+
+
+def test_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    """It would be read twice: the second time without its beginning."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(InputError, match="it is a pipe"):
+        plan(tmp_path / "pipe.csv")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[answers]\ndate_order = "xyz"\n', "date_order: 'xyz' is none of dmy, mdy, ymd"),
+        ('[answers]\ndecimal = "point"\n', "decimal: 'point' is none of"),
+        ('[[table]]\nname = "a.csv"\nspeed = 3\n', "speed is no text"),
+    ],
+)
+def test_mapping_with_an_impossible_value_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "mapping.toml"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=words):
+        read_mapping(str(path))
+
+
+def fcd_file(folder: Path, steps: list[tuple[str, str]]) -> Path:
+    """Two vehicles side by side at 10 m/s to the north; a step is its time and the other one's speed."""
+    path = folder / "fcd.xml"
+    vehicle = '<vehicle id="{}" x="{}" y="{}" angle="0.0" speed="{}"/>'
+    path.write_text(
+        "<fcd-export>"
+        + "".join(
+            f'<timestep time="{time}">{vehicle.format("ego", 0, k, 10.0)}{vehicle.format("b", 3, k, speed)}</timestep>'
+            for k, (time, speed) in enumerate(steps)
+        )
+        + "</fcd-export>"
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("step", "n_messages"),
+    [(("5.0", "10.0"), 60), (("5.0", "nan"), 59), (("5.0", "inf"), 59), (("5.0", "1e300"), 59), (("nan", "10.0"), 59)],
+    ids=["time twice", "no speed", "infinite speed", "absurd speed", "no time"],
+)
+def test_fcd_with_an_unusable_row_loses_that_row(step: tuple[str, str], n_messages: int, tmp_path: Path) -> None:
+    steps = [(f"{k / 10:.1f}", "10.0") for k in range(60)]
+    steps[50:51] = [steps[50], step] if step[0] == "5.0" and step[1] == "10.0" else [step]
+    made = plan(fcd_file(tmp_path, steps), vehicle="ego")
+    assert made.recordings[0].topics[0][2] == n_messages
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_import(made, str(tmp_path / "log.mcap"))
+    with Log.open(tmp_path / "log.mcap") as log:
+        payloads = json.dumps([tree for _, tree in log.iter_message_trees("/v2x/bsm")])
+    assert payloads.count("speed") >= n_messages
+    assert "NaN" not in payloads
+    assert "Infinity" not in payloads
+
+
+@pytest.mark.parametrize("time", ["-5", "1e300", "1e10"])
+def test_fcd_with_an_impossible_time_is_refused(time: str, tmp_path: Path) -> None:
+    steps = [(f"{k / 10:.1f}", "10.0") for k in range(60)]
+    with pytest.raises(DataError, match="a time step is at"):
+        plan(fcd_file(tmp_path, [*steps, (time, "10.0")]), vehicle="ego")
