@@ -24,10 +24,8 @@ from cwcli.importing.readers.delimited import read_delimited
 from cwcli.importing.tables import Answers, Preset, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS, parse_start
 
-MAX_MEMBER_BYTES = 2 << 30
-"""Largest table in a zip that is unpacked, 2 GiB."""
-MAX_TOTAL_BYTES = 4 << 30
-"""Largest sum of the tables that are unpacked, 4 GiB."""
+MAX_MEMBER_BYTES = 256 << 20
+"""Largest table in a zip that is unpacked: 256 MiB, five hours of 100 rows a second."""
 MAX_RATIO = 200
 """Largest ratio of a table's size to that in the zip: text of numbers has less than 20."""
 MAX_MEMBERS = 1000
