@@ -15,7 +15,7 @@ import pytest
 from cwcli.errors import DataError, InputError, UsageError
 from cwcli.importing.mapping import parse_column_option, read_mapping
 from cwcli.importing.run import ImportPlan, plan_import, write_import
-from cwcli.importing.tables import Answers
+from cwcli.importing.tables import AmbiguousError, Answers
 from cwcli.logs.read.reader import Log
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
 
@@ -263,3 +263,13 @@ def test_fcd_with_an_impossible_time_is_refused(time: str, tmp_path: Path) -> No
     steps = [(f"{k / 10:.1f}", "10.0") for k in range(60)]
     with pytest.raises(DataError, match="a time step is at"):
         plan(fcd_file(tmp_path, [*steps, (time, "10.0")]), vehicle="ego")
+
+
+@pytest.mark.parametrize(("separator", "quote"), [(",", '"'), (";", "")])
+def test_commas_before_thousands_are_asked_about(separator: str, quote: str, tmp_path: Path) -> None:
+    """1,100 m beside 48.137 degrees is no height of 1.1 m."""
+    heights = [f"{quote}1,{100 + k}{quote}" for k in range(N)]
+    names = separator.join(["time", "lat", "lon", "altitude"])
+    path = write_table(tmp_path / "drive.csv", names, [T, LAT, LON, heights], separator)
+    with pytest.raises(AmbiguousError, match="before thousands"):
+        plan(path)
