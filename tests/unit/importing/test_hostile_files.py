@@ -273,3 +273,11 @@ def test_commas_before_thousands_are_asked_about(separator: str, quote: str, tmp
     path = write_table(tmp_path / "drive.csv", names, [T, LAT, LON, heights], separator)
     with pytest.raises(AmbiguousError, match="before thousands"):
         plan(path)
+
+
+@pytest.mark.parametrize("column", [1, 2], ids=["in a row", "at its end"])
+def test_quote_that_is_not_closed_loses_no_rows(column: int, tmp_path: Path) -> None:
+    columns = [T, LAT, LON]
+    columns[column] = replaced(columns[column], 300, '"' + columns[column][300])
+    with pytest.raises(DataError, match="not closed"):
+        plan(write_table(tmp_path / "drive.csv", "time,lat,lon", columns))
