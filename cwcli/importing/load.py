@@ -19,7 +19,7 @@ from cwcli.importing.cells import (
     trimmed_texts,
 )
 from cwcli.importing.names import QUANTITIES, quantities_of_name
-from cwcli.importing.tables import Answers, Question, SourceTable, ask
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ask
 from cwcli.importing.times import (
     Instants,
     TextTimes,
@@ -131,6 +131,8 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
     how: dict[str, str] = {}
     for batch in table.read_batches(wanted):
         n = len(next(iter(batch.values())))
+        if n and not loaded.n_rows and not answers.decimal:
+            _check_thousands(batch, table)
         loaded.n_rows += n
         for column in wanted:
             array = batch[column]
@@ -142,7 +144,7 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
     for column in wanted:
         _finish_column(loaded, column, how.get(column, "numbers"), pieces[column])
     _read_clocks_of_digits(loaded)
-    _drop_text_columns(loaded, bad)
+    _drop_text_columns(loaded, bad, answers)
     return loaded
 
 
@@ -205,7 +207,7 @@ def _finish_column(loaded: LoadedTable, column: str, how: str, pieces: list[Any]
         loaded.numbers[column] = np.concatenate(pieces) if pieces else np.zeros(0)
 
 
-def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int]) -> None:
+def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Answers) -> None:
     """Leave out columns whose cells are no numbers, and note single cells that are none."""
     for column, n_bad in bad.items():
         if not n_bad or column not in loaded.numbers:
@@ -215,6 +217,13 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int]) -> None:
             loaded.source.notes.append(f"{column}: {n_bad} cells are no numbers and are left out")
             continue
         quantities = [quantity for quantity, columns in loaded.candidates.items() if column in columns]
+        given = [name for name in quantities if answers.column_for(loaded.source, name)]
+        if given:
+            raise DataError(
+                f"{n_bad} of {n_given} cells of {column!r} are no numbers",
+                where=loaded.source.name,
+                hint=f"--column {given[0]}=NAME names another column",
+            )
         if any(quantity in {"latitude", "longitude"} for quantity in quantities):
             raise DataError(
                 f"{n_bad} of {n_given} cells of {column!r} are no numbers",
@@ -227,26 +236,43 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int]) -> None:
         loaded.unused = (*loaded.unused, column)
 
 
+def _count_marks(texts: Any) -> tuple[int, int, int]:
+    """Count the texts with a decimal comma, with a decimal point, and with a comma before each three digits."""
+    import pyarrow.compute as pc
+
+    n_comma, n_point, n_thousands = (
+        int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
+        for pattern in (COMMA_NUMBER_PATTERN, POINT_DECIMAL_PATTERN, THOUSANDS_PATTERN)
+    )
+    return n_comma, n_point, n_thousands
+
+
+def _check_thousands(batch: Batch, table: SourceTable) -> None:
+    """Ask where commas stand before three digits in one column, and another column has decimal points.
+
+    Raises:
+        AmbiguousError: They may stand before thousands.
+    """
+    counts = {column: _count_marks(trimmed_texts(array)) for column, array in batch.items() if is_text(array)}
+    pointed = next((column for column, (n_comma, n_point, _) in counts.items() if n_point and not n_comma), None)
+    for column, (n_comma, n_point, n_thousands) in counts.items():
+        if pointed is not None and n_comma and not n_point and n_thousands == n_comma:
+            what = f"{column!r}: its commas may stand before thousands, because {pointed!r} has decimal points"
+            raise ask([Question(table.name, what, "--decimal , or remove the commas")])
+
+
 def _decimal_mark(array: Any, table: SourceTable, column: str) -> str:
     """Return the decimal mark of a column by its first cells.
 
     Raises:
         AmbiguousError: Both marks are there, or commas may stand before thousands.
     """
-    import pyarrow.compute as pc
-
     if not is_text(array):
         return "."
     texts = trimmed_texts(array)
-
-    def count(pattern: str) -> int:
-        return int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
-
-    n_comma = count(COMMA_NUMBER_PATTERN)
+    n_comma, n_point, n_thousands = _count_marks(texts)
     if not n_comma:
         return "."
-    n_point = count(POINT_DECIMAL_PATTERN)
-    n_thousands = count(THOUSANDS_PATTERN)
     if n_point:
         what = f"{column!r} has numbers with a comma and numbers with a point"
         raise ask([Question(table.name, what, "--decimal . or --decimal , (the others are then left out)")])

@@ -26,6 +26,8 @@ from cwcli.toml_text import MAX_CHARS, parse_toml
 
 HEAD = "# How these files were read. Edit it and give it again: cwcli import FILES -o LOG --mapping THIS\n"
 """First line of a mapping file."""
+CHOICES = {"date_order": ("dmy", "mdy", "ymd"), "decimal": (".", ",")}
+"""Answer -> all its values, where they are few."""
 _TEXT_ANSWERS = tuple(field.name for field in fields(Answers) if field.name not in {"columns", "dbc"})
 
 
@@ -71,6 +73,8 @@ def read_mapping(path: str) -> Answers:
     for key, value in answers.items():
         if key == "dbc" and isinstance(value, list):
             values["dbc"] = tuple(str(each) for each in value)
+        elif key in _TEXT_ANSWERS and isinstance(value, str) and value not in CHOICES.get(key, (value,)):
+            raise UsageError(f"answers.{key}: {value!r} is none of {', '.join(CHOICES[key])}", where=path)
         elif key in _TEXT_ANSWERS and isinstance(value, str):
             values[key] = value
         else:
@@ -90,7 +94,9 @@ def _columns_of_table(table: Any, path: str) -> dict[tuple[str, str], tuple[str,
     for key, value in table.items():
         if key == "name":
             continue
-        if key not in QUANTITIES or not isinstance(value, str):
+        if not isinstance(value, str):
+            raise UsageError(f"{table['name']}: {key} is no text of the form COLUMN or COLUMN*UNIT", where=path)
+        if key not in QUANTITIES:
             raise UsageError(
                 f"{table['name']}: there is no quantity {key!r}", where=path, hint=names_hint(key, QUANTITIES)
             )

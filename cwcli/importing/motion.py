@@ -97,9 +97,7 @@ def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> T
         stamps, x, y = stamps[kept], x[kept], y[kept]
     if len(stamps) < 3:
         return None
-    targets = np.arange(stamps[0] + NS_PER_S * MIN_SPAN_S, stamps[-1] + 1, NS_PER_S * MIN_SPAN_S)
-    rows = np.unique(np.concatenate([[0], np.searchsorted(stamps, targets)]).astype(np.int64))
-    rows = rows[rows < len(stamps)]
+    rows = first_rows_of_intervals(stamps, MIN_SPAN_S)
     if len(rows) < 3:
         return None
     start, end = rows[:-1], rows[1:]
@@ -109,6 +107,12 @@ def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> T
     if len(start) < 2:
         return None
     return Track(stamps[start], stamps[end], x[end] - x[start], y[end] - y[start])
+
+
+def first_rows_of_intervals(stamp_ns: Int64Array, length_s: float) -> Int64Array:
+    """Return the first row of each interval of a length that has any, counted from the first stamp; stamps ascend."""
+    interval = (stamp_ns - stamp_ns[0]) // int(length_s * NS_PER_S)
+    return np.flatnonzero(np.diff(interval, prepend=-1)).astype(np.int64)
 
 
 def mean_over_spans(track: Track, stamp_ns: Int64Array, values: FloatArray) -> FloatArray:

@@ -10,10 +10,9 @@ import numpy as np
 
 from cwcli.importing.inertial import given_rotation
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import track_of_points
+from cwcli.importing.motion import first_rows_of_intervals, track_of_points
 from cwcli.importing.readers.trajectory import quaternions_of_rotations
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.units import NS_PER_S
 
 STEP_S = 1.0
 """Time between two positions whose direction is compared with the axes."""
@@ -90,8 +89,7 @@ def _body_from_sensor(meaning: Meaning, place: FloatArray, rotation: FloatArray)
 def _ways_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> FloatArray:
     """Return unit directions of the way in the axes of the body, (m, 3)."""
     stamps = meaning.stamp_ns
-    targets = np.arange(stamps[0], stamps[-1], int(STEP_S * NS_PER_S))
-    rows = np.unique(np.searchsorted(stamps, targets))
+    rows = first_rows_of_intervals(stamps, STEP_S)
     if len(rows) < 2:
         return np.zeros((0, 3))
     steps = np.diff(place[rows], axis=0)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 
 from cwcli.errors import MissingSignalError
+from cwcli.importing.answers import check_answers
 from cwcli.importing.channels import (
     FIX_TOPIC,
     HEADING_TOPIC,
@@ -88,6 +89,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
     Raises:
         InputError: A file can't be read.
         DataError: A file's rows can't be a recording.
+        UsageError: An answer fits none of the files.
         MissingSignalError: Nothing in the files is a quantity; an `AmbiguousError` asks what only the user knows.
     """
     files, answers = _helping_files(files, answers)
@@ -100,6 +102,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
                 tables.append(each)
             else:
                 recordings.append(each)
+    answers = check_answers(answers, [*tables, *recordings])
     meanings, unused = _meanings_of_tables(tables, answers)
     _find_quantities(meanings)
     questions = [question for meaning in meanings for question in meaning.questions]

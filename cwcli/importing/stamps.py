@@ -11,6 +11,7 @@ from cwcli.importing.meaning import Meaning
 from cwcli.importing.names import split_name, unit_of_name
 from cwcli.importing.tables import Answers, Guess, Question, ask
 from cwcli.importing.times import (
+    MAX_STAMP_NS,
     Instants,
     NumberBase,
     TextTimes,
@@ -33,8 +34,15 @@ MAX_BACKWARD_SHARE = 0.2
 """Largest share of rows that lie before their predecessor and are put into order."""
 MAX_REPEATED_SHARE = 0.5
 """Largest share of rows with the stamp of the row before."""
-MAX_STAMP_NS = 7_258_118_400 * NS_PER_S
-"""Year 2200: no stamp is later."""
+MAX_ABSURD_SHARE = 0.05
+"""Largest share of rows with a time before 1970 or behind 2200 that are left out; more show another unit."""
+MAX_LATE_S = 5.0
+"""Rows that were written later than others by more than this, and lie among them, are a second recording: buffers of
+sensors hold less. Chosen by hand."""
+MAX_CHANGES_PER_STEP_BACK = 4
+"""A row, or a block, that was written late makes three changes between the parts of a file in the order of time."""
+MAX_GPS_WEEK = 11_000
+"""Week since the GPS epoch that lies behind 2190."""
 RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
 """Meanings of columns of time, the most useful first."""
 
@@ -252,7 +260,8 @@ def _number_candidate(table: LoadedTable, column: str, instants: Instants, answe
     if week is not None and base.since == "week":
         weeks = table.numbers[week]
         why = f"time of the GPS week, with the week in {week!r}"
-        valid = instants.valid & np.isfinite(weeks)
+        valid = instants.valid & (weeks >= 0) & (weeks <= MAX_GPS_WEEK)
+        weeks = np.where(valid, weeks, 0.0)
         return Candidate(
             column,
             "week",
@@ -266,7 +275,8 @@ def _number_candidate(table: LoadedTable, column: str, instants: Instants, answe
     elif table.source.start_ns is not None:
         start_ns, why = table.source.start_ns, "the file names the time of its start"
     guess = Guess("time", column, base.unit, base.confidence, f"{base.why}; {why}")
-    return Candidate(column, "start" if not start_ns else "1970", stamp_ns + start_ns, instants.valid, guess)
+    stamps = np.minimum(stamp_ns, MAX_STAMP_NS + 1 - start_ns) + start_ns
+    return Candidate(column, "start" if not start_ns else "1970", stamps, instants.valid, guess)
 
 
 def _advance_together(first: Candidate, second: Candidate) -> bool:
@@ -280,7 +290,7 @@ def _advance_together(first: Candidate, second: Candidate) -> bool:
 def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
     """Return the rows that have a stamp, in the order of their stamps."""
     where = table.source.name
-    rows = np.flatnonzero(best.valid)
+    rows = np.flatnonzero(best.valid & ~_absurd_rows(best))
     stamps = best.stamp_ns[rows]
     notes = []
     if len(rows) < table.n_rows:
@@ -309,6 +319,8 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
     if n_back and not _has_several_vehicles(table):
         notes.append(f"{n_back} times lie before their predecessor; rows are put into the order of time")
     order = np.argsort(stamps, kind="stable")
+    if n_back and not _has_several_vehicles(table):
+        _check_one_recording(table, best.column, rows, steps, order)
     n_repeated = int(np.count_nonzero(np.diff(stamps[order]) == 0))
     if n_repeated > MAX_REPEATED_SHARE * len(stamps) and not _has_several_vehicles(table):
         raise DataError(
@@ -322,6 +334,37 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
     meaning.notes += notes
     meaning.chosen["time"] = best.column
     return meaning
+
+
+def _absurd_rows(best: Candidate) -> BoolArray:
+    """Return the rows (n,) whose time lies before 1970 or behind 2200, if they are few; else none."""
+    is_relative = best.rank in {"start", "clock"}
+    absurd = best.valid & ((best.stamp_ns > MAX_STAMP_NS) | ((best.stamp_ns < 0) & (not is_relative)))
+    is_few = np.count_nonzero(absurd) <= MAX_ABSURD_SHARE * np.count_nonzero(best.valid)
+    return absurd if is_few else np.zeros_like(absurd)
+
+
+def _check_one_recording(
+    table: LoadedTable, column: str, rows: Int64Array, steps: Int64Array, order: Int64Array
+) -> None:
+    """Raise where two recordings would be mixed: both have rows at the same times.
+
+    Args:
+        rows: Rows of the table with a time, (n,).
+        steps: Time from each to the next, ns, (n - 1,).
+        order: Their order by time, (n,).
+    """
+    part = np.concatenate([[0], np.cumsum(steps < 0)])
+    n_changes = np.count_nonzero(np.diff(part[order]))
+    if -steps.min() < MAX_LATE_S * NS_PER_S or n_changes <= MAX_CHANGES_PER_STEP_BACK * part[-1]:
+        return
+    first = int(rows[int(np.argmin(steps)) + 1])
+    raise DataError(
+        f"{column!r}: the time of row {first + 1} begins again {-steps.min() / NS_PER_S:g} s earlier, "
+        "so that two recordings would be mixed",
+        where=table.source.name,
+        hint="import each recording by itself; local times repeat an hour when daylight saving ends",
+    )
 
 
 def _has_several_vehicles(table: LoadedTable) -> bool:

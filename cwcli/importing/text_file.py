@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import stat
 from pathlib import Path
 
 from cwcli.errors import InputError
@@ -39,6 +40,9 @@ def read_head(path: str | Path, n_bytes: int = HEAD_BYTES) -> bytes:
         InputError: It can't be read.
     """
     try:
+        mode = Path(path).stat().st_mode
+        if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):  # it is read twice
+            raise InputError("it is a pipe", where=str(path), hint="write it to a file, and import that")
         return read_file(path, n_bytes)
     except (OSError, ValueError) as error:
         what = getattr(error, "strerror", None) or str(error)

@@ -24,6 +24,10 @@ from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_f
 from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
+MAX_STAMP_NS = 7_258_118_400 * NS_PER_S
+"""Year 2200: no stamp is later."""
+MAX_ZONE_OFFSET_S = 15 * 3600
+"""No zone is farther from UTC: they end at 14 hours (IANA tz database)."""
 FIRST_YEAR_S, LAST_YEAR_S = 631_152_000, 4_102_444_800
 """1990 and 2100 in seconds since 1970: recordings lie between them."""
 GPS_NAMES_FROM_S = 1_000_000_000
@@ -31,6 +35,8 @@ GPS_NAMES_FROM_S = 1_000_000_000
 SLOWEST_HZ, FASTEST_HZ = 0.5, 2500.0
 """Rates of rows that sensors of cars have; other rates show that the unit of the time is another one."""
 
+MIN_MONTH_SHARE = 0.9
+"""Least share of dates with a month behind the year; the others are damaged."""
 DATE_ORDERS = {"ymd": ("y", "m", "d"), "dmy": ("d", "m", "y"), "mdy": ("m", "d", "y")}
 """Order of a date by its name."""
 _CLOCK = (
@@ -65,9 +71,9 @@ class Instants:
     valid: BoolArray
 
     def to_ns(self, unit: str) -> Int64Array:
-        """Return nanoseconds (n,); 0 where there is none."""
+        """Return nanoseconds (n,); 0 where there is none, and a little more than `MAX_STAMP_NS` for all beyond it."""
         factor = int(FACTORS["time"][unit])
-        limit = 2**62 // factor
+        limit = MAX_STAMP_NS // factor + 1
         whole = np.clip(np.where(self.valid, self.whole, 0), -limit, limit)
         ns: Int64Array = whole * factor + np.rint(np.where(self.valid, self.fraction, 0.0) * factor).astype(np.int64)
         return ns
@@ -190,6 +196,7 @@ def _times_of_match(found: Any) -> TextTimes:
     zone = texts("zone").dictionary_encode()
     offsets = np.array([_zone_offset_s(text) for text in zone.dictionary.to_pylist()] or [np.nan])
     offset_s = offsets[np.asarray(zone.indices)] if n else np.zeros(0)
+    valid &= ~(np.abs(offset_s) > MAX_ZONE_OFFSET_S)
     marks = [mark for mark in pc.unique(texts("mark")).to_pylist() if mark]
     ns_of_day = ((hour * 60 + minute) * 60 + second) * NS_PER_S + part
     return TextTimes(parts, ns_of_day, offset_s, valid, marks[0] if marks else "")
@@ -216,18 +223,23 @@ def join_text_times(pieces: list[TextTimes]) -> TextTimes:
 
 
 def possible_date_orders(times: TextTimes) -> list[str]:
-    """Return the orders of day, month and year that every date of a column allows."""
+    """Return the orders of day, month and year that every date of a column allows.
+
+    Where most dates have a year of four digits, the others (0001-01-01 for an unknown time) say nothing.
+    """
     parts = times.parts[times.valid & (times.parts[:, 0] >= 0)]
+    has_long_year = (parts >= 1000).any(axis=1)
+    if np.count_nonzero(has_long_year) > 0.5 * len(parts):
+        parts = parts[has_long_year]
+    if len(parts) and (parts[:, 0] >= 1000).all():  # no program writes year, day, month
+        return ["ymd"] if (parts[:, 1] <= 12).mean() > MIN_MONTH_SHARE else []
     orders = []
     for name, order in DATE_ORDERS.items():
         year, month, day = (parts[:, order.index(each)] for each in "ymd")
         is_short = (year < 100).all()
         fits = (month >= 1).all() and (month <= 12).all() and (day >= 1).all() and (day <= 31).all()
-        if fits and (is_short or (year >= 1970).all()):
+        if fits and (is_short or (year >= 1000).all()):
             orders.append(name)
-    long_first = len(parts) > 0 and (parts[:, 0] >= 1000).all()
-    if long_first:
-        return [name for name in orders if name == "ymd"]
     if "dmy" in orders and times.mark == ".":
         return ["dmy"]  # dots are German: the day comes first
     if len(parts) and (parts[:, 2] >= 1000).all():
@@ -251,10 +263,12 @@ def ns_from_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Ar
         indices = [DATE_ORDERS[order].index(each) for each in "ymd"]
         year, month, day = times.parts[:, indices].T
         valid &= (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
-        year = np.where(year < 100, year + 2000, year)
+        year = np.where((times.parts[times.valid] < 1000).all() & (year < 100), year + 2000, year)
+        valid &= year >= 1970
         safe = np.where(valid, year, 1970), np.where(valid, month, 1), np.where(valid, day, 1)
         first = ((safe[0] - 1970) * 12 + safe[1] - 1).astype("M8[M]").astype("M8[D]")
-        days = first.astype(np.int64) + safe[2] - 1
+        valid &= (first + safe[2] - 1).astype("M8[M]") == first.astype("M8[M]")  # no 31st of February
+        days = np.minimum(first.astype(np.int64) + safe[2] - 1, MAX_STAMP_NS // (86_400 * NS_PER_S) + 1)
     else:
         days = _days_through_midnight(times.ns_of_day, valid)
     local_ns = days * 86_400 * NS_PER_S + times.ns_of_day
@@ -298,19 +312,25 @@ def parse_start(text: str) -> int:
     """Return a start given as ISO 8601 with a zone, or as seconds since 1970, in ns.
 
     Raises:
-        UsageError: It is neither.
+        UsageError: It is neither, or not between 1970 and 2200.
     """
     try:
-        if re.fullmatch(r"\d+(\.\d+)?", text):
-            return round(float(text) * NS_PER_S)
+        if re.fullmatch(r"[0-9]+(\.[0-9]+)?", text):
+            return _checked_start(round(float(text) * NS_PER_S), text)
         moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
-    except ValueError:
+    except (ValueError, OverflowError):
         moment = None
     if moment is None or moment.tzinfo is None:
         raise UsageError(
             f"--start {text}: it is no time with a zone", hint="--start 2024-05-01T08:00:00Z, or seconds since 1970"
         )
-    return round(moment.timestamp() * 1000) * 1_000_000
+    return _checked_start(round(moment.timestamp() * 1000) * 1_000_000, text)
+
+
+def _checked_start(start_ns: int, text: str) -> int:
+    if not 0 <= start_ns <= MAX_STAMP_NS:
+        raise UsageError(f"--start {text}: it is not between 1970 and 2200", hint="--start 2024-05-01T08:00:00Z")
+    return start_ns
 
 
 @dataclass(frozen=True)

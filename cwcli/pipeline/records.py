@@ -50,9 +50,10 @@ def read_json_entry(record: Record, key: str, kind: type) -> Any:
 
 
 def read_number(entries: Mapping[str, Any], key: str) -> float:
-    """Return a number of a JSON object; NaN where there is none."""
+    """Return a finite number of a JSON object; NaN where there is none."""
     value = entries.get(key)
-    return to_float_or_nan(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    number = to_float_or_nan(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    return number if math.isfinite(number) else math.nan
 
 
 def to_float_or_nan(value: float) -> float:

@@ -136,12 +136,12 @@ def _answers(options: AnswerOptions, mapping: str | None) -> Answers:
     Raises:
         UsageError: An answer is none of its choices.
     """
-    from cwcli.importing.mapping import merge_answers, parse_column_option, read_mapping
+    from cwcli.importing.mapping import CHOICES, merge_answers, parse_column_option, read_mapping
     from cwcli.importing.tables import Answers
 
     for option, value, known in (
-        ("--date-order", options.date_order, ("dmy", "mdy", "ymd")),
-        ("--decimal", options.decimal, (".", ",")),
+        ("--date-order", options.date_order, CHOICES["date_order"]),
+        ("--decimal", options.decimal, CHOICES["decimal"]),
     ):
         if value is not None and value not in known:
             raise UsageError(f"{option} {value}: it is none of {join_names(list(known))}")

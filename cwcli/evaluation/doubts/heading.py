@@ -24,7 +24,7 @@ HEADING_QUANTITIES = frozenset({"heading", "yaw_rate"})
 
 def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield the time for which the car stands and nothing measures its heading."""
-    quantities = {source.get("quantity") for source in evidence.ego_sources}
+    quantities = {str(source.get("quantity")) for source in evidence.ego_sources}
     if evidence.ego is None or not quantities or quantities & HEADING_QUANTITIES:
         return
     ego = evidence.ego.sort_by_stamp()

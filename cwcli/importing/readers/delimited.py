@@ -27,6 +27,8 @@ BLOCK_BYTES = 4 << 20
 """Bytes that Arrow parses at a time."""
 _NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
 _VALUE = re.compile(r"^[+-]?[\d.,:/ TZeE+-]+$")
+MAX_LINES_OF_CELL = 10
+"""A text in quotes has fewer lines; chosen by hand."""
 MAX_BAD_SHARE = 0.05
 """Largest share of rows with another number of cells that is left out; more show that the layout is not understood."""
 
@@ -189,14 +191,16 @@ def _read_rows(
     import io
 
     import pyarrow as pa
+    import pyarrow.compute as pc
     from pyarrow import csv as arrow_csv
 
     where, notes = told
-    n_bad = [0]
+    n_bad, longest = [0], [""]
 
-    def skip(_: Any) -> str:
+    def skip(row: Any) -> str:
         n_bad[0] += 1
-        return "skip"
+        longest[0] = max(longest[0], row.text or "", key=lambda text: text.count("\n"))
+        return "skip"  # Arrow passes no error on
 
     n_rows = 0
     with io.BytesIO(source) if isinstance(source, bytes) else Path(source).open("rb") as file:
@@ -218,12 +222,16 @@ def _read_rows(
             )
             for batch in reader:
                 n_rows += len(batch)
+                for name in columns:
+                    for text in pc.filter(batch.column(name), pc.match_substring(batch.column(name), "\n")):
+                        _check_quotes(text.as_py(), where)
                 yield {name: batch.column(name) for name in columns}
         except pa.ArrowInvalid as error:
             said = str(error).splitlines()[0]
             if n_rows == 0 and n_bad[0] == 0 and "Empty" in said:
                 raise InputError("it has a line of names and no rows", where=where) from error
             raise InputError(f"it can't be read as separated text: {said}", where=where) from error
+    _check_quotes(longest[0], where)
     if n_bad[0] > MAX_BAD_SHARE * (n_rows + n_bad[0]):
         raise DataError(
             f"{n_bad[0]} of {n_rows + n_bad[0]} rows have not {len(layout.names)} columns",
@@ -234,6 +242,21 @@ def _read_rows(
         said = f"{n_bad[0]} rows have another number of columns and are left out"
         if said not in notes:
             notes.append(said)
+
+
+def _check_quotes(text: str, where: str) -> None:
+    """Raise where a row or a cell holds many lines: a quote that is never closed has swallowed other rows.
+
+    Raises:
+        DataError: It does.
+    """
+    n_lines = text.count("\n")
+    if n_lines > MAX_LINES_OF_CELL:
+        raise DataError(
+            f"a quote is opened and not closed: {n_lines} lines would be one cell, which begins {text[:40]!r}",
+            where=where,
+            hint='remove the "',
+        )
 
 
 def _skip_lines(file: Any, head: TextHead, n: int) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind, Recording
 from cwcli.importing.tables import Answers, Batch, Guess, Preset, Question, SourceTable, ask
+from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.angles import heading_from_compass_deg
@@ -29,6 +30,8 @@ PLANE_ORIGIN = (52.0, 10.0)
 """Latitude and longitude of the origin of a plane that has no place on the globe, degrees; chosen by hand."""
 LONGEST_STEP_MPS = 150.0
 """Faster than any car: positions in degrees change by far less than a speed says."""
+MAX_VALUE = 1e10
+"""No time, place, angle or speed of a simulated vehicle is as large."""
 ROWS = ("time", "x", "y", "angle", "speed")
 """The time, and the attributes of a vehicle at a step that are read."""
 REMOTE_TOPIC = "/v2x/bsm"
@@ -74,7 +77,11 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable | Recording]:
         yield {name: columns[name] for name in wanted}
 
     table = SourceTable(path, ego, "sumo fcd", tuple(columns), read, presets=presets, notes=notes)
-    others = {name: (tables[name], places[name]) for name in tables if name != ego and len(tables[name]) > 1}
+    others = {}
+    for name, values in tables.items():
+        rows = _rows_of_messages(values)
+        if name != ego and len(rows) > 1:
+            others[name] = values[rows], (places[name][0][rows], places[name][1][rows])
     return [table, OtherVehicles(path, others, origin)] if others else [table]
 
 
@@ -91,6 +98,8 @@ def _vehicles(path: str) -> dict[str, list[tuple[float, ...]]]:
             for event, element in ElementTree.iterparse(file, ("start", "end")):
                 if element.tag == "timestep" and event == "start":
                     time_s = float(element.get("time", "nan"))
+                    if time_s < 0.0 or MAX_STAMP_NS / NS_PER_S < time_s < np.inf:
+                        raise DataError(f"a time step is at {time_s:g} s", where=path, hint="SUMO's times begin at 0")
                 elif element.tag == "vehicle" and event == "end":
                     row = [float(element.get(name, "nan")) for name in ROWS[1:]]
                     if np.isfinite([time_s, *row[:2]]).all():
@@ -102,6 +111,13 @@ def _vehicles(path: str) -> dict[str, list[tuple[float, ...]]]:
     except (ValueError, OSError) as error:
         raise InputError(f"it can't be read: {error}", where=path) from error
     return vehicles
+
+
+def _rows_of_messages(rows: FloatArray) -> Int64Array:
+    """Return the rows with every value that a message needs, one a time, in the order of time."""
+    complete = np.flatnonzero(np.isfinite(rows).all(axis=1) & (np.abs(rows) < MAX_VALUE).all(axis=1))
+    stamps = np.rint(rows[complete, 0] * 1e6).astype(np.int64)
+    return complete[np.unique(stamps, return_index=True)[1]]
 
 
 def _ego(path: str, names: Sequence[str], answers: Answers) -> str:

@@ -19,7 +19,7 @@ from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
 from cwcli.importing.times import parse_start
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.builders.nmea import SENTENCE_PARSERS, parse_number_or_nan, split_sentence
+from cwcli.signals.builders.nmea import SENTENCE_PARSERS, split_sentence
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -150,19 +150,23 @@ def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> Non
     if not match:
         return
     hour, minute, second = (int(match.group(k)) for k in (1, 2, 3))
+    if hour > 23 or minute > 59 or second > 60:
+        return
     part = int((match.group(4) or "").ljust(9, "0")[:9] or "0")
     day = -1
     text = fields[8] if kind == "RMC" and len(fields) > 8 else ""
     if re.fullmatch(r"\d{6}", text):
         day = _days(2000 + int(text[4:]) if int(text[4:]) < 80 else 1900 + int(text[4:]), int(text[2:4]), int(text[:2]))
-    if kind == "ZDA" and len(fields) > 3 and parse_number_or_nan(fields[3]) > 1979:
+    if kind == "ZDA" and len(fields) > 3 and all(re.fullmatch(r"[0-9]{1,4}", text) for text in fields[1:4]):
         day = _days(int(fields[3]), int(fields[2]), int(fields[1]))
     collected.ns_of_day.append(((hour * 60 + minute) * 60 + second) * NS_PER_S + part)
     collected.day.append(day)
 
 
 def _days(year: int, month: int, day: int) -> int:
-    """Return the days since 1970, -1 for a date that does not exist."""
+    """Return the days since 1970, -1 for a date that does not exist or is not between 1980 and 2200."""
+    if not 1980 <= year < 2200:
+        return -1
     try:
         return int(np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "D").astype(np.int64))
     except ValueError:

@@ -12,20 +12,20 @@ from __future__ import annotations
 import csv
 import io
 import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import replace
+from lzma import LZMAError
 
 from cwcli.errors import DataError, InputError, UsageError
 from cwcli.importing.names import split_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited
 from cwcli.importing.tables import Answers, Preset, SourceTable
-from cwcli.importing.times import parse_start
+from cwcli.importing.times import MAX_STAMP_NS, parse_start
 
-MAX_MEMBER_BYTES = 2 << 30
-"""Largest table in a zip that is unpacked, 2 GiB."""
-MAX_TOTAL_BYTES = 4 << 30
-"""Largest sum of the tables that are unpacked, 4 GiB."""
+MAX_MEMBER_BYTES = 256 << 20
+"""Largest table in a zip that is unpacked: 256 MiB, five hours of 100 rows a second."""
 MAX_RATIO = 200
 """Largest ratio of a table's size to that in the zip: text of numbers has less than 20."""
 MAX_MEMBERS = 1000
@@ -67,7 +67,7 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
                 ),
                 b"",
             )
-    except (zipfile.BadZipFile, OSError, NotImplementedError, RuntimeError, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, LZMAError, OSError, ValueError, RuntimeError, EOFError) as error:
         raise InputError(f"the zip is damaged: {error}", where=path) from error
     tables = []
     for name, data in texts.items():
@@ -182,9 +182,10 @@ def _start_of_phyphox(data: bytes) -> int | None:
     try:
         first = starts[0]
         system_s = parse_start(str(first["system time"]))
-        return system_s - round(float(first["experiment time"]) * 1e9)
-    except (IndexError, KeyError, ValueError, UsageError):
+        start_ns = system_s - round(float(first["experiment time"]) * 1e9)
+    except (IndexError, KeyError, ValueError, OverflowError, UsageError):
         return None
+    return start_ns if 0 <= start_ns <= MAX_STAMP_NS else None
 
 
 KIND = ImportKind("phone recordings of Sensor Logger and phyphox, as a zip", (".zip",), _accepts, _read)

@@ -1,0 +1,73 @@
+"""Checks of what the user decided about columns: every answer must say something about one of the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import PurePath
+
+from cwcli.errors import UsageError, names_hint
+from cwcli.importing.names import QUANTITIES
+from cwcli.importing.readers.base import Recording
+from cwcli.importing.tables import Answers, SourceTable
+from cwcli.importing.units import FACTORS, find_unit
+
+SENSES = ("cw-north", "ccw-east")
+"""Senses of an angle."""
+TIME_BASES = ("1970", "gps", "week", "start")
+"""What numbers of time count from."""
+
+
+def check_answers(answers: Answers, tables: Sequence[SourceTable | Recording]) -> Answers:
+    """Return the answers with their units spelled as in `FACTORS`.
+
+    Raises:
+        UsageError: An answer has a unit that its quantity can't have, or names a table or a column that there is not.
+    """
+    names = {name for table in tables for name in _names_of_table(table)}
+    columns = [column for table in tables if isinstance(table, SourceTable) for column in table.columns]
+    checked = {}
+    for (table, quantity), (column, unit) in answers.columns.items():
+        if table and table not in names:
+            shown = [each.name for each in tables]
+            raise UsageError(
+                f"{quantity} of {table}: there is no such table", found=shown[:20], hint=names_hint(table, shown)
+            )
+        if not table and column and column not in columns:
+            raise UsageError(
+                f"--column {quantity}={column}: there is no column {column!r}",
+                found=columns[:30],
+                hint=names_hint(column, columns),
+            )
+        checked[table, quantity] = column, _known_unit(quantity, column, unit)
+    return replace(answers, columns=checked)
+
+
+def _names_of_table(table: SourceTable | Recording) -> tuple[str, ...]:
+    if not isinstance(table, SourceTable):
+        return table.name, PurePath(table.name).name
+    return table.name, PurePath(table.file).name, *([table.part] if table.part else [])
+
+
+def _known_unit(quantity: str, column: str, text: str) -> str:
+    """Return a unit as `FACTORS` spells it, with its sense or base behind it; "" for none.
+
+    Raises:
+        UsageError: There is no such unit.
+    """
+    if not text:
+        return ""
+    kind = QUANTITIES[quantity].kind
+    units = FACTORS.get(kind, {})
+    if unit := text if text in units else find_unit(text, kind) if kind in FACTORS else "":
+        return unit
+    ends = SENSES if quantity in {"course", "heading"} else TIME_BASES if kind == "time" else ()
+    head, dash, end = text.partition("-")
+    unit = head if head in units else find_unit(head, kind) if kind in FACTORS else ""
+    if dash and unit and end in ends:
+        return f"{unit}-{end}"
+    known = [f"{unit}-{end}" for unit in units for end in ends] if quantity in {"course", "heading"} else list(units)
+    raise UsageError(
+        f"{quantity}={column}*{text}: there is no such unit of this quantity",
+        hint=f"one of {', '.join(known)}" if known else "it has no unit",
+    )

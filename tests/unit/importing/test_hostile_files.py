@@ -1,0 +1,283 @@
+"""Damaged and hostile files: an error in words or the right values, and never a traceback, a flood or a wrong value."""
+
+from __future__ import annotations
+
+import json
+import os
+import tracemalloc
+import warnings
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.errors import DataError, InputError, UsageError
+from cwcli.importing.mapping import parse_column_option, read_mapping
+from cwcli.importing.run import ImportPlan, plan_import, write_import
+from cwcli.importing.tables import AmbiguousError, Answers
+from cwcli.logs.read.reader import Log
+from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
+
+D = DRIVE
+T, LAT, LON = epoch(), digits(D.lat_deg, 8), digits(D.lon_deg, 8)
+SINCE_START = digits(D.t_s, 3)
+UTC = iso(D)
+
+
+def plan(path: Path, **answers: str) -> ImportPlan:
+    return plan_import([str(path)], Answers(**answers))
+
+
+def table(folder: Path, times: list[str], names: str = "time,lat,lon", *more: list[str]) -> Path:
+    repeats = len(times) // N
+    return write_table(folder / "drive.csv", names, [times, LAT * repeats, LON * repeats, *more])
+
+
+def replaced(texts: list[str], row: int, text: str) -> list[str]:
+    return [*texts[:row], text, *texts[row + 1 :]]
+
+
+def log_times(made: ImportPlan) -> np.ndarray:
+    (channel,) = [each for _, each in made.channels if each.topic == "/gps/fix"]
+    return np.asarray(channel.log_time_ns)
+
+
+def notes(made: ImportPlan) -> str:
+    return "\n".join(note for each in made.notes.values() for note in each)
+
+
+@pytest.mark.parametrize(
+    ("names", "times"),
+    [
+        ("time_s,lat,lon", SINCE_START * 2),
+        ("time,lat,lon", [*T, *digits(START_S + D.t_s + 3.013, 3)]),
+        ("time,lat,lon", [*UTC, *UTC]),
+    ],
+    ids=["from the start", "overlapping", "dates"],
+)
+def test_two_drives_in_one_table_are_not_mixed(names: str, times: list[str], tmp_path: Path) -> None:
+    """The row where the second one begins is named: N rows stand before it."""
+    with pytest.raises(DataError, match=f"row {N + 1} begins again") as found:
+        plan(table(tmp_path, times, names))
+    assert found.value.hint
+
+
+def test_rows_out_of_order_are_put_into_order(tmp_path: Path) -> None:
+    """A block that was written late is no second drive: no other row lies among its rows."""
+    half = N // 2
+    columns = [each[half:] + each[:half] for each in (T, LAT, LON)]
+    made = plan(write_table(tmp_path / "drive.csv", "time,lat,lon", columns))
+    np.testing.assert_array_equal(log_times(made), np.rint((START_S + D.t_s) * 1e3).astype(np.int64) * 1_000_000)
+
+
+@pytest.mark.parametrize("time", ["4102444000", "1700000300"])
+def test_memory_does_not_grow_with_the_time_between_two_rows(time: str, tmp_path: Path) -> None:
+    tracemalloc.start()
+    made = plan(table(tmp_path, replaced(T, N - 1, time)))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert log_times(made)[-1] == int(time) * 1_000_000_000
+    assert most < 100_000_000
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        "9999-12-31T23:59:59Z",
+        "2300-01-01T00:00:00Z",
+        "0001-01-01T00:00:00Z",
+        "2023-02-31T00:00:00Z",
+        "1969-12-31T23:59:59Z",
+        "2023-11-14T22:13:20+99:99",
+        "2023-13-14T22:13:20Z",
+    ],
+)
+def test_row_with_an_impossible_date_is_left_out(time: str, tmp_path: Path) -> None:
+    made = plan(table(tmp_path, replaced(UTC, 5, time)))
+    assert "1 rows without a time are left out" in notes(made)
+    np.testing.assert_array_equal(log_times(made), np.delete(log_times(plan(table(tmp_path, UTC))), 5))
+
+
+@pytest.mark.parametrize("time", ["9999999999999999999", "999999999999", "-1e18", "1e300"])
+def test_row_with_an_impossible_number_of_time_is_left_out(time: str, tmp_path: Path) -> None:
+    made = plan(table(tmp_path, replaced(T, 5, time)))
+    assert "1 rows without a time are left out" in notes(made)
+    expected = np.delete(np.rint((START_S + D.t_s) * 1e3).astype(np.int64) * 1_000_000, 5)
+    assert np.abs(log_times(made) - expected).max() < 1000  # a double resolves 240 ns
+
+
+@pytest.mark.parametrize("year", ["9999", "2900"])
+def test_dates_of_the_far_future_are_refused(year: str, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="behind the year 2200"):
+        plan(table(tmp_path, [text.replace("2023", year) for text in UTC]))
+
+
+@pytest.mark.parametrize("start", ["9" * 400, "99999999999999", "9999-12-31T23:59:59Z", "0001-01-01T00:00:00Z"])
+def test_impossible_start_is_wrong_usage(start: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--start"):
+        plan(table(tmp_path, SINCE_START, "time_s,lat,lon"), start=start)
+
+
+def phone_zip(folder: Path, start: str = "", method: int = zipfile.ZIP_DEFLATED) -> Path:
+    rows = zip(SINCE_START, LAT, LON, strict=True)
+    path = folder / "phone.zip"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("Location.csv", "Time (s),Latitude (°),Longitude (°)\n" + "\n".join(map(",".join, rows)))
+        if start:
+            archive.writestr("meta/time.csv", f'"event","experiment time","system time"\n"START",{start}\n')
+    return path
+
+
+@pytest.mark.parametrize("start", ["1e400,1700000000", "0," + "9" * 400, "0,99999999999999", "-1e18,1700000000"])
+def test_impossible_start_of_a_phone_is_no_start(start: str, tmp_path: Path) -> None:
+    assert log_times(plan(phone_zip(tmp_path, start)))[0] == 0
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+@pytest.mark.parametrize("at", [45, 60, 300, 2000])
+def test_zip_with_damaged_data_is_refused(method: int, at: int, tmp_path: Path) -> None:
+    path = phone_zip(tmp_path, method=method)
+    data = bytearray(path.read_bytes())
+    data[at : at + 12] = b"\xff" * 12
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"the zip is damaged|unpacks"):
+        plan(path)
+
+
+def sentence(text: str) -> str:
+    checksum = 0
+    for character in text:
+        checksum ^= ord(character)
+    return f"${text}*{checksum:02X}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "GPZDA,221323.0,14,11,2023.5,00,00",
+        "GPZDA,221323.0,,,2023,00,00",
+        "GPZDA,221323.0,14,11,99999,00,00",
+        "GPZDA,221323.0,14,11,1e9,00,00",
+        "GPRMC,996199.00,V,4808.0,N,01134.0,E,19.0,010.0,141123,,",
+    ],
+)
+def test_nmea_with_an_impossible_time_is_read_without_it(text: str, tmp_path: Path) -> None:
+    lines = [
+        sentence(f"GPRMC,2213{20 + k:02d}.00,A,48{8 + k / 100:07.4f},N,01134.0000,E,36.0,000.0,141123,,")
+        for k in range(30)
+    ]
+    path = tmp_path / "drive.nmea"
+    path.write_text("\n".join([*lines[:3], sentence(text), *lines[3:]]))
+    np.testing.assert_array_equal(log_times(plan(path)), (START_S + np.arange(30)) * 1_000_000_000)
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("speed=v*foo", "no such unit"),
+        ("speed=v*deg", "no such unit"),
+        ("latitude=lat*m", "no such unit"),
+        ("time=time*foo", "no such unit"),
+        ("time=time*s-foo", "no such unit"),
+        ("heading=v*deg-foo", "no such unit"),
+        ("vehicle_id=text*m", "no such unit"),
+        ("speed=velocity", "no column 'velocity'"),
+        ("speed@other.csv=v", "no such table"),
+        ("speed=text", "are no numbers"),
+    ],
+)
+def test_answer_that_fits_nothing_is_refused(option: str, words: str, tmp_path: Path) -> None:
+    path = table(tmp_path, T, "time,lat,lon,v,text", digits(D.speed_mps, 3), ["a"] * N)
+    with pytest.raises((UsageError, DataError), match=words):
+        plan_import([str(path)], Answers(dict([parse_column_option(option)])))
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("kmh", 1 / 3.6), ("km/h", 1 / 3.6), ("m/s", 1.0), ("mph", 0.44704)])
+def test_unit_of_an_answer_may_be_spelled_as_in_a_header(unit: str, factor: float, tmp_path: Path) -> None:
+    path = write_table(tmp_path / "drive.csv", "time,v", [T, digits(D.speed_mps, 3)])
+    made = plan_import([str(path)], Answers(dict([parse_column_option(f"speed=v*{unit}")])))
+    (channel,) = [each for _, each in made.channels]
+    np.testing.assert_allclose(channel.fields["twist.linear.x"], D.speed_mps * factor, atol=0.002)
+
+
+def test_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    """It would be read twice: the second time without its beginning."""
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(InputError, match="it is a pipe"):
+        plan(tmp_path / "pipe.csv")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[answers]\ndate_order = "xyz"\n', "date_order: 'xyz' is none of dmy, mdy, ymd"),
+        ('[answers]\ndecimal = "point"\n', "decimal: 'point' is none of"),
+        ('[[table]]\nname = "a.csv"\nspeed = 3\n', "speed is no text"),
+    ],
+)
+def test_mapping_with_an_impossible_value_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "mapping.toml"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=words):
+        read_mapping(str(path))
+
+
+def fcd_file(folder: Path, steps: list[tuple[str, str]]) -> Path:
+    """Two vehicles side by side at 10 m/s to the north; a step is its time and the other one's speed."""
+    path = folder / "fcd.xml"
+    vehicle = '<vehicle id="{}" x="{}" y="{}" angle="0.0" speed="{}"/>'
+    path.write_text(
+        "<fcd-export>"
+        + "".join(
+            f'<timestep time="{time}">{vehicle.format("ego", 0, k, 10.0)}{vehicle.format("b", 3, k, speed)}</timestep>'
+            for k, (time, speed) in enumerate(steps)
+        )
+        + "</fcd-export>"
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("step", "n_messages"),
+    [(("5.0", "10.0"), 60), (("5.0", "nan"), 59), (("5.0", "inf"), 59), (("5.0", "1e300"), 59), (("nan", "10.0"), 59)],
+    ids=["time twice", "no speed", "infinite speed", "absurd speed", "no time"],
+)
+def test_fcd_with_an_unusable_row_loses_that_row(step: tuple[str, str], n_messages: int, tmp_path: Path) -> None:
+    steps = [(f"{k / 10:.1f}", "10.0") for k in range(60)]
+    steps[50:51] = [steps[50], step] if step[0] == "5.0" and step[1] == "10.0" else [step]
+    made = plan(fcd_file(tmp_path, steps), vehicle="ego")
+    assert made.recordings[0].topics[0][2] == n_messages
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_import(made, str(tmp_path / "log.mcap"))
+    with Log.open(tmp_path / "log.mcap") as log:
+        payloads = json.dumps([tree for _, tree in log.iter_message_trees("/v2x/bsm")])
+    assert payloads.count("speed") >= n_messages
+    assert "NaN" not in payloads
+    assert "Infinity" not in payloads
+
+
+@pytest.mark.parametrize("time", ["-5", "1e300", "1e10"])
+def test_fcd_with_an_impossible_time_is_refused(time: str, tmp_path: Path) -> None:
+    steps = [(f"{k / 10:.1f}", "10.0") for k in range(60)]
+    with pytest.raises(DataError, match="a time step is at"):
+        plan(fcd_file(tmp_path, [*steps, (time, "10.0")]), vehicle="ego")
+
+
+@pytest.mark.parametrize(("separator", "quote"), [(",", '"'), (";", "")])
+def test_commas_before_thousands_are_asked_about(separator: str, quote: str, tmp_path: Path) -> None:
+    """1,100 m beside 48.137 degrees is no height of 1.1 m."""
+    heights = [f"{quote}1,{100 + k}{quote}" for k in range(N)]
+    names = separator.join(["time", "lat", "lon", "altitude"])
+    path = write_table(tmp_path / "drive.csv", names, [T, LAT, LON, heights], separator)
+    with pytest.raises(AmbiguousError, match="before thousands"):
+        plan(path)
+
+
+@pytest.mark.parametrize("column", [1, 2], ids=["in a row", "at its end"])
+def test_quote_that_is_not_closed_loses_no_rows(column: int, tmp_path: Path) -> None:
+    columns = [T, LAT, LON]
+    columns[column] = replaced(columns[column], 300, '"' + columns[column][300])
+    with pytest.raises(DataError, match="not closed"):
+        plan(write_table(tmp_path / "drive.csv", "time,lat,lon", columns))
