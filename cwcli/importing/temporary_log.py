@@ -36,5 +36,4 @@ def import_if_no_log(path: str) -> ConvertedFile | None:
         write_import(plan, str(target))
         log = ConvertedFile(os.open(target, os.O_RDONLY), InputFile.open(path))
     log.source_format = SourceFormat(f"a file of the kind {kind}")
-    log.notes = {f"imported; `cwcli import {path} --preview` shows how its columns were read": 1}
     return log

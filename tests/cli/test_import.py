@@ -105,7 +105,7 @@ def test_other_commands_name_import(command: str, drive: Path, capsys: pytest.Ca
 def test_run_imports_by_itself(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "states.mcap"
     assert run_command_line(["run", str(drive), "--stage", "estimate", "-o", str(target)]) == 0
-    assert f"`cwcli import {drive} --preview`" in " ".join(capsys.readouterr().err.split())
+    assert f"`cwcliimport{drive}--preview`" in "".join(capsys.readouterr().err.split())
     with Log.open(target) as log:
         assert "/cwcli/ego/state" in {channel.topic for channel in log.channels}
 
