@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cwcli.cli.console import Console
+from cwcli.cli.invocation import repeat_command_with
 from cwcli.cli.text import DEFAULT_WIDTH, format_byte_size, format_count, terminal_width
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ MAX_NAMED_FILES = 3
 """Greatest number of written files that are named; chosen by hand."""
 MAX_NAME_WIDTH = 40
 """Widest name of a log in the first line, in cells; chosen: the names of the stages go beside it."""
+MAX_FREE_NAMES = 100
+"""Greatest number of names that are tried for a suggested file; chosen by hand."""
 NEXT_STAGE = {"estimate": "predict", "predict": "warn", "lanes": "observe", "observe": "predict-lane"}
 """Stage -> the stage that is suggested after it."""
 
@@ -70,19 +73,36 @@ def _written_files_sentence(written: Sequence[str]) -> str:
     return ", ".join(names)
 
 
-def suggest_next_step(command: str, log: str, output: str | None) -> str:
-    """Suggest the next command: the next stage, the report, or the same command with an output."""
+def suggest_next_step(command: str, output: str | None, *, following: str = "") -> str:
+    """Suggest what to do next: the following stage, the report, or the same command with an output.
+
+    Args:
+        command: Name of the command that ran.
+        output: The annotated log that it wrote, None for none.
+        following: The stage that can run on the annotated log, "" for none.
+    """
     if output == "-":
         return ""
     if output is None:
-        return _command_line("cwcli", command, log, "-o", "annotated.mcap")
-    following = NEXT_STAGE.get(command)
-    if following is not None:
-        return _command_line("cwcli", following, output, "-o", f"{following}.mcap")
-    return _command_line("cwcli", "report", output, "-o", "report.html")
+        target = find_free_name("annotated.mcap")
+        repeated = repeat_command_with("-o", target)
+        return repeated if _can_be_pasted(repeated) else f"the same command with -o {target} added"
+    words = (following, "-o", f"{following}.mcap") if following else ("report", "-o", "report.html")
+    name, option, target = words[0], words[1], find_free_name(words[2])
+    line = shlex.join(("cwcli", name, output, option, target))
+    return line if _can_be_pasted(line) else f"cwcli {name} FILE {option} {target}, where FILE is the file above"
 
 
-def _command_line(*words: str) -> str:
-    """Join the words of a command so that it can be pasted; "" where it is too long or holds odd characters."""
-    line = shlex.join(words)
-    return line if len(line) <= MAX_COMMAND_CHARACTERS and line.isprintable() else ""
+def find_free_name(name: str) -> str:
+    """Return the name, or `NAME-2`, `NAME-3` and so on, if a file of that name exists in the working folder."""
+    path = Path(name)
+    for k in range(2, MAX_FREE_NAMES):
+        if not path.exists():
+            break
+        path = Path(f"{Path(name).stem}-{k}{Path(name).suffix}")
+    return str(path)
+
+
+def _can_be_pasted(line: str) -> bool:
+    """Tell whether a suggested command fits one line and holds no odd characters."""
+    return 0 < len(line) <= MAX_COMMAND_CHARACTERS and line.isprintable()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.console import Console, print_error
+from cwcli.cli.digest import suggest_next_step
 from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.tables import Cell, format_table
@@ -78,7 +78,7 @@ def print_fleet_digest(console: Console, fleet: FleetResult, directory: str) -> 
     folder = directory.rstrip("/")
     entries = fleet.manifest["logs"]
     logs = [LogLine.from_entry(entry, fleet.statuses[entry["id"]]) for entry in entries]
-    next_step = f"cwcli report {shlex.quote(folder)} -o report.html"
+    next_step = suggest_next_step("run", folder)
     console.print_heading(f"run: {format_count(len(entries), 'log')}; see {folder}/manifest.json")
     for line in format_fleet_lines(logs, next_step=next_step, width=terminal_width() or DEFAULT_WIDTH):
         console.print_summary(line)

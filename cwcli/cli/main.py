@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from cwcli.cli.invocation import remember_arguments
 from cwcli.errors import (
     EXIT_BUG,
     EXIT_INTERRUPTED,
@@ -34,6 +35,7 @@ def main() -> NoReturn:
 
 def run_command_line(arguments: Sequence[str]) -> int:
     """Run `cwcli` with arguments, print its output and errors, and return the exit code; raises only `SystemExit`."""
+    remember_arguments(arguments)
     try:
         _make_streams_robust()
         code = _dispatch(list(arguments))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.console import Console, normalise_stdout_name
-from cwcli.cli.digest import print_digest, suggest_next_step
+from cwcli.cli.digest import NEXT_STAGE, print_digest, suggest_next_step
 from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions, source_names
 from cwcli.cli.progress import Progress
@@ -63,14 +63,16 @@ class JobOutcome:
     """What came of a job.
 
     Attributes:
-        run: Results of its stages.
+        run: The results of its stages.
         digest: Their digest, None where none is printed.
-        is_imported: The source is no log and was imported.
+        following_stage: The stage that is suggested next and has its signals, "" for none.
+        notes: What the user should know of the input, beside the notes of the stages.
     """
 
     run: RunOutcome
     digest: Digest | None
-    is_imported: bool = False
+    following_stage: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def run_write_and_print(job: Job) -> None:
@@ -82,13 +84,10 @@ def run_write_and_print(job: Job) -> None:
     job = replace(job, writing=replace(job.writing, output=normalise_stdout_name(job.writing.output)))
     console = _console_for_job(job)
     outcome = run_and_write(job)
-    if outcome.is_imported:
-        name = outcome.run.name
-        console.print_note(f"{name} was imported; `cwcli import {name} --preview` shows how its columns were read")
     if job.talk.json:
         console.print_document(job.command, job_document(job, outcome.run))
     elif outcome.digest is not None:
-        next_step = suggest_next_step(job.command, ", ".join(source_names(job.source)), job.writing.output)
+        next_step = suggest_next_step(job.command, job.writing.output, following=outcome.following_stage)
         print_outcome(job, console, outcome, next_step)
 
 
@@ -114,10 +113,28 @@ def run_and_write(job: Job) -> JobOutcome:
             result = log.run_calls(job.stages, rules, progress.begin_step)
             outcome = result.outcome
             written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
-            digest = None if job.talk.quiet or job.talk.json else _build_digest(job, result.annotated, outcome)
+            is_silent = job.talk.quiet or job.talk.json
+            digest = None if is_silent else _build_digest(job, result.annotated, outcome)
+            following = "" if is_silent else _find_following_stage(job.command, result.annotated)
     outcome.written.extend(written.names)
     outcome.left_profile = written.dropped_profile
-    return JobOutcome(outcome, digest, is_imported=source is not job.source)
+    is_imported = source is not job.source
+    notes = (f"imported; `cwcli import {job.source} --preview` shows how it was read",) if is_imported else ()
+    return JobOutcome(outcome, digest, following, notes)
+
+
+def _find_following_stage(command: str, annotated: Log) -> str:
+    """Return the stage after a stage's own command, if it finds its signals in the annotated log without an option."""
+    from cwcli.pipeline.call import Selection
+    from cwcli.pipeline.missing import SignalCheck
+
+    following = NEXT_STAGE.get(command, "")
+    if not following:
+        return ""
+    try:
+        return "" if SignalCheck(STAGES)(following, annotated, Selection()) else following
+    except CwcliError:
+        return ""
 
 
 def _build_digest(job: Job, log: Log, outcome: RunOutcome) -> Digest:
@@ -210,7 +227,11 @@ def print_outcome(job: Job, console: Console, outcome: JobOutcome, next_step: st
         print_digest(console, job.command, digest, run, next_step)
     if job.talk.details:
         console.print_summary("")
+        for doubt in () if digest is None else digest.doubts[1:]:
+            console.print_note(f"doubt: {doubt.sentence} {doubt.advice}")
         _print_details(console, run)
+    for note in outcome.notes:
+        console.print_note(note)
     for name in run.unmade:
         console.print_note(f"--channels {name}: this run made no such channel")
 

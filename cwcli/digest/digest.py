@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -64,7 +65,7 @@ def build_digest(
         length = drive_length_sentence(log.end_ns - log.start_ns, evidence.ego, n_heard=_count_heard_vehicles(log))
         reason = _reason_for_no_warnings(left_out) if is_run else ()
         happened = (*made, *reason, length) if evidence.ego is None else (length, *reason, *made)
-    return Digest(happened, doubts, _confidence_sentences(evidence))
+    return Digest(happened, doubts, confidence_sentences(evidence))
 
 
 def _read_warned_drive(log: Log) -> Drive:
@@ -98,12 +99,26 @@ def _count_heard_vehicles(log: Log) -> int:
     return len(read_texts(log.columns(REMOTE_STATE.topic, ["id"]), "id", required=True).values)
 
 
-def _confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
+def confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     """Say what is known of the errors: those against the truth, or that nothing tells them."""
     errors = [
         f"{format_number(sigma, 2)} {unit} ({name})"
         for name, unit, sigma in evidence.estimate_summary.column_cells("errors", "error of", "unit", "estimated")
         if isinstance(sigma, float) and str(name).startswith(("position", "speed", "heading"))
     ]
-    against = (f"Against the truth it errs by {join_names(errors)}, one sigma.",) if errors else ()
-    return (*against, *(each.sentence for each in find_remarks_in_evidence(evidence)))
+    against = (f"Against the truth the estimate errs by {join_names(errors)}, one sigma.",) if errors else ()
+    return (
+        *against,
+        *_target_error_sentences(evidence),
+        *(each.sentence for each in find_remarks_in_evidence(evidence)),
+    )
+
+
+def _target_error_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
+    """Say how far the worst tracked target lies from its truth; () without a truth of targets."""
+    rows = evidence.summary_of_stage("track").column_cells("errors", "x [m]", "y [m]")
+    errors_m = [math.hypot(x, y) for x, y in rows if isinstance(x, float) and isinstance(y, float)]
+    if not errors_m:
+        return ()
+    whose = "the target" if len(errors_m) == 1 else "the worst target"
+    return (f"Against the truth {whose} errs by {format_number(max(errors_m), 2)} m in position, RMS.",)

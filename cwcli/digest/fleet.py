@@ -17,6 +17,8 @@ MAX_CHARACTERS = 200
 """Longest text of a log that is laid out, in characters; chosen: more than a line."""
 N_OTHER_LINES = 4
 """Lines beside those of the logs: the heading, how many more logs there are, all of them, and what to do next."""
+LABEL_COLUMN = 6
+"""Column at which the last two lines begin behind their labels, in cells: `next` and two spaces."""
 ENTRY_KEY = "digest"
 """Key of a log's entry in the manifest that holds its digest."""
 
@@ -90,11 +92,12 @@ def format_fleet_lines(logs: Sequence[LogLine], *, next_step: str, width: int = 
     shown = ordered if len(ordered) <= n_shown + 1 else ordered[:n_shown]
     names = [_cut(log.id, MAX_ID_WIDTH) for log in shown]
     column = max(map(display_width, (*names, "next")), default=0) + 2
-    rows = [(name, log.text) for name, log in zip(names, shown, strict=True)]
+    rows = [(name, log.text, column) for name, log in zip(names, shown, strict=True)]
     if len(shown) < len(ordered):
-        rows.append(("", f"and {format_count(len(ordered) - len(shown), 'more log')}"))
-    rows += [("all", _sentence_on_all(logs)), ("next", next_step)]
-    return [f"{name}{' ' * (column - display_width(name))}{_cut(text, width - column)}" for name, text in rows]
+        rows.append(("", f"and {format_count(len(ordered) - len(shown), 'more log')}", column))
+    # long names of logs leave too little room for these two
+    rows += [("all", _sentence_on_all(logs), LABEL_COLUMN), ("next", next_step, LABEL_COLUMN)]
+    return [f"{name}{' ' * (at - display_width(name))}{_cut(text, width - at)}" for name, text, at in rows]
 
 
 def _sentence_on_all(logs: Sequence[LogLine]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cwcli.evaluation.doubts import DOUBTS
 from cwcli.evaluation.doubts.base import Doubt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import display_width, escape_control_characters, format_count, shorten_and_escape, wrap_text
@@ -18,6 +19,8 @@ MIN_WIDTH = 24
 """Least width that is used, in cells; chosen by hand: the labels and a word."""
 MAX_SENTENCE_CHARACTERS = 600
 """Longest part of a sentence that is laid out, in characters; chosen: more than twelve lines hold of one block."""
+NO_DOUBT_TEXT = "No reason for doubt was found."
+"""What is said first of results without a doubt."""
 ELLIPSIS = "..."
 """Marks a sentence that was cut."""
 
@@ -40,13 +43,19 @@ class Block:
 def doubt_block(doubts: Sequence[Doubt], confidence: Sequence[str]) -> Block:
     """Return the block that says how far to trust a result: the doubts, or what is known of its errors."""
     if not doubts:
-        return Block("trust", ("No reason for doubt was found.", *confidence), 3)
+        return Block("trust", (NO_DOUBT_TEXT, *confidence), 3)
     first = doubts[0]
     sentences = [f"Do not trust this as it is: {first.sentence[:1].lower()}{first.sentence[1:]}", first.advice]
     if len(doubts) > 1:
-        names = list(dict.fromkeys(each.name.replace("-", " ") for each in doubts[1:]))
+        names = list(dict.fromkeys(_short_doubt_name(each.name) for each in doubts[1:]))
         sentences.append(f"{format_count(len(doubts) - 1, 'more doubt')}: {', '.join(names)}.")
     return Block("doubt", tuple(sentences), 4)
+
+
+def _short_doubt_name(name: str) -> str:
+    """Return what a list of doubts calls one."""
+    rule = DOUBTS.get(name)
+    return (rule.short_name if rule is not None else "") or name.replace("-", " ")
 
 
 def format_blocks(blocks: Sequence[Block], *, width: int = MAX_WIDTH, max_lines: int = MAX_LINES) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -12,7 +13,7 @@ from cwcli.metrics.table import Table
 from cwcli.pipeline.records import Record, RecordedSummary, read_recorded_summary
 from cwcli.pipeline.result import Cell
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.text import format_count, join_names, shorten_and_escape
+from cwcli.text import join_names, shorten_and_escape
 
 MAX_NAME_CHARACTERS = 40
 """Greatest length of a name in a sentence, in characters; chosen by hand."""
@@ -20,6 +21,10 @@ MAX_NAMED = 4
 """Greatest number of things that a sentence names one by one; chosen by hand."""
 
 
+POLICY_PHRASES = {"no-action": "nobody braking", "fuzzy": "the controller", "driver": "a driver who brakes late"}
+"""Policy of `control` -> what it is called in a sentence."""
+_HORIZON_PATTERN = re.compile(r"[\d.]+ s ahead")
+"""The horizon in the title of the table of prediction errors."""
 Tables = Mapping[str, Table]
 
 
@@ -47,8 +52,14 @@ def _track_sentence(summary: RecordedSummary, tables: Tables) -> str:
     if not rows:
         return "No target was tracked."
     spans, speeds = ([_number(row[k]) for row in rows] for k in (0, 1))
-    text = tracked_targets_text(len(rows))
-    return f"{text}, for at most {max(spans):.1f} s and at most {KMH_PER_MPS * max(speeds):.0f} km/h fast."
+    text, longest, fastest = (
+        tracked_targets_text(len(rows)),
+        f"{max(spans):.0f} s",
+        f"{KMH_PER_MPS * max(speeds):.0f} km/h",
+    )
+    if len(rows) == 1:
+        return f"{text} for {longest}, at a speed of at most {fastest}."
+    return f"{text}: the longest for {longest}, the fastest at {fastest}."
 
 
 def _lanes_sentence(summary: RecordedSummary, tables: Tables) -> str:
@@ -79,9 +90,10 @@ def _predict_sentence(summary: RecordedSummary, tables: Tables) -> str:
         if model == "auto" and math.isfinite(_number(mean))
     ]
     title = next((section.title for section in summary.sections if section.key == "prediction"), "")
-    if not errors:
+    ahead = _HORIZON_PATTERN.search(title)
+    if not errors or ahead is None:
         return "Paths were predicted."
-    return f"Paths were predicted. {_name(title.partition(',')[0])}, on average: {join_names(errors)}."
+    return f"Predicted positions {ahead.group()} are wrong on average by {join_names(errors)}."
 
 
 def _predict_lane_sentence(summary: RecordedSummary, tables: Tables) -> str:
@@ -94,19 +106,24 @@ def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
     if not rows:
         return "No other vehicle came near enough to be measured."
     vehicle, gap_m, ttc_s = rows[0]
-    facts = [f"gap {_number(gap_m):.1f} m"] * math.isfinite(_number(gap_m))
-    facts += [f"time to collision {_number(ttc_s):.1f} s"] * math.isfinite(_number(ttc_s))
-    told = f" (least {' and '.join(facts)})" if facts else ""
-    return f"Of {format_count(len(rows), 'encounter')} the one with {_name(vehicle)} was the most critical{told}."
+    if _number(gap_m) < 0.0:
+        told = ": their outlines overlap"
+    else:
+        facts = [f"gap {_number(gap_m):.1f} m"] * math.isfinite(_number(gap_m))
+        facts += [f"time to collision {_number(ttc_s):.1f} s"] * math.isfinite(_number(ttc_s))
+        told = f": least {' and least '.join(facts)}" if facts else ""
+    if len(rows) == 1:
+        return f"The car encountered vehicle {_name(vehicle)}{told}."
+    return f"Of {len(rows)} encounters the one with vehicle {_name(vehicle)} was the most critical{told}."
 
 
 def _control_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Count, for each policy, how many of the warned encounters end in a crash."""
-    rows = summary.column_cells("control", "policy", "hit")
+    rows = summary.column_cells("control", "policy", "crash")
     hits: dict[str, list[bool]] = {}
     for policy, hit in rows:
         hits.setdefault(_name(policy), []).append(hit in ("yes", True))
-    texts = [f"{sum(each)} of {len(each)} with {policy}" for policy, each in hits.items()]
+    texts = [f"{sum(each)} of {len(each)} with {POLICY_PHRASES.get(policy, policy)}" for policy, each in hits.items()]
     return (
         f"Warned encounters that end in a crash: {join_names(texts)}." if texts else "There was no warning to replay."
     )

@@ -20,7 +20,7 @@ from cwcli.evaluation.records import find_collision_warning_record
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.records import read_configuration
 from cwcli.signals.units import NS_PER_S
-from cwcli.text import escape_control_characters, format_count, format_duration, join_names
+from cwcli.text import escape_control_characters, format_count, join_names
 from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]
@@ -87,6 +87,7 @@ def build_story(
     drive_encounters: DriveEncounters,
     left_out: str = "",
     doubts: Sequence[Doubt] = (),
+    confidence: Sequence[str] = (),
     *,
     with_careful_driver: bool = True,
 ) -> Story:
@@ -95,12 +96,13 @@ def build_story(
     Args:
         left_out: Why the warnings were not computed, where they were not.
         doubts: Reasons not to believe it, the worst first.
+        confidence: What is known of its errors, in sentences; said where there is no doubt.
         with_careful_driver: Say what a careful driver would have done, which is simulated.
     """
     story = _build_story_without_doubts(drive, drive_encounters, left_out, with_careful_driver)
     story = replace(story, knowledge=_state_knowledge_sentence(drive))
     if not doubts:
-        return story
+        return replace(story, more=(*confidence, *story.more))
     return replace(story, badges=(Badge("not to be trusted", "bad"), *story.badges), doubts=tuple(doubts))
 
 
@@ -178,9 +180,8 @@ def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
         return ""
     if verdict is None:
         return "Whether the warning was right can't be said: the other's track is not in the log."
-    definition = rule.parsed_conflict_definition
-    conflict = definition.conflict_text
-    begin = conflict if len(definition.parts) == 1 else "the conflict began"
+    conflict = rule.parsed_conflict_definition.conflict_text
+    begin = encounter.conflict.part_text if encounter.conflict is not None else conflict
     if verdict.kind == VERDICT_TRUE:
         return f"The warning was right: it came {verdict.lead_time_s:.1f} s before {begin}."
     if verdict.kind == VERDICT_LATE:
@@ -298,11 +299,10 @@ def _warning_badges(drive_encounters: DriveEncounters) -> list[Badge]:
 def _missed_conflict_sentences(drive: Drive, drive_encounters: DriveEncounters) -> list[str]:
     """Return sentences on the first conflicts without a warning."""
     sentences = []
-    definition = drive.warning_config.parsed_conflict_definition
-    begin = definition.conflict_text if len(definition.parts) == 1 else "a conflict began"
     for missed in drive_encounters.missed_conflicts[:3]:
+        at = _seconds_since_start_text(drive, missed.conflict.onset_ns)
         sentences.append(
-            f"No warning came before {_seconds_since_start_text(drive, missed.conflict.onset_ns)}, when {begin} "
+            f"No warning came before {at}, when {missed.conflict.part_text} "
             f"({missed.other.kind} {escape_control_characters(missed.other.id)[:MAX_ID_CHARACTERS]}, nearest "
             f"{missed.conflict.closest_m:.1f} m)."
         )
@@ -315,7 +315,7 @@ def _missed_conflict_sentences(drive: Drive, drive_encounters: DriveEncounters) 
 
 def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str:
     """Return the headline of a drive without a warning."""
-    text = f"In this drive of {format_duration((drive.end_ns - drive.start_ns) / NS_PER_S)} cwcli gave no warning"
+    text = "In this drive cwcli gave no warning"
     if drive.ego is None:  # the lane alone was watched
         return f"{text} of leaving the lane; the car's place was not estimated, so no collision was looked for."
     if drive_encounters.nearest is None:
@@ -323,7 +323,7 @@ def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str
     nearest = drive_encounters.nearest
     name = f"{nearest.other.kind} {escape_control_characters(nearest.other.id)[:MAX_ID_CHARACTERS]}"
     at = _seconds_since_start_text(drive, nearest.stamp_ns)
-    return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away (centre to centre) at {at}."
+    return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away, centre to centre, at {at}."
 
 
 def _state_knowledge_sentence(drive: Drive) -> str:
@@ -354,6 +354,8 @@ def _build_story_without_warnings(drive: Drive, left_out: str, more: list[str]) 
     """Build the story of a drive for which no warnings were computed."""
     why = left_out or ("`cwcli warn` was not run" if drive.others else "no other vehicle is in the log")
     reason = f": {escape_control_characters(why)}" if drive.ego is not None or left_out else ""
+    if drive.ego is None:
+        more = [drive_length_sentence(drive.end_ns - drive.start_ns, None)]
     sentences = []
     if drive.lanes is not None and len(drive.lanes):
         both = int(np.count_nonzero(drive.lanes.found.all(axis=1)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,12 +26,14 @@ class RealConflict:
     Attributes:
         onset_ns, end_ns: When it began and ended, linear between the samples of the measure.
         closest_ns: When the centres were nearest, and `closest_m` how near.
+        part_text: What held from `onset_ns` to `end_ns`, in words: `the two touched`.
     """
 
     onset_ns: int
     end_ns: int
     closest_ns: int
     closest_m: float
+    part_text: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,11 @@ def find_real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]
     hold_off_ns = config.hold_off_s * NS_PER_S
     for part in config.parsed_conflict_definition.parts:
         more = _find_conflicts_by_margin(pair, part.conflict_margin(pair), config)
-        found += [each for each in more if not any(_are_within(each, known, hold_off_ns) for known in found)]
+        found += [
+            replace(each, part_text=part.conflict_text)
+            for each in more
+            if not any(_are_within(each, known, hold_off_ns) for known in found)
+        ]
     return sorted(found, key=lambda each: each.onset_ns)
 
 

@@ -11,8 +11,10 @@ import numpy as np
 
 from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
+from cwcli.digest.digest import confidence_sentences
 from cwcli.digest.drive import read_drive, require_results
 from cwcli.digest.encounters import find_encounters
+from cwcli.digest.lines import NO_DOUBT_TEXT
 from cwcli.digest.story import Badge, Story, build_story
 from cwcli.errors import CwcliError
 from cwcli.evaluation.doubts import find_doubts_in_evidence
@@ -293,6 +295,7 @@ def _read_and_build_log_view(
         drive_encounters,
         entry.skip_reason_by_stage.get("warn", ""),
         find_doubts_in_evidence(drive.doubt_evidence),
+        (NO_DOUBT_TEXT, *confidence_sentences(drive.doubt_evidence)),
     )
     story = replace(
         story, more=(*story.more, *filter(None, (sensor_remarks_sentence(drive),)), *other_system_sentences(drive))

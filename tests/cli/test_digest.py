@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
@@ -68,14 +70,60 @@ def test_command_of_a_stage_has_a_digest(cwcli: Run, command: str) -> None:
     text = " ".join(line[7:] for line in check_lines(done.stdout.decode())[1:])
     assert {
         "estimate": "The car's motion was estimated from /gps/fix, /vehicle/velocity, /gps/heading and /imu/data.",
-        "measure": "Of 1 encounter the one with d9583520 was the most critical",
-        "control": "Warned encounters that end in a crash: 1 of 1 with no-action, 0 of 1 with fuzzy",
+        "measure": "The car encountered vehicle d9583520: their outlines overlap.",
+        "control": "Warned encounters that end in a crash: 1 of 1 with nobody braking, 0 of 1 with the controller",
     }[command] in text
+
+
+def next_step(shown: bytes) -> list[str]:
+    """The words of the command behind `next`, without the program's name."""
+    text = " ".join(line[7:] for line in shown.decode().splitlines() if line[:7].strip() in ("next", ""))
+    command = re.search(r"cwcli ([^()]*?)(?: \(|$)", text[text.rindex("cwcli ") :])
+    assert command is not None, text
+    return shlex.split(command.group(1))
+
+
+@pytest.mark.parametrize("log", ["intersection", "curve"])
+def test_every_next_line_can_be_pasted(log: str, cwcli: Run, tmp_path: Path) -> None:
+    shutil.copy(SAMPLES / f"{log}.mcap", tmp_path / "drive.mcap")
+    words = ["estimate", "drive.mcap"]
+    commands = []
+    for _ in range(6):
+        commands.append(words[0])
+        done = cwcli(*words, details=False)
+        assert done.returncode == 0, (words, done.stderr)
+        if words[0] == "report":
+            break
+        words = next_step(done.stdout)
+    stages = ["estimate", "estimate", "predict"]  # nobody is heard on the curve: nothing to warn of
+    assert commands == [*stages, *(["warn"] if log == "intersection" else []), "report"]
+
+
+def test_next_line_keeps_the_options_and_the_files(cwcli: Run, tmp_path: Path) -> None:
+    shutil.copy(SAMPLES / "intersection.mcap", tmp_path / "drive.mcap")
+    (tmp_path / "annotated.mcap").write_bytes(b"")
+    options = ["--end", "5", "--rate", "10"]
+    done = cwcli("estimate", "drive.mcap", *options, details=False)
+    assert next_step(done.stdout) == ["estimate", "drive.mcap", *options, "-o", "annotated-2.mcap"]
+
+
+def test_next_line_of_standard_input_is_in_words(cwcli: Run, intersection: Path) -> None:
+    done = cwcli("estimate", "-", details=False, input=intersection.read_bytes())
+    assert b"next   the same command with -o annotated.mcap added" in done.stdout
+
+
+def test_table_of_a_drive_is_no_damaged_file(cwcli: Run, tmp_path: Path) -> None:
+    rows = [f"{k / 10},{48 + k * 1e-5 + k % 3 * 1e-7:.7f},11" for k in range(300)]
+    (tmp_path / "drive.csv").write_text("\n".join(["t,lat,lon", *rows]))
+    done = cwcli("run", "drive.csv")
+    assert done.returncode == 0
+    assert b"damaged" not in done.stdout
+    assert b"cwcli import drive.csv --preview" in done.stderr
 
 
 def test_prediction_says_how_far_it_is_off(cwcli: Run, predicted: Path) -> None:
     done = cwcli("predict", predicted, "--replace", details=False)
-    assert "Position error 2.5 s ahead, on average: 0.3 m for the car and 2.0 m for the" in " ".join(
+    assert "Predicted positions 2.5 s ahead are wrong on average by 0.3 m for the car and 2.0 m for the" in " ".join(
         done.stdout.decode().split()
     )
 
@@ -84,7 +132,7 @@ def test_details_come_behind_the_digest(cwcli: Run, intersection: Path) -> None:
     short = cwcli("estimate", intersection, details=False)
     long = cwcli("estimate", intersection)
     assert long.stdout.startswith(short.stdout)
-    assert b"Ego sources: measurements used" in long.stdout[len(short.stdout) :]
+    assert b"Ego sources: measurements accepted" in long.stdout[len(short.stdout) :]
     assert b"note: " in long.stderr
 
 

@@ -106,7 +106,7 @@ def test_run_imports_by_itself(drive: Path, tmp_path: Path, capsys: pytest.Captu
     target = tmp_path / "states.mcap"
     assert run_command_line(["run", str(drive), "--stage", "estimate", "-o", str(target)]) == 0
     printed = capsys.readouterr()
-    assert f"`cwcli import {drive} --preview`" in " ".join(printed.err.split())
+    assert f"`cwcliimport{drive}--preview`" in "".join(printed.err.split())
     assert "damaged" not in printed.out
     with Log.open(target) as log:
         assert "/cwcli/ego/state" in {channel.topic for channel in log.channels}

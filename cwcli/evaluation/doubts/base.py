@@ -55,6 +55,7 @@ class DoubtRule:
         find: Returns the findings in the evidence, the worst first.
         is_remark: It only limits what is known, as a missing truth does: it is shown where there is no doubt, and is
             not counted as one.
+        short_name: What a list of further doubts calls it; "": its name in `DOUBTS`.
     """
 
     summary: str
@@ -64,6 +65,7 @@ class DoubtRule:
     advice: str
     find: Callable[[DoubtEvidence], Iterable[Finding]]
     is_remark: bool = False
+    short_name: str = ""
 
     def find_doubts(self, name: str, evidence: DoubtEvidence) -> list[Doubt]:
         """Return the doubts of this rule."""

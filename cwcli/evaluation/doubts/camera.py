@@ -29,6 +29,7 @@ def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="a camera whose lens or mounting is assumed",
+    short_name="assumed camera",
     threshold=MAX_ASSUMPTIONS,
     unit="",
     source="chosen: each changes every distance",

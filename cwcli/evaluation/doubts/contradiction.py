@@ -21,6 +21,7 @@ def find_contradictions(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="sources that contradict each other",
+    short_name="contradicting sources",
     threshold=MAX_CONTRADICTIONS,
     unit="",
     source="chosen: one spoils the estimate",

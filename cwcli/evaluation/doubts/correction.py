@@ -10,17 +10,22 @@ from cwcli.text import shorten_and_escape
 
 MAX_UNDOUBTED_CORRECTIONS = 1
 """Number of corrected sources from which the estimate is doubted. Chosen by hand: the user should see every one."""
+ADVICE_WITH_AN_OPTION = "Check that sensor, or mend the recording."
+"""The advice where the sentence on the correction names the option for it already."""
 
 
 def find_corrections(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source that the estimator corrected by itself."""
     found = evidence.estimate_summary.corrections
     for sentence in found:
-        yield Finding(float(len(found)), f"{shorten_and_escape(sentence).rstrip('.')}.")
+        # a sentence that names an option says by itself how to confirm what it is about
+        advice = ADVICE_WITH_AN_OPTION if "; --" in sentence else ""
+        yield Finding(float(len(found)), f"{shorten_and_escape(sentence).rstrip('.')}.", advice)
 
 
 RULE = DoubtRule(
     summary="sources that were corrected",
+    short_name="corrected sources",
     threshold=MAX_UNDOUBTED_CORRECTIONS,
     unit="",
     source="chosen: each is shown",

@@ -25,6 +25,7 @@ def find_faults(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="a damaged file",
+    short_name="damaged file",
     threshold=MAX_FAULTS,
     unit="",
     source="chosen: what is lost is not known",

@@ -39,6 +39,7 @@ def find_offsets(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary=f"a track that lies beside the fixes for {LASTING_S:g} s, by more than {MIN_DOUBTED_OFFSET_M:g} m",
+    short_name="track beside the fixes",
     threshold=MAX_SIGMAS,
     unit="sigma",
     source="chosen: chance gives one in 3,000",

@@ -23,6 +23,7 @@ def find_bridged_gaps(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="states that bridge gaps without a position",
+    short_name="gaps without a position",
     threshold=MAX_BRIDGED_SHARE,
     unit="share",
     source="chosen: as in the verdict of `estimate`",

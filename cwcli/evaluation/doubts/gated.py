@@ -16,11 +16,14 @@ def find_gated_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
         gated, n = read_number(source, "gated"), read_number(source, "gated") + read_number(source, "used")
         if n > 0 and gated > MAX_GATED_SHARE * n:
             share = gated / n
-            yield Finding(share, f"{100 * share:.0f} % of {source_name(source)} contradict the other sources.")
+            yield Finding(
+                share, f"{100 * share:.0f} % of the measurements of {source_name(source)} contradict the other sources."
+            )
 
 
 RULE = DoubtRule(
     summary="a source whose measurements the gate rejects",
+    short_name="rejected measurements",
     threshold=MAX_GATED_SHARE,
     unit="share",
     source="chosen: as in the verdict of `estimate`",

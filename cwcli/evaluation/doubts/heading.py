@@ -42,6 +42,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="a standstill without a sensor of heading or yaw rate",
+    short_name="heading at standstill",
     threshold=MAX_UNOBSERVED_S,
     unit="s",
     source="chosen: a stop at a sign is shorter",

@@ -24,6 +24,7 @@ def find_late_states(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="online states that could be known only late (95 % of them within this time)",
+    short_name="late states",
     threshold=MAX_UNREPORTED_DELAY_S,
     unit="s",
     source="chosen: a second is what a driver needs to react",

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.text import shorten_and_escape
+
+SEVERAL_TRUTHS = "hold the truth"
+"""Words in the note of `estimate` that several channels could be the truth, so that none was used."""
+_TRUTH_OPTION_PATTERN = re.compile(r"--topic truth=[^\s,)]+")
+"""An option in that note that chooses one of them."""
 
 
 def find_missing_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield a remark if the ego was estimated and nothing tells its errors."""
     if evidence.ego is not None and not evidence.estimate_summary.column_cells("nees", "error of"):
-        yield Finding(0.0, "No truth of the car was used: how far the estimate errs is not known.")
+        choice = next((note for note in evidence.estimate_summary.notes if SEVERAL_TRUTHS in note), "")
+        reason = "The log has several channels of truth" if choice else "No truth of the car was used"
+        options = " or ".join(dict.fromkeys(_TRUTH_OPTION_PATTERN.findall(choice)))
+        hint = f"; choose one with {shorten_and_escape(options)}" if options else ""
+        yield Finding(0.0, f"{reason}: how far the estimate errs is not known{hint}.")
 
 
 RULE = DoubtRule(

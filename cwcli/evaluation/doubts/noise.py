@@ -34,6 +34,7 @@ def _finding(name: str, nis: float) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="innovations beyond their sigma (NIS per degree of freedom, outside its bounds)",
+    short_name="noise beyond its sigma",
     threshold=TOLERATED_VARIANCE_FACTOR,
     unit="",
     source="chosen: as in the verdict of `estimate`",

@@ -40,6 +40,7 @@ def _iter_findings(topic: str, entry: Mapping[str, Any]) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="messages of an input that were rejected",
+    short_name="rejected messages",
     threshold=MAX_REJECTED_SHARE,
     unit="share",
     source="chosen: as for gated measurements",

@@ -23,6 +23,7 @@ def find_resets(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 RULE = DoubtRule(
     summary="a track that jumps because a source jumped",
+    short_name="jumps",
     threshold=MAX_RESETS,
     unit="",
     source="chosen: no car jumps",

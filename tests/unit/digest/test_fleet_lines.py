@@ -48,6 +48,14 @@ def test_many_logs_are_counted(n_logs: int) -> None:
     assert f"{n_logs} done" in lines[-2]
 
 
+def test_long_names_of_logs_leave_the_last_lines_whole() -> None:
+    counts = [line("x" * 28, "It jumps.", status=status) for status in ("done", "unchanged", "failed")]
+    step = "cwcli report a-folder-with-a-rather-long-name/out -o report.html"
+    *_, on_all, following = format_fleet_lines(counts, next_step=step)
+    assert on_all == "all   1 done, 1 unchanged, 1 failed, 0 warnings, 3 logs to doubt"
+    assert following == f"next  {step}"
+
+
 @pytest.mark.parametrize("text", ["x" * 999, "日本" * 200, "\x1b[2J"])
 def test_names_and_texts_of_others_fit_the_line(text: str) -> None:
     for shown in format_fleet_lines([line(text, text)], next_step=NEXT):

@@ -58,7 +58,11 @@ def test_no_line_is_wider_than_the_terminal_and_none_is_forged(sentence: str, wi
 def test_worst_doubt_is_said_and_the_others_are_named() -> None:
     block = doubt_block([doubt("fixes", "The track lies."), doubt("late", "X."), doubt("late", "Y.")], ("no truth",))
     assert block.label == "doubt"
-    assert block.sentences == ("Do not trust this as it is: the track lies.", "Check it.", "2 more doubts: late.")
+    assert block.sentences == (
+        "Do not trust this as it is: the track lies.",
+        "Check it.",
+        "2 more doubts: late states.",
+    )
 
 
 def test_without_a_doubt_the_errors_are_said() -> None:

@@ -114,7 +114,7 @@ DOUBTFUL = [
         "gated",
         evidence(source(used=90, gated=10)),
         0.1,
-        "10 % of /gps/fix position contradict the other sources.",
+        "10 % of the measurements of /gps/fix position contradict the other sources.",
     ),
     (
         "heading",
@@ -206,6 +206,27 @@ def test_missing_truth_is_a_remark_and_no_doubt() -> None:
     assert names(found) == []
     assert [each.name for each in find_remarks_in_evidence(found)] == ["no-truth"]
     assert find_remarks_in_evidence(evidence()) == ()
+
+
+def test_several_truths_are_named_to_choose_from() -> None:
+    note = "two channels hold the truth: /a (T) and /b (T); none is used (choose one with --topic truth=/a or --topic"
+    found = evidence(sections=(), more={"notes": [f"{note} truth=/b)"]})
+    (remark,) = find_remarks_in_evidence(found)
+    assert remark.sentence.endswith("; choose one with --topic truth=/a or --topic truth=/b.")
+
+
+def test_error_against_the_truth_is_told_in_its_unit() -> None:
+    errors = {"key": "errors", "title": "", "columns": ["error of", "unit", "estimated"]}
+    rows = [["position on one axis", "m", 0.1], ["heading", "deg", 0.704]]
+    found = evidence(sections=(nees(["heading", 16.0, "OUT"]), {**errors, "rows": rows}))
+    (doubt,) = find_doubts_in_evidence(found)
+    assert doubt.sentence == "Against the truth the heading errs by 0.70 deg, 4.0 times its sigma."
+
+
+def test_correction_with_an_option_has_no_second_one() -> None:
+    sentence = "ego_speed (/wheel) repeats one value: 400 rows set aside (at 9.5 s; --trust /wheel keeps it as it is)"
+    (doubt,) = find_doubts_in_evidence(evidence(more={"corrections": [sentence]}))
+    assert "--as" not in doubt.advice
 
 
 @pytest.mark.parametrize(

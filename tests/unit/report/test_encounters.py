@@ -87,7 +87,9 @@ def test_collision_in_words() -> None:
         "At 2.0 s cwcli warned that the car would collide with vehicle 7, coming from the right; "
         "they did: at 5.0 s their outlines overlap, with 0.0 m between their centres."
     )
-    assert story.more[0] == "The warning was right: it came 2.8 s before the conflict began."
+    assert (
+        story.more[0] == "The warning was right: it came 2.8 s before the two were closer than 2.5 m, centre to centre."
+    )
     assert [badge.tone for badge in story.badges] == ["alert"]
 
 
