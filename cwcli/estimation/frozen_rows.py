@@ -17,6 +17,12 @@ MIN_MOVING_SPEED_MPS = 3.0
 """Least mean speed by the fixes at which a repeated zero or heading is a fault and no standstill, m/s."""
 MIN_SATURATED_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
+MAX_SMOOTH_BEND_SHARE = 0.5
+"""Greatest ratio of the second to the first differences of a signal without noise; of white noise it is 1.5. Chosen
+by hand; not fitted."""
+MAX_SMOOTH_CHANGE_RATIO = 3.0
+"""A signal without noise that changes after a repetition by more than this times its greatest usual change was stuck.
+Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,9 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray, fixes: F
         return stuck_row_mask(kind, time_s, values) | frozen
     if kind is Kind.HEADING:
         return _repeated_row_mask(
-            time_s, values, lambda begin_s, end_s: fixes.mean_speed_mps(begin_s, end_s) > MIN_MOVING_SPEED_MPS
+            time_s,
+            np.unwrap(values, axis=0),
+            lambda begin_s, end_s: fixes.mean_speed_mps(begin_s, end_s) > MIN_MOVING_SPEED_MPS,
         )
     return np.zeros(len(time_s), np.bool_)
 
@@ -96,7 +104,25 @@ def _repeated_row_mask(time_s: FloatArray, values: FloatArray, is_fault: Callabl
                 frozen[begin + 1 : end + 1] = True
     elsewhere = same[~long[1:]]
     is_usual = not len(elsewhere) or elsewhere.mean() >= MAX_REPEATED_ROW_SHARE
-    return np.zeros(len(time_s), np.bool_) if is_usual else frozen
+    if is_usual or _moves_on_smoothly(values, long):
+        return np.zeros(len(time_s), np.bool_)
+    return frozen
+
+
+def _moves_on_smoothly(values: FloatArray, long: BoolArray) -> bool:
+    """Whether a signal (n, d) without noise goes on after its repetitions (n,) as it usually changes.
+
+    A simulated sensor without noise repeats its value while the car stands or drives on evenly. One that was stuck
+    jumps to the value that it has missed.
+    """
+    change = np.abs(np.diff(values, axis=0))
+    bend = np.abs(np.diff(values, 2, axis=0))
+    usual = ~(long[1:] | long[:-1])
+    both = usual[1:] & usual[:-1]
+    most = change[usual].max(axis=0, initial=0.0)
+    is_smooth = (bend[both].sum(axis=0) <= MAX_SMOOTH_BEND_SHARE * change[usual].sum(axis=0)).all()
+    after = change[long[:-1] & ~long[1:]]
+    return bool(is_smooth and most.any() and (after <= MAX_SMOOTH_CHANGE_RATIO * most).all())
 
 
 def _saturated_gyroscope_mask(values: FloatArray) -> BoolArray:

@@ -17,6 +17,7 @@ from cwcli.estimation.hypotheses.imu import rotations
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.prepare import clean_measurements
 from cwcli.estimation.source_judgement import JudgedSources, correct_as_user_says, judge_sources
+from cwcli.estimation.wrong_rows import set_wrong_rows_aside
 from tests.unit.estimation.made_drive import made_drive
 
 G = 9.80665
@@ -215,6 +216,44 @@ def test_headings_that_are_turned_round_at_standstill_are_set_aside_and_counted(
 def test_an_imu_of_a_few_rows_is_no_reason_to_fail(n: int) -> None:
     few = [m.select_rows(np.arange(len(m)) < n) if m.kind is Kind.IMU else m for m in _drive(*LEAN)]
     assert _judge(few).corrections == ()
+
+
+def _smooth_drive() -> list[Measurements]:
+    """Heading and IMU without noise, as of a simulator: both repeat one value where the car drives on evenly."""
+    window = np.hanning(102)[1:-1]  # 5 s
+    accel, yaw_rate = (
+        np.convolve(VALUES[kind], window / window.sum(), mode="same") for kind in (Kind.ACCEL, Kind.YAW_RATE)
+    )
+    yaw_rate[np.abs(yaw_rate) < 1e-6] = accel[np.abs(accel) < 1e-6] = 0.0
+    zero = np.zeros(len(TIME_S))
+    course = VALUES[Kind.HEADING][0] + np.cumsum(yaw_rate) * 0.05
+    imu = np.column_stack([accel, VALUES[Kind.SPEED] * yaw_rate, zero + G, zero, zero, yaw_rate])
+    position, speed = _drive(Kind.POSITION, Kind.SPEED)
+    return [
+        position,
+        speed,
+        Measurements("/heading", Kind.HEADING, STAMP_NS, course),
+        Measurements("/imu", Kind.IMU, STAMP_NS, imu),
+    ]
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 2.5])
+def test_sensors_without_noise_are_not_stuck_where_the_car_drives_evenly(turned_rad: float) -> None:
+    """The headings from -pi to pi, with and without a jump by a whole turn."""
+    wrapped = _with_fault(_smooth_drive(), Kind.HEADING, lambda v: (v + turned_rad + np.pi) % (2.0 * np.pi) - np.pi)
+    corrected, corrections = set_wrong_rows_aside(wrapped, ())
+    assert corrections == []
+    assert all(np.isfinite(m.values).all() for m in corrected)
+
+
+def test_a_heading_without_noise_that_is_stuck_in_a_bend_is_set_aside() -> None:
+    def freeze(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[160:220] = values[160]  # the bend lasts from 8 to 12 s
+        return values
+
+    found = _judge(_with_fault(_smooth_drive(), Kind.HEADING, freeze)).corrections
+    assert Kind.HEADING in [each.who.kind for each in found if each.name == "stuck"]
 
 
 def test_a_row_that_is_stuck_and_turned_round_is_set_aside_once() -> None:
