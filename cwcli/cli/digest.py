@@ -39,7 +39,7 @@ def print_digest(console: Console, command: str, digest: Digest, run: RunOutcome
     """
     from cwcli.digest.lines import MAX_LINES, Block, doubt_block, format_blocks
 
-    n_notes = len(run.left_out) + len(run.faults) + sum(len(result.summary.notes) for result in run.results)
+    n_notes = len(run.left_out) + sum(len(result.summary.notes) for result in run.results)
     notes = f" and {format_count(n_notes, 'note')}" if n_notes else ""
     blocks = (
         Block("what", digest.happened, 4),

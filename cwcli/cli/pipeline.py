@@ -112,10 +112,11 @@ def run_and_write(job: Job) -> JobOutcome:
             rules = RunRules(job.skip, reading.strict, job.writing.channel_choice)
             result = log.run_calls(job.stages, rules, progress.begin_step)
             outcome = result.outcome
-            written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
             is_silent = job.talk.quiet or job.talk.json
+            # Before the writing, which ends with a last look at whether the input is as it was.
             digest = None if is_silent else _build_digest(job, result.annotated, outcome)
             following = "" if is_silent else _find_following_stage(job.command, result.annotated)
+            written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
     outcome.written.extend(written.names)
     outcome.left_profile = written.dropped_profile
     is_imported = source is not job.source
@@ -230,6 +231,8 @@ def print_outcome(job: Job, console: Console, outcome: JobOutcome, next_step: st
         for doubt in () if digest is None else digest.doubts[1:]:
             console.print_note(f"doubt: {doubt.sentence} {doubt.advice}")
         _print_details(console, run)
+    for reason, count in run.faults.items():
+        console.print_note(f"{run.name}: {reason}: {count}")
     for note in outcome.notes:
         console.print_note(note)
     for name in run.unmade:
@@ -237,13 +240,11 @@ def print_outcome(job: Job, console: Console, outcome: JobOutcome, next_step: st
 
 
 def _print_details(console: Console, run: RunOutcome) -> None:
-    """Print the summaries of the stages, and notes on left-out stages, on faults and on the annotated log."""
+    """Print the summaries of the stages, and notes on left-out stages and on the annotated log."""
     for result in run.results:
         print_stage_summary(console, result.summary)
     for stage, reason in run.left_out.items():
         console.print_note(f"{stage} was left out: {reason}")
-    for reason, count in run.faults.items():
-        console.print_note(f"{run.name}: {reason}: {count}")
     if run.left_profile:
         console.print_note(
             f"the annotated log's profile is no longer {run.left_profile}: it holds more than ROS messages"
