@@ -31,12 +31,12 @@ def check_answers(answers: Answers, tables: Sequence[SourceTable | Recording]) -
         if table and table not in names:
             shown = [each.name for each in tables]
             raise UsageError(
-                f"{quantity} of {table}: there is no such table", found=shown[:20], hint=names_hint(table, shown)
+                f"{quantity} of {table}: there is no such table", found=tuple(shown[:20]), hint=names_hint(table, shown)
             )
         if not table and column and column not in columns:
             raise UsageError(
                 f"--column {quantity}={column}: there is no column {column!r}",
-                found=columns[:30],
+                found=tuple(columns[:30]),
                 hint=names_hint(column, columns),
             )
         checked[table, quantity] = column, _known_unit(quantity, column, unit)
