@@ -29,7 +29,7 @@ from cwcli.importing.readers import find_kind, load_kind
 from cwcli.importing.readers.base import FileHead, Recording
 from cwcli.importing.readers.trajectory import is_file_of_times
 from cwcli.importing.speeds import find_headings, find_speed, find_velocity, find_yaw_rate
-from cwcli.importing.stamps import find_stamps
+from cwcli.importing.stamps import check_one_recording, find_stamps
 from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable, ask
 from cwcli.importing.units import FACTORS
 from cwcli.lazy_dataclass import dataclass
@@ -190,6 +190,7 @@ def _find_quantities(meanings: Sequence[Meaning]) -> None:
     for meaning in meanings:
         choose_vehicle(meaning)
         if not meaning.questions:
+            check_one_recording(meaning)
             find_places(meaning)
             _find_orientation(meaning)
             turn_poses(meaning)

@@ -35,7 +35,7 @@ MAX_BACKWARD_SHARE = 0.2
 MAX_REPEATED_SHARE = 0.5
 """Largest share of rows with the stamp of the row before."""
 MAX_ABSURD_SHARE = 0.05
-"""Largest share of rows with a time before 1970 or behind 2200 that are left out; more show another unit."""
+"""Largest share of rows with a time before 1970 or behind 2038 that are left out; more show another unit."""
 MAX_LATE_S = 5.0
 """Rows that were written later than others by more than this, and lie among them, are a second recording: buffers of
 sensors hold less. Chosen by hand."""
@@ -301,7 +301,11 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
         notes.append("times before 0 are moved, so that the first stamp is 0")
         stamps = stamps - stamps.min()
     if stamps.max() > MAX_STAMP_NS:
-        raise DataError(f"{best.column!r}: times behind the year 2200", where=where, hint="--column time=NAME*UNIT")
+        raise DataError(
+            f"{best.column!r}: times behind January 2038, which ROS 2 can't hold",
+            where=where,
+            hint="--column time=NAME*UNIT",
+        )
     steps = np.diff(stamps)
     if not steps.any():
         raise DataError(
@@ -319,8 +323,6 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
     if n_back and not _has_several_vehicles(table):
         notes.append(f"{n_back} times lie before their predecessor; rows are put into the order of time")
     order = np.argsort(stamps, kind="stable")
-    if n_back and not _has_several_vehicles(table):
-        _check_one_recording(table, best.column, rows, steps, order)
     n_repeated = int(np.count_nonzero(np.diff(stamps[order]) == 0))
     if n_repeated > MAX_REPEATED_SHARE * len(stamps) and not _has_several_vehicles(table):
         raise DataError(
@@ -337,32 +339,33 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
 
 
 def _absurd_rows(best: Candidate) -> BoolArray:
-    """Return the rows (n,) whose time lies before 1970 or behind 2200, if they are few; else none."""
+    """Return the rows (n,) whose time lies before 1970 or behind 2038, if they are few; else none."""
     is_relative = best.rank in {"start", "clock"}
     absurd = best.valid & ((best.stamp_ns > MAX_STAMP_NS) | ((best.stamp_ns < 0) & (not is_relative)))
     is_few = np.count_nonzero(absurd) <= MAX_ABSURD_SHARE * np.count_nonzero(best.valid)
     return absurd if is_few else np.zeros_like(absurd)
 
 
-def _check_one_recording(
-    table: LoadedTable, column: str, rows: Int64Array, steps: Int64Array, order: Int64Array
-) -> None:
-    """Raise where two recordings would be mixed: both have rows at the same times.
+def check_one_recording(meaning: Meaning) -> None:
+    """Check that the rows are of one recording: two have rows at the same times.
 
-    Args:
-        rows: Rows of the table with a time, (n,).
-        steps: Time from each to the next, ns, (n - 1,).
-        order: Their order by time, (n,).
+    Raises:
+        DataError: Two recordings would be mixed.
     """
+    in_file = np.argsort(meaning.rows)
+    rows, steps = meaning.rows[in_file], np.diff(meaning.stamp_ns[in_file])
+    if not (steps < 0).any():
+        return
     part = np.concatenate([[0], np.cumsum(steps < 0)])
-    n_changes = np.count_nonzero(np.diff(part[order]))
+    by_time = np.argsort(in_file)
+    n_changes = np.count_nonzero(np.diff(part[by_time]))
     if -steps.min() < MAX_LATE_S * NS_PER_S or n_changes <= MAX_CHANGES_PER_STEP_BACK * part[-1]:
         return
     first = int(rows[int(np.argmin(steps)) + 1])
     raise DataError(
-        f"{column!r}: the time of row {first + 1} begins again {-steps.min() / NS_PER_S:g} s earlier, "
+        f"{meaning.chosen['time']!r}: the time of row {first + 1} begins again {-steps.min() / NS_PER_S:g} s earlier, "
         "so that two recordings would be mixed",
-        where=table.source.name,
+        where=meaning.name,
         hint="import each recording by itself; local times repeat an hour when daylight saving ends",
     )
 

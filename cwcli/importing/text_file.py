@@ -12,6 +12,8 @@ from cwcli.lazy_dataclass import dataclass
 
 HEAD_BYTES = 256 << 10
 """Bytes of a file that are looked at before it is read; chosen by hand."""
+UNDEFINED_BYTES = frozenset(b"\x81\x8d\x8f\x90\x9d")
+"""Bytes that code page 1252 does not define."""
 MAX_CONTROL_SHARE = 0.02
 """Largest share of control characters in a text; chosen by hand."""
 
@@ -69,8 +71,8 @@ def decode_head(data: bytes) -> TextHead | None:
     except UnicodeDecodeError:
         if encoding != "utf-8":
             return None
-        encoding = "cp1252"
-        text = body.decode("cp1252", "replace")
+        encoding = "latin-1" if UNDEFINED_BYTES & set(body) else "cp1252"
+        text = body.decode(encoding, "replace")
     if not text:
         return TextHead(encoding, bom, (), is_whole)
     n_control = sum(

@@ -24,8 +24,8 @@ from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_f
 from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
-MAX_STAMP_NS = 7_258_118_400 * NS_PER_S
-"""Year 2200: no stamp is later."""
+MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
+"""The last second of ROS 2 stamps, in January 2038, in ns since 1970 (builtin_interfaces/msg/Time)."""
 MAX_ZONE_OFFSET_S = 15 * 3600
 """No zone is farther from UTC: they end at 14 hours (IANA tz database)."""
 FIRST_YEAR_S, LAST_YEAR_S = 631_152_000, 4_102_444_800
@@ -312,7 +312,7 @@ def parse_start(text: str) -> int:
     """Return a start given as ISO 8601 with a zone, or as seconds since 1970, in ns.
 
     Raises:
-        UsageError: It is neither, or not between 1970 and 2200.
+        UsageError: It is neither, or not between 1970 and 2038.
     """
     try:
         if re.fullmatch(r"[0-9]+(\.[0-9]+)?", text):
@@ -329,7 +329,7 @@ def parse_start(text: str) -> int:
 
 def _checked_start(start_ns: int, text: str) -> int:
     if not 0 <= start_ns <= MAX_STAMP_NS:
-        raise UsageError(f"--start {text}: it is not between 1970 and 2200", hint="--start 2024-05-01T08:00:00Z")
+        raise UsageError(f"--start {text}: it is not between 1970 and 2038", hint="--start 2024-05-01T08:00:00Z")
     return start_ns
 
 

@@ -226,7 +226,7 @@ def _read_rows(
                     for text in pc.filter(batch.column(name), pc.match_substring(batch.column(name), "\n")):
                         _check_quotes(text.as_py(), where)
                 yield {name: batch.column(name) for name in columns}
-        except pa.ArrowInvalid as error:
+        except (pa.ArrowInvalid, UnicodeError) as error:
             said = str(error).splitlines()[0]
             if n_rows == 0 and n_bad[0] == 0 and "Empty" in said:
                 raise InputError("it has a line of names and no rows", where=where) from error

@@ -7,6 +7,7 @@ them (GPX 1.0, or extensions of the same names).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -110,7 +111,8 @@ def _iter_points(path: str) -> Iterator[tuple[str, dict[str, str]]]:
                     depth_of_point = False
                     yield name, _fields_of_point(element)
                     if segment is not None:
-                        segment.remove(element)  # the tree does not grow with the file
+                        with suppress(ValueError):  # a damaged file has points inside of others
+                            segment.remove(element)  # the tree does not grow with the file
                 elif tag in {"trkseg", "trk", "wpt", "rtept"}:
                     element.clear()
     except ElementTree.ParseError as error:
