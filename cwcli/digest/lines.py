@@ -20,7 +20,7 @@ MIN_WIDTH = 24
 MAX_SENTENCE_CHARACTERS = 600
 """Longest part of a sentence that is laid out, in characters; chosen: more than twelve lines hold of one block."""
 NO_DOUBT_TEXT = "No reason for doubt was found."
-"""What is said first of results without a doubt."""
+"""The first sentence on results without a doubt."""
 ELLIPSIS = "..."
 """Marks a sentence that was cut."""
 

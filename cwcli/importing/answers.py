@@ -15,7 +15,7 @@ from cwcli.importing.units import FACTORS, find_unit
 SENSES = ("cw-north", "ccw-east")
 """Senses of an angle."""
 TIME_BASES = ("1970", "gps", "week", "start")
-"""What numbers of time count from."""
+"""The instants from which numbers of time may count."""
 
 
 def check_answers(answers: Answers, tables: Sequence[SourceTable | Recording]) -> Answers:
