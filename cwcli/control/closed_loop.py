@@ -184,7 +184,9 @@ def replay_with_policy(
         x, y, heading = path.position_and_heading_at(state.travelled_m)
         dx, dy = obstacle.x_m[i] - x, obstacle.y_m[i] - y
         distance = np.hypot(dx, dy)
-        situation = _pedal_situation_at_step(now_s - warning_time_s, (dx, dy, distance), heading, state, other_car, i)
+        situation = _compute_pedal_situation_at_step(
+            now_s - warning_time_s, (dx, dy, distance), heading, state, other_car, i
+        )
         throttle, pressure = policy(situation)
         throttle, pressure = np.where(free, 0.0, throttle), np.where(free, 0.0, pressure)
         for name, value in zip(
@@ -218,7 +220,7 @@ def replay_with_policy(
     )
 
 
-def _pedal_situation_at_step(
+def _compute_pedal_situation_at_step(
     since_warning_s: FloatArray,
     offset_m: tuple[FloatArray, FloatArray, FloatArray],
     heading_rad: FloatArray,

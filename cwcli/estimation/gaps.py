@@ -39,7 +39,7 @@ def find_filter_restarts_after_gaps(series: Sequence[SensorSeries], *, causal: b
     gaps = [
         (begin, end)
         for begin, end in zip(times[before_gaps].tolist(), times[before_gaps + 1].tolist(), strict=True)
-        if not _is_yaw_rate_measured_between(series, begin, end)
+        if not _is_yaw_rate_mostly_measured(series, begin, end)
     ]
     found = []
     for i, (begin, end) in enumerate(gaps):
@@ -54,7 +54,7 @@ def find_filter_restarts_after_gaps(series: Sequence[SensorSeries], *, causal: b
     return found
 
 
-def _is_yaw_rate_measured_between(series: Sequence[SensorSeries], begin: float, end: float) -> bool:
+def _is_yaw_rate_mostly_measured(series: Sequence[SensorSeries], begin: float, end: float) -> bool:
     """Whether a yaw rate was measured for more than half of the time between two times (s)."""
     for s in series:
         if s.kind is Kind.YAW_RATE:

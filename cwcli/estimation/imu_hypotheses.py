@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from cwcli.estimation.hypotheses.base import Hypothesis
-from cwcli.estimation.hypotheses.imu import ACCEL_UNITS, GYRO_UNITS, SIGNS, axes_hypothesis, rotations
+from cwcli.estimation.hypotheses.imu import ACCEL_UNITS, GYRO_UNITS, SIGN_HYPOTHESES, axes_hypothesis, rotations
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.estimation.passes import SensorSeries
@@ -104,8 +104,8 @@ class _ImuFault:
         parts = [
             *([ACCEL_UNITS[self.accel_unit - 1]] if self.accel_unit else []),
             *([GYRO_UNITS[self.gyro_unit - 1]] if self.gyro_unit else []),
-            *([SIGNS[0]] if self.accel_sign < 0 else []),
-            *([SIGNS[1]] if self.gyro_sign < 0 else []),
+            *([SIGN_HYPOTHESES[0]] if self.accel_sign < 0 else []),
+            *([SIGN_HYPOTHESES[1]] if self.gyro_sign < 0 else []),
             *([axes_hypothesis(*self.axes)] if self.axes != (1, 2, 3) else []),
         ]
         found: Hypothesis | None = None

@@ -231,7 +231,7 @@ def _constant_offset_s(
 ) -> float:
     """Return by how much all stamps of a source move, s; 0 where its clock is that of the others, or may be."""
     delay_s = delays_s[source]
-    apart_s = delay_s - _usual_delay_s(delays_s)
+    apart_s = delay_s - _delay_of_most_sources_s(delays_s)
     if abs(apart_s) < MIN_CLOCK_STEP_S:
         return 0.0
     whole_s = float(np.rint(apart_s))
@@ -269,7 +269,7 @@ def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
     return prediction_log_likelihood(gated, FilterTrials().run_filter(replace(layout, series=gated)))
 
 
-def _usual_delay_s(delays_s: dict[str, float]) -> float:
+def _delay_of_most_sources_s(delays_s: dict[str, float]) -> float:
     """Return the delay (s) on which most sources agree; of as many the one that is nearer to the log times."""
     values_s = np.array(list(delays_s.values()))
     groups = [values_s[np.abs(values_s - each) < MIN_CLOCK_STEP_S] for each in values_s]

@@ -31,7 +31,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import chi_square_mean_bounds
 from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.metrics.table import append_metric_rows
-from cwcli.pipeline.records import Record, map_from_record, read_json_entry, read_number, read_run_records
+from cwcli.pipeline.records import Record, map_from_record, parse_json_entry_or_empty, read_number, read_run_records
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
@@ -81,7 +81,7 @@ def add_metrics(context: EvaluationContext) -> None:
     states = read_vehicle_states(log.columns(EGO_STATE.topic)).sort_by_stamp()
     if not len(states):
         return
-    reports = read_json_entry(record, "sources", list)
+    reports = parse_json_entry_or_empty(record, "sources", list)
     read = _read_position_and_truth(log, record, context.truth)
     sources = read.by_role
     local_map = map_from_record(record)
@@ -96,7 +96,7 @@ def add_metrics(context: EvaluationContext) -> None:
     variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
     headline.add_from_sums("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
     _add_consistency_metrics(headline, reports)
-    add_link_metrics(headline, read_json_entry(record, "link", dict))
+    add_link_metrics(headline, parse_json_entry_or_empty(record, "link", dict))
     context.notes += [
         note for each in sources.get(Role.TRUTH, ()) if found is not None for note in _truth_mounting_notes(each)
     ]
@@ -160,7 +160,7 @@ def read_ego_truth(log: Log, record: Record, states: VehicleStates) -> EgoTruth 
     read = _read_position_and_truth(log, record, TRUTH_AUTO)
     local_map = map_from_record(record)
     fixes = _latency_corrected_fixes(
-        read.by_role.get(Role.EGO_POSITION, ()), local_map, read_json_entry(record, "sources", list)
+        read.by_role.get(Role.EGO_POSITION, ()), local_map, parse_json_entry_or_empty(record, "sources", list)
     )
     found = _truth_in_map(states, read.by_role.get(Role.TRUTH, ()), local_map, fixes, record)
     return None if found is None else found[0]
@@ -186,7 +186,7 @@ def _truth_in_map(
     measured_xy = np.full((len(stamp_ns), 2), np.nan)
     if fixes is not None:
         measured_xy = resample(*fixes, stamp_ns, max_gap_s=MAX_FIX_GAP_S)
-    origin = read_json_entry(record, "configuration", dict).get("truth_origin")
+    origin = parse_json_entry_or_empty(record, "configuration", dict).get("truth_origin")
     given = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
     true_xy, _ = truth_positions_in_map(signal, inside, local_map, given, measured_xy)
     if isinstance(signal, PositionSignal):

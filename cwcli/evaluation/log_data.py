@@ -7,7 +7,7 @@ from typing import Any
 from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector
-from cwcli.pipeline.records import read_json_entry, read_number, read_run_records
+from cwcli.pipeline.records import parse_json_entry_or_empty, read_number, read_run_records
 from cwcli.signals.units import NS_PER_S
 
 
@@ -16,7 +16,7 @@ def add_input_message_counts(headline: HeadlineCollector, log: Log) -> None:
     headline.add_count("data.duration_s", max(log.end_ns - log.start_ns, 0) / NS_PER_S)
     inputs: dict[tuple[str, str], dict[str, Any]] = {}
     for record in read_run_records(log).values():
-        for entry in read_json_entry(record, "counts", list):
+        for entry in parse_json_entry_or_empty(record, "counts", list):
             if isinstance(entry, dict) and not str(entry.get("topic")).startswith(OWN_TOPIC_PREFIX):
                 inputs.setdefault((str(entry.get("topic")), str(entry.get("role"))), entry)
     if inputs:

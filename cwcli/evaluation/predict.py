@@ -19,7 +19,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.metrics.table import Table, TableColumn
 from cwcli.pipeline.paths import path_starts_from_states, replanned_or_logged_paths
-from cwcli.pipeline.records import read_json_entry, read_run_records
+from cwcli.pipeline.records import parse_json_entry_or_empty, read_run_records
 from cwcli.pipeline.result import Cell, StageResult, SummaryTable
 from cwcli.prediction.calibrate import initial_log_scale_of_each_row
 from cwcli.prediction.model_comparison import (
@@ -159,7 +159,9 @@ def add_errors_at_horizons(headline: HeadlineCollector, prefix: str, found: list
 
 def _path_error_settings_from_record(log: Log) -> PathErrorSettings:
     """Return horizon, step and integration from the record of the stage, or the defaults."""
-    used: Mapping[str, object] = read_json_entry(read_run_records(log).get("predict", {}), "configuration", dict)
+    used: Mapping[str, object] = parse_json_entry_or_empty(
+        read_run_records(log).get("predict", {}), "configuration", dict
+    )
     default = PredictConfig()
     horizon_s, step_s = (
         float(value) if isinstance(value, int | float) else usual
@@ -198,7 +200,7 @@ def error_horizons_s(horizon_s: float) -> list[float]:
 
 def _read_online_start_states(log: Log, who: str) -> VehicleStates | None:
     """Read the online states of the ego or the remote vehicles, if the log's paths start from them."""
-    used = read_json_entry(read_run_records(log).get("predict", {}), "configuration", dict)
+    used = parse_json_entry_or_empty(read_run_records(log).get("predict", {}), "configuration", dict)
     topic = (EGO_ONLINE if who == "ego" else REMOTE_ONLINE).topic
     if used.get("states") != "online" or all(channel.topic != topic for channel in log.channels):
         return None

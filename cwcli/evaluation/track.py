@@ -15,7 +15,7 @@ from cwcli.evaluation.target_truth import (
 )
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import append_metric_rows
-from cwcli.pipeline.records import read_json_entry, read_number, read_run_records
+from cwcli.pipeline.records import parse_json_entry_or_empty, read_number, read_run_records
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.stages.track import TrackConfig, TrackingEvidence
@@ -46,7 +46,7 @@ def add_metrics(context: EvaluationContext) -> None:
     """Add the metrics of the tracks; nothing if the log has none, or if an older version wrote them."""
     headline, log = context.headline, context.log
     record = read_run_records(log).get("track", {})
-    entry: Mapping[str, Any] = read_json_entry(record, "scores", dict)
+    entry: Mapping[str, Any] = parse_json_entry_or_empty(record, "scores", dict)
     if not entry:
         return
     headline.add_count("tracking.targets_count", read_number(entry, "tracks"))

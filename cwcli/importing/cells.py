@@ -169,7 +169,7 @@ def _floats(array: Any) -> FloatArray:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def read_name_cells(array: Any) -> tuple[list[str], Int64Array]:
+def encode_name_cells(array: Any) -> tuple[list[str], Int64Array]:
     """Return the names in a batch, each once ("" for an empty cell), and the index of the name of each row."""
     import pyarrow as pa
 

@@ -11,9 +11,9 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.importing.cells import (
     COMMA_NUMBER_PATTERN,
+    encode_name_cells,
     is_text,
     read_instant_cells,
-    read_name_cells,
     read_number_cells,
     read_place_cells,
     trimmed_texts,
@@ -173,7 +173,7 @@ def _how_to_read(array: Any, quantities: list[str]) -> str:
 def _append_cells(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
     """Append the cells of a batch; returns how many are neither a value nor empty."""
     if how == "texts":
-        pieces.append(read_name_cells(array))
+        pieces.append(encode_name_cells(array))
         return 0
     if how == "instants":
         pieces.append(read_instant_cells(array, decimal))

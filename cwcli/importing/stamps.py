@@ -140,7 +140,7 @@ def _candidate(table: LoadedTable, column: str, answers: Answers) -> Candidate |
             return _clock_candidate(table, column, times, answers)
         if not times.has_clock and not _is_datetime(times):
             return _date_and_clock_candidate(table, column, times, answers)
-        return _date_candidate(table, column, times, answers, words)
+        return _text_date_candidate(table, column, times, answers, words)
     if column not in table.instants:
         return None
     if column in table.candidates.get("date", ()) and column not in table.candidates.get("time", ()):
@@ -152,7 +152,7 @@ def _is_datetime(times: TextTimes) -> bool:
     return bool(np.isfinite(times.offset_s[times.valid]).any())
 
 
-def _date_candidate(
+def _text_date_candidate(
     table: LoadedTable, column: str, times: TextTimes, answers: Answers, words: tuple[str, ...]
 ) -> Candidate:
     where = table.source.name
@@ -206,7 +206,7 @@ def _date_and_clock_candidate(table: LoadedTable, column: str, times: TextTimes,
     other = table.text_times[clock]
     joined = TextTimes(times.parts, other.ns_of_day, other.offset_s, times.valid & other.valid, times.mark)
     words = (*split_name(column).words, *split_name(clock).words, split_name(clock).unit_text.lower())
-    found = _date_candidate(table, column, joined, answers, words)
+    found = _text_date_candidate(table, column, joined, answers, words)
     guess = Guess(
         "time", column, "date", found.guess.confidence, f"with the time of day in {clock!r}; {found.guess.why}"
     )

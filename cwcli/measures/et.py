@@ -6,13 +6,13 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
-from cwcli.measures.pet import encroachment_duration_s
+from cwcli.measures.pet import host_encroachment_duration_s
 from cwcli.signals.columns import FloatArray
 
 
 def encroachment_time(pair: Pair) -> FloatArray:
     """Encroachment time (s) of the pair, (), at its narrowest encroachment."""
-    return np.array(encroachment_duration_s(pair))
+    return np.array(host_encroachment_duration_s(pair))
 
 
 MEASURE = Measure(

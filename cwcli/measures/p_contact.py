@@ -32,7 +32,7 @@ def contact_probability_within_horizon(pair: Pair) -> FloatArray:
     """Probability of contact within the horizon at each stamp, (n,); NaN where a covariance is not known."""
     near = pair.near_rows
     found = np.full(len(near), np.nan)
-    own = np.concatenate([pair.host.state[near, :4], pair.host_derivatives[near, :2]], axis=1)
+    own = np.concatenate([pair.host.state[near, :4], pair.host_accel_yaw_rate_jerk[near, :2]], axis=1)
     theirs = np.concatenate([pair.other_states[near], pair.other_derivatives[near, :2]], axis=1)
     own[:, :2], theirs[:, :2] = 0.0, theirs[:, :2] - own[:, :2]
     for first in range(0, len(near), MOMENTS_PER_BATCH):

@@ -88,7 +88,7 @@ class Pair:
 
     def select_rows(self, rows: npt.NDArray[np.intp]) -> Pair:
         """The pair at some of the stamps, with the interpolated states of the other there."""
-        state = np.concatenate([self.host.state[rows, :4], self.host_derivatives[rows]], axis=1)
+        state = np.concatenate([self.host.state[rows, :4], self.host_accel_yaw_rate_jerk[rows]], axis=1)
         covariance = None if self.host.covariance is None else self.host.covariance[rows]
         track = ActualTrack(self.stamp_ns[rows], state, covariance)
         return self.with_states(track, self.other_states[rows], self.other_derivatives[rows])
@@ -123,7 +123,7 @@ class Pair:
         return interpolate_track(self.other, self.stamp_ns, self.max_gap_s)
 
     @cached_property
-    def host_derivatives(self) -> FloatArray:
+    def host_accel_yaw_rate_jerk(self) -> FloatArray:
         """The host's accel_mps2, yaw_rate_radps and jerk_mps3, (n, 3)."""
         return track_derivatives(self.host)
 
@@ -220,7 +220,7 @@ class OtherInHostAxes:
     @cached_property
     def host_accel_mps2(self) -> FloatArray:
         """The host's acceleration along its heading, (m,)."""
-        return np.asarray(self._pair.host_derivatives[self._pair.near_rows, 0])
+        return np.asarray(self._pair.host_accel_yaw_rate_jerk[self._pair.near_rows, 0])
 
     @cached_property
     def other_accel_mps2(self) -> tuple[FloatArray, FloatArray]:

@@ -42,7 +42,7 @@ def encroachment_lag_and_states(pair: Pair) -> tuple[float, FloatArray, FloatArr
     return abs(mine - other) * GRID_STEP_S, own[mine, 2:], theirs[other, 2:]
 
 
-def encroachment_duration_s(pair: Pair) -> float:
+def host_encroachment_duration_s(pair: Pair) -> float:
     """How long the host is where the other is within `MAX_LAG_S`, around the least lag, s; NaN for parallel
     headings."""
     found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)

@@ -22,7 +22,7 @@ def first_overlap_time_s(pair: Pair) -> FloatArray:
     fastest = np.abs(at.host_speed_mps) + np.abs(at.other_speed_mps)
     rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + HORIZON_S * fastest)
     # Complex numbers are places and directions in the host's axes at the start; a product turns.
-    rates = [pair.host_derivatives[pair.near_rows[rows], 1], pair.other_derivatives[pair.near_rows[rows], 1]]
+    rates = [pair.host_accel_yaw_rate_jerk[pair.near_rows[rows], 1], pair.other_derivatives[pair.near_rows[rows], 1]]
     headings = [np.ones(len(rows), complex), (at.cos_turn + 1j * at.sin_turn)[rows]]
     speeds = [at.host_speed_mps[rows], at.other_speed_mps[rows]]
     places = [np.zeros(len(rows), complex), (at.x_m + 1j * at.y_m)[rows]]

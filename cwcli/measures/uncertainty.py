@@ -48,7 +48,12 @@ def sigmas_of_measures(
 
 def _shift_state(pair: Pair, is_host: bool, column: int, step: float) -> Pair:
     """The pair with one quantity of one vehicle's states changed by a step."""
-    host, others, own, theirs = pair.host.state, pair.other_states, pair.host_derivatives, pair.other_derivatives
+    host, others, own, theirs = (
+        pair.host.state,
+        pair.other_states,
+        pair.host_accel_yaw_rate_jerk,
+        pair.other_derivatives,
+    )
     states, motions = ([host, others], [own, theirs])
     which = 0 if is_host else 1
     if column < 4:

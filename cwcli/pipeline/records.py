@@ -40,7 +40,7 @@ def read_run_records(log: Log) -> dict[str, Record]:
     }
 
 
-def read_json_entry(record: Record, key: str, kind: type) -> Any:
+def parse_json_entry_or_empty(record: Record, key: str, kind: type) -> Any:
     """Parse an entry with JSON of a kind (`dict` or `list`); return an empty one if it is missing or another."""
     try:
         value = json.loads(record.get(key, ""))
@@ -77,13 +77,13 @@ def to_int_or_none(value: object) -> int | None:
 
 def read_configuration(record: Record) -> dict[str, Any]:
     """Return the resolved configuration of the recorded stage."""
-    found: dict[str, Any] = read_json_entry(record, "configuration", dict)
+    found: dict[str, Any] = parse_json_entry_or_empty(record, "configuration", dict)
     return found
 
 
 def read_input_counts(record: Record) -> list[dict[str, Any]]:
     """Return the counts of the stage's input messages, each an `InputMessageCount` as JSON."""
-    return [entry for entry in read_json_entry(record, "counts", list) if isinstance(entry, dict)]
+    return [entry for entry in parse_json_entry_or_empty(record, "counts", list) if isinstance(entry, dict)]
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class RecordedSummary:
 
 def read_recorded_summary(record: Record) -> RecordedSummary:
     """Return the summary in the record; an empty one where there is none, as in logs of older versions."""
-    found = read_json_entry(record, "summary", dict)
+    found = parse_json_entry_or_empty(record, "summary", dict)
     sections = found.get("sections")
     return RecordedSummary(
         str(found.get("verdict") or ""),

@@ -220,7 +220,7 @@ def _outline_corners(state: FloatArray, size_m: tuple[float, float]) -> FloatArr
     return np.asarray(state[:2] + corners @ np.array([[cos, sin], [-sin, cos]]), np.float64)
 
 
-def warning_distance_figure(drive: Drive, encounter: Encounter) -> Figure | None:
+def distance_and_ttc_figure_around_warning(drive: Drive, encounter: Encounter) -> Figure | None:
     """Draw distance and time to collision around a warning; None where the tracks have no common time."""
     if encounter.pair is None or drive.warnings is None:
         return None

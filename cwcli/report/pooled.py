@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import find_metric
 from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pool_all_metrics
-from cwcli.pipeline.records import Record, read_json_entry, read_latency_s, read_number
+from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_latency_s, read_number
 from cwcli.report.tables import format_metric_value
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import EGO_ID
@@ -271,7 +271,7 @@ def find_outlier_logs(
 def read_ego_sources(log: str, record: Record) -> list[SourceInLog]:
     """Read the ego's sources from a record of `estimate`; entries of another form are left out."""
     found = []
-    for entry in read_json_entry(record, "sources", list):
+    for entry in parse_json_entry_or_empty(record, "sources", list):
         if isinstance(entry, dict) and entry.get("vehicle") == EGO_ID:
             inside = entry.get("nis_inside")
             found.append(

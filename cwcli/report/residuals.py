@@ -14,7 +14,7 @@ from cwcli.estimation.latency import MAX_DRIFT_REACH_S
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.lazy_dataclass import dataclass
-from cwcli.pipeline.records import read_json_entry, read_latency_s, read_number, read_recorded_summary
+from cwcli.pipeline.records import parse_json_entry_or_empty, read_latency_s, read_number, read_recorded_summary
 from cwcli.report.decimate import first_row_per_grid_cell
 from cwcli.report.drawing import (
     EGO_COLOUR,
@@ -122,7 +122,7 @@ def iter_source_residuals(drive: Drive) -> Iterator[SourceResiduals]:
         for source in drive.measurements
         for each in _level_and_sort_measurements(drive, source)
     }
-    for report in read_json_entry(record, "sources", list):
+    for report in parse_json_entry_or_empty(record, "sources", list):
         if not isinstance(report, dict) or report.get("vehicle") != EGO_ID:
             continue
         source = str(report.get("source"))

@@ -26,7 +26,11 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import map_from_record
 from cwcli.prediction.paths import Paths
 from cwcli.report.drawing import Figure
-from cwcli.report.encounter_figures import nearest_approach_figure, predicted_paths_figure, warning_distance_figure
+from cwcli.report.encounter_figures import (
+    distance_and_ttc_figure_around_warning,
+    nearest_approach_figure,
+    predicted_paths_figure,
+)
 from cwcli.report.frames import Thumbnail, make_thumbnails
 from cwcli.report.map_figure import build_map_figure
 from cwcli.report.pairs import conflicts_table, pair_extremes_table, unwarned_conflict_links, warning_anchor_names
@@ -207,7 +211,7 @@ def _build_event_view(
         at = f"{(encounter.raised_ns - drive.start_ns) / NS_PER_S:.1f}"
         title = f"Warning {encounter.event_id}, at {at} s: the predicted paths"
         plots.append(_make_plot(anchor, "fan", title, "ahead is up; dotted: what followed", fan, suffix))
-    distance = warning_distance_figure(drive, encounter)
+    distance = distance_and_ttc_figure_around_warning(drive, encounter)
     if distance is not None:
         hint = "by the estimated tracks; time to collision at constant velocities"
         plots.append(_make_plot(anchor, "distance", "How near they came", hint, distance, suffix))

@@ -16,7 +16,7 @@ from cwcli.signals import bsm_flags
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, absent_strings
 from cwcli.signals.covariances import covariance_from_ellipse
-from cwcli.signals.leaf_fields import is_accepted_text, numbers_to_bit_flags, read_numbers, read_texts
+from cwcli.signals.leaf_fields import accepted_text_mask, numbers_to_bit_flags, read_numbers, read_texts
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
@@ -238,7 +238,7 @@ def _make_remote_rows(
 def _make_senders(columns: Columns, *paths: str) -> Senders:
     return Senders(
         station=_read_stations(columns, *paths),
-        is_own=is_accepted_text(read_texts(columns, ODE_SOURCE_PATH), len(columns), ODE_OWN_SOURCE),
+        is_own=accepted_text_mask(read_texts(columns, ODE_SOURCE_PATH), len(columns), ODE_OWN_SOURCE),
         is_roadside=np.zeros(len(columns), dtype=np.bool_),
     )
 
@@ -264,7 +264,7 @@ def _is_unfilled_yaw_rate(value: dict[str, FloatArray], station: Strings) -> Boo
 
 def _is_reverse_gear(columns: Columns, path: str, prefix: str) -> BoolArray:
     """Return where the gear is reverse: as a name, as the number 3, or as an object with that name."""
-    is_named = is_accepted_text(read_texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS_CODE))
+    is_named = accepted_text_mask(read_texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS_CODE))
     as_object = read_texts(columns, *(prefix + leaf for leaf in REVERSE_GEAR_OBJECT_PATHS))
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
 

@@ -162,7 +162,7 @@ def unusable_field_error(columns: Columns, name: str) -> DataError:
     )
 
 
-def is_accepted_text(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
+def accepted_text_mask(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
     """Return where a string field has one of the accepted values (lower case, compared without case), shape (n,)."""
     if field is None:
         return np.zeros(n_rows, dtype=np.bool_)

@@ -274,7 +274,7 @@ def _choose_followers(found: _Candidates, n: int) -> tuple[Int64Array, int]:
     is_clear = is_alone & (distance <= MAX_SQUARED_DISTANCE)  # to be alone costs as much more as it takes
     follower[ended[is_clear]] = began[is_clear]
     ended, began, distance = ended[~is_alone], began[~is_alone], distance[~is_alone]
-    for pairs in _connected_pair_groups(ended, began, n):
+    for pairs in _pair_indices_by_connected_group(ended, began, n):
         rows, row = np.unique(ended[pairs], return_inverse=True)
         columns, column = np.unique(began[pairs], return_inverse=True)
         cost = np.full((len(rows), len(columns)), np.inf)
@@ -290,7 +290,7 @@ def _choose_followers(found: _Candidates, n: int) -> tuple[Int64Array, int]:
     return follower, int(np.count_nonzero(has_ended)) - int(np.count_nonzero(follower >= 0))
 
 
-def _connected_pair_groups(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np.intp]]:
+def _pair_indices_by_connected_group(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np.intp]]:
     """Return the connected groups of pairs: those that share an end or a beginning."""
     label = np.arange(2 * n)  # of each end, and behind them of each beginning
     one, other = ended, began + n

@@ -245,7 +245,7 @@ class _EstimatedEgo:
 
 def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: float) -> _EstimatedEgo:
     """Estimate the ego's tracks."""
-    local_map = _map_at_first_fix(sources)
+    local_map = _map_at_first_fix_unless_cartesian(sources)
     corrects_clocks = not (estimator.takes_no_online_parameter_from_log or estimator.calibration is not None)
     aligned, clock_notes = align_source_clocks(
         _collect_ego_measurements(sources, local_map),
@@ -301,7 +301,7 @@ def _correct_latitude_and_longitude(
     return sources, estimated
 
 
-def _map_at_first_fix(sources: SensorSignals) -> LocalMap | None:
+def _map_at_first_fix_unless_cartesian(sources: SensorSignals) -> LocalMap | None:
     """Return the map frame, east-north-up at the first valid fix; None where the positions are Cartesian."""
     position = sources.by_role[Role.EGO_POSITION][0]
     if not isinstance(position, PositionSignal):
@@ -406,7 +406,7 @@ def _build_summary(
             if not each.is_by_user and not each.n_set_aside
         ]
     notes += [*remarks, *sources.notes, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
-    notes.extend(_shared_remote_notes(tracks))
+    notes.extend(_merged_remote_notes(tracks))
     if online[0].parameters == PARAMETERS_FROM_LOG:
         notes.append(
             "noise and latencies of the online states were found from the whole log; with --calibration or "
@@ -437,7 +437,7 @@ def _hint_to_correct(correction: Correction, corrections: Sequence[Correction]) 
     return f"; --as {correction.who.source}={name} corrects them, too"
 
 
-def _shared_remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:
+def _merged_remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:
     """Return the remote vehicles' notes; a note that several vehicles share is listed once."""
     stations: dict[str, list[str]] = {}
     for station, track in tracks.items():

@@ -49,7 +49,7 @@ CONFLICT_TTC_S = 1.0
 """An encounter with a time to collision below this [s] is judged as a conflict; chosen by hand."""
 
 
-def _split_names(text: str) -> tuple[str, ...]:
+def _split_distinct_names(text: str) -> tuple[str, ...]:
     """Return the names in a list with commas, each once."""
     return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
@@ -73,7 +73,7 @@ class MeasureConfig(StatesSelection):
             metavar="NAME[,NAME]",
             default="all but p-mc and p-contact",
             kind=str | None,
-            parse=_split_names,
+            parse=_split_distinct_names,
             choices="cwcli.measures:MEASURES",
         ),
     ] = ()

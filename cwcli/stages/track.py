@@ -250,7 +250,7 @@ def _summary_tables(
     result: TrackResult, kinds: Mapping[str, DetectionKind], *, in_map: bool
 ) -> tuple[SummaryTable, ...]:
     """Return the stage's tables for the terminal, without empty ones."""
-    found = [_sensors_table(result), _noise_table(result, kinds), _targets_table(result, in_map)]
+    found = [_sensors_table(result), _tuned_noise_table(result, kinds), _targets_table(result, in_map)]
     return tuple(item for item in found if item.rows)
 
 
@@ -275,7 +275,7 @@ def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:
     return check.nis_mean / check.dof, bounds, NIS_CELLS[check.is_within_bounds]
 
 
-def _noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> SummaryTable:
+def _tuned_noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> SummaryTable:
     """Return the table of the noise found by maximum likelihood; one without rows if none was."""
     if result.tuned is None:
         return SummaryTable("noise", "", (), ())

@@ -39,7 +39,7 @@ REMOTE_INPUT_ROLES = (REMOTE_STATE.role, REMOTE_PATH.role)
 """Roles of the remote vehicles' states and of their predicted paths."""
 
 
-def _split_names(text: str) -> tuple[str, ...]:
+def _split_distinct_names(text: str) -> tuple[str, ...]:
     """Return the names in a list with commas, each once."""
     return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
@@ -62,7 +62,7 @@ class WarnConfig(StatesSelection):
             metavar="NAME[,NAME]",
             default="that of --rule",
             kind=str | None,
-            parse=_split_names,
+            parse=_split_distinct_names,
         ),
     ] = ()
 

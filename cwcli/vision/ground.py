@@ -403,9 +403,9 @@ def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, u
     )
 
 
-def _solve_normal_equations(normal: FloatArray, right: FloatArray, use: BoolArray) -> FloatArray:
+def _solve_normal_equations(normal: FloatArray, right: FloatArray, is_sample_used: BoolArray) -> FloatArray:
     """Solutions of the normal equations, shape (n, 2, 3); NaN where too few samples are used."""
-    enough = use.sum(axis=-1, keepdims=True) >= MIN_FIT_SAMPLES
+    enough = is_sample_used.sum(axis=-1, keepdims=True) >= MIN_FIT_SAMPLES
     normal = np.where(enough[..., None], normal, np.eye(3))
     return np.asarray(np.where(enough, np.linalg.solve(normal, right[..., None])[..., 0], np.nan))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
@@ -13,7 +13,7 @@ MAX_QUEUED_JOBS_PER_THREAD = 3
 Result = TypeVar("Result")
 
 
-def run_jobs_in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[Result]:
+def run_jobs_in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Generator[Result, None, None]:
     """Run jobs in threads, a bounded number at a time; the results come in the order of the jobs.
 
     The calling thread is one of the threads: where it would wait for a result it takes the next job that nobody has
@@ -27,17 +27,19 @@ def run_jobs_in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> I
         Exception: A job raised it; it comes when the job's result is due.
     """
     waiting: deque[_Task[Result]] = deque()
-    with ThreadPoolExecutor(max(n_threads - 1, 1), thread_name_prefix="decode") as pool:
-        try:
-            for job in jobs:
-                waiting.append(_Task(job, pool))
-                if len(waiting) > MAX_QUEUED_JOBS_PER_THREAD * n_threads:
-                    yield _take_oldest_result(waiting)
-            while waiting:
+    pool = ThreadPoolExecutor(max(n_threads - 1, 1), thread_name_prefix="decode")
+    try:
+        for job in jobs:
+            waiting.append(_Task(job, pool))
+            if len(waiting) > MAX_QUEUED_JOBS_PER_THREAD * n_threads:
                 yield _take_oldest_result(waiting)
-        finally:
-            for task in waiting:
-                task.future.cancel()
+        while waiting:
+            yield _take_oldest_result(waiting)
+        pool.shutdown()
+    finally:
+        # It must not wait: the garbage collector may close an abandoned generator in a thread that is just starting, and
+        # joining another thread there would wait for a lock that this one holds.
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 class _Task(Generic[Result]):

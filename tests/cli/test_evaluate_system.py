@@ -20,7 +20,7 @@ from cwcli.digest.encounters import find_encounters
 from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
-from cwcli.report.encounter_figures import warning_distance_figure
+from cwcli.report.encounter_figures import distance_and_ttc_figure_around_warning
 from cwcli.report.signal_figures import motion_figure
 from cwcli.report.system import judge_other_system, other_system_sentences, other_system_tables
 from tests.cli.rewritten_logs import Logged, read, write
@@ -186,11 +186,14 @@ def test_the_figures_mark_the_other_systems_warnings(drive: Path) -> None:
         found = read_drive(log)
         judged = replace(found, other_system=judge_other_system(log, system))
     meetings = find_encounters(judged)
-    for figure in (motion_figure(judged, meetings, 100), warning_distance_figure(judged, meetings.encounters[0])):
+    for figure in (
+        motion_figure(judged, meetings, 100),
+        distance_and_ttc_figure_around_warning(judged, meetings.encounters[0]),
+    ):
         assert figure is not None
         marks = [label["x"] for label in figure["layout"]["annotations"] if label["text"] == "other system"]
         assert marks == [UP_S[0]]
-    shown = warning_distance_figure(judged, meetings.encounters[0])
+    shown = distance_and_ttc_figure_around_warning(judged, meetings.encounters[0])
     assert shown is not None
     words = [label["text"] for label in shown["layout"]["annotations"]]
     thresholds = [f"{MEASURES['ttc'].threshold:g} s: a conflict", f"{MEASURES['drac'].threshold:g} m/s²: a conflict"]

@@ -32,7 +32,7 @@ from cwcli.signals.role import Role
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
-from cwcli.stages.estimate import EGO_SENSOR_ROLES, _collect_ego_measurements, _map_at_first_fix
+from cwcli.stages.estimate import EGO_SENSOR_ROLES, _collect_ego_measurements, _map_at_first_fix_unless_cartesian
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from tests.studies import sensor_faults
 from tests.studies.sensor_faults import FAULTS, Fault
@@ -177,7 +177,7 @@ def read_log(path: Path) -> list[Measurements]:
             )
         except CwcliError:
             return []
-        return _collect_ego_measurements(sources, _map_at_first_fix(sources))
+        return _collect_ego_measurements(sources, _map_at_first_fix_unless_cartesian(sources))
 
 
 def check_without_fault(scenarios: Sequence[str], seeds: Sequence[int], logs: Sequence[Path]) -> bool:

@@ -71,7 +71,7 @@ GYRO_UNITS = (
     _gyro_unit("rad/s-read-as-degrees/s", "rad/s, but was converted as if it were in degrees/s", 180.0 / math.pi),
 )
 """Units of the gyroscope."""
-SIGNS = (
+SIGN_HYPOTHESES = (
     _scale_hypothesis(
         "accel-reversed", "accel sign", "has an accelerometer with the wrong sign", "reversed", -1.0, 1.0
     ),
@@ -80,7 +80,7 @@ SIGNS = (
 """Signs of accelerometer and gyroscope."""
 AXES = tuple(axes_hypothesis(*axes) for axes in rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
-IMU = (*ACCEL_UNITS, *GYRO_UNITS, *SIGNS, *AXES)
+IMU = (*ACCEL_UNITS, *GYRO_UNITS, *SIGN_HYPOTHESES, *AXES)
 """Units, signs and axes of `Kind.IMU`."""
 
 

@@ -14,7 +14,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import (
     Record,
     RecordedSummary,
-    read_json_entry,
+    parse_json_entry_or_empty,
     read_recorded_summary,
     read_run_records,
 )
@@ -50,7 +50,7 @@ class DoubtEvidence:
     @cached_property
     def ego_sources(self) -> tuple[dict[str, Any], ...]:
         """The diagnostics of the ego's sources (`estimation.summary.format_source_diagnostics_json`)."""
-        found = read_json_entry(self.records.get("estimate", {}), "sources", list)
+        found = parse_json_entry_or_empty(self.records.get("estimate", {}), "sources", list)
         return tuple(each for each in found if isinstance(each, dict) and each.get("vehicle") == EGO_ID)
 
     def summary_of_stage(self, stage: str) -> RecordedSummary:

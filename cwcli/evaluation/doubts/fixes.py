@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
-from cwcli.pipeline.records import Record, read_json_entry, read_number
+from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_number
 
 MAX_SIGMAS = 4.0
 """Offsets beyond as many sigmas are doubted. Chosen: by chance one in 3,000 two-dimensional errors is as large."""
@@ -23,7 +23,7 @@ RECORD_KEY = "fix_offsets"
 def find_offsets(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source of positions beside which the track lies."""
     record: Record = evidence.records.get("estimate", {})
-    for each in read_json_entry(record, RECORD_KEY, list):
+    for each in parse_json_entry_or_empty(record, RECORD_KEY, list):
         if not isinstance(each, dict):
             continue
         offset_m, sigma_m, at_ns = (read_number(each, key) for key in ("offset_m", "sigma_m", "stamp_ns"))

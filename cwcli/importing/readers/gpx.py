@@ -52,7 +52,7 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
         import pyarrow as pa
 
         rows: list[dict[str, str]] = []
-        for track, point in _iter_points(path):
+        for track, point in _iter_track_points(path):
             if track != tracks[wanted][0]:
                 continue
             rows.append(point)
@@ -71,20 +71,20 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
 def _list_tracks(path: str) -> list[tuple[str, int]]:
     """Return name and number of points of each track; unnamed and equal names get a number."""
     counts: dict[str, int] = {}
-    for name, _ in _iter_points(path):
+    for name, _ in _iter_track_points(path):
         counts[name] = counts.get(name, 0) + 1
     return list(counts.items())
 
 
 def _names_of_points(path: str, track: str) -> Iterator[str]:
-    for k, (name, point) in enumerate(_iter_points(path)):
+    for k, (name, point) in enumerate(_iter_track_points(path)):
         if name == track:
             yield from point
         if k > POINTS_AT_ONCE:
             return
 
 
-def _iter_points(path: str) -> Iterator[tuple[str, dict[str, str]]]:
+def _iter_track_points(path: str) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield track and fields of each point.
 
     Raises:

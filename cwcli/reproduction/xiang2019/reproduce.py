@@ -196,7 +196,7 @@ def process_noise_table(n_seeds: int) -> Table:
     return table
 
 
-def filter_time_table(repeats: int = 200) -> Table:
+def ukf_and_ekf_time_table(repeats: int = 200) -> Table:
     """Measure the time of 500 samples, the best of `repeats`, inside the process."""
     truth = true_states_on_path("arc", N_TIMED_SAMPLES)
     rows = detection_rows_of_scene(observe_single_target(*truth, SCENE_NOISE, np.random.default_rng(0)), SCENE_NOISE)
@@ -263,7 +263,7 @@ def compute_tables(
         "looks": lambda: combined_error_by_looks_table(max(20, n_seeds // 10)),
         "table_1": lambda: segment_error_table(n_seeds),
         "settings": lambda: process_noise_table(max(20, n_seeds // 10)),
-        "table_2": filter_time_table,
+        "table_2": ukf_and_ekf_time_table,
         "where": lambda: radar_scene_table(n_seeds),
     }
     for name, step in steps.items():

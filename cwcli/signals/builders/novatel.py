@@ -21,7 +21,7 @@ from cwcli.signals.builders.gnss import (
 )
 from cwcli.signals.columns import Columns, Int64Array, Strings
 from cwcli.signals.gnss_time import utc_ns_from_gps_weeks
-from cwcli.signals.leaf_fields import find_field, is_accepted_text, read_numbers, read_stamps
+from cwcli.signals.leaf_fields import accepted_text_mask, find_field, read_numbers, read_stamps
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_S
 
@@ -127,12 +127,12 @@ def _has_computed_solution(columns: Columns, *type_names: str) -> BoolArray:
     )
     kind = find_field(columns, *type_names)
     if isinstance(kind, Strings):
-        return is_computed & ~is_accepted_text(kind, len(columns), "none", "")
+        return is_computed & ~accepted_text_mask(kind, len(columns), "none", "")
     return is_computed & (read_numbers(columns, *type_names) > NO_SOLUTION_TYPE_CODE)
 
 
 def _has_accepted_status(columns: Columns, name: str, accepted: dict[int, str], *words: str) -> BoolArray:
     field = find_field(columns, name, *words)
     if isinstance(field, Strings):
-        return is_accepted_text(field, len(columns), *accepted.values())
+        return accepted_text_mask(field, len(columns), *accepted.values())
     return np.isin(read_numbers(columns, f"{name}.status"), list(accepted))

@@ -60,7 +60,7 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     """
     n = len(columns)
     nothing = np.full(n, np.nan)
-    if find_field(columns, "twist.twist.linear.x") is None or _is_never_filled(columns, ledger, position_m):
+    if find_field(columns, "twist.twist.linear.x") is None or _is_twist_never_filled(columns, ledger, position_m):
         return Twist(nothing + 0j, nothing, nothing, _read_yaw_rate(columns, ledger, None), nothing)
     covariance = read_matrix(columns, "twist.covariance", 36).reshape(n, 6, 6)
     linear, variance = _zero_unmeasured_components(_read_twist_vector(columns, "linear"), covariance[:, :3, :3])
@@ -97,7 +97,7 @@ def _read_twist_vector(columns: Columns, name: str) -> FloatArray:
     return vector
 
 
-def _is_never_filled(columns: Columns, ledger: RowLedger, position_m: FloatArray) -> bool:
+def _is_twist_never_filled(columns: Columns, ledger: RowLedger, position_m: FloatArray) -> bool:
     """Whether the velocity is exactly 0 in every message of a car that moved."""
     if len(columns) < 2 or _read_twist_vector(columns, "linear").any():
         return False

@@ -9,7 +9,7 @@ from cwcli.signals.canonical import PositionSignal
 from cwcli.signals.clocks import build_timeline, signal_with_quality
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.covariances import usable_plane_covariance_or_nan
-from cwcli.signals.leaf_fields import find_field, is_accepted_text, read_matrix, read_numbers, read_stamps
+from cwcli.signals.leaf_fields import accepted_text_mask, find_field, read_matrix, read_numbers, read_stamps
 from cwcli.signals.limits import MAX_ALTITUDE_M, nan_beyond_limit
 from cwcli.signals.quality import Quality, RowLedger
 
@@ -44,7 +44,7 @@ def build_fix(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quali
 
     covariance = read_matrix(columns, "position_covariance", 9)
     kind = find_field(columns, "position_covariance_type")
-    is_unknown = is_accepted_text(kind, len(columns), "unknown") if isinstance(kind, Strings) else None
+    is_unknown = accepted_text_mask(kind, len(columns), "unknown") if isinstance(kind, Strings) else None
     if is_unknown is None:
         is_unknown = read_numbers(columns, "position_covariance_type") == 0
     covariance = np.where(is_unknown[:, None], np.nan, covariance)

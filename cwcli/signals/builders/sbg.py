@@ -46,7 +46,7 @@ def read_gps_pos(columns: Columns, ledger: RowLedger) -> GnssFix:
         latitude_deg=read_numbers(columns, "latitude"),
         longitude_deg=read_numbers(columns, "longitude"),
         altitude_m=read_numbers(columns, "altitude") + read_numbers(columns, "undulation"),
-        position_covariance_m2=_covariance_of_accuracy(columns, accuracy),
+        position_covariance_m2=_plane_covariance_of_accuracy(columns, accuracy),
     )
 
 
@@ -65,7 +65,7 @@ def read_ekf_nav(columns: Columns, ledger: RowLedger) -> GnssFix:
         latitude_deg=read_numbers(columns, "latitude", "position.x"),
         longitude_deg=read_numbers(columns, "longitude", "position.y"),
         altitude_m=read_numbers(columns, "altitude", "position.z") + read_numbers(columns, "undulation"),
-        position_covariance_m2=_covariance_of_accuracy(columns, accuracy),
+        position_covariance_m2=_plane_covariance_of_accuracy(columns, accuracy),
     )
 
 
@@ -131,7 +131,7 @@ def _read_east_north(columns: Columns, name: str) -> FloatArray:
     return np.stack([y, x] if _axes_of_frame_name(columns) == "ned" else [x, y], axis=1)
 
 
-def _covariance_of_accuracy(columns: Columns, accuracy: FloatArray) -> FloatArray:
+def _plane_covariance_of_accuracy(columns: Columns, accuracy: FloatArray) -> FloatArray:
     if not _axes_of_frame_name(columns):
         accuracy = np.repeat(accuracy.max(axis=1, keepdims=True), 2, axis=1)
     return covariance_of_east_north_sigmas(accuracy[:, 0], accuracy[:, 1])
@@ -144,5 +144,7 @@ def _read_velocity_fix(columns: Columns, ledger: RowLedger, is_valid: BoolArray)
         *read_stamps(columns),
         is_fix=is_valid,
         velocity_mps=_read_east_north(columns, "velocity"),
-        velocity_covariance_m2ps2=_covariance_of_accuracy(columns, _read_east_north(columns, "velocity_accuracy")),
+        velocity_covariance_m2ps2=_plane_covariance_of_accuracy(
+            columns, _read_east_north(columns, "velocity_accuracy")
+        ),
     )

@@ -44,7 +44,7 @@ def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[Po
         prefix: Path of the GroundTruth in the message, with its dot.
     """
     ledger = RowLedger(columns, reading.role)
-    world, at, timeline = _read_host_rows(columns, reading, ledger, prefix)
+    world, at, timeline = _read_objects_and_host_rows(columns, reading, ledger, prefix)
     n = len(at)
     signal = PoseSignal(
         source=columns.topic,
@@ -69,7 +69,7 @@ def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[Po
 def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[SpeedSignal, Quality]:
     """Build the host vehicle's speed along its heading, and its yaw rate."""
     ledger = RowLedger(columns, reading.role)
-    world, at, timeline = _read_host_rows(columns, reading, ledger, prefix)
+    world, at, timeline = _read_objects_and_host_rows(columns, reading, ledger, prefix)
     n = len(at)
     signal = SpeedSignal(
         source=columns.topic,
@@ -137,7 +137,7 @@ def build_target_truth(columns: Columns, reading: Reading, prefix: str = "") -> 
     return signal, ledger.quality
 
 
-def _read_host_rows(
+def _read_objects_and_host_rows(
     columns: Columns, reading: Reading, ledger: RowLedger, prefix: str
 ) -> tuple[MovingObjects, npt.NDArray[np.intp], Timeline]:
     """Return the objects, the host's rows of them by stamp, and their times."""
