@@ -53,7 +53,7 @@ def test_repeated_fixes_with_stamps_of_whole_seconds_are_counted_without_a_warni
     """Five fixes a second, each published twice; most neighbouring stamps are equal."""
     time_s = np.floor(TIME_S + 1e-9)
     found = find_stale_rows(Kind.POSITION, time_s, held(fixes(TIME_S), TIME_S, 0.2))
-    np.testing.assert_array_equal(found.is_repeated, np.arange(len(TIME_S)) % 2 == 1)
+    np.testing.assert_array_equal(found.is_repetition, np.arange(len(TIME_S)) % 2 == 1)
     assert found.period_s == pytest.approx(0.2, rel=0.02)
 
 
