@@ -37,8 +37,8 @@ def run_jobs_in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> G
             yield _take_oldest_result(waiting)
         pool.shutdown()
     finally:
-        # It must not wait: the garbage collector may close an abandoned generator in a thread that is just starting, and
-        # joining another thread there would wait for a lock that this one holds.
+        # It must not wait: the garbage collector may close an abandoned generator in a thread that is just starting,
+        # and joining another thread there would wait for a lock that this one holds.
         pool.shutdown(wait=False, cancel_futures=True)
 
 

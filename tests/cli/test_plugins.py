@@ -19,8 +19,8 @@ import pytest
 from mcap.writer import Writer
 
 from cwcli.errors import EXIT_USAGE
-from cwcli.logs.read.reader import Log
 from cwcli.evaluation.doubts import DOUBTS
+from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.prediction.models import MODELS
 from cwcli.registry import _find_installed_plugins
