@@ -8,6 +8,9 @@ from cwcli.cli.tables import Cell
 from cwcli.cli.text import format_count, join_names
 
 Document = dict[str, Any]
+MAX_NAME_CHARACTERS = 120
+"""Greatest length of a topic's name in the line on health, in characters; chosen by hand: no recorder writes longer
+ones."""
 MAX_NAMED_TOPICS = 3
 """Topics that one line names before the others are counted; chosen by hand."""
 MAX_NAMED_FIELDS = 8
@@ -19,14 +22,20 @@ def health_verdict(document: Document) -> str:
     faults = [f"{fault}: {n}" for fault, n in document["faults"].items()]
     if "health" not in document:
         empty = [channel["topic"] for channel in document["channels"] if channel["messages"] == 0]
+        empty = [_cut_name(name) for name in empty]
         found = [*faults, *([f"no messages on {join_first_names(empty, MAX_NAMED_TOPICS)}"] if empty else [])]
         return f"{'; '.join(found) or 'no fault in the index'}; --doctor reads the messages"
     sick = {each["topic"]: text for each in document["health"] if (text := _troubles_text(each))}
     n = len(document["health"])
     if not sick:
         return "; ".join([*faults, f"{format_count(n, 'topic')} without gaps, drift, disorder or damage"])
-    told = [f"{topic} ({text})" for topic, text in sick.items()]
+    told = [f"{_cut_name(topic)} ({text})" for topic, text in sick.items()]
     return "; ".join([*faults, f"trouble on {len(sick)} of {format_count(n, 'topic')}: {join_first_names(told, 3)}"])
+
+
+def _cut_name(name: str) -> str:
+    """Return a topic's name, of a very long one its beginning and its length: a file can hold names of megabytes."""
+    return name if len(name) <= MAX_NAME_CHARACTERS else f"{name[:MAX_NAME_CHARACTERS]}... ({len(name):,} characters)"
 
 
 def _troubles_text(health: Document) -> str:

@@ -102,7 +102,7 @@ def test_name_of_three_megabytes(tmp_path: Path) -> None:
     assert "(3,000,001 characters)" in ended.printed.replace("\n", "").replace(" ", "").replace("(3", " (3").replace(
         "1c", "1 c"
     )
-    assert len(ended.printed) < 10_000
+    assert len(ended.printed) < 5000
     ended = bounded(tmp_path, "estimate", "in.mcap", most_mb=200)
     assert ended.code == 4
     assert len(ended.shown) < 2000

@@ -49,7 +49,7 @@ def test_exact_fixes_show_their_delay_whatever_the_scale_of_the_wheels(
 
 
 def test_the_sigma_holds_slow_errors_of_fixes() -> None:
-    """Of 20 drives with 0.5 m of white and 1 m of slow error the errors are about as large as their sigma."""
+    """The errors of 20 drives with 0.5 m of white and 1 m of slow error are about as large as their sigma."""
     ratio = []
     for seed in range(20):
         evidence = find_delay_against_odometry(*sources(noise_m=0.5, slow_m=1.0, seed=seed))
