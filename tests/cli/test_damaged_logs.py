@@ -33,6 +33,7 @@ COMMANDS = [
     ("measure", "LOG", "-o", "out.mcap"),
     ("run", "LOG", "-o", "out.mcap", "--metrics-dir", "metrics"),
     ("run", "LOG", "-d", "out", "--jobs", "1"),
+    ("cut", "LOG", "--start", "1", "-o", "out.mcap"),
     ("join", "LOG", "GOOD", "-o", "out.mcap"),
     ("join", "GOOD", "LOG", "-o", "out.mcap"),
     ("calibrate", "LOG", "-o", "car.toml"),

@@ -11,6 +11,7 @@ COMMANDS = {
     "import": "Make a log of files that are no logs: CSV, GPX, NMEA and others.",
     "info": "List what a log holds and what cwcli can do with it.",
     **{name: stage.help for name, stage in STAGES.items()},
+    "cut": "Write a part of a log: a span of time, some topics, or both.",
     "join": "Make one log of two cars' logs.",
     "calibrate": "Find the constants of a car's sensors from many drives.",
     "run": "Run every stage that a log, or each of many, has the signals for.",

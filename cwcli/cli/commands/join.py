@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,15 +9,8 @@ from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import (
-    BYTES_PER_GIGABYTE,
-    BYTES_PER_MEGABYTE,
-    DEFAULT_MAX_CHUNK_MB,
-    DEFAULT_MAX_INPUT_GB,
-    DEFAULT_MAX_RATIO,
     ForceOption,
-    MaxChunkOption,
-    MaxInputOption,
-    MaxRatioOption,
+    LimitOptions,
 )
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
@@ -47,18 +39,6 @@ class OtherCarOptions:
     late: Annotated[
         float, typer.Option("--late", metavar="S", help="The other log's stamps are late by so many seconds.")
     ] = 0.0
-
-
-@dataclass(frozen=True)
-class LimitOptions:
-    """Damage and limits of both logs."""
-
-    recover: Annotated[
-        bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
-    ] = False
-    max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
-    max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
-    max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
 
 
 @dataclass(frozen=True)
@@ -98,7 +78,6 @@ def command(
     from cwcli.array_memory import bound_array_memory
     from cwcli.cli.options.shared import SensorOptions
     from cwcli.cli.options.stage import make_stage_options_class, stage_call_from_options
-    from cwcli.logs.read.reader import Log
     from cwcli.logs.write.annotate import annotate_log
     from cwcli.output import check_targets
     from cwcli.pipeline.join import join_logs
@@ -110,15 +89,8 @@ def command(
     bound_array_memory()
     estimate = stage_call_from_options(make_stage_options_class("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
-    opened = partial(
-        Log.open,
-        recover=limits.recover,
-        max_chunk_bytes=limits.max_chunk * BYTES_PER_MEGABYTE,
-        max_pipe_bytes=int(limits.max_input * BYTES_PER_GIGABYTE),
-        max_ratio=limits.max_ratio,
-    )
-    with Progress(quiet=talk.quiet) as progress, opened(log) as ego:
-        with opened(other) as second:
+    with Progress(quiet=talk.quiet) as progress, limits.open_log(log) as ego:
+        with limits.open_log(other) as second:
             progress.begin_step(f"estimating {ego.name} and {second.name}")
             name = other_car.name or Path(second.name.rstrip("/")).name.split(".")[0] or "other"
             joined = join_logs(ego, second, estimate, name=name, late_s=other_car.late)

@@ -15,6 +15,7 @@ from cwcli.lazy_dataclass import dataclass
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration
     from cwcli.library.log import Limits
+    from cwcli.logs.read.reader import Log
     from cwcli.logs.read.source import Source
     from cwcli.pipeline.channel_choice import ChannelChoice
 
@@ -44,6 +45,19 @@ LogsArgument = Annotated[
         show_default=False,
         help="MCAP files, folders of them, patterns or URLs; - is standard input (without -d).",
     ),
+]
+StartOption = Annotated[
+    str | None,
+    typer.Option(
+        "--start",
+        metavar="TIME",
+        show_default=False,
+        help="Use messages from here on: seconds from the log's start, or ISO 8601 (UTC if it names no zone).",
+    ),
+]
+EndOption = Annotated[
+    str | None,
+    typer.Option("--end", metavar="TIME", show_default=False, help="Use messages before here; as --start."),
 ]
 AsOneOption = Annotated[
     bool, typer.Option("--as-one", help="Read the named logs, or those in the folder, as the parts of one log.")
@@ -134,19 +148,8 @@ class ReadingOptions:
             help="What the CAN frames of --map mean (needs the extra cwcli-drive[can]). Repeatable.",
         ),
     ] = field(default_factory=list)
-    start: Annotated[
-        str | None,
-        typer.Option(
-            "--start",
-            metavar="TIME",
-            show_default=False,
-            help="Use messages from here on: seconds from the log's start, or ISO 8601 (UTC if it names no zone).",
-        ),
-    ] = None
-    end: Annotated[
-        str | None,
-        typer.Option("--end", metavar="TIME", show_default=False, help="Use messages before here; as --start."),
-    ] = None
+    start: StartOption = None
+    end: EndOption = None
     as_one: AsOneOption = False
     recover: Annotated[
         bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
@@ -192,6 +195,31 @@ class ReadingOptions:
     def max_pipe_bytes(self) -> int:
         """The value of `--max-input` in bytes."""
         return int(self.max_input * BYTES_PER_GIGABYTE)
+
+
+@dataclass(frozen=True)
+class LimitOptions:
+    """Damage and limits of logs."""
+
+    heading: ClassVar[str] = _INPUT_HEADING
+    recover: Annotated[
+        bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
+    ] = False
+    max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
+    max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
+    max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
+
+    def open_log(self, source: Source) -> Log:
+        """Open a log with these limits; raises as `Log.open` does."""
+        from cwcli.logs.read.reader import Log
+
+        return Log.open(
+            source,
+            recover=self.recover,
+            max_chunk_bytes=self.max_chunk * BYTES_PER_MEGABYTE,
+            max_pipe_bytes=int(self.max_input * BYTES_PER_GIGABYTE),
+            max_ratio=self.max_ratio,
+        )
 
 
 @dataclass(frozen=True)

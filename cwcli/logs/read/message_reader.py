@@ -126,7 +126,7 @@ class MessageReader:
             if each.end_ns >= start_ns and each.start_ns < end_ns
         ]
         loose = deque(self._spans)
-        for chunk, payload in self._iter_chunk_payloads(chunks):
+        for chunk, payload in self.iter_chunk_payloads(chunks):
             while loose and loose[0][0] < chunk.chunk_start:
                 yield from self.iter_unchunked_batches(channel_ids, [loose.popleft()])
             if payload is not None:
@@ -194,7 +194,7 @@ class MessageReader:
         self, channel_ids: Collection[int]
     ) -> Iterator[tuple[int, int, Iterator[MessageBatch]]]:
         chunks = sorted(self.chunks_with_channels(channel_ids), key=lambda chunk: (chunk.start_ns, chunk.chunk_start))
-        for chunk, payload in self._iter_chunk_payloads(chunks):
+        for chunk, payload in self.iter_chunk_payloads(chunks):
             if payload is not None:
                 yield chunk.start_ns, chunk.chunk_start, self.iter_chunk_batches(chunk, payload, channel_ids)
 
@@ -293,7 +293,7 @@ class MessageReader:
             raise self._damage_error("the CRC of its messages is wrong", end)
         self._faults.data_crc_mismatch = True
 
-    def _iter_chunk_payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
+    def iter_chunk_payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
         """Yield each chunk with its records (None if it is lost), decompressed ahead by threads if that pays."""
         if (
             sum(chunk.uncompressed_size for chunk in chunks) < MIN_BYTES_FOR_THREADS

@@ -167,6 +167,11 @@ class Log:
             raise
 
     @property
+    def index(self) -> LogIndex:
+        """Return the index of the file."""
+        return self._index
+
+    @property
     def metadata_names(self) -> tuple[str, ...]:
         """Return the names of the metadata records; the records are not read."""
         return (*self._index.metadata.names, *self.added_metadata)

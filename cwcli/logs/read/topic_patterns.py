@@ -1,0 +1,32 @@
+"""Resolves names of topics that a user gave, with `*` for any characters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+from cwcli.errors import UsageError, names_hint
+
+
+def topics_of_patterns(text: str, known: Sequence[str], where: str) -> frozenset[str]:
+    """Return the topics that some patterns, separated by commas, name.
+
+    A name that is a topic of the log stands for itself, whatever characters it has.
+
+    Raises:
+        UsageError: A pattern names no topic.
+    """
+    found: set[str] = set()
+    for pattern in (each.strip() for each in text.split(",")):
+        if not pattern:
+            raise UsageError(f"the list of topics {text!r} has an empty name", where=where)
+        own = {pattern} if pattern in known else {topic for topic in known if _matches(topic, pattern)}
+        if not own:
+            raise UsageError(f"no topic is called {pattern}", where=where, hint=names_hint(pattern, known, "topics"))
+        found |= own
+    return frozenset(found)
+
+
+def _matches(topic: str, pattern: str) -> bool:
+    """Tell whether a topic matches a pattern in which `*` alone is special."""
+    return fnmatchcase(topic, pattern.replace("[", "[[]").replace("?", "[?]"))
