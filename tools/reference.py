@@ -1,10 +1,10 @@
 """Writes what is generated in the docs: `python -m tools.reference`.
 
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
-docs/digest.md, docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, the tables
-of keys in docs/scenarios.md, of data elements in docs/v2x.md and of bounds in docs/estimation.md, the output of `cwcli
-info` and `cwcli run` and the exit codes in README.md, and the map in CONTRIBUTING.md. Installed plug-ins of other
-packages are left out: the pages are about cwcli.
+docs/digest.md, docs/evaluation.md, docs/find.md, docs/lanes.md, docs/prediction.md, docs/signals.md and
+docs/warning.md, the tables of keys in docs/scenarios.md, of data elements in docs/v2x.md and of bounds in
+docs/estimation.md, the output of `cwcli info` and `cwcli run` and the exit codes in README.md, and the map in
+CONTRIBUTING.md. Installed plug-ins of other packages are left out: the pages are about cwcli.
 """
 
 from __future__ import annotations
@@ -119,6 +119,7 @@ def _pages() -> dict[Path, str]:
     from tools.metric_reference import evaluation_page
     from tools.registry_reference import (
         digest_page,
+        find_page,
         lanes_page,
         measures_page,
         prediction_page,
@@ -130,6 +131,7 @@ def _pages() -> dict[Path, str]:
     docs = ROOT / "docs"
     lists = {
         "digest.md": digest_page,
+        "find.md": find_page,
         "estimation.md": estimation_page,
         "evaluation.md": evaluation_page,
         "lanes.md": lanes_page,

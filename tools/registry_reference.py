@@ -278,3 +278,15 @@ def digest_page(text: str) -> str:
     ]
     table = format_markdown_table(("doubt", "what", "threshold", "where it is from", "what to do"), rows)
     return replace_marked_block(text, "doubts", table)
+
+
+def find_page(text: str) -> str:
+    """docs/find.md with its table of events as it is now."""
+    from cwcli.events import EVENTS
+
+    rows = [
+        (format_code(name), event.summary, event.threshold, event.source, event.value_name, event.needs)
+        for name, event in EVENTS.items()
+    ]
+    head = ("event", "what", "threshold", "where it is from", "value", "needs")
+    return replace_marked_block(text, "events", format_markdown_table(head, rows))

@@ -34,6 +34,7 @@ COMMANDS = [
     ("run", "LOG", "-o", "out.mcap", "--metrics-dir", "metrics"),
     ("run", "LOG", "-d", "out", "--jobs", "1"),
     ("cut", "LOG", "--start", "1", "-o", "out.mcap"),
+    ("find", "LOG", "sensor-gap"),
     ("join", "LOG", "GOOD", "-o", "out.mcap"),
     ("join", "GOOD", "LOG", "-o", "out.mcap"),
     ("calibrate", "LOG", "-o", "car.toml"),

@@ -17,6 +17,7 @@ BOUNDS = {
     "A measure": 2,
     "A collision rule": 2,
     "A motion model": 2,
+    "An event": 2,
     "A lane method": 2,
     "A message type": 2,
     "A sensor quantity": 3,

@@ -71,6 +71,18 @@ def test_a_motion_model_predicts_is_compared_and_stands_in_help_and_docs(built: 
     house.obeys("test_motion_models.py", "cv-cya")
 
 
+def test_an_event_is_found_alone_and_in_expressions_and_stands_in_the_docs(built: Built) -> None:
+    house = built("An event")
+    house.run("run", INTERSECTION, "-o", "out.mcap")
+    told = json.loads(house.run("find", "out.mcap", "hard-corner or ego.speed_mps > 1", "--json"))
+    assert [each["event"] for each in told["events"]] == ["expression"]
+    assert json.loads(house.run("find", "out.mcap", "hard-corner", "--json"))["found"] == 0
+    assert (
+        "| `hard-corner` | the ego corners hard | 4 m/s^2 | chosen | peak_lateral_mps2 | states |" in house.write_docs()
+    )
+    house.obeys("test_events.py", "hard-corner")
+
+
 def test_a_lane_method_finds_the_lane_and_stands_in_help_and_docs(built: Built) -> None:
     house = built("A lane method")
     frames = lane_logs.write_log(house.folder / "frames.mcap", lane_logs.road_frames(3))

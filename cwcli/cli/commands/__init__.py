@@ -17,6 +17,7 @@ COMMANDS = {
     "run": "Run every stage that a log, or each of many, has the signals for.",
     "config": "Print a pipeline file with every option resolved and checked.",
     "evaluate": "Score one log or many, and check gates.",
+    "find": "Find moments in logs: named events, or expressions over time.",
     "compare": "Say what got better and what got worse between two runs.",
     "report": "Make one HTML page of a run, or of one annotated log.",
     "simulate": "Make a log with known truth from a scenario.",

@@ -1,4 +1,4 @@
-"""Shell completion of `--topic`: roles, then the topics of the log on the command line."""
+"""Shell completion: of `--topic` roles, then the topics of the log on the command line; names of events."""
 
 from __future__ import annotations
 
@@ -30,6 +30,13 @@ def complete_system_topics(ctx: typer.Context, incomplete: str) -> list[tuple[st
     from cwcli.evaluation.system_topics import ROLE_DESCRIPTIONS
 
     return _matching_choices(ctx, incomplete, ROLE_DESCRIPTIONS)
+
+
+def complete_events(incomplete: str) -> list[tuple[str, str]]:
+    """Complete the name of an event."""
+    from cwcli.events import EVENTS
+
+    return EVENTS.completions(incomplete)
 
 
 def _matching_choices(ctx: typer.Context, incomplete: str, roles: Mapping[str, str]) -> list[tuple[str, str]]:

@@ -1,0 +1,217 @@
+"""`cwcli find`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cwcli.cli.console import Console
+from cwcli.cli.options import lazy_typer as typer
+from cwcli.cli.options.complete import complete_events
+from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.shared import ForceOption, LimitOptions
+from cwcli.cli.progress import Progress
+from cwcli.cli.report import print_written_files
+from cwcli.cli.tables import format_table
+from cwcli.cli.targets import check_output_files
+from cwcli.cli.text import format_count, shorten_and_escape
+from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
+from cwcli.text import format_number
+
+if TYPE_CHECKING:
+    from cwcli.events.search import FoundEvent
+    from cwcli.fleet.search import FleetSearch
+
+EXAMPLES = (
+    "cwcli find runs/ cut-in",
+    "cwcli find annotated.mcap 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps > 8'",
+    "cwcli find runs/ 'hard-brake within 2 s after cut-in' --clips clips/ -o found.parquet",
+)
+"""Command lines at the end of the command's `--help`."""
+MAX_SHOWN_EVENTS = 50
+"""Largest number of events that the terminal shows; chosen by hand, the others are in the table and in --json."""
+MAX_MARGIN_S = 3600.0
+"""Largest `--margin`, s; chosen by hand."""
+
+
+@dataclass(frozen=True)
+class ResultOptions:
+    """Where the results go."""
+
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", show_default=False, help="Write the events as a table (.parquet, .csv)."
+        ),
+    ] = None
+    clips: Annotated[
+        str | None,
+        typer.Option("--clips", metavar="DIR", show_default=False, help="Write a log of each event into this folder."),
+    ] = None
+    margin: Annotated[
+        float,
+        typer.Option(
+            "--margin", metavar="S", min=0.0, max=MAX_MARGIN_S, help="What a clip holds before and after the event."
+        ),
+    ] = 5.0
+    limit: Annotated[
+        int | None,
+        typer.Option(
+            "--limit", metavar="N", min=1, show_default="all", help="Keep the N most severe events; make clips of them."
+        ),
+    ] = None
+    force: ForceOption = False
+
+
+def command(
+    logs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOG",
+            show_default=False,
+            help="Logs, folders of them, patterns, URLs, or the output folder of a run; - is standard input.",
+        ),
+    ],
+    expression: Annotated[
+        str,
+        typer.Argument(
+            metavar="EXPR",
+            show_default=False,
+            autocompletion=complete_events,
+            help="An event, several with `or` between, `all`, or an expression over quantities and events.",
+        ),
+    ],
+    talk: TalkOptions,
+    results: ResultOptions,
+    limits: LimitOptions,
+    topic: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--topic",
+            metavar="ROLE=/NAME",
+            show_default=False,
+            help="Another system in the log, e.g. warning=/adas/fcw:data==true; for the event `disagreement`.",
+        ),
+    ] = None,
+) -> None:
+    """Find moments in logs: named events, or expressions over channels and measures, the most severe first.
+
+    Events are those of the table in docs/find.md. An expression compares quantities: states (ego.speed_mps,
+    other.speed_mps), measures (ttc_s), fields (/status:speed); `min`, `max` and `mean` of one `over 3 s`; `and`, `or`,
+    `not`; `for 0.5 s`; `within 2 s after`, `before` or `of` another condition. Numbers may have a unit: 30 km/h.
+    Annotated logs tell most; outages and gaps are found in any log.
+    """
+    from cwcli.array_memory import bound_array_memory
+    from cwcli.evaluation.system_topics import parse_other_system_options
+    from cwcli.events.search import parse_query, table_of_events
+    from cwcli.fleet.clips import write_clips
+    from cwcli.fleet.search import find_in_logs, logs_to_search
+    from cwcli.metrics.table import write_table
+    from cwcli.output import check_targets
+
+    query = parse_query(expression)
+    other_system = parse_other_system_options(topic or [])
+    written = check_output_files(logs, talk, metrics=results.output, texts=(), force=results.force)
+    check_targets([], [results.clips], force=results.force)
+    bound_array_memory()
+    console = Console(quiet=talk.quiet)
+    with Progress(quiet=talk.quiet) as progress:
+        progress.begin_step("looking for logs")
+        sources = logs_to_search(logs)
+        if results.clips is not None and any(each.path == "-" for each in sources):
+            raise UsageError("--clips reads a log twice, and standard input can be read once", hint="name a file")
+        search = find_in_logs(
+            sources,
+            query,
+            limits.open_log,
+            other_system=other_system,
+            step=lambda k, name: progress.begin_step(f"searching {name} ({k + 1} of {len(sources)})"),
+        )
+        kept = search.found[: results.limit]
+        clips: dict[str, str] = {}
+        if results.clips is not None:
+            clips = write_clips(
+                kept,
+                search.paths,
+                results.clips,
+                limits.open_log,
+                margin_s=results.margin,
+                force=results.force,
+                step=lambda k, name: progress.begin_step(f"cutting {name} ({k + 1} of {len(kept)})"),
+            )
+        if results.output is not None:
+            write_table(table_of_events(kept), results.output, force=results.force)
+    if talk.json:
+        console.print_document("find", _search_as_json(search, kept, clips))
+        return
+    _print_search(console, search, kept, query.text)
+    print_written_files(console, written)
+    if clips:
+        console.print_summary(f"wrote {format_count(len(clips), 'clip')} into {shorten_and_escape(str(results.clips))}")
+
+
+def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent, ...], text: str) -> None:
+    """Print the events, the most severe first, and what could not be searched."""
+    n_logs = len(search.paths)
+    console.print_heading(
+        f"find {text}: {format_count(len(search.found), 'event')} in {format_count(n_logs, 'log')}"
+        + (f", the {len(kept)} most severe" if len(kept) < len(search.found) else "")
+    )
+    if kept:
+        rows = [
+            (
+                shorten_and_escape(PurePosixPath(each.log).name or each.log),
+                each.event,
+                each.start_s,
+                each.duration_s,
+                shorten_and_escape(" ".join(each.moment.actors)),
+                _describe_value(each),
+                each.moment.severity,
+                each.id,
+            )
+            for each in kept[:MAX_SHOWN_EVENTS]
+        ]
+        head = ("log", "event", "at [s]", "for [s]", "actors", "what", "severity", "id")
+        console.print_summary(format_table(head, rows))
+    if len(kept) > MAX_SHOWN_EVENTS:
+        console.print_note(f"{len(kept) - MAX_SHOWN_EVENTS} more events are in -o and --json")
+    for event, n in search.missing.items():
+        console.print_note(f"{event}: {format_count(n, 'log')} can't tell")
+    for name, error in search.failed:
+        console.print_note(f"{shorten_and_escape(name)} was not searched: {error.what}")
+
+
+def _describe_value(event: FoundEvent) -> str:
+    """The value of an event with its name, and further words: `headway_s 1.23, to the left`."""
+    value = "" if math.isnan(event.moment.value) else f"{event.value_name} {format_number(event.moment.value)}"
+    return shorten_and_escape(", ".join(filter(None, (value, event.moment.detail))))
+
+
+def _search_as_json(search: FleetSearch, kept: tuple[FoundEvent, ...], clips: dict[str, str]) -> dict[str, Any]:
+    """The content of `--json`."""
+    return {
+        "logs": len(search.paths),
+        "found": len(search.found),
+        "events": [
+            {
+                "id": each.id,
+                "log": each.log,
+                "event": each.event,
+                "start_ns": each.moment.start_ns,
+                "end_ns": each.moment.end_ns,
+                "start_s": each.start_s,
+                "duration_s": each.duration_s,
+                "actors": list(each.moment.actors),
+                "value": None if math.isnan(each.moment.value) else each.moment.value,
+                "value_name": each.value_name,
+                "severity": each.moment.severity,
+                "detail": each.moment.detail,
+                "clip": clips.get(each.id),
+            }
+            for each in kept
+        ],
+        "missing": dict(search.missing),
+        "failed": [{"log": name, "error": str(error)} for name, error in search.failed],
+    }

@@ -1,0 +1,39 @@
+"""Disagreements: one of two systems warns, and the other one does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.evidence import EventEvidence
+from cwcli.signals.units import NS_PER_S
+
+TOLERANCE_S = 1.0
+"""Warnings of both that are at most this far apart agree, s. Chosen by hand: a driver's reaction time."""
+USUAL_WARNING_S = 1.0
+"""A disagreement over this time has severity 1, s. Chosen by hand."""
+
+
+def find_disagreements(evidence: EventEvidence) -> Iterator[Moment]:
+    """Yield the warnings of either system that the other one does not give."""
+    own = [(each.raised_ns, each.last_ns) for each in evidence.warnings]
+    others = evidence.other_warning_spans_ns
+    assert evidence.other_system is not None  # reading its warnings requires it
+    for spans, against, words in ((own, others, "only cwcli warns"), (others, own, "only the other warns")):
+        for start_ns, end_ns in spans:
+            margin_ns = TOLERANCE_S * NS_PER_S
+            if any(start_ns - margin_ns <= last and end_ns + margin_ns >= first for first, last in against):
+                continue
+            lasted_s = (end_ns - start_ns) / NS_PER_S
+            severity = max(severity_of(lasted_s, USUAL_WARNING_S, "high"), 1.0)
+            yield Moment(start_ns, end_ns, ("ego", evidence.other_system.warning), lasted_s, severity, words)
+
+
+EVENT = EventKind(
+    summary="one of two systems warns, the other does not",
+    value_name="duration_s",
+    threshold=f"no warning of the other within {TOLERANCE_S:g} s",
+    source="chosen: a driver's reaction time",
+    needs="warnings, --topic warning=",
+    find=find_disagreements,
+)

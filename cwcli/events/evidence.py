@@ -1,0 +1,204 @@
+"""What events are found in: the states, lanes, warnings and message times of a log, each read when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.channels.binding import bind_roles
+from cwcli.channels.lanes import SIDES
+from cwcli.channels.published import EGO_STATE, LANES, WARNINGS
+from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes
+from cwcli.evaluation.system_topics import OtherSystemTopics
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+from cwcli.measures.pair import Pair
+from cwcli.pipeline.states import StatesSelection
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.leaf_fields import read_numbers
+from cwcli.signals.role import Role
+from cwcli.signals.units import NS_PER_S
+from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_tracks
+
+SENSOR_ROLES = (
+    Role.EGO_SPEED,
+    Role.EGO_HEADING,
+    Role.EGO_VELOCITY,
+    Role.EGO_STEER,
+    Role.IMU,
+    Role.CAMERA,
+    Role.DETECTIONS,
+)
+"""Roles of sensors of the ego that send without pause. Received messages are left out: other cars come and go."""
+
+
+@dataclass(frozen=True)
+class LaneDistances:
+    """The distances of the lane boundaries from the car's centre line, (n,) each.
+
+    Attributes:
+        stamp_ns: Times of the frames.
+        left_m, right_m: To the left positive; NaN where a boundary was not found.
+    """
+
+    stamp_ns: Int64Array
+    left_m: FloatArray
+    right_m: FloatArray
+
+
+class EventEvidence:
+    """What is known of a log. Only what an event asks for is read.
+
+    Args:
+        log: The log; it stays open while events are found.
+        other_system: Topics of another system in it; None: none is named.
+    """
+
+    def __init__(self, log: Log, other_system: OtherSystemTopics | None = None) -> None:
+        self.log = log
+        self.other_system = other_system
+        self._pairs: dict[str, Pair] = {}
+
+    @cached_property
+    def tracks(self) -> TracksOfLog:
+        """The states of the ego and the others in hindsight.
+
+        Raises:
+            MissingSignalError: The log holds no states of the ego.
+        """
+        selection = StatesSelection(states="hindsight")
+        bound = bind_roles(
+            self.log.channels,
+            selection.topics,
+            required=(EGO_STATE.role,),
+            optional=OTHER_VEHICLE_ROLES,
+            where=self.log.name,
+            command="find",
+        )
+        return read_tracks(self.log, bound, selection)[0]
+
+    @property
+    def stamp_ns(self) -> Int64Array:
+        """The stamps of the ego's states, (n,)."""
+        return self.tracks.ego.stamp_ns
+
+    @property
+    def ego_state(self) -> FloatArray:
+        """The ego's states, (n, 8)."""
+        return self.tracks.ego.state
+
+    @property
+    def ego_id(self) -> str:
+        """The id of the ego."""
+        return self.tracks.ego_id
+
+    def iter_pairs(self) -> Iterator[tuple[str, Pair]]:
+        """Yield id and pair of each other vehicle that comes near the ego."""
+        for other_id in self.tracks.others:
+            pair = self.pair_with_ego(other_id)
+            if len(pair.near_rows):
+                yield other_id, pair
+
+    def pair_with_ego(self, other_id: str) -> Pair:
+        """Return the pair of the ego and another vehicle."""
+        if other_id not in self._pairs:
+            self._pairs[other_id] = self.tracks.pair_with_ego(other_id)
+        return self._pairs[other_id]
+
+    @cached_property
+    def lanes(self) -> LaneDistances:
+        """The distances of the lane boundaries.
+
+        Raises:
+            MissingSignalError: The log holds no lanes.
+        """
+        self._require_topic(LANES.topic, "lane boundaries", "lanes")
+        names = [f"{side}.{name}" for side in SIDES for name in ("lateral_m", "found")]
+        columns = self.log.columns(LANES.topic, ("stamp_ns", *names))
+        stamp_ns = np.asarray(columns.fields["stamp_ns"]).astype(np.int64)
+        left_m, right_m = (
+            np.where(read_numbers(columns, f"{side}.found") > 0.0, read_numbers(columns, f"{side}.lateral_m"), np.nan)
+            for side in SIDES
+        )
+        return LaneDistances(stamp_ns, left_m, right_m)
+
+    @cached_property
+    def warnings(self) -> list[WarningEvent]:
+        """The warnings, in order of time.
+
+        Raises:
+            MissingSignalError: No warning rule has run on the log.
+        """
+        self._require_topic(WARNINGS.topic, "warnings", "warn")
+        return warning_events(read_warnings(self.log.columns(WARNINGS.topic, WARNING_EVENT_FIELDS)))
+
+    @cached_property
+    def outcomes(self) -> ActualOutcomes | None:
+        """The actual motion and the real conflicts; None where the states are missing."""
+        return find_actual_outcomes(self.log)
+
+    @cached_property
+    def other_warning_spans_ns(self) -> list[tuple[int, int]]:
+        """First and last time [ns] of each warning of the other system.
+
+        Raises:
+            UsageError: No topic of it is named.
+        """
+        from cwcli.evaluation.system.flag import read_flag_from_topic
+
+        if self.other_system is None or self.other_system.condition is None:
+            raise UsageError(
+                "disagreement needs the other system's warnings", hint="--topic warning=/adas/fcw:data==true"
+            )
+        self.other_system.require_topics_in_log(self.log)
+        return read_flag_from_topic(self.log, self.other_system.warning, self.other_system.condition).warning_spans_ns()
+
+    def message_times_ns(self, topic: str) -> Int64Array:
+        """Return the sorted log times [ns] of a topic of the file; nothing is decoded."""
+        return self.log.log_times_ns(topic).astype(np.int64)
+
+    def topics_of_roles(self, roles: tuple[Role, ...]) -> list[str]:
+        """Return the topics of the file that fill some roles."""
+        found: dict[str, None] = {}
+        for role in roles:
+            bound = bind_roles(self.log.channels, {}, required=(), optional=(role,), where=self.log.name)
+            found.update((binding.topic, None) for each in bound.by_role.values() for binding in each)
+        return list(found)
+
+    def _require_topic(self, topic: str, what: str, stage: str) -> None:
+        """Raise `MissingSignalError` if the log lacks a topic."""
+        if all(channel.topic != topic for channel in self.log.channels):
+            raise MissingSignalError(
+                f"the log holds no {what}", where=self.log.name, hint=f"run `cwcli {stage}` on it first"
+            )
+
+
+def row_spans(holds: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first and last row of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
+    return [(int(first), int(stop) - 1) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def lasting_row_spans(
+    holds: npt.NDArray[np.bool_], stamp_ns: Int64Array, *, min_s: float = 0.0, max_pause_s: float = 0.0
+) -> list[tuple[int, int]]:
+    """Return first and last row of each stretch in which a condition holds.
+
+    Args:
+        holds: Shape (n,).
+        stamp_ns: Shape (n,), increasing.
+        min_s: Shorter stretches are left out, s.
+        max_pause_s: Stretches with a shorter pause between them are one, s.
+    """
+    joined: list[tuple[int, int]] = []
+    for first, last in row_spans(holds):
+        if joined and stamp_ns[first] - stamp_ns[joined[-1][1]] <= max_pause_s * NS_PER_S:
+            joined[-1] = joined[-1][0], last
+        else:
+            joined.append((first, last))
+    return [span for span in joined if stamp_ns[span[1]] - stamp_ns[span[0]] >= min_s * NS_PER_S]

@@ -1,0 +1,132 @@
+"""Where others are relative to the way that the ego really drove: how far along it, and how far to its left.
+
+The driven way stands for the ego's lane, also in bends, and needs no map.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.events.evidence import EventEvidence
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
+
+GRID_STEP_S = 0.1
+"""Step of the times at which others are projected, s. Chosen by hand: a third of the accuracy of an event's start."""
+PATH_STEP_M = 1.0
+"""Distance of the points of the driven way, m. Chosen by hand: the way between them is straight."""
+BEHIND_M, AHEAD_M = 40.0, 100.0
+"""How far behind and ahead of the ego others are projected on its way, m. Chosen by hand."""
+MAX_RANGE_M = 120.0
+"""Others farther away than this are not projected, m. Chosen by hand."""
+MAX_BEYOND_M = 2.0
+"""How far beyond both ends of the driven way others are projected, m. Chosen by hand: nobody knows where it goes on."""
+HALF_LANE_M = 1.75
+"""Half the width of a lane that is assumed, m: lanes are 3.0 m to 3.75 m wide (RAA 2008, AASHTO)."""
+MAX_SAME_DIRECTION_RAD = 0.5
+"""Two headings that differ by less are the same direction, rad. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class OnOwnPath:
+    """Another vehicle relative to the ego's driven way, (m,) each, at a grid of times.
+
+    Attributes:
+        stamp_ns: The times.
+        ahead_m: Distance along the way from the ego's centre to the other's; NaN where it is not near, or beyond the
+            way that the log knows.
+        left_m: Distance of the other's centre to the left of the way.
+        turn_rad: Heading of the other relative to the way there, from -pi to pi.
+        passed_ns: When the ego was, or will be, at that place of its way.
+        speed_mps, ego_speed_mps: Speeds of the other and of the ego.
+        half_length_m, half_width_m: Half the sum of both lengths, and half the other's width.
+    """
+
+    stamp_ns: Int64Array
+    ahead_m: FloatArray
+    left_m: FloatArray
+    turn_rad: FloatArray
+    passed_ns: Int64Array
+    speed_mps: FloatArray
+    ego_speed_mps: FloatArray
+    half_length_m: float
+    half_width_m: float
+
+    @property
+    def is_same_direction(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Where the other drives in the direction of the way."""
+        return np.asarray(np.abs(self.turn_rad) < MAX_SAME_DIRECTION_RAD)
+
+
+def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
+    """Project another vehicle on the ego's driven way, at times `GRID_STEP_S` apart."""
+    pair = evidence.pair_with_ego(other_id)
+    rows = grid_rows(evidence.stamp_ns)
+    stamp_ns = evidence.stamp_ns[rows]
+    own, theirs = evidence.ego_state[rows], pair.other_states[rows]
+    way = DrivenWay(evidence.stamp_ns, evidence.ego_state)
+    out = np.full((3, len(rows)), np.nan)
+    passed_ns = np.zeros(len(rows), np.int64)
+    near = np.flatnonzero(pair.distance_m[rows] < MAX_RANGE_M)
+    if len(near) and len(way.along_m) > 1:
+        out[:, near], passed_ns[near] = way.project(theirs[near], way.along_at(stamp_ns[near]))
+    return OnOwnPath(
+        stamp_ns,
+        *out,
+        passed_ns,
+        theirs[:, 2],
+        own[:, 2],
+        half_length_m=0.5 * (pair.host_size[0] + pair.other_size[0]),
+        half_width_m=0.5 * pair.other_size[1],
+    )
+
+
+def grid_rows(stamp_ns: Int64Array) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+    """Return rows that are about `GRID_STEP_S` apart."""
+    if not len(stamp_ns):
+        return np.zeros(0, np.intp)
+    steps = np.arange(stamp_ns[0], stamp_ns[-1] + 1, round(GRID_STEP_S * NS_PER_S))
+    return np.unique(np.minimum(np.searchsorted(stamp_ns, steps), len(stamp_ns) - 1))
+
+
+class DrivenWay:
+    """The ego's way as points `PATH_STEP_M` apart.
+
+    Args:
+        stamp_ns, state: The ego's states, (n,) and (n, 8).
+
+    Attributes:
+        along_m: Length of the way up to each point, (p,).
+    """
+
+    def __init__(self, stamp_ns: Int64Array, state: FloatArray) -> None:
+        steps_m = np.hypot(*np.diff(state[:, :2], axis=0).T)
+        driven_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+        moving = np.concatenate([[True], np.diff(driven_m) > 1e-6])
+        self._driven_m, self._stamp_ns = driven_m, stamp_ns
+        self.along_m = np.arange(0.0, driven_m[-1] + PATH_STEP_M, PATH_STEP_M)
+        self._x_m, self._y_m = (np.interp(self.along_m, driven_m[moving], state[moving, k]) for k in (0, 1))
+        self._time_ns = np.interp(self.along_m, driven_m[moving], (stamp_ns[moving] - stamp_ns[0]).astype(float))
+        self._heading_rad = np.arctan2(np.gradient(self._y_m), np.gradient(self._x_m)) if len(self.along_m) > 1 else 0.0
+
+    def along_at(self, at_ns: Int64Array) -> FloatArray:
+        """Return how far the ego had driven at some times, m."""
+        return np.interp(at_ns, self._stamp_ns, self._driven_m)
+
+    def project(self, theirs: FloatArray, ego_along_m: FloatArray) -> tuple[FloatArray, Int64Array]:
+        """Project states (m, 4) on the way near the ego: (ahead, left, turn), (3, m), and when the ego is there."""
+        reach = np.arange(-round(BEHIND_M / PATH_STEP_M), round(AHEAD_M / PATH_STEP_M) + 1)
+        points = np.clip(np.round(ego_along_m / PATH_STEP_M).astype(int)[:, None] + reach, 0, len(self.along_m) - 1)
+        apart_m = np.hypot(self._x_m[points] - theirs[:, :1], self._y_m[points] - theirs[:, 1:2])
+        best = points[np.arange(len(points)), apart_m.argmin(axis=1)]
+        dx_m, dy_m = theirs[:, 0] - self._x_m[best], theirs[:, 1] - self._y_m[best]
+        heading_rad = np.asarray(self._heading_rad)[best]
+        cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+        beyond_m = dx_m * cosine + dy_m * sine
+        is_known = ((best > 0) & (best < len(self.along_m) - 1)) | (np.abs(beyond_m) <= MAX_BEYOND_M)
+        ahead_m = np.where(is_known, self.along_m[best] + beyond_m - ego_along_m, np.nan)
+        left_m = np.where(is_known, dy_m * cosine - dx_m * sine, np.nan)
+        turn_rad = np.angle(np.exp(1j * (theirs[:, 3] - heading_rad)))
+        passed_ns = self._stamp_ns[0] + self._time_ns[best].astype(np.int64)
+        return np.stack([ahead_m, left_m, turn_rad]), passed_ns

@@ -1,0 +1,139 @@
+"""The quantities of expressions: states of the ego and the others, measures, and fields of topics, over time."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+
+from cwcli.errors import MissingSignalError, UsageError, names_hint
+from cwcli.events.evidence import EventEvidence
+from cwcli.events.syntax import Comparison, Number, Series
+from cwcli.measures import MEASURES
+from cwcli.metrics.table import unit_of_column
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.leaf_fields import read_numbers
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import STATE_NAMES
+
+EGO_PREFIX, OTHER_PREFIX = "ego.", "other."
+"""Beginnings of the names of the states of the ego and of the other vehicle."""
+MAX_HOLD_S = 1.0
+"""The last value of a topic's field holds for so long, s. Chosen by hand."""
+
+
+@cache
+def measures_by_name() -> Mapping[str, str]:
+    """Return name in expressions -> measure: its column (`ttc_s`) and its own name (`ttc`)."""
+    names: dict[str, str] = {}
+    for name, measure in MEASURES.items():
+        if measure.is_series and not measure.is_expensive:
+            names[measure.column] = name
+            names.setdefault(name, name)
+    return names
+
+
+def check_names_and_units(comparison: Comparison) -> None:
+    """Check the names and the units of a comparison, which takes no log.
+
+    Raises:
+        UsageError: A quantity is unknown, or a unit does not fit the others.
+    """
+    units = [(operand, _unit_of(operand)) for operand in comparison.operands]
+    known = [(operand, unit) for operand, unit in units if unit is not None]
+    for (one, unit), (other, other_unit) in itertools.pairwise(known):
+        if unit != other_unit:
+            raise UsageError(f"{_describe(one, unit)} can't be compared with {_describe(other, other_unit)}")
+
+
+def _unit_of(operand: Number | Series) -> str | None:
+    """Return the unit of an operand; None where it fits any."""
+    if isinstance(operand, Number):
+        return operand.unit
+    name = operand.name
+    if name.startswith("/"):
+        return unit_of_column(name.rpartition(":")[2]) or None
+    if name.startswith((EGO_PREFIX, OTHER_PREFIX)):
+        if name.partition(".")[2] in STATE_NAMES:
+            return unit_of_column(name)
+    elif name in measures_by_name():
+        return MEASURES[measures_by_name()[name]].unit
+    known = [*(f"{prefix}{state}" for prefix in (EGO_PREFIX, OTHER_PREFIX) for state in STATE_NAMES)]
+    hint = names_hint(name, [*known, *measures_by_name()], "quantities")
+    raise UsageError(f"there is no quantity {name}", hint=hint)
+
+
+def _describe(operand: Number | Series, unit: str | None) -> str:
+    """Return an operand with its unit, for messages."""
+    if isinstance(operand, Number):
+        return f"a number in {unit}" if unit else "a plain number"
+    return f"{operand.name} in {unit}" if unit else f"{operand.name}, which has no unit,"
+
+
+def is_of_pair(operand: Number | Series) -> bool:
+    """Tell whether an operand needs another vehicle."""
+    return isinstance(operand, Series) and not operand.name.startswith((EGO_PREFIX, "/"))
+
+
+def field_of_topic(name: str) -> tuple[str, str]:
+    """Return topic and field of `/topic:field`."""
+    topic, _, field = name.rpartition(":")
+    return topic, field
+
+
+def read_field(evidence: EventEvidence, name: str) -> tuple[Int64Array, FloatArray]:
+    """Return log times [ns] and values of `/topic:field`, (n,) each.
+
+    Raises:
+        MissingSignalError: The log has no such topic, or its messages no such field with numbers.
+    """
+    topic, field = field_of_topic(name)
+    log = evidence.log
+    topics = sorted({channel.topic for channel in log.channels})
+    if topic not in topics:
+        raise MissingSignalError(f"there is no topic {topic}", where=log.name, hint=names_hint(topic, topics, "topics"))
+    columns = log.columns(topic, (field,))
+    if field not in columns.fields:
+        known = list(log.columns(topic).fields)
+        what = f"{topic} has no field {field}"
+        raise MissingSignalError(what, where=log.name, hint=names_hint(field, known, "fields"))
+    return columns.log_time_ns, read_numbers(columns, field)
+
+
+def hold_on_grid(times_ns: Int64Array, values: FloatArray, grid_ns: Int64Array) -> FloatArray:
+    """Return the last value before each time of a grid; NaN where it is older than `MAX_HOLD_S`."""
+    if not len(times_ns):
+        return np.full(len(grid_ns), np.nan)
+    rows = np.searchsorted(times_ns, grid_ns, side="right") - 1
+    is_fresh = (rows >= 0) & (grid_ns - times_ns[np.maximum(rows, 0)] <= MAX_HOLD_S * NS_PER_S)
+    return np.where(is_fresh, values[np.maximum(rows, 0)], np.nan)
+
+
+def window_values(values: FloatArray, grid_ns: Int64Array, function: str, window_s: float) -> FloatArray:
+    """Return the min, max or mean of the known values in the window that ends at each time; NaN without one."""
+    first = np.searchsorted(grid_ns, grid_ns - round(window_s * NS_PER_S), side="left")
+    known = np.isfinite(values)
+    if function == "mean":
+        sums = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
+        counts = np.concatenate([[0], np.cumsum(known)])
+        stop = np.arange(1, len(values) + 1)
+        n = counts[stop] - counts[first]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(n > 0, (sums[stop] - sums[first]) / n, np.nan)
+    sign = 1.0 if function == "min" else -1.0
+    out = np.full(len(values), np.nan)
+    queue: list[int] = []  # rows whose values increase: the first is the least of the window
+    head = 0
+    signed = sign * values
+    for row in range(len(values)):
+        if known[row]:
+            while len(queue) > head and signed[queue[-1]] >= signed[row]:
+                queue.pop()
+            queue.append(row)
+        while head < len(queue) and queue[head] < first[row]:
+            head += 1
+        if head < len(queue):
+            out[row] = values[queue[head]]
+    return out

@@ -1,0 +1,369 @@
+"""Finds events and expressions in one log."""
+
+from __future__ import annotations
+
+import hashlib
+import operator
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import MissingSignalError
+from cwcli.evaluation.system_topics import OtherSystemTopics
+from cwcli.events import EVENTS
+from cwcli.events.base import Moment, severity_of
+from cwcli.events.evidence import EventEvidence, row_spans
+from cwcli.events.quantities import (
+    EGO_PREFIX,
+    OTHER_PREFIX,
+    check_names_and_units,
+    hold_on_grid,
+    is_of_pair,
+    measures_by_name,
+    read_field,
+    window_values,
+)
+from cwcli.events.syntax import (
+    AndOr,
+    Comparison,
+    EventName,
+    Lasting,
+    Near,
+    Node,
+    Not,
+    Number,
+    Series,
+    event_names,
+    parse_expression,
+)
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+from cwcli.measures import MEASURES
+from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.pipeline.records import read_run_records
+from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import STATE_NAMES
+
+EXPRESSION_NAME = "expression"
+"""The name of the event in the results of an expression."""
+ALL_EVENTS = "all"
+"""The word for every named event but those that are parts of another one."""
+PARTS_OF_WARNING = ("warning-true", "warning-late", "warning-false", "warning-undecided")
+"""Events that `warning` finds too."""
+ID_CHARACTERS = 12
+"""Length of an id, hexadecimal digits: two of a million events are equal with a probability of 0.2 %."""
+MAX_PAUSE_S = 0.25
+"""Moments of an expression with a shorter pause are one, s. Chosen by hand: noise at a threshold."""
+
+BoolArray = npt.NDArray[np.bool_]
+_SIGNS: dict[str, Callable[[FloatArray, FloatArray], BoolArray]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+"""Comparison operator -> the function that evaluates it; NaN compares false."""
+
+
+@dataclass(frozen=True)
+class FoundEvent:
+    """An event that was found in a log.
+
+    Attributes:
+        id: The same for the same event in every run over the same log, and in a clip of it.
+        log: Name of the log.
+        event: Name of the event, or `EXPRESSION_NAME`.
+        moment: When, with whom, and how severe.
+        start_s: From the log's start, s.
+        value_name: What the value is, with its unit.
+    """
+
+    id: str
+    log: str
+    event: str
+    moment: Moment
+    start_s: float
+    value_name: str
+
+    @property
+    def duration_s(self) -> float:
+        """How long it lasted, s."""
+        return (self.moment.end_ns - self.moment.start_ns) / NS_PER_S
+
+
+@dataclass(frozen=True)
+class LogSearch:
+    """What was found in one log.
+
+    Attributes:
+        found: The events in order of time.
+        missing: Event -> why the log can't tell, for events of `all`.
+    """
+
+    found: tuple[FoundEvent, ...]
+    missing: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Query:
+    """What is looked for.
+
+    Attributes:
+        text: As it was written.
+        node: The parsed expression.
+        events: The events, if it is nothing but events; None for another expression.
+        is_all: It is the word for all events: those that a log can't tell are left out and noted.
+    """
+
+    text: str
+    node: Node
+    events: tuple[str, ...] | None
+    is_all: bool = False
+
+
+def parse_query(text: str) -> Query:
+    """Parse what is looked for.
+
+    Raises:
+        UsageError: It is no expression, a name is unknown, or a unit does not fit.
+    """
+    names = tuple(EVENTS)
+    if text.strip() == ALL_EVENTS:
+        every = tuple(name for name in names if name not in PARTS_OF_WARNING)
+        return Query(text, AndOr(tuple(map(EventName, every)), is_and=False), every, is_all=True)
+    node = parse_expression(text, names)
+    for comparison in _comparisons(node):
+        check_names_and_units(comparison)
+    return Query(text, node, event_names(node))
+
+
+def find_in_log(log: Log, query: Query, other_system: OtherSystemTopics | None = None, name: str = "") -> LogSearch:
+    """Find what is looked for in one log, on disk or in memory.
+
+    Raises:
+        MissingSignalError: The log lacks what the expression needs.
+        UsageError: It needs the topics of another system, and none is named.
+        InputError: The log is damaged.
+    """
+    evidence = EventEvidence(log, other_system)
+    key, name = _log_key(log), name or log.name
+    found: list[FoundEvent] = []
+    missing: dict[str, str] = {}
+    if query.events is None:
+        found += [_found_event(key, name, log, EXPRESSION_NAME, each, "value") for each in _evaluate(evidence, query)]
+    for event in query.events or ():
+        if query.is_all and event == "disagreement" and (other_system is None or not other_system.warning):
+            continue
+        kind = EVENTS[event]
+        try:
+            found += [_found_event(key, name, log, event, each, kind.value_name) for each in kind.find(evidence)]
+        except MissingSignalError as error:
+            if not query.is_all:
+                raise
+            missing[event] = error.what
+    return LogSearch(tuple(sorted(found, key=lambda each: (each.moment.start_ns, each.event, each.id))), missing)
+
+
+def table_of_events(found: Sequence[FoundEvent]) -> Table:
+    """Return the events as a table, one row each, in the given order."""
+    moments = [each.moment for each in found]
+    columns = {
+        "id": [each.id for each in found],
+        "log": [each.log for each in found],
+        "event": [each.event for each in found],
+        "start_ns": np.array([each.start_ns for each in moments], np.int64),
+        "end_ns": np.array([each.end_ns for each in moments], np.int64),
+        "start_s": np.array([each.start_s for each in found], float),
+        "duration_s": np.array([each.duration_s for each in found], float),
+        "actors": [" ".join(each.actors) for each in moments],
+        "value": np.array([each.value for each in moments], float),
+        "value_name": [each.value_name for each in found],
+        "severity": np.array([each.severity for each in moments], float),
+        "detail": [each.detail for each in moments],
+    }
+    docs = {
+        "id": ColumnDoc("the same for the same event in every run"),
+        "start_s": ColumnDoc("from the log's start"),
+        "value": ColumnDoc("what value_name says"),
+        "severity": ColumnDoc("how many times the value is beyond the event's threshold, at most 10"),
+    }
+    return Table("events", columns, docs)
+
+
+def _found_event(key: str, name: str, log: Log, event: str, moment: Moment, value_name: str) -> FoundEvent:
+    """Return a moment as an event of a log, with its id."""
+    text = "\0".join((key, event, str(moment.start_ns), *moment.actors, moment.detail))
+    digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:ID_CHARACTERS]
+    return FoundEvent(digest, name, event, moment, (moment.start_ns - log.start_ns) / NS_PER_S, value_name)
+
+
+def _log_key(log: Log) -> str:
+    """Return what identifies a drive: the hash of the recorded log in the records of the runs; "" without one.
+
+    A clip carries the same records, so that its events have the ids that they have in the whole log.
+    """
+    hashes = sorted({record["input_sha256"] for record in read_run_records(log).values() if "input_sha256" in record})
+    return hashes[0] if hashes else ""
+
+
+def _comparisons(node: Node) -> Iterator[Comparison]:
+    """Yield the comparisons in an expression."""
+    if isinstance(node, Comparison):
+        yield node
+    elif isinstance(node, AndOr):
+        for part in node.parts:
+            yield from _comparisons(part)
+    elif isinstance(node, Near):
+        yield from _comparisons(node.inner)
+        yield from _comparisons(node.anchor)
+    elif isinstance(node, Lasting | Not):
+        yield from _comparisons(node.inner)
+
+
+def _names_of_events(node: Node) -> Iterator[str]:
+    """Yield the events in an expression."""
+    if isinstance(node, EventName):
+        yield node.name
+    elif isinstance(node, AndOr):
+        for part in node.parts:
+            yield from _names_of_events(part)
+    elif isinstance(node, Near):
+        yield from _names_of_events(node.inner)
+        yield from _names_of_events(node.anchor)
+    elif isinstance(node, Lasting | Not):
+        yield from _names_of_events(node.inner)
+
+
+def _evaluate(evidence: EventEvidence, query: Query) -> Iterator[Moment]:
+    """Yield the moments in which an expression holds, for each other vehicle if it is about one."""
+    operands = [operand for each in _comparisons(query.node) for operand in each.operands]
+    moments = {name: list(EVENTS[name].find(evidence)) for name in set(_names_of_events(query.node))}
+    about_pairs = any(map(is_of_pair, operands))
+    is_of_fields = operands and all(isinstance(each, Number) or each.name.startswith("/") for each in operands)
+    if is_of_fields and not moments:
+        times = [read_field(evidence, each.name)[0] for each in operands if isinstance(each, Series)]
+        evaluation = _Evaluation(evidence, moments, np.unique(np.concatenate(times)), None)
+        yield from evaluation.iter_moments(query.node, ("ego",))
+        return
+    ids = [other_id for other_id, _ in evidence.iter_pairs()] if about_pairs else [None]
+    for other_id in ids:
+        actors = (evidence.ego_id,) if other_id is None else (evidence.ego_id, other_id)
+        yield from _Evaluation(evidence, moments, evidence.stamp_ns, other_id).iter_moments(query.node, actors)
+
+
+class _Evaluation:
+    """Evaluates an expression on a grid of times, with one other vehicle or none."""
+
+    def __init__(
+        self, evidence: EventEvidence, moments: dict[str, list[Moment]], grid_ns: Int64Array, other_id: str | None
+    ) -> None:
+        self._evidence, self._moments, self._grid_ns, self._other_id = evidence, moments, grid_ns, other_id
+
+    def iter_moments(self, node: Node, actors: tuple[str, ...]) -> Iterator[Moment]:
+        """Yield the moments in which the expression holds, with the extreme of its first comparison."""
+        spans: list[tuple[int, int]] = []
+        for first, last in row_spans(self._holds(node)):
+            if spans and self._grid_ns[first] - self._grid_ns[spans[-1][1]] < MAX_PAUSE_S * NS_PER_S:
+                spans[-1] = spans[-1][0], last
+            else:
+                spans.append((first, last))
+        value_of = next(_comparisons(node), None)
+        for first, last in spans:
+            value, severity = np.nan, 1.0
+            if value_of is not None:
+                value, severity = self._extreme_and_severity(value_of, slice(first, last + 1))
+            yield Moment(int(self._grid_ns[first]), int(self._grid_ns[last]), actors, value, severity)
+
+    def _extreme_and_severity(self, comparison: Comparison, rows: slice) -> tuple[float, float]:
+        """Return the value of the first quantity that is farthest beyond its constant, and by how many times."""
+        at = next(k for k, operand in enumerate(comparison.operands) if isinstance(operand, Series))
+        values = self._values(comparison.operands[at])[rows]
+        known = values[np.isfinite(values)]
+        if not len(known):
+            return np.nan, 1.0
+        sign = comparison.signs[min(at, len(comparison.signs) - 1)]
+        is_low = sign.startswith("<") == (at == 0 or len(comparison.signs) > 1)
+        value = float(known.min() if is_low else known.max())
+        limit = next((each.value for each in comparison.operands if isinstance(each, Number)), np.nan)
+        if not (np.isfinite(limit) and limit > 0.0):
+            return value, 1.0
+        return value, severity_of(value, limit, "low" if is_low else "high")
+
+    def _holds(self, node: Node) -> BoolArray:
+        """Return where a condition holds, (n,)."""
+        if isinstance(node, Comparison):
+            return self._comparison_holds(node)
+        if isinstance(node, EventName):
+            return self._event_holds(node.name)
+        if isinstance(node, Not):
+            return ~self._holds(node.inner)
+        if isinstance(node, AndOr):
+            parts = [self._holds(part) for part in node.parts]
+            return np.asarray((np.logical_and if node.is_and else np.logical_or).reduce(parts))
+        if isinstance(node, Lasting):
+            return self._lasting(self._holds(node.inner), node.min_s)
+        return self._near_anchor(node)
+
+    def _comparison_holds(self, node: Comparison) -> BoolArray:
+        holds = np.ones(len(self._grid_ns), np.bool_)
+        for sign, left, right in zip(node.signs, node.operands, node.operands[1:], strict=False):
+            one, other = self._values(left), self._values(right)
+            holds &= np.isfinite(one) & np.isfinite(other) & _SIGNS[sign](one, other)
+        return holds
+
+    def _event_holds(self, name: str) -> BoolArray:
+        """Return where an event happens, with the other vehicle if the expression is about one."""
+        holds = np.zeros(len(self._grid_ns), np.bool_)
+        for each in self._moments[name]:
+            others = [actor for actor in each.actors[1:] if actor in self._evidence.tracks.others]
+            if self._other_id is None or not others or self._other_id in others:
+                first = np.searchsorted(self._grid_ns, each.start_ns, side="left")
+                holds[first : np.searchsorted(self._grid_ns, each.end_ns, side="right")] = True
+        return holds
+
+    def _lasting(self, holds: BoolArray, min_s: float) -> BoolArray:
+        """Return the stretches that last long enough."""
+        out = np.zeros(len(holds), np.bool_)
+        for first, last in row_spans(holds):
+            out[first : last + 1] = self._grid_ns[last] - self._grid_ns[first] >= min_s * NS_PER_S
+        return out
+
+    def _near_anchor(self, node: Near) -> BoolArray:
+        """Return where a condition holds and another one holds within a time before, after or around it."""
+        anchor_ns = self._grid_ns[self._holds(node.anchor)]
+        within_ns = round(node.within_s * NS_PER_S)
+        back_ns = within_ns if node.relation in ("after", "of") else 0
+        ahead_ns = within_ns if node.relation in ("before", "of") else 0
+        first = np.searchsorted(anchor_ns, self._grid_ns - back_ns, side="left")
+        last = np.searchsorted(anchor_ns, self._grid_ns + ahead_ns, side="right")
+        return np.asarray(self._holds(node.inner) & (last > first))
+
+    def _values(self, operand: Number | Series) -> FloatArray:
+        """Return the values of an operand on the grid, (n,); NaN where it is not known."""
+        if isinstance(operand, Number):
+            return np.full(len(self._grid_ns), operand.value)
+        values = self._series(operand.name)
+        if operand.function:
+            return window_values(values, self._grid_ns, operand.function, operand.window_s)
+        return values
+
+    def _series(self, name: str) -> FloatArray:
+        """Return the values of a quantity on the grid."""
+        evidence = self._evidence
+        if name.startswith("/"):
+            return hold_on_grid(*read_field(evidence, name), self._grid_ns)
+        if name.startswith(EGO_PREFIX):
+            return np.asarray(evidence.ego_state[:, STATE_NAMES.index(name.removeprefix(EGO_PREFIX))])
+        assert self._other_id is not None  # a quantity of a pair is evaluated for each other vehicle
+        pair = evidence.pair_with_ego(self._other_id)
+        if name.startswith(OTHER_PREFIX):
+            k = STATE_NAMES.index(name.removeprefix(OTHER_PREFIX))
+            if k < 4:
+                return np.asarray(pair.other_states[:, k])
+            column = {"accel_mps2": 0, "yaw_rate_radps": 1, "jerk_mps3": 2}.get(STATE_NAMES[k])
+            return np.full(len(self._grid_ns), np.nan) if column is None else pair.other_derivatives[:, column]
+        return np.asarray(pair.evaluate_measure(MEASURES[measures_by_name()[name]]))

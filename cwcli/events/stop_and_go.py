@@ -1,0 +1,52 @@
+"""Stop-and-go: the ego stops again and again with slow driving between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.evidence import EventEvidence, lasting_row_spans
+from cwcli.signals.units import NS_PER_S
+
+STOPPED_MPS = 0.5
+"""Below this speed a car stands, m/s. Chosen by hand: above the noise of estimated speeds."""
+MIN_STOP_S = 1.0
+"""Shorter stops do not count, s. Chosen by hand."""
+MAX_BETWEEN_S = 60.0
+"""Stops that are farther apart do not belong together, s. Chosen by hand."""
+MAX_BETWEEN_MPS = 12.0
+"""Faster driving between two stops is a road with traffic lights, m/s. Chosen by hand: about 43 km/h."""
+MIN_STOPS = 2
+"""Least number of stops."""
+
+
+def find_stop_and_go(evidence: EventEvidence) -> Iterator[Moment]:
+    """Yield the stretches of stop-and-go, from the beginning of the first stop to the end of the last one."""
+    stamp_ns, speed_mps = evidence.stamp_ns, evidence.ego_state[:, 2]
+    stops = lasting_row_spans(np.abs(speed_mps) < STOPPED_MPS, stamp_ns, min_s=MIN_STOP_S, max_pause_s=0.3)
+    group: list[tuple[int, int]] = []
+    groups = [group]
+    for stop in stops:
+        if group:
+            between = slice(group[-1][1], stop[0] + 1)
+            apart_s = (stamp_ns[stop[0]] - stamp_ns[group[-1][1]]) / NS_PER_S
+            if apart_s > MAX_BETWEEN_S or speed_mps[between].max() > MAX_BETWEEN_MPS:
+                group = []
+                groups.append(group)
+        group.append(stop)
+    for each in groups:
+        if len(each) >= MIN_STOPS:
+            span = int(stamp_ns[each[0][0]]), int(stamp_ns[each[-1][1]])
+            yield Moment(*span, (evidence.ego_id,), float(len(each)), severity_of(len(each), MIN_STOPS, "high"))
+
+
+EVENT = EventKind(
+    summary="the ego stops again and again",
+    value_name="stops",
+    threshold=f"{MIN_STOPS} stops within {MAX_BETWEEN_S:g} s, slower than {MAX_BETWEEN_MPS:g} m/s between",
+    source="chosen",
+    needs="states",
+    find=find_stop_and_go,
+)

@@ -1,0 +1,68 @@
+"""Warnings of any rule, and those with each verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from cwcli.errors import MissingSignalError
+from cwcli.evaluation.conflicts import (
+    VERDICT_FALSE,
+    VERDICT_LATE,
+    VERDICT_TRUE,
+    VERDICT_UNDECIDED,
+    judge_warning,
+)
+from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.evidence import EventEvidence
+
+NO_VERDICT = "no verdict"
+"""The verdict on a warning about something without a track, such as a lane boundary."""
+
+
+def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterator[Moment]:
+    """Yield the warnings with a verdict; None: all."""
+    outcomes = evidence.outcomes
+    if verdict is not None and outcomes is None:
+        raise MissingSignalError(
+            "verdicts on warnings need the states of both", where=evidence.log.name, hint="run `cwcli run` on it first"
+        )
+    for warning in evidence.warnings:
+        kind, lead_s, closest_m = NO_VERDICT, np.nan, np.nan
+        if outcomes is not None and warning.other_id in outcomes.pairs:
+            conflicts, pair = outcomes.conflicts[warning.other_id], outcomes.pairs[warning.other_id]
+            judged = judge_warning(warning.raised_ns, warning.last_ns, conflicts, pair, outcomes.config)
+            kind, lead_s, closest_m = judged.kind, judged.lead_time_s, judged.closest_m
+        if verdict in (None, kind):
+            threshold_m = 2.5 if outcomes is None else outcomes.config.distance_m
+            severity = severity_of(closest_m, threshold_m, "low") if np.isfinite(closest_m) else 1.0
+            actors = ("ego", warning.other_id)
+            yield Moment(warning.raised_ns, warning.last_ns, actors, lead_s, severity, f"{warning.rule}: {kind}")
+
+
+def _event_of_verdict(verdict: str, summary: str) -> EventKind:
+    """Return the event of the warnings with one verdict."""
+    return EventKind(
+        summary=summary,
+        value_name="lead_time_s",
+        threshold="",
+        source="the verdicts of `cwcli evaluate`",
+        needs="warnings, states of others",
+        find=partial(find_warnings, verdict=verdict),
+    )
+
+
+EVENT = EventKind(
+    summary="a warning of any rule",
+    value_name="lead_time_s",
+    threshold="",
+    source="the rules of `cwcli warn`",
+    needs="warnings",
+    find=find_warnings,
+)
+TRUE_EVENT = _event_of_verdict(VERDICT_TRUE, "a warning before a conflict")
+LATE_EVENT = _event_of_verdict(VERDICT_LATE, "a warning during a conflict")
+FALSE_EVENT = _event_of_verdict(VERDICT_FALSE, "a warning that no conflict followed")
+UNDECIDED_EVENT = _event_of_verdict(VERDICT_UNDECIDED, "a warning after which the other was not seen for long enough")

@@ -1,0 +1,69 @@
+"""Writes a clip of each event: the part of its log around it, cut byte for byte."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from cwcli.events.search import FoundEvent
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.cut import MAX_LOG_TIME_NS, CutSpan, cut_log
+from cwcli.output import make_folder
+from cwcli.signals.units import NS_PER_S
+
+MAX_NAME_CHARACTERS = 80
+"""Longest part of a clip's name that comes from the log's name, in characters; chosen by hand."""
+
+
+def clip_file_name(event: FoundEvent) -> str:
+    """Return the file name of an event's clip: log, event and id."""
+    stem = Path(event.log.rstrip("/")).name.removesuffix(".mcap") or "log"
+    stem = re.sub(r"[^\w.-]+", "_", stem)[:MAX_NAME_CHARACTERS]
+    return f"{stem}_{event.event}_{event.id}.mcap"
+
+
+def write_clips(
+    found: Sequence[FoundEvent],
+    paths: dict[str, str],
+    folder: str | Path,
+    open_log: Callable[[str], Log],
+    *,
+    margin_s: float,
+    force: bool = False,
+    step: Callable[[int, str], None] = lambda done, name: None,
+) -> dict[str, str]:
+    """Write the clips of some events; return id of the event -> file name.
+
+    A clip that can't be written leaves those before it.
+
+    Args:
+        found: The events.
+        paths: Name of a log -> its path.
+        folder: Where the clips lie; created if it does not exist.
+        open_log: Opens a log by its path.
+        margin_s: How much of the log a clip holds before and after the event, s.
+        force: Overwrite files that exist.
+        step: Called with the number of the clip and its name before it is written.
+
+    Raises:
+        OutputError: The folder or a clip can't be written.
+        InputError: A log is damaged.
+    """
+    make_folder(folder)
+    written: dict[str, str] = {}
+    by_log: dict[str, list[FoundEvent]] = {}
+    for event in found:
+        by_log.setdefault(event.log, []).append(event)
+    margin_ns = round(margin_s * NS_PER_S)
+    for name, events in by_log.items():
+        with open_log(paths[name]) as log:
+            for event in events:
+                target = Path(folder) / clip_file_name(event)
+                step(len(written), target.name)
+                span = CutSpan(
+                    max(event.moment.start_ns - margin_ns, 0), min(event.moment.end_ns + margin_ns, MAX_LOG_TIME_NS)
+                )
+                cut_log(log, span, target, force=force)
+                written[event.id] = str(target)
+    return written

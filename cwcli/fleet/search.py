@@ -1,0 +1,128 @@
+"""Finds events in many logs: those of a run's output folder, of a folder or a pattern, or single ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from cwcli.errors import CwcliError, InputError, UsageError
+from cwcli.evaluation.system_topics import OtherSystemTopics
+from cwcli.events.search import FoundEvent, Query, find_in_log
+from cwcli.fleet.folder import MANIFEST_NAME, read_output_folder
+from cwcli.fleet.inputs import expand_sources
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+
+STDIN_ARGUMENT = "-"
+"""Name of standard input."""
+
+
+class SearchedLog(NamedTuple):
+    """A log that is searched.
+
+    Attributes:
+        name: Name to show: the id of a run's log, else the name as given.
+        path: Absolute path or URL.
+    """
+
+    name: str
+    path: str
+
+
+@dataclass(frozen=True)
+class FleetSearch:
+    """What was found in many logs.
+
+    Attributes:
+        found: The events, the most severe first.
+        paths: Name of each searched log -> its path.
+        missing: Event -> number of logs that can't tell.
+        failed: The logs that could not be searched, with the error of each.
+    """
+
+    found: tuple[FoundEvent, ...]
+    paths: dict[str, str]
+    missing: dict[str, int]
+    failed: tuple[tuple[str, CwcliError], ...]
+
+
+def logs_to_search(arguments: Sequence[str]) -> list[SearchedLog]:
+    """Return the logs that some arguments name; of a run's output folder its annotated logs.
+
+    Raises:
+        UsageError: A name is empty, or matches nothing.
+        InputError: A run holds no annotated log, or a folder can't be read.
+    """
+    found: dict[str, SearchedLog] = {}
+    for argument in arguments:
+        for each in _logs_of_argument(argument):
+            found.setdefault(each.path, each)
+    return list(found.values())
+
+
+def _logs_of_argument(argument: str) -> Iterator[SearchedLog]:
+    """Yield the logs of one argument."""
+    if argument == STDIN_ARGUMENT:
+        yield SearchedLog("<stdin>", STDIN_ARGUMENT)
+        return
+    try:
+        run = read_output_folder(Path(argument)) if argument and Path(argument).is_dir() else None
+    except ValueError as error:  # a zero byte in the name
+        raise InputError(str(error), where=argument) from error
+    if run is None:
+        for name, path in expand_sources([argument]):
+            yield SearchedLog(name, path)
+        return
+    logs = [
+        SearchedLog(log.id, str(log.folder.annotated_log_path))
+        for log in run.logs
+        if log.folder is not None and log.folder.annotated_log_path.is_file()
+    ]
+    if not logs:
+        raise InputError("the run holds no annotated log", where=f"{argument}/{MANIFEST_NAME}")
+    yield from logs
+
+
+def find_in_logs(
+    logs: Sequence[SearchedLog],
+    query: Query,
+    open_log: Callable[[str], Log],
+    *,
+    other_system: OtherSystemTopics | None = None,
+    step: Callable[[int, str], None] = lambda done, name: None,
+) -> FleetSearch:
+    """Find what is looked for in each of some logs.
+
+    A log that can't be searched is counted and does not stop the others; a single one raises its error.
+
+    Args:
+        logs: The logs.
+        query: What is looked for.
+        open_log: Opens a log by its path.
+        other_system: Topics of another system in the logs.
+        step: Called with the number of the log and its name before it is searched.
+
+    Raises:
+        CwcliError: The only log, or every log, can't be searched.
+    """
+    found: list[FoundEvent] = []
+    missing: dict[str, int] = {}
+    failed: list[tuple[str, CwcliError]] = []
+    for k, each in enumerate(logs):
+        step(k, each.name)
+        try:
+            with open_log(each.path) as log:
+                searched = find_in_log(log, query, other_system, each.name)
+        except UsageError:
+            raise
+        except CwcliError as error:
+            failed.append((each.name, error))
+            continue
+        found += searched.found
+        for event in searched.missing:
+            missing[event] = missing.get(event, 0) + 1
+    if logs and len(failed) == len(logs):
+        raise failed[0][1]
+    found.sort(key=lambda event: (-event.moment.severity, event.log, event.moment.start_ns, event.event, event.id))
+    return FleetSearch(tuple(found), {each.name: each.path for each in logs}, missing, tuple(failed))

@@ -1,0 +1,106 @@
+"""`cwcli find` on the command line: one log, a run's folder, tables, clips; what is missing; refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from mcap.reader import make_reader
+
+from cwcli.cli.main import run_command_line
+from cwcli.errors import EXIT_DONE, EXIT_MISSING_SIGNAL, EXIT_USAGE
+from tests.laws.planted_drives import planted_drive, write_drive
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cut-in, a stop-and-go, and a log that holds no states."""
+    folder = tmp_path_factory.mktemp("logs")
+    for kind in ("cut-in", "stop-and-go"):
+        write_drive(planted_drive(kind, 3), folder / f"{kind}.mcap", 3)
+    code = run_command_line(
+        ["cut", str(folder / "cut-in.mcap"), "--topics", "/gps/fix,/imu/data", "-o", str(folder / "raw.mcap"), "-q"]
+    )
+    assert code == EXIT_DONE
+    return folder
+
+
+def found(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, object]:
+    capsys.readouterr()
+    assert run_command_line(["find", *arguments, "--json"]) == EXIT_DONE
+    return dict(json.loads(capsys.readouterr().out))
+
+
+def test_events_of_a_folder_with_tables_and_clips(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, clips = tmp_path / "found.parquet", tmp_path / "clips"
+    said = found(capsys, str(folder), "cut-in or stop-and-go", "-o", str(table), "--clips", str(clips), "--margin", "5")
+    events = said["events"]
+    assert isinstance(events, list)
+    assert {each["event"] for each in events} == {"cut-in", "stop-and-go"}
+    assert [each["severity"] for each in events] == sorted((each["severity"] for each in events), reverse=True)
+    assert [each["log"].rpartition("/")[2] for each in said["failed"]] == ["raw.mcap"]  # type: ignore[attr-defined,union-attr]
+    assert pq.read_table(table).column("id").to_pylist() == [each["id"] for each in events]
+    for each in events:
+        source, clip = folder / f"{each['event']}.mcap", Path(each["clip"])
+        first_ns, last_ns = each["start_ns"] - 5 * 10**9, each["end_ns"] + 5 * 10**9
+        with source.open("rb") as whole, clip.open("rb") as part:
+            inside = {
+                (channel.topic, m.log_time, m.publish_time, m.sequence, m.data)
+                for _, channel, m in make_reader(whole).iter_messages()
+                if first_ns <= m.log_time <= last_ns
+            }
+            written = {
+                (channel.topic, m.log_time, m.publish_time, m.sequence, m.data)
+                for _, channel, m in make_reader(part, validate_crcs=True).iter_messages()
+            }
+        assert written == inside
+        again = found(capsys, str(clip), str(each["event"]))["events"]
+        assert [other["id"] for other in again] == [each["id"]]  # type: ignore[union-attr,attr-defined]
+
+
+def test_limit_keeps_the_most_severe(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "found.csv"
+    said = found(capsys, str(folder), "ego.speed_mps > 1 or ego.speed_mps < 0.5", "--limit", "2", "-o", str(target))
+    assert len(said["events"]) == 2 < said["found"]  # type: ignore[arg-type,operator]
+    with target.open() as stream:
+        assert len(list(csv.DictReader(stream))) == 2
+
+
+def test_terminal_shows_a_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command_line(["find", str(folder / "cut-in.mcap"), "all"]) == EXIT_DONE
+    said = capsys.readouterr()
+    assert "find all: 1 event in 1 log" in said.out
+    assert "lane-departure: 1 log can't tell" in said.out + said.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("raw.mcap", "cut-in"), EXIT_MISSING_SIGNAL, "no channel holds the ego state"),
+        (("cut-in.mcap", "cutin"), EXIT_USAGE, "did you mean cut-in?"),
+        (("cut-in.mcap", "disagreement"), EXIT_USAGE, "needs the other system's warnings"),
+        (("none*.mcap", "cut-in"), EXIT_USAGE, "no file matches"),
+        (("cut-in.mcap", "cut-in", "--margin", "-1"), EXIT_USAGE, "--margin"),
+        (("cut-in.mcap", "cut-in", "-o", "table.txt"), EXIT_USAGE, "Parquet or CSV"),
+    ],
+)
+def test_refusals(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    code: int,
+    words: str,
+) -> None:
+    monkeypatch.chdir(folder)
+    assert run_command_line(["find", *arguments]) == code
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_gaps_are_found_without_states(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert found(capsys, str(folder / "raw.mcap"), "sensor-gap or gnss-outage")["events"] == []

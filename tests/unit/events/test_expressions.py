@@ -1,0 +1,147 @@
+"""Expressions: what they mean at each moment, by hand; names, units and windows that make no sense are refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.channels.published import EGO_STATE
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.events.quantities import window_values
+from cwcli.events.search import find_in_log, parse_query
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.writer import LogWriter
+
+T0_NS = 1_700_000_000_000_000_000
+STEP_S = 0.1
+
+
+@pytest.fixture(scope="module")
+def ramp(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ten seconds at 10 Hz: the ego's speed is 0 to 9.9 m/s, a topic counts from 100 down."""
+    path = tmp_path_factory.mktemp("ramp") / "ramp.mcap"
+    stamp_ns = T0_NS + (np.arange(100) * STEP_S * 1e9).astype(np.int64)
+    state = np.zeros((100, 8))
+    state[:, 2] = np.arange(100) * STEP_S
+    state[:, 0] = np.cumsum(state[:, 2]) * STEP_S
+    covariance = np.broadcast_to(np.eye(8), (100, 8, 8))
+    with LogWriter(path) as log:
+        log.write_columns(
+            write_vehicle_states(EGO_STATE, VehicleStates.from_ego_states(stamp_ns, state, covariance), None)
+        )
+        channel = log.add_channel("/status", "json", log.add_schema("Status", "jsonschema", b"{}"))
+        log.write_messages(channel, stamp_ns, [json.dumps({"left": 100 - k}).encode() for k in range(100)])
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "spans"),
+    [
+        ("ego.speed_mps > 5.05", [(5.1, 9.9)]),
+        ("ego.speed_mps > 18.18 km/h", [(5.1, 9.9)]),
+        ("2 m/s <= ego.speed_mps < 3.05", [(2.0, 3.0)]),
+        ("not ego.speed_mps < 5.05", [(5.1, 9.9)]),
+        ("ego.speed_mps < 1.05 or ego.speed_mps > 8.95", [(0.0, 1.0), (9.0, 9.9)]),
+        ("ego.speed_mps > 2 and ego.speed_mps < 3.05 for 0.5 s", [(2.1, 3.0)]),
+        ("(ego.speed_mps > 2 and ego.speed_mps < 2.35) for 0.5 s", []),
+        ("min(ego.speed_mps) over 2 s > 5.05", [(7.1, 9.9)]),
+        ("max(ego.speed_mps) over 2 s > 5.05", [(5.1, 9.9)]),
+        ("mean(ego.speed_mps) over 2 s > 5.05", [(6.1, 9.9)]),
+        ("ego.speed_mps > 5.05 within 1 s after ego.speed_mps < 4.55", [(5.1, 5.5)]),
+        ("ego.speed_mps < 4.55 within 1 s before ego.speed_mps > 5.05", [(4.1, 4.5)]),
+        ("/status:left < 50", [(5.1, 9.9)]),
+        ("/status:left < 50 and ego.speed_mps < 6.05", [(5.1, 6.0)]),
+        ("ego.speed_mps > 50 km/h", []),
+    ],
+)
+def test_spans_by_hand(ramp: Path, text: str, spans: list[tuple[float, float]]) -> None:
+    with Log.open(ramp) as log:
+        found = find_in_log(log, parse_query(text)).found
+    assert [(each.start_s, each.start_s + each.duration_s) for each in found] == [pytest.approx(each) for each in spans]
+
+
+def test_value_is_the_extreme_and_severity_its_ratio(ramp: Path) -> None:
+    with Log.open(ramp) as log:
+        (found,) = find_in_log(log, parse_query("ego.speed_mps > 4.95")).found
+    assert found.moment.value == pytest.approx(9.9, abs=0.001)
+    assert found.moment.severity == pytest.approx(2.0, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("cutin", "did you mean cut-in?"),
+        ("ego.speed_kmh > 3", "did you mean ego.speed_mps?"),
+        ("tttc_s < 1", "did you mean ttc_s"),
+        ("median(ttc_s) over 3 s < 1", "mean"),
+        ("ttc_s < 3 m", "ttc_s in s can't be compared with a number in m"),
+        ("ego.speed_mps > 30 deg", "ego.speed_mps in m/s can't be compared with a number in rad"),
+        ("ego.speed_mps > ttc_s", "ego.speed_mps in m/s can't be compared with ttc_s in s"),
+        ("min(ttc_s) < 3", "expected `over` and a time"),
+        ("cut-in for 0 s", "expected a time above 0 s"),
+        ("cut-in for -3 s", "expected a time above 0 s"),
+        ("cut-in for 2 h", "expected a unit behind the time"),
+        ("cut-in for 3 m", "expected a time such as 3 s"),
+        ("cut-in for 3", "expected a unit behind the time"),
+        ("min(ttc_s) over 5000 s < 1", "up to 3600 s"),
+        ("cut-in within 2 s cut-out", "expected `after`, `before` or `of`"),
+        ("(cut-in", "expected `)`"),
+        ("3 < 4", "compares numbers only"),
+        ("", "it ends"),
+        ("ego.speed_mps > 1e999", "a number that a computer can hold"),
+        ("__import__('os')", "found `__import__"),
+        ("(" * 60 + "cut-in" + ")" * 60, "parentheses inside each other"),
+        ("cut-in or " * 400 + "cut-in", "longer than"),
+    ],
+)
+def test_nonsense_is_refused(text: str, words: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        parse_query(text)
+    assert words in f"{caught.value} {caught.value.hint}"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("/stats:left > 1", "did you mean /status?"),
+        ("/status:lef > 1", "did you mean left?"),
+        ("lane-departure", "run `cwcli lanes`"),
+        ("warning", "run `cwcli warn`"),
+    ],
+)
+def test_what_the_log_lacks_is_named(ramp: Path, text: str, words: str) -> None:
+    with Log.open(ramp) as log, pytest.raises(MissingSignalError) as caught:
+        find_in_log(log, parse_query(text))
+    assert words in f"{caught.value} {caught.value.hint}"
+
+
+@pytest.mark.parametrize("function", ["min", "max", "mean"])
+def test_windows_equal_the_plain_ones(function: str) -> None:
+    rng = np.random.default_rng(4)
+    times_ns = np.cumsum(rng.integers(1, 300_000_000, 300))
+    values = np.where(rng.random(300) < 0.2, np.nan, rng.normal(size=300))
+    plain = {"min": np.min, "max": np.max, "mean": np.mean}[function]
+    expected = []
+    for k, now in enumerate(times_ns):
+        inside = values[: k + 1][times_ns[: k + 1] >= now - 2_000_000_000]
+        known = inside[np.isfinite(inside)]
+        expected.append(plain(known) if len(known) else np.nan)
+    np.testing.assert_allclose(window_values(values, times_ns, function, 2.0), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_only_the_topics_that_are_asked_for_are_read(ramp: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: set[str] = set()
+    load = Log.load_topics
+
+    def noting(self: Log, wanted: dict[str, object], **settings: object) -> object:
+        asked.update(wanted)
+        return load(self, wanted, **settings)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Log, "load_topics", noting)
+    with Log.open(ramp) as log:
+        find_in_log(log, parse_query("/status:left < 50"))
+    assert asked == {"/status"}

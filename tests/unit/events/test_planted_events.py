@@ -1,0 +1,62 @@
+"""Planted events are found, with their start and end; nothing else is found, and nothing in quiet drives.
+
+`python -m tests.studies.planted_events` does the same on 200 drives and ten quiet hours.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cwcli.evaluation.system_topics import parse_other_system_options
+from cwcli.events import EVENTS
+from cwcli.events.search import FoundEvent, find_in_log, parse_query
+from cwcli.logs.read.reader import Log
+from tests.laws.planted_drives import PLANTS, planted_drive, quiet_drive, write_drive
+
+ATOL_S = 0.3
+"""Largest error of a start or an end, s."""
+OTHER_SYSTEM = parse_other_system_options(["warning=/adas/fcw:data==true"])
+PARTS = ("warning-true", "warning-late", "warning-undecided")
+
+
+def found_in(path: Path, text: str) -> tuple[FoundEvent, ...]:
+    with Log.open(path) as log:
+        return find_in_log(log, parse_query(text), OTHER_SYSTEM).found
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_planted_event_is_found_and_nothing_else(tmp_path: Path, kind: str) -> None:
+    drive = planted_drive(kind, seed=3)
+    path = write_drive(drive, tmp_path / "drive.mcap", seed=3)
+    found = found_in(path, "all")
+    for event, (start_s, end_s) in drive.truth.items():
+        (hit,) = [
+            each for each in (found if event != "warning-false" else found_in(path, event)) if each.event == event
+        ]
+        assert hit.start_s == pytest.approx(start_s, abs=ATOL_S)
+        assert hit.start_s + hit.duration_s == pytest.approx(end_s, abs=ATOL_S)
+        assert 0.0 < hit.moment.severity <= 10.0
+    assert {each.event for each in found} - set(drive.truth) <= drive.implied
+
+
+def test_every_event_is_planted_somewhere() -> None:
+    assert {*PLANTS, "warning-false", *PARTS} == set(EVENTS)
+
+
+def test_quiet_drive_holds_nothing(tmp_path: Path) -> None:
+    for seed in (1, 2):
+        path = write_drive(quiet_drive(np.random.default_rng(seed), 120.0), tmp_path / f"{seed}.mcap", seed)
+        assert found_in(path, "all") == ()
+
+
+def test_clip_holds_the_event_with_its_id(tmp_path: Path) -> None:
+    from cwcli.fleet.clips import write_clips
+
+    path = write_drive(planted_drive("cut-in", seed=3), tmp_path / "drive.mcap", seed=3)
+    (hit,) = found_in(path, "cut-in")
+    written = write_clips([hit], {hit.log: str(path)}, tmp_path / "clips", Log.open, margin_s=5.0)
+    (again,) = found_in(Path(written[hit.id]), "cut-in")
+    assert (again.id, again.moment.start_ns, again.moment.end_ns) == (hit.id, hit.moment.start_ns, hit.moment.end_ns)
