@@ -132,11 +132,11 @@ def found_in(path: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("text", "n_problems"),
     [
-        ("`cwcli info LOG --fields TOPIC` lists them", 2),  # no option of info, nor of any other command
+        ("`cwcli info LOG --columns TOPIC` lists them", 2),  # no option of info, nor of any other command
         ("`cwcli info LOG --horizon 2`", 1),  # an option of another command
         ("`cwcli list drive.mcap`", 1),
         ("    cwcli info drive.mcap\n    cwcli estimte drive.mcap | cwcli predct - -o x.mcap\n", 2),
-        ("a flag `--fields` on its own", 1),
+        ("a flag `--columns` on its own", 1),
         ("cwcli info -x drive.mcap", 1),
         ("cwcli warns of collisions, cwcli 0.1.0 and `cwcli.errors` as `cwcli info --doctor -q` says", 0),
         ("`cwcli run --estimate-model song2016 --stage lanes,observe`, `--no-tune`", 0),

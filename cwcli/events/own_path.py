@@ -71,12 +71,15 @@ def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
     near = np.flatnonzero(pair.distance_m[rows] < MAX_RANGE_M)
     if len(near) and len(way.along_m) > 1:
         out[:, near], passed_ns[near] = way.project(theirs[near], way.along_at(stamp_ns[near]))
+    ahead_m, left_m, turn_rad = out
     return OnOwnPath(
         stamp_ns,
-        *out,
+        ahead_m,
+        left_m,
+        turn_rad,
         passed_ns,
-        theirs[:, 2],
-        own[:, 2],
+        speed_mps=theirs[:, 2],
+        ego_speed_mps=own[:, 2],
         half_length_m=0.5 * (pair.host_size[0] + pair.other_size[0]),
         half_width_m=0.5 * pair.other_size[1],
     )
@@ -112,7 +115,7 @@ class DrivenWay:
 
     def along_at(self, at_ns: Int64Array) -> FloatArray:
         """Return how far the ego had driven at some times, m."""
-        return np.interp(at_ns, self._stamp_ns, self._driven_m)
+        return np.asarray(np.interp(at_ns, self._stamp_ns, self._driven_m))
 
     def project(self, theirs: FloatArray, ego_along_m: FloatArray) -> tuple[FloatArray, Int64Array]:
         """Project states (m, 4) on the way near the ego: (ahead, left, turn), (3, m), and when the ego is there."""

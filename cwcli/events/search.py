@@ -40,7 +40,7 @@ from cwcli.events.syntax import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
-from cwcli.metrics.table import ColumnDoc, Table
+from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.records import read_run_records
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -171,7 +171,7 @@ def find_in_log(log: Log, query: Query, other_system: OtherSystemTopics | None =
 def table_of_events(found: Sequence[FoundEvent]) -> Table:
     """Return the events as a table, one row each, in the given order."""
     moments = [each.moment for each in found]
-    columns = {
+    columns: dict[str, TableColumn] = {
         "id": [each.id for each in found],
         "log": [each.log for each in found],
         "event": [each.event for each in found],

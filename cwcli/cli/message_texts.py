@@ -1,0 +1,122 @@
+"""The sentences of `cwcli compare --messages`: what differs, since when, and what was changed."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from cwcli.cli.text import finite_or_none, format_count, format_number, shorten_and_escape
+
+if TYPE_CHECKING:
+    from cwcli.evaluation.message_changes import ChannelChange, LogDifference, SettingChange, WarningChange
+    from cwcli.fleet.message_changes import RunDifference
+
+MAX_VALUE_CHARS = 60
+"""Longest value, in characters, that a sentence shows; chosen by hand."""
+MAX_LINES_PER_KIND = 10
+"""Settings, warnings and further channels of a log that are listed; chosen by hand."""
+MAX_LOGS = 20
+"""Logs that are listed; chosen by hand, the others are in --json."""
+
+
+def is_identical(messages: RunDifference) -> bool:
+    """Whether every message, setting and warning of all logs is the same."""
+    return not (messages.differing or messages.unread)
+
+
+def describe_identical(messages: RunDifference) -> str:
+    """The one line about two runs without a difference."""
+    return f"identical: every message and every setting of {format_count(messages.n_logs, 'log')} is the same"
+
+
+def describe_differences(messages: RunDifference) -> list[str]:
+    """The lines about what differs, log by log."""
+    lines = [f"messages: {len(messages.differing)} of {format_count(messages.n_logs, 'log')} differ"]
+    for name, found in list(messages.differing.items())[:MAX_LOGS]:
+        lines.append(shorten_and_escape(name))
+        lines += [f"  {line}" for line in _lines_of_log(found)]
+    if len(messages.differing) > MAX_LOGS:
+        lines.append(f"{len(messages.differing) - MAX_LOGS} more logs differ (--json lists them)")
+    lines += [f"{shorten_and_escape(name)} was not compared: {why}" for name, why in messages.unread.items()]
+    return lines
+
+
+def _lines_of_log(found: LogDifference) -> list[str]:
+    """The lines about one log: the settings, the first channel, the warnings, the other channels."""
+    lines = _first_lines([f"changed: {_describe_setting(each)}" for each in found.settings])
+    if found.channels:
+        lines.append(f"first difference: {_describe_channel(found.channels[0], found)}")
+    elif found.settings:
+        lines.append("no message differs")
+    lines += _first_lines([_describe_warning(each, found) for each in found.warnings])
+    return lines + _first_lines([f"then: {_describe_channel(each, found)}" for each in found.channels[1:]])
+
+
+def _first_lines(lines: list[str]) -> list[str]:
+    """The first lines, and how many more there are."""
+    rest = len(lines) - MAX_LINES_PER_KIND
+    return [*lines[:MAX_LINES_PER_KIND], *([f"and {rest} more (--json lists them)"] if rest > 0 else [])]
+
+
+def _describe_setting(change: SettingChange) -> str:
+    values = [shorten_and_escape(each, MAX_VALUE_CHARS) or "nothing" for each in (change.before, change.after)]
+    return f"{change.stage}: {shorten_and_escape(change.name)} was {values[0]}, is {values[1]}"
+
+
+def _describe_channel(change: ChannelChange, found: LogDifference) -> str:
+    at = f"{shorten_and_escape(change.topic)} at {found.seconds_since_start(change.at_ns):.3f} s"
+    values = [shorten_and_escape(each, MAX_VALUE_CHARS) or "nothing" for each in (change.before, change.after)]
+    what = f" {shorten_and_escape(change.field)}" if change.field else ""
+    largest = "" if math.isnan(change.largest) else f", at most {format_number(change.largest)} apart"
+    count = f"{change.n_different} of {format_count(change.n_messages, 'message')} differ"
+    return f"{at}:{what} was {values[0]}, is {values[1]} ({count}{largest})"
+
+
+def _describe_warning(change: WarningChange, found: LogDifference) -> str:
+    of = f"{shorten_and_escape(change.rule)} about {shorten_and_escape(change.other_id)}"
+    at_s = found.seconds_since_start(change.raised_ns)
+    if change.kind != "moved":
+        return f"warning {change.kind}: {of} at {at_s:.3f} s"
+    return f"warning moved: {of} to {at_s:.3f} s, by {change.moved_s:+.3f} s"
+
+
+def differences_as_json(messages: RunDifference) -> dict[str, Any]:
+    """The differences for `--json`."""
+    return {
+        "logs": messages.n_logs,
+        "identical": is_identical(messages),
+        "unread": dict(messages.unread),
+        "differing": [
+            {
+                "log": name,
+                "settings": [
+                    {"stage": each.stage, "name": each.name, "before": each.before, "after": each.after}
+                    for each in found.settings
+                ],
+                "channels": [
+                    {
+                        "topic": each.topic,
+                        "field": each.field,
+                        "at_ns": each.at_ns,
+                        "before": each.before,
+                        "after": each.after,
+                        "different": each.n_different,
+                        "messages": each.n_messages,
+                        "largest": finite_or_none(each.largest),
+                    }
+                    for each in found.channels
+                ],
+                "warnings": [
+                    {
+                        "change": each.kind,
+                        "rule": each.rule,
+                        "other_id": each.other_id,
+                        "raised_ns": each.raised_ns,
+                        "moved_s": finite_or_none(each.moved_s),
+                    }
+                    for each in found.warnings
+                ],
+            }
+            for name, found in messages.differing.items()
+        ],
+    }

@@ -1,0 +1,340 @@
+"""What a change did to a log, message by message: the first channel that differs, the warnings, and what was changed.
+
+Two annotated logs of one drive are compared: the recorded channels first, then those of the stages in the order in
+which the stages run, so that the first channel that differs is nearest to the cause. Messages are paired by their log
+time and their place among those of the same time. The records of the runs say which version, option or constant
+changed. Messages are decoded only where their checksums differ, and camera frames never.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.channels.published import OWN_TOPIC_PREFIX, WARNINGS, published_topics
+from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.frames import IMAGE_SCHEMAS
+from cwcli.logs.read.message_checksums import read_message_checksums
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import read_configuration, read_run_records
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings
+from cwcli.signals.inputs import normalise_schema_name
+from cwcli.signals.units import NS_PER_S
+
+SAME_WARNING_S = 3.0
+"""Warnings of one rule about one vehicle that were raised so near each other are the same one, s. Chosen by hand:
+the hold-off of the rules is 1 s."""
+SELECTION_KEYS = ("topics",)
+"""Entries of a configuration that are compared as a whole."""
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class SettingChange:
+    """A setting of a stage that differs between two runs.
+
+    Attributes:
+        stage: The stage.
+        name: `version`, or the dotted name in its configuration: `estimator.gate_probability`.
+        before, after: Its values as JSON; "" where a run has none.
+    """
+
+    stage: str
+    name: str
+    before: str
+    after: str
+
+
+@dataclass(frozen=True)
+class ChannelChange:
+    """A channel whose messages differ.
+
+    Attributes:
+        topic: The channel.
+        field: The first field that differs, "" where a message is missing or added.
+        at_ns: Log time of the first message that differs.
+        before, after: The values there; "" where there is no message.
+        n_different: Number of messages that differ, or are in one run only.
+        n_messages: Number of messages in the earlier run.
+        largest: The largest difference of that field, in its unit; NaN where it holds no numbers.
+    """
+
+    topic: str
+    field: str
+    at_ns: int
+    before: str
+    after: str
+    n_different: int
+    n_messages: int
+    largest: float
+
+
+@dataclass(frozen=True)
+class WarningChange:
+    """A warning that appeared, vanished or moved.
+
+    Attributes:
+        kind: "appeared", "vanished" or "moved".
+        rule, other_id: Its rule and the other vehicle.
+        raised_ns: When it was raised, in the later run unless it vanished.
+        moved_s: How much later it was raised than before, s; NaN where it appeared or vanished.
+    """
+
+    kind: str
+    rule: str
+    other_id: str
+    raised_ns: int
+    moved_s: float
+
+
+@dataclass(frozen=True)
+class LogDifference:
+    """What differs between two annotated logs of one drive.
+
+    Attributes:
+        settings: The settings that differ, in the order of the stages.
+        channels: The channels that differ, recorded ones first, then in the order of the stages.
+        warnings: The warnings that differ, in order of time.
+        start_ns: First log time of the earlier run, from which times are counted.
+        n_channels: Number of channels that were compared.
+    """
+
+    settings: tuple[SettingChange, ...]
+    channels: tuple[ChannelChange, ...]
+    warnings: tuple[WarningChange, ...]
+    start_ns: int
+    n_channels: int
+
+    @property
+    def is_identical(self) -> bool:
+        """Whether nothing differs."""
+        return not (self.settings or self.channels or self.warnings)
+
+    def seconds_since_start(self, stamp_ns: int) -> float:
+        """Return the seconds from the log's start to a time."""
+        return (stamp_ns - self.start_ns) / NS_PER_S
+
+
+def compare_messages(before: Log, after: Log, tolerances: Mapping[str, float] | None = None) -> LogDifference:
+    """Compare two annotated logs of one drive, message by message.
+
+    Args:
+        before, after: The logs of the earlier and of the later run.
+        tolerances: Field name -> difference up to which its values count as equal.
+
+    Raises:
+        InputError: A log is damaged, or a channel can't be decoded.
+    """
+    topics = _topics_in_order(before, after)
+    changes = [_compare_topic(before, after, topic, tolerances or {}) for topic in topics]
+    return LogDifference(
+        tuple(_compare_settings(before, after)),
+        tuple(change for change in changes if change is not None),
+        tuple(_compare_warnings(before, after)),
+        before.start_ns,
+        len(topics),
+    )
+
+
+def _topics_in_order(before: Log, after: Log) -> list[str]:
+    """Return the topics of both logs: recorded ones, then cwcli's in the order of the stages."""
+    found = dict.fromkeys(channel.topic for log in (before, after) for channel in log.channels)
+    own = [topic for topic in published_topics() if topic in found]
+    recorded = [topic for topic in found if not topic.startswith(OWN_TOPIC_PREFIX)]
+    return [*recorded, *own, *(topic for topic in found if topic not in own and topic not in recorded)]
+
+
+def _compare_topic(before: Log, after: Log, topic: str, tolerances: Mapping[str, float]) -> ChannelChange | None:
+    """Compare the messages of one topic; None if they are equal within the tolerances."""
+    checksums = [read_message_checksums(log, topic) for log in (before, after)]
+    if all(np.array_equal(*each) for each in zip(*checksums, strict=True)):
+        return None
+    rows, other_rows, lonely = _pair_messages(checksums[0][0], checksums[1][0])
+    schemas = {channel.schema_name for log in (before, after) for channel in log.channels if channel.topic == topic}
+    if not len(rows) or any(normalise_schema_name(name) in IMAGE_SCHEMAS for name in schemas):
+        return _compare_undecoded(topic, checksums, rows, other_rows, lonely)
+    early, late = before.columns(topic), after.columns(topic)
+    n_before = len(early)
+    if len(early) != len(checksums[0][0]) or len(late) != len(checksums[1][0]):  # some can't be decoded
+        return _compare_undecoded(topic, checksums, rows, other_rows, lonely)
+    first: tuple[int, str, int] | None = None
+    differs = np.zeros(len(rows), np.bool_)
+    for name in dict.fromkeys((*early.fields, *late.fields)):
+        mask = _field_differs(early, late, name, rows, other_rows, tolerances)
+        differs |= mask
+        if mask.any():
+            row = int(np.argmax(mask))
+            at_ns = int(early.log_time_ns[rows[row]])
+            if first is None or at_ns < first[0]:
+                first = at_ns, name, row
+    n_different = int(np.count_nonzero(differs)) + len(lonely)
+    if lonely and (first is None or lonely[0][0] <= first[0]):
+        at_ns, is_before = lonely[0]
+        words = ("a message", "") if is_before else ("", "a message")
+        return ChannelChange(topic, "", at_ns, *words, n_different, n_before, math.nan)
+    if first is None:
+        return None
+    at_ns, name, row = first
+    values = _value_text(early.fields.get(name), int(rows[row])), _value_text(late.fields.get(name), other_rows[row])
+    largest = _largest_difference(early.fields.get(name), late.fields.get(name), rows, other_rows)
+    return ChannelChange(topic, name, at_ns, *values, n_different, n_before, largest)
+
+
+def _compare_undecoded(
+    topic: str,
+    checksums: Sequence[tuple[Int64Array, npt.NDArray[np.uint32]]],
+    rows: npt.NDArray[np.intp],
+    other_rows: npt.NDArray[np.intp],
+    lonely: Sequence[tuple[int, bool]],
+) -> ChannelChange:
+    """Compare messages that are not decoded by their checksums; one differs."""
+    (early_ns, early), (_, late) = checksums
+    differs = np.flatnonzero(early[rows] != late[other_rows])
+    n_different = len(differs) + len(lonely)
+    first_ns = int(early_ns[rows[differs[0]]]) if len(differs) else None
+    if lonely and (first_ns is None or lonely[0][0] <= first_ns):
+        words = ("a message", "") if lonely[0][1] else ("", "a message")
+        return ChannelChange(topic, "", lonely[0][0], *words, n_different, len(early), math.nan)
+    assert first_ns is not None  # a message differs
+    return ChannelChange(topic, "", first_ns, "bytes", "other bytes", n_different, len(early), math.nan)
+
+
+def _pair_messages(
+    early_ns: Int64Array, late_ns: Int64Array
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], list[tuple[int, bool]]]:
+    """Pair messages by log time and place among those of that time.
+
+    Returns:
+        Rows of the pairs in both, and the others: log time, and whether they are in the earlier run; in order of time.
+    """
+    keys = [np.stack([each, _place_among_equal(each)], axis=1) for each in (early_ns, late_ns)]
+    places = [{(int(time), int(place)): row for row, (time, place) in enumerate(each.tolist())} for each in keys]
+    shared = [key for key in places[0] if key in places[1]]
+    rows = np.array([places[0][key] for key in shared], np.intp)
+    others = np.array([places[1][key] for key in shared], np.intp)
+    lonely = [(key[0], True) for key in places[0] if key not in places[1]]
+    lonely += [(key[0], False) for key in places[1] if key not in places[0]]
+    return rows, others, sorted(lonely)
+
+
+def _place_among_equal(times_ns: Int64Array) -> Int64Array:
+    """Return the number of equal times before each one, which are neighbours."""
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(times_ns) != 0]))
+    return np.arange(len(times_ns)) - np.repeat(starts, np.diff(np.append(starts, len(times_ns))))
+
+
+def _field_differs(
+    early: Columns,
+    late: Columns,
+    name: str,
+    rows: npt.NDArray[np.intp],
+    other_rows: npt.NDArray[np.intp],
+    tolerances: Mapping[str, float],
+) -> BoolArray:
+    """Return which pairs of messages differ in a field."""
+    one, other = early.fields.get(name), late.fields.get(name)
+    if one is None or other is None:
+        return np.ones(len(rows), np.bool_)
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and one.shape[1:] == other.shape[1:]:
+        left, right = one[rows], other[other_rows]
+        if left.dtype.kind in "iub" and right.dtype.kind in "iub" and name not in tolerances:
+            apart = np.asarray(left != right)
+        else:
+            apart = _numbers_differ(left.astype(float), right.astype(float), tolerances.get(name, 0.0))
+        return np.asarray(apart.reshape(len(rows), -1).any(axis=1)) if len(rows) else np.zeros(0, np.bool_)
+    if isinstance(one, Strings) and isinstance(other, Strings):
+        values: dict[str | None, int] = {None: -1}
+        codes = [
+            np.array([values.setdefault(text, len(values)) for text in each.values] + [-1]) for each in (one, other)
+        ]
+        return np.asarray(codes[0][one.codes[rows]] != codes[1][other.codes[other_rows]])
+    texts = [[_value_text(each, int(row)) for row in those] for each, those in ((one, rows), (other, other_rows))]
+    return np.array([left != right for left, right in zip(*texts, strict=True)], np.bool_)
+
+
+def _numbers_differ(left: FloatArray, right: FloatArray, tolerance: float) -> BoolArray:
+    """Return where numbers differ by more than a tolerance; NaN equals NaN."""
+    with np.errstate(invalid="ignore"):
+        is_equal = (np.abs(left - right) <= tolerance) | (left == right)
+    return np.asarray(~is_equal & ~(np.isnan(left) & np.isnan(right)))
+
+
+def _value_text(values: Field | None, row: int) -> str:
+    """Return the value of a message as text, "" where there is none."""
+    if values is None:
+        return ""
+    if isinstance(values, Strings):
+        code = int(values.codes[row])
+        return values.values[code] if code >= 0 else ""
+    if isinstance(values, Ragged):
+        return json.dumps(values.values[values.offsets[row] : values.offsets[row + 1]].tolist())
+    return json.dumps(values[row].tolist())
+
+
+def _largest_difference(
+    one: Field | None, other: Field | None, rows: npt.NDArray[np.intp], other_rows: npt.NDArray[np.intp]
+) -> float:
+    """Return the largest difference of a field of numbers; NaN for another one."""
+    if not (isinstance(one, np.ndarray) and isinstance(other, np.ndarray)) or one.shape[1:] != other.shape[1:]:
+        return math.nan
+    apart = np.abs(one[rows].astype(float) - other[other_rows].astype(float))
+    known = apart[np.isfinite(apart)]
+    return float(known.max()) if len(known) else math.nan
+
+
+def _compare_settings(before: Log, after: Log) -> Iterator[SettingChange]:
+    """Yield the settings that differ, stage by stage."""
+    early, late = read_run_records(before), read_run_records(after)
+    for stage in dict.fromkeys((*early, *late)):
+        settings = [
+            {"version": json.dumps(record.get("version", "")), **_flatten(read_configuration(record))} if record else {}
+            for record in (early.get(stage, {}), late.get(stage, {}))
+        ]
+        for name in dict.fromkeys((*settings[0], *settings[1])):
+            values = [each.get(name, "") for each in settings]
+            if values[0] != values[1]:
+                yield SettingChange(stage, name, *values)
+
+
+def _flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """Return dotted name -> value as JSON of the entries of nested objects."""
+    found: dict[str, str] = {}
+    for name, value in values.items():
+        if isinstance(value, dict) and value and name not in SELECTION_KEYS:
+            found |= _flatten(value, f"{prefix}{name}.")
+        else:
+            found[f"{prefix}{name}"] = json.dumps(value, sort_keys=True)
+    return found
+
+
+def _compare_warnings(before: Log, after: Log) -> list[WarningChange]:
+    """Return the warnings that appeared, vanished or moved, in order of time."""
+    early, late = _read_events(before), _read_events(after)
+    left = list(late)
+    changes = []
+    for event in early:
+        same = [each for each in left if (each.rule, each.other_id) == (event.rule, event.other_id)]
+        near = min(same, key=lambda each: abs(each.raised_ns - event.raised_ns), default=None)
+        if near is None or abs(near.raised_ns - event.raised_ns) > SAME_WARNING_S * NS_PER_S:
+            changes.append(WarningChange("vanished", event.rule, event.other_id, event.raised_ns, math.nan))
+            continue
+        left.remove(near)
+        if near.raised_ns != event.raised_ns:
+            moved_s = (near.raised_ns - event.raised_ns) / NS_PER_S
+            changes.append(WarningChange("moved", event.rule, event.other_id, near.raised_ns, moved_s))
+    changes += [WarningChange("appeared", each.rule, each.other_id, each.raised_ns, math.nan) for each in left]
+    return sorted(changes, key=lambda change: change.raised_ns)
+
+
+def _read_events(log: Log) -> Sequence[WarningEvent]:
+    """Return the warnings of a log; none where no rule has run."""
+    if all(channel.topic != WARNINGS.topic for channel in log.channels):
+        return ()
+    return warning_events(read_warnings(log.columns(WARNINGS.topic, WARNING_EVENT_FIELDS)))

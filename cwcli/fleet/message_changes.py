@@ -1,0 +1,73 @@
+"""Compares the annotated logs of two runs, message by message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import PurePosixPath
+
+from cwcli.errors import CwcliError, UsageError
+from cwcli.evaluation.message_changes import LogDifference, compare_messages
+from cwcli.fleet.search import SearchedLog, logs_to_search
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+
+
+@dataclass(frozen=True)
+class RunDifference:
+    """What differs between the messages of two runs.
+
+    Attributes:
+        differing: Id of a log -> what differs, for the logs that differ.
+        n_logs: Number of logs that were compared.
+        unread: Ids of the logs that could not be read, with the reason.
+    """
+
+    differing: Mapping[str, LogDifference]
+    n_logs: int
+    unread: Mapping[str, str]
+
+
+def compare_messages_of_runs(
+    baseline: str, candidate: str, tolerances: Mapping[str, float], step: Callable[[str], None]
+) -> RunDifference:
+    """Compare the logs of two runs; logs are paired by their id, two single logs always.
+
+    Args:
+        baseline, candidate: Annotated logs, folders of them, or the output folders of runs.
+        tolerances: Field name -> difference up to which its values count as equal.
+        step: Called with a text for each log.
+
+    Raises:
+        UsageError: A run is a table or standard input, or no log is in both runs.
+        InputError: A folder can't be read.
+    """
+    runs = []
+    for source in (baseline, candidate):
+        if source == "-" or source.lower().endswith(".parquet"):
+            raise UsageError("--messages compares annotated logs", where=source, hint="name a log or a run's folder")
+        runs.append(logs_to_search([source]))
+    pairs = _pair_logs(*runs)
+    if not pairs:
+        raise UsageError(f"{baseline} and {candidate} have no log in common, so nothing can be compared")
+    differing: dict[str, LogDifference] = {}
+    unread: dict[str, str] = {}
+    for name, early, late in pairs:
+        step(f"comparing the messages of {name}")
+        try:
+            with Log.open(early) as before, Log.open(late) as after:
+                found = compare_messages(before, after, tolerances)
+        except CwcliError as error:
+            unread[name] = str(error)
+            continue
+        if not found.is_identical:
+            differing[name] = found
+    return RunDifference(differing, len(pairs) - len(unread), unread)
+
+
+def _pair_logs(early: list[SearchedLog], late: list[SearchedLog]) -> list[tuple[str, str, str]]:
+    """Return name and both paths of each log that is in both runs."""
+    if len(early) == len(late) == 1:
+        return [(PurePosixPath(late[0].name).name, early[0].path, late[0].path)]
+    known = {PurePosixPath(each.name).name: each.path for each in early}
+    names = [(PurePosixPath(each.name).name, each.path) for each in late]
+    return [(name, known[name], path) for name, path in names if name in known]
