@@ -30,6 +30,8 @@ def find_overtaking(evidence: EventEvidence) -> Iterator[Moment]:
                 continue
             widths_m = 0.5 * pair.host_size[1] + seen.half_width_m
             side_m = float(np.abs(seen.left_m[first : last + 1]).min() - widths_m)
+            if side_m <= 0.0:
+                continue  # the outlines overlap: the states say that the ego drove through it
             span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
             severity = severity_of(side_m, NEAR_SIDE_M, "low")
             yield Moment(*span, (evidence.ego_id, other_id), side_m, severity)

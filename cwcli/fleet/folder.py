@@ -38,6 +38,8 @@ MANIFEST_NAME, RUN_TIMES_NAME, ENTRY_NAME, ANNOTATED_LOG_NAME = (
     "annotated.mcap",
 )
 """Names of the files in the output folder."""
+SHARD_KEY = "shard"
+"""Key of the manifest with the number of the shard and of all shards; a whole run has none."""
 NOT_DONE_TEXT = "it was not processed"
 """Error text of a log that has no entry."""
 OTHER_FORMAT_HINT = "use the version of cwcli that wrote it, or do the run again into a new folder"
@@ -82,15 +84,16 @@ class LogFolder:
 
     def read_entry(self) -> Document | None:
         """Read the log's entry; None if there is none or it can't be read."""
-        return read_json_object(self._entry_path)
+        return read_json_object(self.entry_path)
 
     @property
-    def _entry_path(self) -> Path:
+    def entry_path(self) -> Path:
+        """Path of the log's entry."""
         return self.out / LOGS_FOLDER / self.id / ENTRY_NAME
 
     def note_entry_as_input(self) -> None:
         """Register the entry as an input of this run, so that no output overwrites it."""
-        note_input(self._entry_path)
+        note_input(self.entry_path)
 
     def is_done(self, entry: Document | None, key: str) -> bool:
         """Whether the log was done with this key and all its files still have their sizes."""
@@ -102,7 +105,7 @@ class LogFolder:
         """Write the log's entry with the names and sizes of its files; returns the whole entry."""
         paths = sorted(path.relative_to(self.out).as_posix() for path in outputs)
         whole = {**entry, "outputs": paths, "bytes": self._file_sizes(paths)}
-        write_json_object(whole, self._entry_path)
+        write_json_object(whole, self.entry_path)
         return whole
 
     def remove_all_files(self) -> None:
@@ -112,7 +115,7 @@ class LogFolder:
             OutputError: Something can't be removed.
         """
         with suppress(FileNotFoundError):  # first, so that a half-removed log does not look done
-            self._entry_path.unlink()
+            self.entry_path.unlink()
         parts = [self.out / LOGS_FOLDER / self.id, self._partition_path(METRICS_FOLDER)]
         for kind in (DETAILS_FOLDER, TABLES_FOLDER):
             if (self.out / kind).is_dir():

@@ -11,6 +11,7 @@ from typing import Any
 
 from cwcli import __version__
 from cwcli.fleet.input_states import FileState
+from cwcli.fleet.shard import Shard
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.source import MAX_PIPE_BYTES
@@ -30,6 +31,7 @@ class FleetPlan:
         replace: Leave channels of an earlier run out of the annotated log.
         tables: Write the channels' columns too.
         channels: Patterns of the new channels that are written into the annotated logs; empty for all.
+        shard: The part of the logs that this run does; None: all.
         rehash: Hash every log again, also where the state of its file says that it has not changed.
     """
 
@@ -48,6 +50,7 @@ class FleetPlan:
     tables: bool = False
     channels: tuple[str, ...] = ()
     rehash: bool = False
+    shard: Shard | None = None
 
     def stage_calls(self) -> dict[str, StageCall]:
         """Stage calls by name, in order."""
@@ -56,12 +59,12 @@ class FleetPlan:
     def cache_key(self, input_sha256: str) -> str:
         """Hash of version, input and options; an equal key means equal results.
 
-        `max_pipe_bytes` and `rehash` are no part of it, nor, without `--recover`, `max_ratio`: a log that was read
-        within one bound gives the same results within another.
+        `max_pipe_bytes`, `rehash` and `shard` are no part of it, nor, without `--recover`, `max_ratio`: a log that was
+        read within one bound gives the same results within another.
         """
         settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         settings["stages"] = [[call.stage.name, dataclasses.asdict(call.config)] for call in self.stages]
-        del settings["pipeline"], settings["max_pipe_bytes"], settings["rehash"]
+        del settings["pipeline"], settings["max_pipe_bytes"], settings["rehash"], settings["shard"]
         if not self.recover:
             del settings["max_ratio"]
         basis = json.dumps([__version__, input_sha256, settings], sort_keys=True, default=str)

@@ -22,6 +22,7 @@ from cwcli.fleet.folder import (
     OTHER_FORMAT_HINT,
     RUN_TIMES_NAME,
     SCRATCH_FOLDER,
+    SHARD_KEY,
     TABLES_FOLDER,
     Document,
     LogFolder,
@@ -113,7 +114,9 @@ def run_fleet(
     ids = unique_log_ids([source for source, _ in found])
     tasks = [LogTask(i, source, path, str(folder)) for i, (source, path) in zip(ids, found, strict=True)]
     tasks.sort(key=lambda task: task.id)
-    with remember_inputs(), _lock_folder(folder):
+    if plan.shard is not None:  # the ids are those that the whole run gives
+        tasks = plan.shard.select_own(tasks)
+    with remember_inputs(), lock_folder(folder):
         _refuse_inputs_in_output_folder(folder, tasks)
         _prepare_output_folder(folder, tasks, force=force)
         write_json_object(_make_manifest(folder, plan, tasks), folder / MANIFEST_NAME)
@@ -236,7 +239,8 @@ def _make_manifest(
     for task in tasks:
         known = LogFolder(out, task.id).read_entry() if statuses and task.id in statuses else None
         entries.append(known or {"id": task.id, "source": task.source, "status": "pending", "error": None})
-    return {"format": MANIFEST_FORMAT, "cwcli": __version__, "pipeline": dict(plan.pipeline), "logs": entries}
+    shard = {} if plan.shard is None else {SHARD_KEY: {"index": plan.shard.index, "count": plan.shard.count}}
+    return {"format": MANIFEST_FORMAT, "cwcli": __version__, **shard, "pipeline": dict(plan.pipeline), "logs": entries}
 
 
 def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
@@ -256,7 +260,7 @@ def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
 
 
 @contextmanager
-def _lock_folder(folder: Path) -> Iterator[None]:
+def lock_folder(folder: Path) -> Iterator[None]:
     """Create the output folder and lock it against other runs while the context lasts."""
     make_folder(folder, parents=True)
     try:

@@ -60,6 +60,7 @@ CASES = [
     ["join", INTERSECTION, "ANNOTATED", "-o", "j.mcap"],
     ["cut", "ANNOTATED", "--start", "2", "--end", "4", "-o", "cut.mcap"],
     ["find", "ANNOTATED", "all", "--clips", "clips"],
+    ["merge", "FOLDER", "-d", "merged"],
     ["calibrate", str(SAMPLES / "curve.mcap"), "-o", "c.toml"],
     ["simulate", "intersection", "-o", "s.mcap"],
     ["reproduce", "xiang2019", "--seeds", "2", "--jobs", "1"],

@@ -15,6 +15,7 @@ COMMANDS = {
     "join": "Make one log of two cars' logs.",
     "calibrate": "Find the constants of a car's sensors from many drives.",
     "run": "Run every stage that a log, or each of many, has the signals for.",
+    "merge": "Merge the shards of a run into one output folder.",
     "config": "Print a pipeline file with every option resolved and checked.",
     "evaluate": "Score one log or many, and check gates.",
     "find": "Find moments in logs: named events, or expressions over time.",

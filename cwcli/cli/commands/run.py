@@ -96,6 +96,15 @@ class FleetOptions:
             help="With -d: run on this Ray cluster (needs the extra cwcli-drive[ray]).",
         ),
     ] = None
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            "--shard",
+            metavar="I/N",
+            show_default=False,
+            help="With -d: do part I of N of the logs; auto/N takes I from an array job. `cwcli merge` joins them.",
+        ),
+    ] = None
     rehash: Annotated[
         bool,
         typer.Option(
@@ -215,11 +224,12 @@ def command(
     options = gather_all_options(pipeline, inputs, stages)
     if fleet.directory is not None:
         from cwcli.cli.fleet import run_on_many_logs
+        from cwcli.fleet.shard import parse_shard
 
         _refuse_with_directory(writing, inputs, fleet)
         writing.channel_choice.check_patterns_before_run(STAGES[name] for name in options.wanted_stages)
         plan = options.fleet_plan(replace=writing.replace, choice=writing.channel_choice)
-        plan = replace(plan, rehash=fleet.rehash)
+        plan = replace(plan, rehash=fleet.rehash, shard=None if fleet.shard is None else parse_shard(fleet.shard))
         return run_on_many_logs(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
     _refuse_without_directory(logs, pipeline, inputs, fleet)
     job = add_all_stages(
@@ -257,6 +267,7 @@ def _refuse_without_directory(
         ("--jobs", fleet.jobs),
         ("--ray", fleet.ray),
         ("--rehash", fleet.rehash or None),
+        ("--shard", fleet.shard),
         ("--tables", pipeline.tables or None),
     ):
         if value is not None:

@@ -1,0 +1,243 @@
+"""Merges the output folders of a run's shards into the folder that one run over all logs would have written."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cwcli.errors import InputError, OutputError, UsageError
+from cwcli.fleet.folder import (
+    DETAILS_FOLDER,
+    LOGS_FOLDER,
+    MANIFEST_NAME,
+    METRICS_FOLDER,
+    OTHER_FORMAT_HINT,
+    RUN_TIMES_NAME,
+    SHARD_KEY,
+    TABLES_FOLDER,
+    Document,
+    LogFolder,
+    format_mismatch_text,
+    read_json_object,
+    write_json_object,
+)
+from cwcli.fleet.input_states import INPUTS_KEY
+from cwcli.fleet.run import lock_folder
+from cwcli.lazy_dataclass import dataclass
+from cwcli.output import make_folder
+
+RUN_AGAIN_HINT = "run the shard again with the same command: it goes on where it was"
+"""Advice on a shard that was killed."""
+COMMON_KEYS = ("format", "cwcli", "pipeline")
+"""Keys of the manifest that all shards share."""
+
+
+class _ShardFolder(NamedTuple):
+    """The output folder of one shard, and its manifest."""
+
+    path: Path
+    manifest: Document
+
+
+@dataclass(frozen=True)
+class MergeResult:
+    """What was merged.
+
+    Attributes:
+        n_logs, n_failed: Number of logs, and of those that failed.
+        n_copied: Number of logs that were not in the folder yet.
+        n_shards: Number of folders that were merged.
+    """
+
+    n_logs: int
+    n_failed: int
+    n_copied: int
+    n_shards: int
+
+
+def merge_shards(
+    folders: Sequence[str], out: str | Path, report: Callable[[int, int], None] = lambda done, total: None
+) -> MergeResult:
+    """Merge the output folders of all shards of one run.
+
+    Each log's entry is written last, so a merge that was killed goes on where it was. Equal files of the shards are
+    linked where the file system can, else copied.
+
+    Args:
+        folders: The output folders of the shards.
+        out: The folder of the whole run: new, or of a merge that was killed.
+        report: Called with the number of merged logs and of all.
+
+    Raises:
+        InputError: A folder holds no run, a log is not done, or a shard is missing.
+        UsageError: The shards are of different pipelines or versions, a log is in two of them with different results,
+            or the output is one of them.
+        OutputError: The folder holds something else, is in use, or can't be written.
+    """
+    shards = [_read_shard(Path(each)) for each in folders]
+    target = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
+    if any(target.resolve() == each.path.resolve() for each in shards):
+        raise UsageError("the output folder is one of the shards", where=str(out), hint="name another folder with -d")
+    _require_equal_runs(shards)
+    _require_all_shards(shards)
+    entries = _collect_entries(shards)
+    manifest = {key: shards[0].manifest[key] for key in COMMON_KEYS}
+    with lock_folder(target):
+        _refuse_other_content(target, manifest, set(entries))
+        pending = [
+            {"id": name, "source": entry["source"], "status": "pending", "error": None}
+            for name, (_, entry) in entries.items()
+        ]
+        write_json_object({**manifest, "logs": pending}, target / MANIFEST_NAME)
+        n_copied = 0
+        for k, (name, (source, entry)) in enumerate(entries.items()):
+            n_copied += _merge_log(LogFolder(source, name), LogFolder(target, name), entry)
+            report(k + 1, len(entries))
+        write_json_object(_merge_run_times(shards), target / RUN_TIMES_NAME)
+        whole = [entry for _, entry in entries.values()]
+        write_json_object({**manifest, "logs": whole}, target / MANIFEST_NAME, durable=True)
+    n_failed = sum(entry.get("status") == "failed" for entry in whole)
+    return MergeResult(len(whole), n_failed, n_copied, len(shards))
+
+
+def _read_shard(path: Path) -> _ShardFolder:
+    """Read the manifest of a shard; raise `InputError` if it holds none that this version can read."""
+    manifest = read_json_object(path / MANIFEST_NAME)
+    if manifest is None or not isinstance(manifest.get("logs"), list) or not set(COMMON_KEYS) <= set(manifest):
+        raise InputError(f"the folder holds no run (no {MANIFEST_NAME})", where=str(path))
+    if what := format_mismatch_text(manifest):
+        raise InputError(what, where=str(path / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
+    return _ShardFolder(path, manifest)
+
+
+def _require_equal_runs(shards: Sequence[_ShardFolder]) -> None:
+    """Raise `UsageError` if the shards differ in pipeline or version."""
+    first = shards[0]
+    for each in shards[1:]:
+        for key, what in (("cwcli", "version of cwcli"), ("pipeline", "pipeline")):
+            if each.manifest[key] != first.manifest[key]:
+                raise UsageError(
+                    f"{first.path} and {each.path} were made by another {what}",
+                    hint="run the shards again with one command and one version",
+                )
+
+
+def _require_all_shards(shards: Sequence[_ShardFolder]) -> None:
+    """Raise an error if the shards are not all those of one run, each once; whole runs may be merged, too."""
+    numbers: dict[int, Path] = {}
+    counts: set[int] = set()
+    for each in shards:
+        shard = each.manifest.get(SHARD_KEY)
+        if not isinstance(shard, dict):
+            continue
+        index, count = shard.get("index"), shard.get("count")
+        if not (isinstance(index, int) and isinstance(count, int)):
+            raise InputError("the manifest does not say which shard it is", where=str(each.path / MANIFEST_NAME))
+        if index in numbers:
+            raise UsageError(f"{numbers[index]} and {each.path} are both shard {index}/{count}")
+        numbers[index] = each.path
+        counts.add(count)
+    if len(counts) > 1:
+        raise UsageError(f"the shards are of runs in {' and '.join(map(str, sorted(counts)))} parts")
+    missing = [str(index) for count in counts for index in range(1, count + 1) if index not in numbers]
+    if missing:
+        raise InputError(
+            f"{len(missing)} of {max(counts)} shards are missing: {', '.join(missing[:10])}", where=str(shards[0].path)
+        )
+
+
+def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Document]]:
+    """Return id -> folder of the shard and entry of each log, in order of id.
+
+    Raises:
+        InputError: A log is not done, its id is no file name, or its files are not those that its entry lists.
+        UsageError: A log is in two shards with different results.
+    """
+    found: dict[str, tuple[Path, Document]] = {}
+    for path, manifest in shards:
+        for listed in manifest["logs"]:
+            name = listed.get("id") if isinstance(listed, dict) else None
+            if not isinstance(name, str) or name in {"", ".", ".."} or set(name) & {"/", "\\", "\0"}:
+                raise InputError(f"the log id {name!r} is no name of a file", where=str(path / MANIFEST_NAME))
+            folder = LogFolder(path, name)
+            entry = folder.read_entry()
+            if entry is None or entry.get("id") != name or entry.get("status") not in ("done", "failed"):
+                raise InputError(f"the log {name} is not done", where=str(path), hint=RUN_AGAIN_HINT)
+            if entry["status"] == "done" and not folder.is_done(entry, str(entry.get("key"))):
+                raise InputError(
+                    f"files of the log {name} are missing or changed", where=str(path), hint=RUN_AGAIN_HINT
+                )
+            if name in found and found[name][1] != entry:
+                raise UsageError(f"the log {name} is in {found[name][0]} and in {path}, with different results")
+            found.setdefault(name, (path, entry))
+    return dict(sorted(found.items()))
+
+
+def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> None:
+    """Raise `OutputError` if the output folder holds anything but a part of this merge."""
+    ours = [each for each in (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER) if (target / each).exists()]
+    known = read_json_object(target / MANIFEST_NAME)
+    if known is None and not ours:
+        return
+    hint = "name a new folder with -d"
+    if known is None or any(known.get(key) != manifest[key] for key in COMMON_KEYS):
+        raise OutputError("the folder holds something else than this run", where=str(target), hint=hint)
+    others = {each.get("id") for each in known.get("logs", []) if isinstance(each, dict)} - names
+    if others:
+        raise OutputError(f"the folder holds {len(others)} logs that no shard has", where=str(target), hint=hint)
+
+
+def _merge_log(source: LogFolder, target: LogFolder, entry: Document) -> bool:
+    """Bring one log's files into the merged folder, its entry last; return whether it was not there yet."""
+    if target.read_entry() == entry and (entry["status"] == "failed" or target.is_done(entry, str(entry.get("key")))):
+        return False
+    target.remove_all_files()
+    for name in entry.get("outputs", []):
+        _link_or_copy(source.out / name, target.out / name)
+    make_folder(target.annotated_log_path.parent, parents=True)
+    write_json_object(entry, target.entry_path)
+    return True
+
+
+def _link_or_copy(source: Path, target: Path) -> None:
+    """Make a file appear whole under another name.
+
+    Raises:
+        OutputError: It can't be written.
+    """
+    make_folder(target.parent, parents=True)
+    try:
+        with suppress(FileNotFoundError):
+            target.unlink()
+        try:
+            os.link(source, target)
+        except OSError:  # another file system, or one without links
+            part = target.with_name(f".{target.name}.part")
+            shutil.copyfile(source, part)
+            part.replace(target)
+    except OSError as error:
+        raise OutputError(f"it can't be written: {error.strerror}", where=str(target)) from error
+
+
+def _merge_run_times(shards: Sequence[_ShardFolder]) -> Document:
+    """Return the run times of all shards as one document."""
+    times: dict[str, Any] = {}
+    states: dict[str, Any] = {}
+    began: list[str] = []
+    wall_s = 0.0
+    for path, _ in shards:
+        document = read_json_object(path / RUN_TIMES_NAME) or {}
+        times |= document["logs"] if isinstance(document.get("logs"), dict) else {}
+        states |= document[INPUTS_KEY] if isinstance(document.get(INPUTS_KEY), dict) else {}
+        began += [document["began"]] if isinstance(document.get("began"), str) else []
+        wall_s = max(wall_s, document["wall_s"] if isinstance(document.get("wall_s"), int | float) else 0.0)
+    return {
+        "began": min(began, default=""),
+        "wall_s": wall_s,
+        "logs": dict(sorted(times.items())),
+        INPUTS_KEY: dict(sorted(states.items())),
+    }

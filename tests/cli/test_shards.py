@@ -1,0 +1,161 @@
+"""Shards of a run, merged: byte for byte the folder of one run, also after a shard was killed and run again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from cwcli.cli.main import run_command_line
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE, UsageError
+from cwcli.fleet.shard import Shard, parse_shard
+from tests.cli.conftest import SAMPLES
+from tests.cli.fleet_logs import cut, tree
+
+N_SHARDS = 3
+STAGES = ("--stage", "estimate", "--jobs", "1", "-q")
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five short logs, one of them damaged; one run over all, and three shards."""
+    folder = tmp_path_factory.mktemp("runs")
+    (folder / "logs").mkdir()
+    for k in range(4):
+        cut(SAMPLES / "straight.mcap", folder / "logs" / f"drive_{k}.mcap", start_s=k, seconds=3.0)
+    (folder / "logs" / "damaged.mcap").write_bytes((folder / "logs" / "drive_0.mcap").read_bytes()[:-20])
+    for name, options in (("whole", ()), *((f"shard{k}", ("--shard", f"{k}/{N_SHARDS}")) for k in range(1, 4))):
+        run_command_line(["run", str(folder / "logs"), "-d", str(folder / name), *STAGES, *options])
+    return folder
+
+
+def merge(folder: Path, *names: str, out: str | Path = "merged") -> int:
+    return run_command_line(["merge", *(str(folder / name) for name in names), "-d", str(folder / out), "-q"])
+
+
+def shards_of(folder: Path, target: Path) -> Path:
+    """A copy of the shards that a test may spoil."""
+    for k in range(1, N_SHARDS + 1):
+        shutil.copytree(folder / f"shard{k}", target / f"shard{k}")
+    return target
+
+
+def test_merged_shards_equal_one_run(runs: Path, tmp_path: Path) -> None:
+    parts = [json.loads((runs / f"shard{k}" / "manifest.json").read_text())["logs"] for k in range(1, N_SHARDS + 1)]
+    assert sorted(map(len, parts)) == [1, 2, 2]
+    assert merge(runs, "shard2", "shard3", "shard1", out=tmp_path / "merged") == EXIT_DONE
+    assert tree(tmp_path / "merged") == tree(runs / "whole")
+
+
+def test_merge_that_was_killed_goes_on(runs: Path, tmp_path: Path) -> None:
+    target = tmp_path / "merged"
+    assert merge(runs, "shard1", "shard2", "shard3", out=target) == EXIT_DONE
+    entry = next((target / "logs").glob("drive_2/entry.json"))
+    entry.unlink()
+    table = next((target / "metrics").glob("log=drive_1/*.parquet"))
+    table.unlink()  # it is a link to the shard's
+    table.write_bytes(b"half")
+    assert merge(runs, "shard1", "shard2", "shard3", out=target) == EXIT_DONE
+    assert tree(target) == tree(runs / "whole")
+
+
+def test_shard_that_was_killed_is_refused_until_it_ran_again(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shards_of(runs, tmp_path)
+    name = json.loads((folder / "shard1" / "manifest.json").read_text())["logs"][-1]["id"]
+    (folder / "shard1" / "logs" / name / "entry.json").unlink()
+    assert merge(folder, "shard1", "shard2", "shard3") == EXIT_BAD_INPUT
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"the log {name} is not done" in said
+    assert "run the shard again" in said
+    run_command_line(["run", str(runs / "logs"), "-d", str(folder / "shard1"), *STAGES, "--shard", "1/3"])
+    assert merge(folder, "shard1", "shard2", "shard3") == EXIT_DONE
+    assert tree(folder / "merged") == tree(runs / "whole")
+
+
+def spoil_manifest(path: Path, **changes: object) -> None:
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "names", "code", "words"),
+    [
+        (None, ("shard1", "shard3"), EXIT_BAD_INPUT, "1 of 3 shards are missing: 2"),
+        (None, ("shard1", "shard1", "shard2", "shard3"), EXIT_USAGE, "are both shard 1/3"),
+        (None, ("shard1", "logs"), EXIT_BAD_INPUT, "the folder holds no run"),
+        ({"cwcli": "0.0.1"}, ("shard1", "shard2", "shard3"), EXIT_USAGE, "another version of cwcli"),
+        ({"pipeline": {}}, ("shard1", "shard2", "shard3"), EXIT_USAGE, "another pipeline"),
+        ({"format": 99}, ("shard1", "shard2", "shard3"), EXIT_BAD_INPUT, "a manifest of format 99"),
+        ({"shard": {"index": 2, "count": 4}}, ("shard1", "shard2", "shard3"), EXIT_USAGE, "runs in 3 and 4 parts"),
+        ({"logs": [{"id": "../x"}]}, ("shard1", "shard2", "shard3"), EXIT_BAD_INPUT, "is no name of a file"),
+    ],
+)
+def test_what_does_not_belong_together_is_refused(
+    runs: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    spoil: dict[str, object] | None,
+    names: tuple[str, ...],
+    code: int,
+    words: str,
+) -> None:
+    folder = shards_of(runs, tmp_path)
+    (folder / "logs").mkdir()
+    if spoil is not None:
+        spoil_manifest(folder / "shard2" / "manifest.json", **spoil)
+    assert merge(folder, *names) == code
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert not (folder / "merged" / "manifest.json").exists()
+
+
+def test_changed_files_and_other_folders_are_refused(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shards_of(runs, tmp_path)
+    assert merge(folder, "shard1", "shard2", "shard3", out="shard1") == EXIT_USAGE
+    (folder / "other" / "logs").mkdir(parents=True)
+    assert merge(folder, "shard1", "shard2", "shard3", out="other") == EXIT_OUTPUT
+    next((folder / "shard1" / "metrics").glob("*/*.parquet")).write_bytes(b"half")
+    assert merge(folder, "shard1", "shard2", "shard3") == EXIT_BAD_INPUT
+    assert "are missing or changed" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "environment", "shard"),
+    [
+        ("3/8", {}, Shard(3, 8)),
+        ("auto/8", {"JOB_COMPLETION_INDEX": "0"}, Shard(1, 8)),
+        ("auto/8", {"AWS_BATCH_JOB_ARRAY_INDEX": "7"}, Shard(8, 8)),
+        ("auto/8", {"SLURM_ARRAY_TASK_ID": "12", "SLURM_ARRAY_TASK_MIN": "10"}, Shard(3, 8)),
+        ("auto/8", {"SLURM_ARRAY_TASK_ID": "2"}, Shard(3, 8)),
+    ],
+)
+def test_shard_is_named_or_set_by_the_array_job(text: str, environment: dict[str, str], shard: Shard) -> None:
+    assert parse_shard(text, environment) == shard
+
+
+@pytest.mark.parametrize("text", ["", "3", "0/8", "9/8", "-1/8", "1/0", "a/8", "1/8/2", "1/1000000", "1.0/8", "auto/8"])
+def test_nonsense_is_no_shard(text: str) -> None:
+    with pytest.raises(UsageError, match="--shard"):
+        parse_shard(text, {})
+
+
+def test_environment_without_a_number_is_refused() -> None:
+    for value in ("x", "-1", "8"):
+        with pytest.raises(UsageError, match="--shard"):
+            parse_shard("auto/8", {"JOB_COMPLETION_INDEX": value})
+
+
+def test_shards_are_all_logs_each_once() -> None:
+    for count in (1, 3, 8, 20):
+        parts = [Shard(k, count).select_own(range(10)) for k in range(1, count + 1)]
+        assert sorted(each for part in parts for each in part) == list(range(10))
+
+
+def test_more_shards_than_logs(runs: Path, tmp_path: Path) -> None:
+    code = run_command_line(["run", str(runs / "logs"), "-d", str(tmp_path / "s"), *STAGES, "--shard", "9/9"])
+    assert code == EXIT_DONE
+    assert json.loads((tmp_path / "s" / "manifest.json").read_text())["logs"] == []
