@@ -24,6 +24,7 @@ from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_delays
+from cwcli.estimation.fix_scatter import scatter_about_neighbours_m
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.lever_arms import move_states_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
@@ -388,6 +389,7 @@ def _build_source_report(
         nis_bounds=bounds,
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
+        scatter_m=scatter_about_neighbours_m(s) if s.kind is Kind.POSITION else float("nan"),
         noise_origin=s.noise_origin,
         noise_scale=_noise_variance_ratio(prepared_series.series, s),
         stamp_error=s.stamp_error,
