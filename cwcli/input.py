@@ -285,7 +285,7 @@ def remember_inputs() -> Iterator[None]:
         _RUN.reset(token)
 
 
-def note_input(name: str | Path) -> None:
+def remember_input_file(name: str | Path) -> None:
     """Remember a file that will be read, `-` for standard input, if it exists.
 
     Raises:
@@ -295,7 +295,7 @@ def note_input(name: str | Path) -> None:
         _remember_run_input(os.fstat(0) if str(name) == "-" else os.stat(name), str(name))  # noqa: PTH116 - a name may hold a zero byte
 
 
-def is_input(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
+def is_input_of_run(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
     """Return whether the file is an input of this run, or one of the files in `more`."""
     inputs = _RUN.get()
     place = _file_identity_size_and_time(found)[:2]

@@ -50,7 +50,7 @@ _URL_PATTERN = _SCHEME_PATTERN + r"[^\s<>\"`\\^{|}]*"
 _TRAILING_PUNCTUATION = "'),.;:]"
 """Characters at the end of a URL in a sentence that belong to the sentence."""
 _NAME_WITH_DIGEST_PATTERN = r"(?s)(.*\?\*\*\*(?:#\*\*\*)?)( \([0-9a-f]{8}\))"
-"""The name of a URL whose secrets are hidden, and the digest behind it (`name_url`)."""
+"""The name of a URL whose secrets are hidden, and the digest behind it (`display_name_of_url`)."""
 
 
 def redact_url(url: str) -> str:
@@ -90,7 +90,7 @@ def redact_urls(text: str, url: str = "") -> str:
 
 
 @lru_cache(maxsize=10_000)
-def name_url(url: str) -> str:
+def display_name_of_url(url: str) -> str:
     """What a log with this URL is called: the URL without its secrets, told apart from others that look alike then.
 
     Two signatures of one file are one name. Parameters that may say which file is meant (`?id=7`) give the name a

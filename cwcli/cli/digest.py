@@ -47,12 +47,12 @@ def print_digest(console: Console, command: str, digest: Digest, run: RunOutcome
         Block("made", (_written_files_sentence(run.written),), 2),
         Block("next", (*filter(None, (next_step,)), f"(--details: tables{notes})")),
     )
-    console.print_heading(_title(command, run))
+    console.print_heading(_digest_title(command, run))
     for line in format_blocks(blocks, width=terminal_width() or DEFAULT_WIDTH, max_lines=MAX_LINES - 1):
         console.print_summary(line)
 
 
-def _title(command: str, run: RunOutcome) -> str:
+def _digest_title(command: str, run: RunOutcome) -> str:
     """Format `run drive.mcap: estimate, predict`."""
     from cwcli.digest.lines import shorten_path
 

@@ -26,7 +26,7 @@ MIN_LATERAL_MPS2 = 0.5
 """Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows."""
 
 
-def find_imu_yaw(
+def find_imu_yaw_hypothesis_and_evidence(
     time_s: FloatArray, values: FloatArray, others: Sequence[SensorSeries]
 ) -> tuple[Hypothesis, str] | None:
     """Return the turn of a level IMU about the vertical and what shows it, or None.
@@ -45,7 +45,7 @@ def find_imu_yaw(
         return None
     measured = np.column_stack([means_between_edges(time_s, column, edges_s) for column in values[:, :2].T])
     measured[~covered_step_mask(time_s, edges_s)] = np.nan
-    reference = _accelerations(motions[0], float(edges_s[1] - edges_s[0]))
+    reference = _forward_and_left_accelerations_mps2(motions[0], float(edges_s[1] - edges_s[0]))
     measured = measured[1:-1]
     rows = np.isfinite(measured).all(axis=1) & np.isfinite(reference).all(axis=1)
     n = int(rows.sum())
@@ -71,7 +71,7 @@ def find_imu_yaw(
     return hypothesis, evidence
 
 
-def _accelerations(m: StepMotion, step_s: float) -> FloatArray:
+def _forward_and_left_accelerations_mps2(m: StepMotion, step_s: float) -> FloatArray:
     """Return forward and left acceleration in each step but the first and last, (n - 2, 2)."""
     turn = m.turn_rad
     forward = (m.speed_mps[2:] - m.speed_mps[:-2]) / (2.0 * step_s)

@@ -54,7 +54,7 @@ class OnlineAvailability:
         """Number of states."""
         return len(self.stamp_ns)
 
-    def delay_quantiles_s(self) -> tuple[float, ...]:
+    def delay_median_p95_and_max_s(self) -> tuple[float, ...]:
         """Return median, 95 % quantile and maximum of the delay from stamp to availability, s; NaN without states."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
         return tuple(np.quantile(after_s, [0.5, 0.95, 1.0]).tolist()) if self.n_states else (np.nan,) * 3

@@ -108,7 +108,7 @@ def drop_senders_seen_by_others(
     for said in (rows for rows in senders if len(rows)):
         for k in _object_indices_near_sender(ranges, _place_and_time_bounds(x_m, y_m, signal.stamp_ns, [said])):
             at = _compare_object_with_sender(signal, x_m, y_m, said, objects[k])
-            is_same, own, is_inside = _judge_object_is_sender(at, signal.stamp_ns, signal.log_time_ns)
+            is_same, own, is_inside = _sender_and_overlap_masks_with_distance(at, signal.stamp_ns, signal.log_time_ns)
             is_nearer = own < nearest[at.rows]
             next_nearest[at.rows] = np.where(is_nearer, nearest[at.rows], np.minimum(next_nearest[at.rows], own))
             nearest[at.rows] = np.where(is_nearer, own, nearest[at.rows])
@@ -202,7 +202,7 @@ def _compare_object_with_sender(
     )
 
 
-def _judge_object_is_sender(
+def _sender_and_overlap_masks_with_distance(
     compared: _ObjectComparedWithSender, stamp_ns: Int64Array, log_time_ns: Int64Array
 ) -> tuple[BoolArray, FloatArray, BoolArray]:
     """Decide from the last moments whether an object is a sender; all results (n,).

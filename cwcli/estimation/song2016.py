@@ -28,8 +28,8 @@ from cwcli.estimation.source_judgement import correct_as_user_says, correct_impo
 from cwcli.estimation.start import (
     UNKNOWN_STATE_SIGMAS,
     find_filter_start,
-    hold_position_before_start,
     move_infinite_start_behind_rows,
+    set_states_before_start_in_place,
 )
 from cwcli.estimation.state_flags import compute_state_flags
 from cwcli.kernels import ekf
@@ -131,9 +131,9 @@ def estimate_track_with_song2016(
     all_states, all_covariances = append_jerk_and_yaw_acceleration(result.state, result.covariance, steps, step)
     row = np.searchsorted(steps, wanted_step)
     state, covariance = all_states[row], all_covariances[row]
-    _extrapolate_states(state, np.maximum(wanted - steps[row] * step, 0.0))
+    _extrapolate_states_in_place(state, np.maximum(wanted - steps[row] * step, 0.0))
     if config.causal:
-        hold_position_before_start(
+        set_states_before_start_in_place(
             state, covariance, series, start_s=begin, output_s=wanted, prior=np.zeros(N_MOTION_STATES)
         )
         notes += notes_on_rows_before_start(series, result)
@@ -280,7 +280,7 @@ def _last_row_of_each_step(s: SensorSeries, step: float) -> SensorSeries:
     )
 
 
-def _extrapolate_states(state: FloatArray, dt: FloatArray) -> None:
+def _extrapolate_states_in_place(state: FloatArray, dt: FloatArray) -> None:
     """Carry states forward by less than a step with eq. 2 (in place)."""
     distance = state[:, 2] * dt + 0.5 * state[:, 4] * dt**2
     state[:, 0] += distance * np.cos(state[:, 3])

@@ -212,7 +212,7 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
         edges_s = step_edges_s(usable, step_s)
         if len(edges_s) > MIN_STEPS_OF_ONE_LENGTH + 1:
             motions = [compute_step_motion(s, edges_s) for s in usable]
-            by_length.append((step_s, turn_fixes_while_reversing(motions)))
+            by_length.append((step_s, reverse_fix_courses_while_reversing(motions)))
     found = []
     for j, i in combinations(range(len(usable)), 2):
         one, other = (SourceQuantity(usable[k].source, usable[k].kind) for k in (i, j))
@@ -262,7 +262,7 @@ def _judge_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tu
     )
 
 
-def turn_fixes_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
+def reverse_fix_courses_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
     """Reverse course and distance of fixes in steps in which the car drives backwards.
 
     There a speed is negative and a heading points against the course; one of both alone is a wrong sensor.
@@ -287,24 +287,26 @@ def turn_fixes_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion
     return found
 
 
-def _median_ratio(
-    one: FloatArray, other: FloatArray, least: FloatArray | float, most: float, limit: ParameterRange
+def _compare_median_ratio_with_range(
+    one: FloatArray, other: FloatArray, min_other: FloatArray | float, max_other: float, limit: ParameterRange
 ) -> StepComparison:
     """Compare the median of one / other, over steps in which the other one clearly differs from zero, with a range."""
     with np.errstate(invalid="ignore"):
-        rows = (np.abs(other) > least) & (np.abs(other) < most) & np.isfinite(one)
+        rows = (np.abs(other) > min_other) & (np.abs(other) < max_other) & np.isfinite(one)
     return StepComparison.from_median_interval(MedianInterval.from_values(one[rows] / other[rows]), limit)
 
 
-def _median_ratio_in_both_directions(
+def _compare_median_ratio_both_ways(
     one: FloatArray, other: FloatArray, least: Sequence[FloatArray | float], most: float, limit: ParameterRange
 ) -> StepComparison:
     """Compare one / other with a range, over steps in which the other clearly moves and those in which the one does.
 
     A sensor that never reacts shows only in steps that are chosen by the other one.
     """
-    forth = _median_ratio(one, other, least[1], most, limit)
-    back = _median_ratio(other, one, least[0], most, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", ""))
+    forth = _compare_median_ratio_with_range(one, other, least[1], most, limit)
+    back = _compare_median_ratio_with_range(
+        other, one, least[0], most, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", "")
+    )
     if math.isnan(back.number) or forth.judgement is back.judgement:
         return forth
     if math.isnan(forth.number):
@@ -319,14 +321,14 @@ def _compare_distances(one: StepMotion, other: StepMotion, step_s: float) -> Ste
     limit = SPEED_SCALE_RANGE
     if one.kind in FIX_KINDS and other.kind is Kind.SPEED:
         limit = ParameterRange(1.0 / SPEED_SCALE_RANGE.high, 1.0 / SPEED_SCALE_RANGE.low, "", "")
-    return _median_ratio(one.distance_m, other.distance_m, MIN_CHORD_M, math.inf, limit)
+    return _compare_median_ratio_with_range(one.distance_m, other.distance_m, MIN_CHORD_M, math.inf, limit)
 
 
 def _compare_turns(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     by_course = one.kind in FIX_KINDS or other.kind in FIX_KINDS
     least_rad = MIN_COURSE_TURN_RAD if by_course else MIN_TURN_RAD
     least = [np.fmax(least_rad, MIN_CHANGE_SIGMAS * m.turn_sigma_rad) for m in (one, other)]
-    return _median_ratio_in_both_directions(one.turn_rad, other.turn_rad, least, MAX_TURN_RAD, TURN_RATIO_RANGE)
+    return _compare_median_ratio_both_ways(one.turn_rad, other.turn_rad, least, MAX_TURN_RAD, TURN_RATIO_RANGE)
 
 
 def _compare_yaw_rates_going_straight(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
@@ -361,7 +363,7 @@ def _judge_median_course_difference(one: StepMotion, other: StepMotion, step_s: 
     )
 
 
-def _speed_changes_beside_the_median(one: StepMotion, other: StepMotion) -> tuple[FloatArray, FloatArray]:
+def _speed_changes_minus_median(one: StepMotion, other: StepMotion) -> tuple[FloatArray, FloatArray]:
     """Return the changes of speed of two sources, each without its median over the steps that both have.
 
     The median of an accelerometer's changes is its bias and that of the car. So it is subtracted from both: a car that
@@ -378,8 +380,8 @@ def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) ->
     if Kind.ACCEL not in (one.kind, other.kind):
         return UNKNOWN_STEP_COMPARISON
     least = [max(MIN_SPEED_CHANGE_MPS, MIN_CHANGE_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
-    return _median_ratio_in_both_directions(
-        *_speed_changes_beside_the_median(one, other),
+    return _compare_median_ratio_both_ways(
+        *_speed_changes_minus_median(one, other),
         least,
         math.inf,
         SPEED_CHANGE_RATIO_RANGE,

@@ -66,7 +66,7 @@ def compute_state_flags(
     flags = np.zeros(len(output_s), np.uint8)
 
     def mark(flag: StateFlag, begin_s: FloatArray, end_s: FloatArray) -> None:
-        flags[_inside_any_interval(output_s, begin_s, end_s)] |= np.uint8(flag)
+        flags[_inside_any_interval_mask(output_s, begin_s, end_s)] |= np.uint8(flag)
 
     shown_s = start.time_s if causal else max(start.time_s, first_heading_time_s(series))
     restart_s = np.array([each.time_s for each in restarts])
@@ -178,7 +178,7 @@ def add_variance_of_rejected_rows(
     return grown
 
 
-def _inside_any_interval(time_s: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> npt.NDArray[np.bool_]:
+def _inside_any_interval_mask(time_s: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> npt.NDArray[np.bool_]:
     """Return which times (n,), increasing, lie in one of the intervals [begin_s, end_s), (k,) each."""
     first, last = np.searchsorted(time_s, begin_s), np.searchsorted(time_s, end_s)
     is_some = last > first

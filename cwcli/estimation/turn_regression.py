@@ -56,7 +56,7 @@ def regressed_turn_ratio(one: StepMotion, other: StepMotion) -> TurnRatio:
         power = float(np.einsum("i,i", dx, dx))
         if math.sqrt(power / n) < MIN_SPREAD_RAD:
             noise_rad = float((other if is_one_quiet else one).turn_sigma_rad[rows].mean())
-            return _ratio_of_a_still_source(dx, dy, noise_rad, is_one_quiet=is_one_quiet)
+            return _turn_ratio_of_nearly_still_source(dx, dy, noise_rad, is_one_quiet=is_one_quiet)
         slope = float(np.einsum("i,i", dx, dy)) / power
         rest = np.full(len(x), np.inf)
         rest[rows] = np.abs(dy - slope * dx)
@@ -71,7 +71,7 @@ def regressed_turn_ratio(one: StepMotion, other: StepMotion) -> TurnRatio:
     return TurnRatio(1.0 / slope, 1.0 / high, 1.0 / low, n)
 
 
-def _ratio_of_a_still_source(
+def _turn_ratio_of_nearly_still_source(
     still: FloatArray, turning: FloatArray, noise_rad: float, *, is_one_quiet: bool
 ) -> TurnRatio:
     """Return the ratio where the source of less noise hardly turns and the other one clearly does.

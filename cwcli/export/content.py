@@ -70,7 +70,7 @@ EXPORT_CONTENTS = {
 """Name of a content, as `--what` spells it -> its channel."""
 
 
-def names_of_ego_and_others(log: Log) -> list[str]:
+def content_names_of_ego_and_others(log: Log) -> list[str]:
     """Names of the contents of the ego and of all other vehicles that the log holds; at least the ego's."""
     there = {channel.topic for channel in log.channels if channel.message_count}
     return [what for what in EGO_AND_OTHERS if EXPORT_CONTENTS[what].channel.topic in there] or [EGO_AND_OTHERS[0]]

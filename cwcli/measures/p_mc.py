@@ -23,7 +23,7 @@ MAX_ACCEL_SIGMAS = 4.0
 """Pairs that would need an acceleration of more than this many sigmas to touch are left out. Chosen by hand."""
 
 
-def sampled_collision_probability(pair: Pair) -> FloatArray:
+def share_of_sampled_manoeuvres_touching(pair: Pair) -> FloatArray:
     """Share of the sampled manoeuvres that touch the other within the horizon, at each stamp, (n,)."""
     at = pair.other_in_host_axes
     found = np.zeros(len(at.x_m))
@@ -57,7 +57,7 @@ MEASURE = Measure(
     critical="high",
     formula="share of 2048 accelerations of the host, normal with 2.875 m/s^2 along and across, that touch within 3 s",
     source="Broadhurst, Baker and Kanade 2005, with CommonRoad-CriMe's random manoeuvre",
-    compute=sampled_collision_probability,
+    compute=share_of_sampled_manoeuvres_touching,
     is_symmetric=False,
     undefined="the centres are more than 200 m apart",
     misleads="for vehicles side by side in traffic: no driver manoeuvres at random",

@@ -274,7 +274,7 @@ def _arrow_array(column: TableColumn) -> pa.Array:
 
     if isinstance(column, Strings):
         # Arrow leaves memory as it found it behind a dictionary with equal values, and writes that into the file
-        distinct = column.merge_equal()
+        distinct = column.merge_equal_values()
         codes = pa.array(distinct.codes, mask=distinct.codes < 0)
         return pa.DictionaryArray.from_arrays(codes, _text_array(distinct.values))
     if isinstance(column, Ragged):

@@ -8,9 +8,9 @@ from cwcli.channels.reasons import (
     UNKNOWN_TYPE_TEXT,
     FieldKind,
     UnboundReason,
-    choose_diagnostic_status,
-    explain_fields,
-    format_system_warning,
+    explain_unknown_type_by_fields,
+    format_system_warning_command,
+    warning_condition_of_diagnostics,
 )
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
@@ -50,11 +50,11 @@ def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:
         except CwcliError:  # the log is damaged, which the commands that need it say
             continue
         if topic in diagnostics:
-            condition = choose_diagnostic_status(trees)
-            tries = tuple(format_system_warning(topic, condition)) if condition else ()
+            condition = warning_condition_of_diagnostics(trees)
+            tries = tuple(format_system_warning_command(topic, condition)) if condition else ()
             why[topic] = why[topic]._replace(tries=(*why[topic].tries, *tries))
         elif kinds := field_kinds_of_trees(trees):
-            why[topic] = explain_fields(topic, kinds)
+            why[topic] = explain_unknown_type_by_fields(topic, kinds)
 
 
 def field_kinds_of_trees(trees: list[object]) -> dict[str, FieldKind]:

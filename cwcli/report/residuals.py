@@ -268,7 +268,7 @@ def residual_figure(drive: Drive, found: SourceResiduals, n_pieces: int) -> Figu
     for index, (name, unit, _) in enumerate(parts):
         key = "y" if index == 0 else f"y{index + 1}"
         values = found.values[:, index]
-        limit = _axis_limit(values[~found.is_gated], found.sigma)
+        limit = _half_height_of_residual_axis(values[~found.is_gated], found.sigma)
         top = 1.0 - index * (1.0 / n)
         layout[f"yaxis{key[1:]}"] = axis_settings(
             f"{name}<br>[{unit}]", domain=[round(top - 1.0 / n + (0.06 if n > 1 else 0.0), 4), round(top, 4)],
@@ -288,7 +288,7 @@ def residual_figure(drive: Drive, found: SourceResiduals, n_pieces: int) -> Figu
     return {"data": data, "layout": layout}
 
 
-def _axis_limit(believed: FloatArray, sigma: float) -> float:
+def _half_height_of_residual_axis(believed: FloatArray, sigma: float) -> float:
     """Return half the height of the axis, in the component's unit."""
     known = np.abs(believed[np.isfinite(believed)])
     most = float(np.quantile(known, 0.998)) if len(known) else 0.0

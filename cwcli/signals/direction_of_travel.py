@@ -102,7 +102,7 @@ def find_yaw_mounting(
     """
     speed = np.abs(velocity)
     use = np.isfinite(speed) & np.isfinite(yaw_rad) & (np.where(np.isfinite(speed), speed, 0.0) > WALKING_SPEED_MPS)
-    if np.count_nonzero(use) < MIN_ROWS or travelled_m(stamp_ns, velocity) < MIN_TRAVEL_M:
+    if np.count_nonzero(use) < MIN_ROWS or travelled_distance_m(stamp_ns, velocity) < MIN_TRAVEL_M:
         return None
     against_yaw = velocity[use] * np.exp(-1j * yaw_rad[use])
     axis = _front_quarter_turn_rad(against_yaw)
@@ -118,7 +118,9 @@ def find_yaw_mounting(
     return YawMounting(wrap_angle(constant - axis), sigma, len(left))
 
 
-def heading_and_speed(velocity: ComplexArray, yaw_rad: FloatArray, left_rad: float) -> tuple[FloatArray, FloatArray]:
+def travel_direction_and_signed_speed(
+    velocity: ComplexArray, yaw_rad: FloatArray, left_rad: float
+) -> tuple[FloatArray, FloatArray]:
     """Direction of travel and signed horizontal speed.
 
     In motion the heading is the course, turned round where the velocity points behind the device; at less than walking
@@ -159,7 +161,7 @@ def velocity_of_positions(stamp_ns: Int64Array, xy_m: FloatArray) -> ComplexArra
     return velocity
 
 
-def travelled_m(stamp_ns: Int64Array, velocity: ComplexArray) -> float:
+def travelled_distance_m(stamp_ns: Int64Array, velocity: ComplexArray) -> float:
     """The way of rows in motion that are less than MAX_STEP_S apart."""
     speed, step_s = np.abs(velocity[1:]), np.diff(stamp_ns) / NS_PER_S
     use = np.isfinite(speed) & (step_s > 0.0) & (step_s <= MAX_STEP_S)

@@ -43,7 +43,7 @@ class WarningKind(IntEnum):
     BESIDE_LANE = 2
 
     @property
-    def words(self) -> str:
+    def name_in_tables(self) -> str:
         """The kind's name in tables."""
         return self.name.lower().replace("_", " ")
 
@@ -56,12 +56,12 @@ def classify_warnings(states: PairStates) -> npt.NDArray[np.int8]:
     ahead_m, left_m = dx * cos + dy * sin, dy * cos - dx * sin
     angle_rad = wrap_angle(other[:, HEADING] - host[:, HEADING])
     kinds = np.full(len(host), WarningKind.COLLISION, np.int8)
-    kinds[_keeps_lane_beside(host, other, left_m, angle_rad, states.sizes)] = WarningKind.BESIDE_LANE
-    kinds[_is_follower(host, ahead_m, left_m, angle_rad, states.sizes)] = WarningKind.FROM_BEHIND
+    kinds[_drives_parallel_at_distance_mask(host, other, left_m, angle_rad, states.sizes)] = WarningKind.BESIDE_LANE
+    kinds[_follower_mask(host, ahead_m, left_m, angle_rad, states.sizes)] = WarningKind.FROM_BEHIND
     return kinds
 
 
-def _is_follower(
+def _follower_mask(
     host: FloatArray, ahead_m: FloatArray, left_m: FloatArray, angle_rad: FloatArray, sizes: tuple[Size, Size]
 ) -> npt.NDArray[np.bool_]:
     """Whether the other follows the host in its lane, (m,)."""
@@ -74,7 +74,7 @@ def _is_follower(
     return np.asarray(is_behind & is_in_line & (host[:, SPEED] > MIN_HOST_SPEED_MPS))
 
 
-def _keeps_lane_beside(
+def _drives_parallel_at_distance_mask(
     host: FloatArray, other: FloatArray, left_m: FloatArray, angle_rad: FloatArray, sizes: tuple[Size, Size]
 ) -> npt.NDArray[np.bool_]:
     """Whether both drive straight and parallel, the same way or opposite, at a clear lateral distance, (m,)."""

@@ -26,7 +26,7 @@ from cwcli.warning.measures import (
 )
 from cwcli.warning.remote_alignment import PathPoints, StatePairing, interpolate_paths, pair_with_newest_state
 from cwcli.warning.rule_inputs import evaluate_named_measures, pair_states_at_moments
-from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised, withhold_warnings
+from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised_warnings, withhold_warnings
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]
@@ -217,7 +217,7 @@ def _join_windows(
     kinds = np.concatenate([part.kinds for part in parts])
     trusted = withhold_warnings(decision, is_withheld)
     off = [kind for kind, is_on in _kinds_by_option(config) if not is_on]
-    given = leave_out_raised(trusted, np.isin(kinds, off)) if kinds.any() else trusted
+    given = leave_out_raised_warnings(trusted, np.isin(kinds, off)) if kinds.any() else trusted
 
     def spans_of(each: Decision) -> list[EventSpan]:
         timing = EventTiming(host.stamp_ns, persistence_s, config.hold_off_s)

@@ -243,12 +243,14 @@ def _print_failed_gate(console: Console, result: GateResult) -> None:
     console.print_summary("")
     console.print_summary(wrap_paragraph(escape_control_characters(f"failed: {result.gate}"), rest="  "))
     for check in result.failed_checks[:MAX_SHOWN_FAILURES]:
-        console.print_summary(wrap_paragraph(escape_control_characters(_check_text(check)), first="  ", rest="    "))
+        console.print_summary(
+            wrap_paragraph(escape_control_characters(_format_gate_check(check)), first="  ", rest="    ")
+        )
     if len(result.failed_checks) > MAX_SHOWN_FAILURES:
         console.print_summary(f"  and {len(result.failed_checks) - MAX_SHOWN_FAILURES} more")
 
 
-def _check_text(check: GateCheck) -> str:
+def _format_gate_check(check: GateCheck) -> str:
     return f"{check.log}: {check.detail}" if check.log else check.detail
 
 
