@@ -32,7 +32,8 @@ MIN_READ_BYTES = 1 << 13
 HASH_BLOCK_BYTES = 1 << 20
 """Number of bytes that are hashed at a time, 1 MiB; chosen by hand."""
 CLOCK_TICK_NS = 10_000_000
-"""Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
+"""Time in ns within which two changes of a file may get the same time stamp: the kernel ticks a hundred times a
+second."""
 MAX_CHUNK_BYTES = 256_000_000
 """Greatest size of a chunk, stored or unpacked, that is read by default [bytes]; chosen by hand."""
 MAX_RATIO = 64.0

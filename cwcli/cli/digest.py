@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cwcli.pipeline.execute import RunOutcome
 
 MAX_COMMAND_CHARACTERS = 73
-"""Longest command that is suggested, in characters; a line without its label."""
+"""Longest command that is suggested, in characters; a line without its label. Chosen by hand; not fitted."""
 MAX_NAMED_FILES = 3
 """Greatest number of written files that are named; chosen by hand."""
 MAX_NAME_WIDTH = 40

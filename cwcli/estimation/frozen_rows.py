@@ -14,7 +14,8 @@ from cwcli.signals.columns import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 MIN_MOVING_SPEED_MPS = 3.0
-"""Least mean speed by the fixes at which a repeated zero or heading is a fault and no standstill, m/s."""
+"""Least mean speed in m/s, by the fixes, of a car that surely moves, so that a repeated zero is a fault. Chosen by
+hand."""
 MIN_SATURATED_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
 MAX_SMOOTH_BEND_SHARE = 0.5

@@ -44,15 +44,18 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 GRAVITY_NORM_RANGE = (0.8, 1.2)
-"""Range of the mean specific force relative to gravity in the right unit: bends and slopes change it by less."""
+"""Range of the mean specific force relative to gravity in the right unit: bends and slopes change it by less. Chosen by
+hand; not fitted."""
 GRAVITY_SHARE_SIGMA = 0.05
-"""One sigma of the mean specific force relative to gravity: bends, and an accelerometer's scale of 3 %."""
+"""One sigma of the mean specific force relative to gravity: bends, and an accelerometer's scale of 3 %. Chosen by hand;
+not fitted."""
 MAX_REMOVED_GRAVITY_SHARE = 0.3
 """Greatest mean specific force relative to gravity where gravity was removed. Chosen by hand; not fitted."""
 TILT_SIGMA_RAD = math.radians(20.0)
 """One sigma of the tilt of an IMU against the axes of the car: phones in a holder. Chosen by hand; not fitted."""
 MIN_GRAVITY_LOG_LIKELIHOOD = -30.0
-"""Least log-likelihood of gravity: an impossible one, but no more than thirty clear steps of motion can outweigh."""
+"""Least log-likelihood of gravity: an impossible one, but no more than thirty clear steps of motion can outweigh.
+Chosen by hand; not fitted."""
 REMOVED_GRAVITY_LOG_LIKELIHOOD = -15.0
 """Log-likelihood that gravity was removed. Chosen between an upright IMU (0) and an impossible one: with gravity in one
 unit, another unit in which it were removed is unlikely."""

@@ -15,7 +15,8 @@ from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_be
 from cwcli.signals.columns import FloatArray
 
 MIN_YAW_RAD = math.radians(15.0)
-"""Least angle that is corrected: less changes the forward acceleration by 4 % and adds a quarter of the lateral one."""
+"""Least angle that is corrected: less changes the forward acceleration by 4 % and adds a quarter of the lateral one.
+Chosen by hand; not fitted."""
 MIN_STEPS = 10
 """Least number of steps. Chosen by hand; not fitted."""
 MIN_CORRELATION = 0.8
@@ -23,7 +24,8 @@ MIN_CORRELATION = 0.8
 N_SIGMAS = 5.0
 """Least distance of the angle from MIN_YAW_RAD / 2 in its sigmas. Chosen by hand: neighbouring steps share fixes."""
 MIN_LATERAL_MPS2 = 0.5
-"""Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows."""
+"""Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows. Chosen
+by hand; not fitted."""
 
 
 def find_imu_yaw_hypothesis_and_evidence(

@@ -17,7 +17,8 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 STAMP_ROUNDING_SLACK_NS = 1_000
-"""A state may use a row that is later than it by at most this, ns, because the filter computes in float seconds."""
+"""Time in ns by which a row may be later than the state that uses it, because the filter computes in seconds as floats.
+Chosen by hand."""
 NEVER_AVAILABLE_NS = np.iinfo(np.int64).max
 """Time of what is never available, ns."""
 ALWAYS_AVAILABLE_NS = np.iinfo(np.int64).min

@@ -20,13 +20,15 @@ from cwcli.signals.columns import FloatArray
 N_MOTION_STATES = 8
 """Number of motion states; parameter states follow them."""
 START_TOLERANCE_S = 1e-9
-"""A row that is earlier than the start by at most this is used, s: rounding of stamps to floating point."""
+"""Time in s by which a row may be earlier than the start of the filter and is still used: rounding of stamps to
+floats."""
 MAX_PREDICTION_STEP_S = 0.1
 """Longest prediction step, s; chosen because the transition is a first-order expansion in the heading."""
 MAX_STEPS_PER_GAP = 600
 """Greatest number of steps across a gap: a longer gap counts as a minute, so that no covariance overflows."""
 MAX_RATE_REJECTIONS = 2
-"""Rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre and no spike."""
+"""Number of rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre. Chosen
+by hand."""
 MAX_REJECTION_TIME_S = 3.0
 """Time of rejections after which a slow source is used again, s. Chosen by hand; not fitted."""
 MAX_PITCH_RATE_GAP_S = 0.2

@@ -40,8 +40,8 @@ CHORD_TOLERANCE_IN_FLOORS = 0.24
 """Greatest distance of interpolated rows from their line, in least noises of the kind: 1.2 cm of a position, which is
 one step of a ten millionth of a degree."""
 MIN_BEND_IN_TOLERANCES = 3.0
-"""Least distance from the line, in tolerances, by which a car that changes its motion smoothly would leave it. By
-hand."""
+"""Least distance from the line, in tolerances, by which a car that changes its motion smoothly would leave it. Chosen
+by hand."""
 KNOT_FACTOR = 5.0
 """Least ratio of a knot's second difference to the median one. Chosen by hand; not fitted."""
 MIN_KNOTS, MIN_ROWS_PER_KNOT = 12, 2.5

@@ -36,7 +36,8 @@ AVERAGING_WINDOW_S = 2.0
 MIN_MOMENTS = 3
 """Least number of moments over which the offset of a sender is averaged. Chosen by hand; not fitted."""
 MIN_SQUARED_DISTANCE_ADVANTAGE = 13.8
-"""Least excess of the squared distance to another car: a likelihood ratio of 1000, as for joined ids."""
+"""Least excess of the squared distance to another car: a likelihood ratio of 1000, as for joined ids. Chosen by hand;
+not fitted."""
 MAX_SQUARED_DISTANCE = 13.8
 """Greatest squared distance from the sender: the chi-square quantile of 0.999 with two degrees of freedom."""
 MIN_CAR_CLEARANCE_M = 0.5

@@ -50,7 +50,8 @@ DERIVATIVE_SAMPLES = 8
 The paper says that they are "computed from the measured" values, not how. Chosen on the paper's drives: with 0.2 s the
 models with jerk are the worse ones, and a longer window sees a manoeuvre too late for fig. 9."""
 MAX_PAUSE_S = 60.0
-"""Longer pauses of all measurements have no steps, s, because the filter counts such a pause as a minute."""
+"""Longest pause of all measurements, s, through which steps are made; the filter counts a longer one as a minute.
+Chosen by hand."""
 DIFFERENTIATED_STATES = slice(ACCEL, YAW_RATE + 1)
 """Slice of the states whose slopes are appended: acceleration and yaw rate."""
 

@@ -34,7 +34,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)
-"""Lengths of the steps, s: as long as a manoeuvre takes, and longer than sensors are late."""
+"""Lengths of the compared steps, s: as long as a manoeuvre takes, and longer than sensors are late. Chosen by hand."""
 MIN_STEPS_OF_ONE_LENGTH = 4
 """Least number of clear steps of one length. Chosen: three agree by chance."""
 MIN_STEPS_OF_ALL_LENGTHS = 8
@@ -52,34 +52,38 @@ STUDENT_99_QUANTILES: Mapping[int, float] = {
 }
 """Number of values -> half the width of the 99 % interval in sigma of the mean (Student, two-sided); more: 2.86."""
 MEDIAN_TO_MEAN_SIGMA_RATIO = 1.2533
-"""Sigma of a median of normal values over that of their mean."""
+"""Sigma of the median of normal values divided by that of their mean: the square root of pi / 2."""
 MIN_ROWS = 20
 """Least number of rows of a source that is compared. Chosen by hand; not fitted."""
 TURN_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "a MEMS gyroscope's scale errs by 3 %; the rest is room for latencies and for courses of short ways"
 )
-"""Range of the ratio of two changes of heading."""
+"""Range of the ratio of two changes of heading that agree; the value itself names its source."""
 SPEED_CHANGE_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "an accelerometer's scale errs by 3 %; the rest is room for slopes, latencies and the noise of fixes"
 )
-"""Range of the ratio of two changes of speed."""
+"""Range of the ratio of two changes of speed that agree; the value itself names its source."""
 HEADING_OFFSET_RANGE = ParameterRange(
     -math.pi / 6.0, math.pi / 6.0, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"
 )
-"""Range of the difference of two headings or courses."""
+"""Range in rad of the difference of two headings or courses that agree; the value itself names its source."""
 MIN_TURN_RAD = 0.25
-"""Change of heading from one step to the next that is a turn and not a lane's curve or noise, rad."""
+"""Least change of heading from one step to the next, rad, that counts as a turn: more than a lane bends or noise makes.
+Chosen by hand."""
 MIN_COURSE_TURN_RAD = 0.5
 """Change of heading from one step to the next that is a turn where one of the two sources is a course by fixes, rad.
 Chosen by hand, well above the 0.2 by which the chord of a step is off when the car brakes and turns."""
 MIN_CHANGE_SIGMAS = 4.0
 """Least turn or change of speed in sigmas of the noise of fixes. Chosen by hand; not fitted."""
 MIN_SPEED_CHANGE_MPS = 2.0
-"""Change of mean speed from one step to the next that is braking or accelerating and not a slope, m/s."""
+"""Least change of the mean speed from one step to the next, m/s, that counts as braking or accelerating. Chosen by
+hand."""
 MAX_TURN_RAD = 2.5
-"""A larger change of heading from one step to the next may have gone round the other way, rad."""
+"""Largest change of heading from one step to the next, rad, that is compared; a larger one may have gone round the
+other way. Chosen by hand."""
 MIN_COURSE_SPEED_MPS = 4.0
-"""Slower, a car may drive backwards for long, m/s; 14 km/h."""
+"""Least speed in m/s (14 km/h) at which courses are compared; a slower car may drive backwards for long. Chosen by
+hand."""
 FIX_KINDS = (Kind.POSITION, Kind.VELOCITY)
 """Kinds that come from fixes."""
 BIAS_CHECKS = (SourceComparisonCheck.YAW_RATE_BIAS, SourceComparisonCheck.ACCEL_BIAS)

@@ -34,7 +34,7 @@ that stalls catches up sooner."""
 MAX_DELAY_S = 30.0
 """A delay beyond this, s, is no transmission but another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
 ALWAYS_NS = int(np.iinfo(np.int64).min)
-"""Log time before all others, ns."""
+"""Log time in ns that is earlier than all others: the least int64."""
 MIN_LIKELIHOOD_GAIN = 25.0
 """Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
 WHOLE_SECONDS_TOLERANCE_S = 0.2

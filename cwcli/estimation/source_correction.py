@@ -27,7 +27,7 @@ Prepare = Callable[[Sequence[Measurements]], tuple[list[PreparedSeries], list[st
 """A function that cleans measurements; returns the series and notes."""
 MAX_IMU_RATIO_ERROR = 0.35
 """Greatest relative difference from 1 of an IMU's turns and changes of speed after a correction: an IMU that is tilted
-by 30 degrees shows 0.87 of both, and slopes and latencies change more."""
+by 30 degrees shows 0.87 of both, and slopes and latencies change more. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)

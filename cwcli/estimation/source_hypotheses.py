@@ -41,7 +41,7 @@ COST_OF_A_FAULT = 3.0
 """Log-likelihood that a second fault of a source must gain: odds of 20 to 1. Chosen by hand; not fitted."""
 MAX_UNIT_ERROR = 0.05
 """Greatest relative difference from 1 of the ratio of ways after a correction: worn tyres and noise; the steps from
-feet/s to km/h and from knots to miles/h are twice as large."""
+feet/s to km/h and from knots to miles/h are twice as large. Chosen by hand; not fitted."""
 MAX_RATE_ERROR = 0.15
 """The same of the ratio of turns and of changes of speed, which latencies and slopes change. Chosen by hand."""
 EVIDENCE_STEP_S = 2.0
@@ -49,7 +49,7 @@ EVIDENCE_STEP_S = 2.0
 MAX_CHORD_SPEED_SIGMA_MPS = 0.7
 """Greatest sigma of a speed by two fixes; with noisier fixes the steps are longer. Chosen by hand; not fitted."""
 MAX_EVIDENCE_STEP_S = 8.0
-"""Greatest length of the steps, s."""
+"""Greatest length of the steps, s. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from cwcli.estimation.standstill_heading import has_heading_jumps, standstill_fl
 from cwcli.signals.columns import FloatArray
 
 SPEED_STEP_S = 2.0
-"""Time over which fixes show whether the car stands, s."""
+"""Time in s over which the fixes show whether the car stands. Chosen by hand."""
 
 
 def set_wrong_rows_aside(

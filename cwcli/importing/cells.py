@@ -24,7 +24,7 @@ _INSTANT_PATTERN = r"^(?P<sign>[+-]?)(?P<whole>\d{1,19})(?:[.](?P<part>\d*))?$"
 _HEMISPHERE_PATTERN = r"^(?P<a>[NSEWnsew]?)\s*(?P<number>[+-]?\d+[.]?\d*)\s*°?\s*(?P<b>[NSEWnsew]?)$"
 """A latitude or longitude with a hemisphere before or behind it."""
 N_DECIMALS = 9
-"""Decimals of a time that are kept."""
+"""Number of decimals of a time that are kept: nanoseconds."""
 
 
 def is_text_column(array: Any) -> bool:

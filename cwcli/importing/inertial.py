@@ -20,17 +20,21 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 
 MAX_GRAVITY_ERROR = 0.2
-"""Largest relative deviation of the mean acceleration from gravity in a unit."""
+"""Largest relative deviation of the mean acceleration from 9.81 m/s^2 at which a unit is accepted. Chosen by hand; not
+fitted."""
 FASTEST_TURN_RADPS = 1.5
 """No car turns faster (86 deg/s): larger numbers are degrees."""
 MIN_CORRELATION = 0.5
-"""Least correlation that shows the sense of a turn rate, or forward."""
+"""Least correlation that shows the sense of a turn rate, or forward. Chosen by hand; not fitted."""
 UPRIGHT_COS = 0.94
-"""Least share of gravity along an axis that stands upright: 20 degrees."""
+"""Least cosine between gravity and an axis of the sensor that counts as vertical: that of 20 degrees. Chosen by
+hand."""
 MAX_GAP_S = 0.25
-"""Longest time between two accelerations that is bridged to the stamps of the turn rates."""
+"""Longest time in s between two accelerations across which they are interpolated to the stamps of the turn rates.
+Chosen by hand."""
 MIN_TURNED_RAD = 0.44
-"""25 degrees: an IMU that is turned about its vertical by more is turned back."""
+"""Least angle in rad, 25 degrees, by which an IMU is turned about its vertical for the turn to be corrected. Chosen by
+hand."""
 
 
 def find_accelerations_and_turn_rates(meaning: Meaning, track: Track | None, other: Meaning | None = None) -> None:

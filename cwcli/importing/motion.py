@@ -16,13 +16,14 @@ METERS_PER_DEGREE = 111_195.0
 MIN_SPAN_S = 1.0
 """Shortest time over which a way is measured."""
 MAX_SPAN_S = 5.0
-"""Longest time between two positions that is a way; behind a gap the way is not known."""
+"""Longest time in s between two positions from which a speed and a direction are computed. Chosen by hand."""
 MIN_WAY_M = 100.0
-"""Least way of a track that can show a unit or a direction."""
+"""Least length in m of a track that can show the unit of a speed or the sense of a heading. Chosen by hand."""
 MIN_SPEED_MPS = 2.0
-"""Slower spans show no direction: walking pace."""
+"""Least speed in m/s at which the direction between two positions is used: walking pace. Chosen by hand."""
 RATIO_TOLERANCE = 0.06
-"""Largest deviation of the logarithm of a ratio of speeds: mph and knots differ by 0.14."""
+"""Largest deviation of the natural logarithm of a ratio of two speeds from that of a unit; mph and knots differ by
+0.14."""
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,20 @@ MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 NEAR_ZERO_DEG = 3.15
 """Places nearer to (0, 0) than this may be radians."""
 MAX_JITTER = 1.5
-"""Largest ratio of the way from row to row to that from second to second of a path of a car."""
+"""Largest ratio of the path length from row to row to that from second to second at which x and y are those of a car.
+Chosen by hand."""
 MAX_HEIGHT_M = 9000.0
-"""No road is higher: larger numbers are in another unit."""
+"""Greatest altitude of a road, m; larger numbers are in another unit. No public road lies above 6,000 m."""
 MIN_EXTENT_M = 0.5
-"""An x and y of a smaller extent, over a minute or more, may be degrees."""
+"""Least extent of x and y, m, within a minute or more; columns of a smaller one may hold degrees. Chosen by hand."""
 MAX_SWAPPED_ERROR_DEG, MIN_STRAIGHT_ERROR_DEG = 10.0, 30.0
-"""Median angles to the stated course, with latitude and longitude swapped and as they are, that show a swap."""
+"""Median angles to the stated course, with latitude and longitude swapped and as they are, that show a swap. Chosen by
+hand; not fitted."""
 MIN_SPANS = 10
-"""Least number of spans in motion for a comparison of angles."""
+"""Least number of spans in motion for a comparison of angles. Chosen by hand; not fitted."""
 MIN_HELD_SHARE = 0.3
-"""Least share of rows that repeat the position before for the position to be one that is held between fixes."""
+"""Least share of rows that repeat the position before for the position to be one that is held between fixes. Chosen by
+hand; not fitted."""
 
 
 def keep_rows_of_one_vehicle(meaning: Meaning) -> None:

@@ -15,15 +15,16 @@ from cwcli.importing.readers.trajectory import quaternions_of_rotations
 from cwcli.signals.columns import FloatArray
 
 STEP_S = 1.0
-"""Time between two positions whose direction is compared with the axes."""
+"""Time in s between two positions whose direction is compared with the axes of the poses. Chosen by hand."""
 MIN_STEP_M = 0.5
-"""Least way between them."""
+"""Least distance in m between two such positions. Chosen by hand."""
 MIN_STEPS = 5
-"""Least number of such steps."""
+"""Least number of such pairs of positions. Chosen by hand."""
 MIN_ALONG = 0.85
-"""Least mean cosine between the way and the axis that points forward."""
+"""Least mean cosine between the direction of motion and an axis that counts as pointing forward. Chosen by hand."""
 UPRIGHT_COS = 0.9
-"""Least cosine between the vertical of the body and an axis of the world."""
+"""Least cosine between the mean vertical of the body and an axis of the world that counts as up: that of 26 degrees.
+Chosen by hand."""
 CAMERA_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Camera axes (z forward, x right, y down) -> body axes (x forward, y left, z up)."""
 

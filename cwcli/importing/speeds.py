@@ -24,18 +24,21 @@ from cwcli.signals.columns import FloatArray
 SPEED_UNITS = ("mps", "kmh", "mph", "knots")
 """Units that a speed without one can have."""
 MAX_DISAGREEMENT = 0.25
-"""Largest logarithm of the ratio of a speed in its stated unit to the speed over ground."""
+"""Largest natural logarithm of the ratio of a speed in its stated unit to the speed over ground, above which is asked.
+Chosen by hand."""
 MIN_UNEVEN, MAX_EVEN_SHARE = 0.02, 0.4
 """Least spread of the logarithm of the ratio of a speed to the way, and largest share of it with the places swapped,
-that show a swap."""
+that show a swap. Chosen by hand; not fitted."""
 GOOD_FIT_DEG, POOR_FIT_DEG = 12.0, 25.0
-"""Median angles to the way below which a sense of a heading fits, and above which it does not."""
+"""Median angles in degrees between a heading and the direction of motion: below the first its sense fits, above the
+second it does not. Chosen by hand."""
 SAME_FIT_DEG = 3.0
-"""Two senses whose medians differ by less fit alike."""
+"""Largest difference in degrees of the median angles of two senses that fit equally well. Chosen by hand."""
 MIN_CORRELATION = 0.5
-"""Least correlation with the turning of the course that shows the sense of a yaw rate."""
+"""Least correlation with the turning of the course that shows the sense of a yaw rate. Chosen by hand; not fitted."""
 SWAP_MARGIN_DEG = 2.0
-"""A sense is taken only where it fits better by this than latitude and longitude swapped."""
+"""Least advantage in degrees with which a sense of a heading must fit better than swapped latitude and longitude.
+Chosen by hand."""
 HEADING_SENSES = ("deg-cw-north", "deg-ccw-east", "rad-cw-north", "rad-ccw-east")
 """Unit and sense of a heading."""
 

@@ -29,20 +29,22 @@ from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
 MAX_SPREAD_S = 0.1
-"""Two columns of time whose difference changes by less say the same."""
+"""Largest change in s of the difference of two columns of time that count as the same clock. Chosen by hand."""
 MAX_BACKWARD_SHARE = 0.2
-"""Largest share of rows that lie before their predecessor and are put into order."""
+"""Largest share of rows that are earlier than the row before; they are sorted, and more is an error. Chosen by hand."""
 MAX_REPEATED_SHARE = 0.5
-"""Largest share of rows with the stamp of the row before."""
+"""Largest share of rows with the stamp of the row before at which a column counts as time. Chosen by hand."""
 MAX_ABSURD_SHARE = 0.05
-"""Largest share of rows with a time before 1970 or behind 2038 that are left out; more show another unit."""
+"""Largest share of rows with a time before 1970 or after 2038 that are left out; more show another unit. Chosen by
+hand."""
 MAX_LATE_S = 5.0
 """Rows that were written later than others by more than this, and lie among them, are a second recording: buffers of
 sensors hold less. Chosen by hand."""
 MAX_CHANGES_PER_STEP_BACK = 4
-"""A row, or a block, that was written late makes three changes between the parts of a file in the order of time."""
+"""Largest number of changes between the parts of a file, in time order, for each step back in time: a late row, or
+block, makes three."""
 MAX_GPS_WEEK = 11_000
-"""Week since the GPS epoch that lies behind 2190."""
+"""Greatest week since the GPS epoch that is accepted, in the year 2190. Chosen by hand."""
 RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
 """Meanings of columns of time, the most useful first."""
 

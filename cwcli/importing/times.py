@@ -29,14 +29,17 @@ MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
 MAX_ZONE_OFFSET_S = 15 * 3600
 """No zone is farther from UTC: they end at 14 hours (IANA tz database)."""
 FIRST_YEAR_S, LAST_YEAR_S = 631_152_000, 4_102_444_800
-"""1990 and 2100 in seconds since 1970: recordings lie between them."""
+"""Seconds since 1970 of the years 1990 and 2100, between which recordings lie. Chosen by hand."""
 GPS_NAMES_FROM_S = 1_000_000_000
-"""Seconds since the GPS epoch of September 2011; earlier logs of vehicles hardly exist."""
+"""Seconds since the GPS epoch from which a number is taken as GPS time, September 2011. Chosen by hand: earlier logs of
+vehicles hardly exist."""
 SLOWEST_HZ, FASTEST_HZ = 0.5, 2500.0
-"""Rates of rows that sensors of cars have; other rates show that the unit of the time is another one."""
+"""Least and greatest rate of rows, Hz, of sensors of cars; other rates show that the unit of the time is another one.
+Chosen by hand."""
 
 MIN_MONTH_SHARE = 0.9
-"""Least share of dates with a month behind the year; the others are damaged."""
+"""Least share of dates that begin with the year and whose second number is a month, for the order year, month, day.
+Chosen by hand."""
 DATE_ORDERS = {"ymd": ("y", "m", "d"), "dmy": ("d", "m", "y"), "mdy": ("m", "d", "y")}
 """Order of a date by its name."""
 _CLOCK = (

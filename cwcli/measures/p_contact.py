@@ -25,7 +25,7 @@ N_PATH_STATES = 6
 MOMENTS_PER_BATCH = 256
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
 STANDSTILL_SPEED_MPS = 1e-9
-"""A lower speed is rounding and counts as standing."""
+"""Speed in m/s below which a vehicle stands; smaller values are rounding."""
 
 
 def contact_probability_within_horizon(pair: Pair) -> FloatArray:

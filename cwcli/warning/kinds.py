@@ -24,11 +24,13 @@ MAX_FOLLOWING_ANGLE_RAD = np.radians(30.0)
 MIN_HOST_SPEED_MPS = -0.5
 """A host that reverses faster than this can avoid who is behind it, m/s. Chosen by hand; not fitted."""
 FOLLOWING_MARGIN_M = 0.5
-"""A follower is at most half of both widths plus this beside the host's line, m; farther beside, lanes are changed."""
+"""Lateral distance in m from the host's line, beyond half of both widths, up to which a vehicle counts as following.
+Chosen by hand."""
 MAX_PARALLEL_ANGLE_RAD = np.radians(10.0)
 """Greatest angle between parallel lines of travel, rad: twice that of a usual change of lanes. Chosen by hand."""
 MIN_LANE_CLEARANCE_M = 1.0
-"""Least lateral distance of the outlines of vehicles in lanes of their own, m: lanes are 3 m wide or more, cars 2 m."""
+"""Least lateral distance of the outlines of vehicles in lanes of their own, m: lanes are 3 m wide or more, cars 2 m.
+Chosen by hand; not fitted."""
 MAX_LANE_SPEED_MPS = 1.0
 """Greatest speed towards the other's line in a lane, m/s: a change of lanes (3.5 m in 4 to 6 s) has 0.9 on average."""
 MAX_LANE_ACCEL_MPS2 = 1.0

@@ -21,7 +21,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
 CANDUMP = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
-"""A line of candump -l."""
+"""Pattern of a line that `candump -l` writes: time, bus, identifier and data."""
 ASC_HEADER = re.compile(r"^(date\s|base\s+(hex|dec)\b|\d+\.\d+\s+(\d+|CANFD)\s+[0-9A-Fa-f]+x?\s+[RT]x)", re.IGNORECASE)
 """A line near the start of an ASC trace."""
 BLF_MAGIC = b"LOGG"

@@ -31,7 +31,8 @@ PLANE_ORIGIN = (52.0, 10.0)
 LONGEST_STEP_MPS = 150.0
 """Faster than any car: positions in degrees change by far less than a speed says."""
 MAX_VALUE = 1e10
-"""No time, place, angle or speed of a simulated vehicle is as large."""
+"""Greatest size of a time, place, angle or speed of a simulated vehicle. Chosen by hand: ten thousand times the size of
+a map."""
 ROWS = ("time", "x", "y", "angle", "speed")
 """The time, and the attributes of a vehicle at a step that are read."""
 REMOTE_TOPIC = "/v2x/bsm"

@@ -6,7 +6,8 @@ from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.trajectory import first_lines_as_numbers, read_kitti_poses
 
 MAX_VOLUME_ERROR = 0.05
-"""Largest deviation of the determinant of a rotation from 1; other numbers are no rotation."""
+"""Largest deviation of the determinant of a rotation matrix from 1; numbers beyond it are no rotation. Chosen by
+hand."""
 
 
 def _accepts_kitti_file(head: FileHead) -> bool:

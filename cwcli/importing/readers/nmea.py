@@ -24,9 +24,9 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 NS_PER_DAY = 86_400 * NS_PER_S
-"""Length of a day."""
+"""Number of nanoseconds in a day."""
 SENTENCE = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*\*[0-9A-Fa-f]{2}")
-"""A sentence with its checksum."""
+"""Pattern of an NMEA sentence with its checksum."""
 COLUMNS = {
     "position": ("latitude_deg", "longitude_deg", "altitude_m"),
     "velocity": ("speed_mps", "course_deg"),
@@ -192,4 +192,4 @@ def _stamps_ns_and_is_date_known(collected: Collected) -> tuple[Int64Array, bool
 
 
 KIND = ImportKind("NMEA 0183 sentences as text", (".nmea", ".txt", ".log"), _accepts_nmea_file, _read_nmea_tables)
-"""The description of this kind."""
+"""How files of NMEA sentences are recognised and read, for the table of import formats."""

@@ -29,7 +29,7 @@ MAX_MEMBER_BYTES = 256 << 20
 MAX_RATIO = 200
 """Largest ratio of a table's size to that in the zip: text of numbers has less than 20."""
 MAX_MEMBERS = 1000
-"""Largest number of files in a zip."""
+"""Largest number of files in a zip. Chosen by hand; not fitted."""
 LOCATIONS = ("location", "locationgps", "gps", "locationnetwork")
 """Tables of positions, the best first."""
 ACCELERATIONS = ("totalacceleration", "accelerometeruncalibrated", "accelerometer", "acceleration")

@@ -21,7 +21,7 @@ from cwcli.signals.units import NS_PER_S
 
 NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
 LINES_AT_ONCE = 50_000
-"""Lines that are parsed at a time."""
+"""Number of lines that are parsed at a time. Chosen by hand: they take a few megabytes."""
 POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Position and quaternion, in the order of TUM."""
 POSE_PRESETS = {
@@ -31,7 +31,7 @@ POSE_PRESETS = {
 }
 """Column -> the quantity and unit that the format fixes."""
 MAX_UNEQUAL_LINES = 0.05
-"""Largest share of lines with another number of columns that is left out."""
+"""Largest share of lines with a wrong number of columns that are left out; more is an error. Chosen by hand."""
 
 
 def first_lines_as_numbers(head: FileHead, n: int) -> FloatArray | None:

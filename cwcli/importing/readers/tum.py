@@ -6,7 +6,7 @@ from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.trajectory import first_lines_as_numbers, read_tum_poses
 
 MAX_LENGTH_ERROR = 0.05
-"""Largest deviation of the length of a quaternion from 1; other numbers are no quaternion."""
+"""Largest deviation of the length of a quaternion from 1; numbers beyond it are no quaternion. Chosen by hand."""
 
 
 def _accepts_tum_file(head: FileHead) -> bool:

@@ -14,9 +14,10 @@ from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
 from cwcli.signals.units import NS_PER_S
 
 SYNC = b"\xb5\x62"
-"""First bytes of a message."""
+"""The first two bytes of a UBX message (u-blox protocol specification)."""
 LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX = 0, 5
-"""Values of fixType without a position."""
+"""Values of the field fixType of NAV-PVT that have no position: no fix, and time only (u-blox protocol
+specification)."""
 PRESETS = {
     "time": Preset("time", "ns"),
     "latitude": Preset("latitude", "deg"),
@@ -91,4 +92,4 @@ def _append_solution_or_count(rows: list[tuple[float, ...]], counts: dict[str, i
 
 
 KIND = ImportKind("u-blox UBX: NAV-PVT (needs pyubx2)", (".ubx",), _accepts_ubx_file, _read_ubx_tables)
-"""The description of this kind."""
+"""How u-blox UBX files are recognised and read, for the table of import formats."""

@@ -161,4 +161,4 @@ KIND = ImportKind(
     _accepts_video_file,
     _read_video_file,
 )
-"""The description of this kind."""
+"""How video files are recognised and read, for the table of import formats."""

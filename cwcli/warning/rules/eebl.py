@@ -33,7 +33,7 @@ LANE_WIDTH_M = 3.6
 """Assumed width of a lane, m: 12 feet, as on US highways."""
 MAX_LATERAL_OFFSET_M = 1.5 * LANE_WIDTH_M
 """A vehicle within this distance of the host's path, m, is in its lane or in an adjacent one: one and a half
-`LANE_WIDTH_M`."""
+`LANE_WIDTH_M`. It is one and a half `LANE_WIDTH_M`."""
 MAX_HEADING_DIFFERENCE_RAD = np.deg2rad(45.0)
 """Largest angle between directions of vehicles that drive the same way. Chosen by hand; not fitted."""
 MIN_HOST_SPEED_MPS = 2.0
