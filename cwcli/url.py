@@ -38,9 +38,10 @@ SAS_NAMES = frozenset(
 DIGEST_ROUNDS = 50_000
 """Number of PBKDF2 rounds, 30 ms a URL: what each guess at a short secret in a parameter of an unknown name costs."""
 DIGEST_LENGTH = 8
-"""Hexadecimal digits; so few that many secrets have the same ones."""
+"""Number of hexadecimal digits of a digest; so few that many secrets have the same one. Chosen by hand."""
 MIN_SECRET_LENGTH = 3
-"""Shorter values are not looked for in the words of others: `t=1` would hide every 1."""
+"""Least number of characters of a value that is hidden in the words of others: `t=1` would hide every 1. Chosen by
+hand."""
 
 # plain strings, as `re` compiles them when the first URL comes: most runs have none
 _SCHEME_PATTERN = r"[A-Za-z][A-Za-z0-9+.\-]*://"

@@ -19,7 +19,7 @@ FIX_AND_POSE_RATE_HZ, TRANSFORM_RATE_HZ = 5.0, 10.0
 VARIANCE_BINARY_DIGITS = 8
 """Binary digits of the variances of a fix; chosen: viewers only draw an ellipse."""
 ORIENTATION_FRACTION_BITS = 20
-"""Components of the orientation quaternion are multiples of 2^-20; chosen by hand."""
+"""Number of binary digits after the point of the components of the orientation quaternion. Chosen by hand."""
 
 
 def write_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:

@@ -32,11 +32,11 @@ UNKNOWN_TYPE_TEXT = "no role takes this type"
 READABLE_REASONS = frozenset({UNKNOWN_TYPE_TEXT, OTHER_USES_OF_SCHEMAS["diagnostic_msgs/DiagnosticArray"]})
 """Reasons that the first messages of a channel may complete: by their fields, or by what they warn of."""
 MAX_NUMERIC_FIELDS = 2000
-"""Fields of a message at which the search for numbers stops; chosen by hand."""
+"""Greatest number of fields of a message that are searched for numbers. Chosen by hand."""
 MAX_NESTING = 8
-"""Nesting of a message at which the search for numbers stops; chosen by hand."""
+"""Greatest nesting of a message that is searched for numbers. Chosen by hand."""
 MAX_SUGGESTIONS = 2
-"""Options suggested for one channel; chosen by hand."""
+"""Greatest number of options that are suggested for one channel. Chosen by hand."""
 _WARNING_WORDS = frozenset(
     {"fcw", "aeb", "warning", "warnings", "warn", "alert", "alerts", "alarm", "collision", "icw", "eebl", "ldw"}
 )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 MAX_COMMENT_CHARS = 60_000
 """Longest comment in characters. GitHub refuses a body of more than 65,536; the rest is for what a job adds."""
 MAX_ROWS_PER_LOG = 20
-"""Metrics of a log that its table lists; chosen by hand."""
+"""Greatest number of metrics that the table of one log lists. Chosen by hand."""
 MAX_NAMED_LOGS = 10
 """Logs that the last sentence names of those that are left out; chosen by hand."""
 MAX_NAME_CHARS = 200

@@ -43,7 +43,7 @@ MAX_SQUARED_DISTANCE = 13.8
 MIN_CAR_CLEARANCE_M = 0.5
 """Least distance between two cars beside each other, m; people may touch. Chosen by hand; not fitted."""
 MIN_CAR_WIDTH_M = 1.0
-"""Road users narrower than this are no cars and need no clearance, m. Chosen by hand; not fitted."""
+"""Least width in m of a road user that counts as a car and needs clearance. Chosen by hand; not fitted."""
 DEFAULT_ROAD_USER_SIZE_M = 0.5
 """Length and width of a road user without a stated size, m. Chosen as a person's."""
 MIN_POSITION_VARIANCE_M2 = 1e-4
@@ -55,9 +55,9 @@ SENDER_ACCELERATION_SIGMA_MPS2 = 2.0
 MAX_MOTION_DIFFERENCE_SIGMAS = 3.0
 """Greatest difference of the speeds and of the headings, in sigmas. Chosen by hand; not fitted."""
 MIN_SPEED_FOR_HEADING_MPS = 1.0
-"""Headings are not compared below this speed, m/s. Chosen by hand; not fitted."""
+"""Least speed in m/s at which headings are compared. Chosen by hand; not fitted."""
 MAX_COMPARED_DISTANCE_M = 50.0
-"""Objects farther than this from every position of a sender are not compared with it, m. Chosen for speed."""
+"""Greatest distance in m of an object from a position of a sender with which it is compared. Chosen for speed."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_RATE
 
 SAMPLING_TIME_S = 0.05
-"""Sampling time dT of eq. 2, s."""
+"""Sampling time dT of eq. 2, s; song2016 samples at 20 Hz."""
 JERK_ROOT_SPECTRAL_DENSITY = 0.2
 """Root of the jerk's spectral density, m/s^3 per root Hz. Chosen: see `process_noise`."""
 YAW_ACCEL_ROOT_SPECTRAL_DENSITY = 0.02

@@ -34,7 +34,8 @@ MIN_COMPARED_STEPS = 4
 UNKNOWN_RESIDUAL_SCALES = 6.0
 """Residual, in scales, of a step in which one hypothesis has motion and another none. Chosen: clearly an outlier."""
 MIN_COURSE_SPEED_MPS = 4.0
-"""Slower, a car may drive backward for long, m/s, as in `source_checks`."""
+"""Least speed in m/s at which courses are compared, as in `source_checks`; a slower car may drive backwards for
+long."""
 FIX_KINDS = (Kind.POSITION, Kind.VELOCITY)
 """Kinds that come from fixes."""
 

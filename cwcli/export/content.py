@@ -36,7 +36,7 @@ from cwcli.signals.vehicle_state import ACCEL, YAW_RATE
 from cwcli.text import join_names
 
 MAX_NAMED_VEHICLES = 10
-"""Vehicles that an error names; chosen by hand."""
+"""Greatest number of vehicles that an error names. Chosen by hand."""
 EGO_AND_OTHERS = ("ego", "remote", "targets")
 """Contents that a format for all vehicles takes together, if the log has them."""
 

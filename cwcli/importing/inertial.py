@@ -23,7 +23,7 @@ MAX_GRAVITY_ERROR = 0.2
 """Largest relative deviation of the mean acceleration from 9.81 m/s^2 at which a unit is accepted. Chosen by hand; not
 fitted."""
 FASTEST_TURN_RADPS = 1.5
-"""No car turns faster (86 deg/s): larger numbers are degrees."""
+"""Greatest turn rate of a car, rad/s (86 degrees/s); larger numbers are degrees. Chosen by hand."""
 MIN_CORRELATION = 0.5
 """Least correlation that shows the sense of a turn rate, or forward. Chosen by hand; not fitted."""
 UPRIGHT_COS = 0.94

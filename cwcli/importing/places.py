@@ -14,7 +14,7 @@ from cwcli.signals.columns import FloatArray
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
 NEAR_ZERO_DEG = 3.15
-"""Places nearer to (0, 0) than this may be radians."""
+"""Size of latitudes and longitudes, degrees, below which they may be radians: a little more than pi."""
 MAX_JITTER = 1.5
 """Largest ratio of the path length from row to row to that from second to second at which x and y are those of a car.
 Chosen by hand."""

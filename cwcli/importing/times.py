@@ -27,7 +27,7 @@ BoolArray = npt.NDArray[np.bool_]
 MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
 """The last second of ROS 2 stamps, in January 2038, in ns since 1970 (builtin_interfaces/msg/Time)."""
 MAX_ZONE_OFFSET_S = 15 * 3600
-"""No zone is farther from UTC: they end at 14 hours (IANA tz database)."""
+"""Greatest offset of a time zone from UTC, s: an hour more than the 14 of the IANA tz database."""
 FIRST_YEAR_S, LAST_YEAR_S = 631_152_000, 4_102_444_800
 """Seconds since 1970 of the years 1990 and 2100, between which recordings lie. Chosen by hand."""
 GPS_NAMES_FROM_S = 1_000_000_000

@@ -15,7 +15,7 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 2.5
-"""Contact counts within this time, s (song2016's horizon)."""
+"""Time ahead within which a contact counts, s: song2016's horizon."""
 STEP_S = 0.05
 """Step of the paths, s. Chosen by hand."""
 PATH_TIMES_S = np.arange(round(HORIZON_S / STEP_S) + 1) * STEP_S

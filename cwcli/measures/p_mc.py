@@ -12,7 +12,7 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 3.0
-"""Contact counts within this time, s. Chosen by hand; not fitted."""
+"""Time ahead within which a contact counts, s. Chosen by hand; not fitted."""
 ACCEL_SIGMA_MPS2 = 2.875
 """Sigma of the host's random accelerations along and across (CommonRoad-CriMe's random manoeuvre: 11.5 / 4)."""
 N_SAMPLES = 2048
@@ -20,7 +20,7 @@ N_SAMPLES = 2048
 MOMENTS_PER_BATCH = 8
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
 MAX_ACCEL_SIGMAS = 4.0
-"""Pairs that would need an acceleration of more than this many sigmas to touch are left out. Chosen by hand."""
+"""Greatest acceleration, in sigmas, that a contact may need; pairs that need more are left out. Chosen by hand."""
 
 
 def share_of_sampled_manoeuvres_touching(pair: Pair) -> FloatArray:

@@ -57,7 +57,7 @@ UNIT_BY_NAME_SUFFIX = {
 TABLE_FILE_SUFFIXES = (".parquet", ".csv")
 """Endings of the names of table files."""
 MAX_ROWS_OF_SMALL_TABLE = 2000
-"""Tables with fewer rows are compressed with Snappy, others with Zstandard; chosen by hand."""
+"""Number of rows below which a table is compressed with Snappy, others with Zstandard. Chosen by hand."""
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,16 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 MAX_MESSAGES = 5
-"""Messages of a channel that are read for its fields: the first may lack optional ones. Chosen by hand."""
+"""Greatest number of messages of a channel that are read for its fields: the first may lack optional ones. Chosen by
+hand."""
 MAX_MESSAGE_BYTES = 1 << 16
 """Largest message that is read for its fields, 64 KiB; images and point clouds are larger. Chosen by hand."""
 MAX_CHANNELS = 50
-"""Channels of a log whose messages are read for their fields; chosen by hand."""
+"""Greatest number of channels of a log whose messages are read for their fields. Chosen by hand."""
 MAX_FIELDS = 200
-"""Fields of a message that are found; chosen by hand."""
+"""Greatest number of fields of a message that are listed. Chosen by hand."""
 MAX_DEPTH = 8
-"""Nesting of a message at which the search for fields stops; chosen by hand."""
+"""Greatest nesting of a message that is searched for fields. Chosen by hand."""
 
 
 def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:

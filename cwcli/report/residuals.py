@@ -41,7 +41,7 @@ from cwcli.signals.vehicle_state import ACCEL, EGO_ID, HEADING, SPEED, YAW_RATE
 MAX_RESIDUAL_FIGURES = 8
 """The greatest number of residual figures. Chosen by hand; not fitted."""
 MAX_INTERPOLATION_GAP_S = 0.5
-"""States are not interpolated across longer gaps, in s. Chosen by hand; not fitted."""
+"""Longest gap in s across which states are interpolated. Chosen by hand; not fitted."""
 N_DOT_GRID_ROWS = 60
 """Cells of the grid over the height; of dots in one cell the first is drawn. Chosen by hand; not fitted."""
 PANEL_HEIGHT_PX = 130

@@ -47,13 +47,13 @@ SIDES = ("left", "right")
 """Names of the sides, in the order of the evaluation."""
 
 EARLIEST_LINE_SLOW_M = 0.75
-"""Earliest warning line inside the boundary at rates of departure up to 0.5 m/s (ISO 17361)."""
+"""Earliest warning line, m inside the boundary, at rates of departure up to 0.5 m/s (ISO 17361)."""
 EARLIEST_LINE_S = 1.5
 """Time that the rate of departure is multiplied with for the earliest warning line, up to 1.0 m/s (ISO 17361)."""
 EARLIEST_LINE_FAST_M = 1.5
-"""Earliest warning line inside the boundary at higher rates of departure (ISO 17361)."""
+"""Earliest warning line, m inside the boundary, at higher rates of departure (ISO 17361)."""
 LATEST_LINE_CAR_M = -0.3
-"""Latest warning line of passenger cars; negative: outside the boundary (ISO 17361)."""
+"""Latest warning line of passenger cars, m inside the boundary; negative: outside of it (ISO 17361)."""
 CLASS_II_MIN_SPEED_MPS = 17.0
 """Speed from which a system of class II must work (ISO 17361)."""
 DEFAULT_RELEASE_S = 1.5

@@ -32,11 +32,12 @@ from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 Rows = npt.NDArray[np.intp]
 
 REACH_MARGIN_M = 15.0
-"""Pairs that cannot come within the collision distance plus this, m, are not evaluated. Chosen by hand."""
+"""Distance in m beyond the collision distance up to which a pair counts as within reach and is evaluated. Chosen by
+hand."""
 NEAR_MARGIN_M = 6.0
-"""Pairs within the collision distance plus this, m, are measured at every path point. Chosen by hand."""
+"""Distance in m beyond the collision distance up to which a pair is measured at every path point. Chosen by hand."""
 COARSE_POINT_STRIDE = 5
-"""Other pairs are measured at every fifth path point. Chosen by hand."""
+"""Stride of the path points at which pairs that are not near are measured: every fifth. Chosen by hand."""
 STANDSTILL_SPEED_MPS = 0.5
 """A slower vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not fitted."""
 

@@ -44,9 +44,9 @@ EXAMPLES = (
 SYSTEM_TABLE_HEADINGS = ("metric", "the system", "cwcli", "states", "n")
 """Headings of the table of another system's metrics."""
 MAX_SHOWN_FAILURES = 20
-"""Failed logs, and failed checks of a gate, that the terminal shows; chosen by hand."""
+"""Greatest number of failed logs, and of failed checks of a gate, that the terminal shows. Chosen by hand."""
 MAX_MARKDOWN_ROWS = 200
-"""Failed checks that the Markdown summary shows; chosen by hand."""
+"""Greatest number of failed checks that the Markdown summary shows. Chosen by hand."""
 
 Document = dict[str, Any]
 

@@ -26,4 +26,4 @@ VELOCITY = (
     _axes_hypothesis("east-south", "has south in place of north", (1.0, 0.0), (0.0, -1.0)),
     _axes_hypothesis("west-south", "points backward", (-1.0, 0.0), (0.0, -1.0)),
 )
-"""Units and axes of `Kind.VELOCITY`."""
+"""Hypotheses on the unit and the axes of a source of `Kind.VELOCITY`."""

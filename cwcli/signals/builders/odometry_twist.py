@@ -16,13 +16,14 @@ from cwcli.signals.leaf_fields import find_field, read_matrix, read_numbers, rea
 from cwcli.signals.quality import RowLedger
 
 MIN_SPEED_FOR_AXES_MPS = 0.5
-"""Slower rows do not tell in which axes a twist is."""
+"""Least speed in m/s of rows that tell in which axes a twist is. Chosen by hand."""
 MIN_ROWS_FOR_AXES = 10
-"""Fewer rows in motion do not tell in which axes a twist is. Chosen by hand; not fitted."""
+"""Least number of rows in motion that tell in which axes a twist is. Chosen by hand; not fitted."""
 MAX_SLIP = 0.1
 """A car's velocity points to the side by less than this part of what it points forward."""
 MOVED_M = 2.0
-"""Positions that span more are of a car that moved: a twist of zeros throughout was then never filled."""
+"""Least extent of the positions, m, of a car that moved: a twist of zeros throughout was then never filled. Chosen by
+hand."""
 UNMEASURED_M2PS2 = 1e3
 """A component of a velocity with a greater variance, more than 30 m/s of sigma, is stated but not measured."""
 

@@ -39,7 +39,7 @@ MIN_MOVED_DISTANCE_M = 1.0
 MIN_COURSE_SPEED_MPS = 0.3
 """The speed in m/s above which an object's velocity says where it is heading. Chosen by hand; not fitted."""
 MAX_SIDEWAYS_SINE = 0.7
-"""No vehicle drives at more than 45 degrees to its axis."""
+"""Greatest sine of the angle between the motion and the axis of a vehicle: that of 45 degrees. Chosen by hand."""
 LIMITS = {
     "yaw": (("base.orientation.yaw",), MAX_ANGLE_RAD),
     "velocity": (("base.velocity.x", "base.velocity.y"), MAX_SPEED_MPS),

@@ -26,7 +26,7 @@ from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 HARD_BRAKING_MPS2 = 4.0
-"""Hard braking begins here: about the 0.4 g of `eventHardBraking` (SAE J2735)."""
+"""Least deceleration of hard braking, m/s^2: about the 0.4 g of `eventHardBraking` (SAE J2735)."""
 RELEASE_SHARE = 0.5
 """A warning ends when the other brakes with less than this share of hard braking. Chosen by hand; not fitted."""
 LANE_WIDTH_M = 3.6
