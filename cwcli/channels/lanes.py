@@ -192,13 +192,13 @@ class LaneRows:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def least_yaw_sigma_rad(self) -> float:
+    def shared_yaw_sigma_rad(self) -> float:
         """Share of the camera's yaw error in the heading sigmas: the least value of all frames, 0 if unknown."""
         told_rad = self.camera_yaw_sigma_rad
         known = told_rad[np.isfinite(told_rad) & (told_rad >= 0.0)]
         return float(known.min(initial=math.pi)) if len(known) else 0.0
 
-    def valid_road_lines(self) -> FloatArray:
+    def plausible_road_lines(self) -> FloatArray:
         """Lateral offset, slope and curvature of the boundaries found, shape (n, 2, 3); NaN where implausible."""
         with np.errstate(invalid="ignore"):
             is_line = self.found & (np.abs(self.road) <= ROAD_LINE_LIMITS).all(axis=2)
@@ -211,7 +211,7 @@ class LaneRows:
         is_curve = np.isfinite(self.image_boundaries.roads).all(axis=2) & np.isfinite(
             self.image_boundaries.pinhole[:, :1]
         )
-        return np.where(is_curve[..., None], self.valid_road_lines(), np.nan)
+        return np.where(is_curve[..., None], self.plausible_road_lines(), np.nan)
 
     def boundaries_in_pixels(self, row: int, image_size: tuple[int, int]) -> list[FloatArray]:
         """The left and the right boundary of a frame in the pixels of an image of it, shape (k, 2) each.

@@ -20,7 +20,7 @@ LANE_AHEAD_FIELDS = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
 TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *LANE_AHEAD_FIELDS)
 """Fields that are read from a channel of the lateral truth."""
 PREVIEW_MATCH_TOLERANCE_M = 1e-6
-"""Two preview distances that differ by less are the same, m; chosen: rounding errors only."""
+"""Greatest difference of two preview distances that count as equal, m. Chosen: rounding errors only."""
 STATUS_OFFSET = 1
 """Offset from `FrameStatus` to the enum of the message, where 0 means unspecified."""
 

@@ -85,14 +85,14 @@ def move_to_map_and_clock(
     )
 
 
-def merge_states_by_log_time(some: VehicleStates, more: VehicleStates) -> VehicleStates:
+def merge_states_by_log_time(first: VehicleStates, second: VehicleStates) -> VehicleStates:
     """Concatenate the states of several vehicles in the order of their log times."""
-    names = tuple(dict.fromkeys((*some.ids.values, *more.ids.values)))
+    names = tuple(dict.fromkeys((*first.ids.values, *second.ids.values)))
     codes = [
-        np.array([names.index(name) for name in each.ids.values], np.int32)[each.ids.codes] for each in (some, more)
+        np.array([names.index(name) for name in each.ids.values], np.int32)[each.ids.codes] for each in (first, second)
     ]
     columns = {
-        name: np.concatenate([np.asarray(getattr(some, name)), np.asarray(getattr(more, name))])
+        name: np.concatenate([np.asarray(getattr(first, name)), np.asarray(getattr(second, name))])
         for name in VehicleStates.__dataclass_fields__
         if name != "ids"
     }

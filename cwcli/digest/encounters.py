@@ -27,11 +27,11 @@ MAX_DETAILED_OTHERS = 400
 """The distance to the ego is computed for this many others: those warned of, then the longest tracks.
 Chosen by hand; not fitted."""
 SAME_DIRECTION_RAD = math.radians(45.0)
-"""Headings that differ less, in rad, are the same direction; those within it of pi are opposite.
+"""Greatest difference of two headings, rad, that count as the same direction; within it of pi they count as opposite.
 Chosen by hand; not fitted."""
 AHEAD_BEARING_RAD = math.radians(60.0)
-"""Bearings below it, in rad, are ahead; those within it of pi are behind; others are beside.
-Chosen by hand; not fitted."""
+"""Greatest bearing, rad, that counts as ahead; bearings within it of pi count as behind, others as beside. Chosen by
+hand; not fitted."""
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,7 @@ def lower_speed_index_and_upper_weight(speed_mps: FloatArray) -> tuple[npt.NDArr
     return low, (kmh - OBSERVER_SPEEDS_KMH[low]) / SPEED_GRID_STEP_KMH
 
 
-def observe_blended(
+def observe_with_blended_bank(
     lanes: LaneSamples,
     speed: ScalarSamples,
     vehicle: Vehicle,

@@ -95,7 +95,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
 
     Args:
         layout: All series, bias states set, with the motion model.
-        predetermined: Parallel to the series, see `predetermine_latencies`.
+        predetermined: Parallel to the series, see `latencies_known_without_search`.
     """
     decided = [role for role in predetermined if role is not None]
     if len(decided) == len(predetermined):
@@ -240,11 +240,11 @@ class _LatencySearch:
 
     def _drop_outliers(self) -> _LatencySearch:
         """The same search with the rows that the filter believes."""
-        gated = self._trial_of(gate_outliers(self.target))
+        gated = self._trial_layout_of_target(gate_outliers(self.target))
         status = self.trials.run_filter(gated).status
         if all((was == UpdateStatus.USED).all() for was in status):
             # The reference keeps its gate in both.
-            self.trials.remember_equal(self._trial_of(self.target), gated)
+            self.trials.reuse_pass_of_known_trial(self._trial_layout_of_target(self.target), gated)
             return self
         series = [self.target, *self.reference]
         kept, *reference = (s.select_rows(was >= UpdateStatus.USED) for s, was in zip(series, status, strict=True))
@@ -346,7 +346,7 @@ class _LatencySearch:
                     for latency_s in (centre_s - probe_s, centre_s, centre_s + probe_s)
                 )
                 weighed = LatencyEvidence.from_three_passes(
-                    self._informative_row_times_s(target), centre_s, probe_s, less, just, more
+                    self._scored_row_times_s(target), centre_s, probe_s, less, just, more
                 )
                 move_s = weighed.likeliest_latency_s - centre_s
                 if not np.isfinite(move_s):
@@ -379,7 +379,7 @@ class _LatencySearch:
         """
         return [(0, target), *((i, s) for i, s in enumerate(self.reference, 1) if s.bias_state < 0)]
 
-    def _informative_row_times_s(self, target: SensorSeries) -> FloatArray:
+    def _scored_row_times_s(self, target: SensorSeries) -> FloatArray:
         """Return when the scored rows were measured, s since the epoch."""
         return np.concatenate([s.time_s - s.latency_s for _, s in self._scored_series(target)])
 
@@ -392,9 +392,9 @@ class _LatencySearch:
         return np.concatenate([-row_log_likelihoods(s, nis[i]) for i, s in self._scored_series(target)])
 
     def _run_filter(self, target: SensorSeries) -> PassResult:
-        return self.trials.run_filter(self._trial_of(target))
+        return self.trials.run_filter(self._trial_layout_of_target(target))
 
-    def _trial_of(self, target: SensorSeries) -> StateLayout:
+    def _trial_layout_of_target(self, target: SensorSeries) -> StateLayout:
         """The trial of a target beside the reference."""
         return replace(self.layout, series=[target, *self.reference])
 

@@ -90,8 +90,8 @@ def clean_measurements(
         stale = NO_STALE_ROWS if m.is_exact else find_stale_rows(m.kind, time, values)
         if stale.n_rows:
             notes += stale.notes(m.source, m.kind)
-            time, values = time[~stale.is_stale], values[~stale.is_stale]
-            covariance = None if covariance is None else covariance[~stale.is_stale]
+            time, values = time[~stale.stale_row_mask], values[~stale.stale_row_mask]
+            covariance = None if covariance is None else covariance[~stale.stale_row_mask]
         stuck = stuck_row_mask(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
             told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one value for long (stuck sensor), left out"

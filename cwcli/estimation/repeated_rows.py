@@ -40,8 +40,8 @@ CHORD_TOLERANCE_IN_FLOORS = 0.24
 """Greatest distance of interpolated rows from their line, in least noises of the kind: 1.2 cm of a position, which is
 one step of a ten millionth of a degree."""
 MIN_BEND_IN_TOLERANCES = 3.0
-"""Least distance from the line, in tolerances, by which a car that changes its motion smoothly would leave it. By
-hand."""
+"""Least distance from the line, in tolerances, by which a car that changes its motion smoothly would leave it. Chosen
+by hand."""
 KNOT_FACTOR = 5.0
 """Least ratio of a knot's second difference to the median one. Chosen by hand; not fitted."""
 MIN_KNOTS, MIN_ROWS_PER_KNOT = 12, 2.5
@@ -82,7 +82,7 @@ class StaleRows:
         return self.n_repeated + self.n_interpolated
 
     @property
-    def is_stale(self) -> npt.NDArray[np.bool_]:
+    def stale_row_mask(self) -> npt.NDArray[np.bool_]:
         """Shape (n,): the row holds no new measurement."""
         return self.is_repetition | self.is_interpolated
 
@@ -135,8 +135,8 @@ def _find_repeated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> t
     first = np.flatnonzero(is_new)  # of each run of one value
     length = np.diff(first)  # the last run has no change behind it
     change = np.abs(np.diff(values[first], axis=0))
-    floor = MIN_RESOLUTION_SHARE * _least_noise(kind)
-    step = np.array([_resolution(change[:, k], floor) for k in range(values.shape[1])])
+    floor = MIN_RESOLUTION_SHARE * _least_noise_sigma_of_kind(kind)
+    step = np.array([_quantisation_step(change[:, k], floor) for k in range(values.shape[1])])
     per_row = change / length[:, None]
     should_change = (per_row > np.maximum(MIN_CHANGE_PER_ROW * step, floor)).any(axis=1)
     is_held = should_change & (length > 1)
@@ -160,7 +160,7 @@ def _find_repeated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> t
     return ~is_new & ~(begins_period & (is_long & (size <= MAX_JUMP_RATIO * usual))[run]), period_s
 
 
-def _resolution(change: FloatArray, floor: float) -> float:
+def _quantisation_step(change: FloatArray, floor: float) -> float:
     """Return the step of which the small changes (k,) of a column are whole multiples.
 
     It is 0 where there is none, and infinite where too few changes are there to tell.
@@ -183,7 +183,7 @@ def _find_interpolated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) 
     the knots by more than a car that changes its motion smoothly would leave a line.
     """
     n, none = len(time_s), (np.zeros(len(time_s), np.bool_), float("nan"))
-    tolerance = CHORD_TOLERANCE_IN_FLOORS * _least_noise(kind)
+    tolerance = CHORD_TOLERANCE_IN_FLOORS * _least_noise_sigma_of_kind(kind)
     step_s = np.diff(time_s)
     if not (step_s > 0.0).all():
         return none
@@ -220,6 +220,6 @@ def _find_interpolated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) 
     return ~is_knot & ~(begins_period & ~near_end), period_s
 
 
-def _least_noise(kind: Kind) -> float:
+def _least_noise_sigma_of_kind(kind: Kind) -> float:
     """Return the least noise sigma of a kind; of an IMU that of the yaw rate, the finer one of its two quantities."""
     return QUANTITIES[Kind.YAW_RATE if kind is Kind.IMU else kind].floor_sigma

@@ -58,7 +58,7 @@ def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries], trusted: Coll
     voted = find_contradicting_sources(compared, trusted)
     out = {SourceQuantity(each.who.source, kind) for each in tilted if each.left_out for kind in RATE_KINDS}
     out |= {quantity for each in voted for quantity in each.left_out}
-    kept = [replace(p, series=empty_series(p.series)) if _quantity_of_series(p) in out else p for p in prepared]
+    kept = [replace(p, series=without_any_rows(p.series)) if _quantity_of_series(p) in out else p for p in prepared]
     return SourceVoteResult(kept, (*tilted, *voted), tuple(compared))
 
 
@@ -117,17 +117,17 @@ def _contradiction_and_votes_against(
     """Return the main contradiction of a source, with allies if it is outvoted, and the votes against it."""
     contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT and each.involves(who)]
     main = min(contrary, key=lambda each: each.other_source(who).kind is not Kind.POSITION)
-    votes = _count_votes_against(comparisons, who)
+    votes = _votes_against_minus_votes_for(comparisons, who)
     allies = _sources_agreeing_against(comparisons, who, main.other_source(who), contrary) if votes > 0 else ()
     return replace(main.to_contradiction(who), allies=allies), votes
 
 
-def empty_series(s: SensorSeries) -> SensorSeries:
+def without_any_rows(s: SensorSeries) -> SensorSeries:
     """Return the series without its rows: it stays in the tables but is not used."""
     return s.select_rows(np.zeros(len(s), np.bool_))
 
 
-def _count_votes_against(comparisons: Sequence[SourceComparison], who: SourceQuantity) -> int:
+def _votes_against_minus_votes_for(comparisons: Sequence[SourceComparison], who: SourceQuantity) -> int:
     """Return the number of other topics that contradict a source minus the number that agree with it."""
     contrary, agreeing = (
         {each.other_source(who).source for each in comparisons if each.involves(who) and each.judgement is judgement}

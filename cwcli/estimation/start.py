@@ -300,7 +300,7 @@ def move_infinite_start_behind_rows(
     return replace(start, time_s=max([*ends, *output_s[-1:].tolist()]) + 1.0)
 
 
-def hold_position_before_start(
+def set_states_before_start_in_place(
     state: FloatArray,
     covariance: FloatArray,
     series: Sequence[SensorSeries],

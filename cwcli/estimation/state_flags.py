@@ -18,11 +18,13 @@ from cwcli.signals.vehicle_state import HEADING, SPEED, StateFlag, X, Y
 SETTLING_TIME_S = 2.0
 """Time for which states are flagged after a start or reset, s: two time constants of the jerk."""
 MAX_PART_AGE_S = 1.0
-"""Position, speed and heading that are at most this old at the start make a whole state, s: slow senders' period."""
+"""Greatest age in s of position, speed and heading at the start that still make a whole state: the period of slow
+senders. Chosen by hand."""
 MIN_COURSE_SIGMAS = 10.0
 """A velocity tells the heading from this many of its sigmas on. Chosen: the course is then good to 0.1 rad."""
 MIN_REJECTING_ROWS = 2
-"""Number of rejected rows in a row from which online states are flagged: a single one is an outlier."""
+"""Number of rejected rows in a row from which online states are flagged: a single one is an outlier. Chosen by hand;
+not fitted."""
 MIN_REJECTING_S = 0.3
 """Time after a rejected row from which online states are flagged, too, s. Chosen: three periods of usual messages."""
 REJECTED_ROW_SHARE = 0.5
@@ -66,7 +68,7 @@ def compute_state_flags(
     flags = np.zeros(len(output_s), np.uint8)
 
     def mark(flag: StateFlag, begin_s: FloatArray, end_s: FloatArray) -> None:
-        flags[_inside_any_interval(output_s, begin_s, end_s)] |= np.uint8(flag)
+        flags[_inside_any_interval_mask(output_s, begin_s, end_s)] |= np.uint8(flag)
 
     shown_s = start.time_s if causal else max(start.time_s, first_heading_time_s(series))
     restart_s = np.array([each.time_s for each in restarts])
@@ -178,7 +180,7 @@ def add_variance_of_rejected_rows(
     return grown
 
 
-def _inside_any_interval(time_s: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> npt.NDArray[np.bool_]:
+def _inside_any_interval_mask(time_s: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> npt.NDArray[np.bool_]:
     """Return which times (n,), increasing, lie in one of the intervals [begin_s, end_s), (k,) each."""
     first, last = np.searchsorted(time_s, begin_s), np.searchsorted(time_s, end_s)
     is_some = last > first

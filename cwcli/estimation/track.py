@@ -13,10 +13,10 @@ import numpy as np
 from cwcli.array_memory import bound_array_memory
 from cwcli.errors import DataError
 from cwcli.estimation.calibrated import (
+    apply_calibrated_noise_and_empty_unknown,
     bias_contradiction_notes,
     calibrated_imu_mountings,
-    check_calibration_knows_sources,
-    keep_only_calibrated_series,
+    require_known_sources_and_note_unknown,
 )
 from cwcli.estimation.calibration_check import notes_on_worse_prediction
 from cwcli.estimation.config import EstimatorConfig
@@ -63,14 +63,14 @@ from cwcli.estimation.source_judgement import (
 )
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
-    hold_position_before_start,
     move_infinite_start_behind_rows,
+    set_states_before_start_in_place,
 )
 from cwcli.estimation.state_flags import add_variance_of_rejected_rows, compute_state_flags
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.chi_square import chi_square_mean_bounds, gate_nis
+from cwcli.metrics.chi_square import chi_square_mean_bounds, nis_gate_limit
 from cwcli.signals.columns import Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
@@ -238,7 +238,7 @@ def _filter_and_smooth(
         restarts=restarts,
     )  # fmt: skip
     if config.causal:
-        hold_position_before_start(
+        set_states_before_start_in_place(
             result.state, result.covariance, tuned.series, start_s=start.time_s, output_s=output_s, prior=tuned.prior
         )
         notes += notes_on_rows_before_start(tuned.series, result)
@@ -288,12 +288,12 @@ def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, prob
     time_s = np.concatenate([s.time_s[own] for s, own in zip(tuned.series, rows, strict=True)])
     nis = np.concatenate([found[own, 0] for found, own in zip(result.nis, rows, strict=True)])
     code = np.repeat(np.arange(len(rows), dtype=np.int32), counts)
-    bound = np.array([gate_nis(probability, s.n_values_per_row) for s in tuned.series])[code]
+    bound = np.array([nis_gate_limit(probability, s.n_values_per_row) for s in tuned.series])[code]
     order = np.argsort(time_s, kind="stable")
     return GatedMeasurements(
         epoch + np.rint(time_s[order] * NS_PER_S).astype(np.int64),
-        Strings(code[order], tuple(s.source for s in tuned.series)).merge_equal(),
-        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)).merge_equal(),
+        Strings(code[order], tuple(s.source for s in tuned.series)).merge_equal_values(),
+        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)).merge_equal_values(),
         nis[order],
         bound[order],
     )
@@ -310,10 +310,12 @@ def _prepare_series(
             if config.blind
             else clean_measurements(measurements, epoch)
         )
-    unknown = check_calibration_knows_sources(calibration, measurements, causal=config.causal and not config.blind)
+    unknown = require_known_sources_and_note_unknown(
+        calibration, measurements, causal=config.causal and not config.blind
+    )
     mountings = calibrated_imu_mountings(calibration)
     if config.causal:
-        return keep_only_calibrated_series(
+        return apply_calibrated_noise_and_empty_unknown(
             prepare_without_looking_ahead(measurements, epoch, mountings), calibration
         ), unknown
     prepared, notes = clean_measurements(measurements, epoch, mountings)

@@ -25,7 +25,7 @@ from cwcli.vision.rectify import in_image_mask, lowest_visible_row_px, map_recti
 MAX_STAMP_DIFFERENCE_NS = 5_000_000
 """A label and a frame belong to one image if their stamps differ by at most this, ns. Chosen by hand; not fitted."""
 PREVIEW_DISTANCE_TOLERANCE_M = 1e-6
-"""Two preview distances that differ by at most this are the same, m."""
+"""Greatest difference of two preview distances that count as equal, m: rounding."""
 MAX_RECTIFIED_ROWS = 4096
 """Greatest number of image rows at which a boundary is sampled. Chosen to bound the work; not fitted."""
 
@@ -36,7 +36,7 @@ PREVIEW_METRICS = (
 )
 """Metric of each quantity at the preview point, with the factor from the quantity's unit to that of the metric."""
 EVALUATED_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
-"""Distances ahead at which boundaries are compared with the truth of a rendered road, m."""
+"""Distances ahead, m, at which boundaries are compared with the truth of a rendered road. Chosen by hand."""
 
 Image = tuple[float, float, float, float]
 """Width and height of the searched image, then of the camera's image, px."""

@@ -23,7 +23,7 @@ from cwcli.stages.observe import ObserveConfig, ObserverEvidence
 MAX_TRUTH_GAP_S = 0.5
 """Longest gap of the truth that is interpolated, s. Chosen by hand; not fitted."""
 SETTLING_TIME_S = 2.0
-"""Frames up to this time after each start of the observer are not evaluated, s. Chosen by hand; not fitted."""
+"""Time in s after each start of the observer whose frames are not evaluated. Chosen by hand; not fitted."""
 Z_90 = 1.6448536269514722
 """Half-width of the central 90 % of a normal distribution, in sigmas."""
 METRIC_OF_STATE: dict[str, tuple[str, float]] = {
@@ -34,7 +34,7 @@ METRIC_OF_STATE: dict[str, tuple[str, float]] = {
 }
 """State -> metric, with the factor from the state's unit to that of the metric."""
 PREVIEW_STATES = ("lateral_deviation_m", "heading_deviation_rad")
-"""States that are compared at the preview point; they are the last ones of a row."""
+"""Names of the observed states that are compared at the preview point; they are the last columns of a row."""
 
 
 def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:

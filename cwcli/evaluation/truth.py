@@ -32,7 +32,7 @@ QUANTITY_LABELS = {"position": "position on one axis"}
 DOF_OF_QUANTITY = {"position": 2, "speed": 1, "heading": 1}
 """Degrees of freedom of each quantity with a NEES."""
 FIRST_STATE_OF_QUANTITY = {"position": X, "speed": SPEED, "heading": HEADING}
-"""Index of the first state of each quantity with a NEES."""
+"""Quantity with a NEES -> index of the first of its states in the order of `STATE_NAMES`."""
 
 
 @dataclass(frozen=True)

@@ -83,11 +83,11 @@ def read_mapping(path: str) -> Answers:
             )
     columns: dict[tuple[str, str], tuple[str, str]] = {}
     for table in tables:
-        columns.update(_columns_of_table(table, path))
+        columns.update(_parse_columns_table(table, path))
     return Answers(columns, **values)
 
 
-def _columns_of_table(table: Any, path: str) -> dict[tuple[str, str], tuple[str, str]]:
+def _parse_columns_table(table: Any, path: str) -> dict[tuple[str, str], tuple[str, str]]:
     if not isinstance(table, dict) or not isinstance(table.get("name"), str):
         raise UsageError("a [[table]] without a name", where=path)
     found = {}
@@ -146,7 +146,7 @@ def _toml_string(text: str) -> str:
     return json.dumps(text, ensure_ascii=True).replace("\\/", "/")
 
 
-def mapping_name(target: str) -> str:
+def mapping_file_name(target: str) -> str:
     """Return the name of the mapping file beside a log."""
     path = Path(target)
     return str(path.with_name(f"{path.name.removesuffix('.mcap')}.import.toml"))

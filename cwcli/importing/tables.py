@@ -118,7 +118,7 @@ class AmbiguousError(MissingSignalError):
     """The file can be read in several ways, and only the user knows which one is right."""
 
 
-def ask(questions: Sequence[Question]) -> AmbiguousError:
+def ambiguity_error_of_questions(questions: Sequence[Question]) -> AmbiguousError:
     """Return the error that puts questions to the user: the first one, and the others behind `found`."""
     first, *others = questions
     return AmbiguousError(

@@ -30,7 +30,7 @@ GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 N_BISECTIONS = 45
 """Number of bisections of a stop's time: they narrow a step of 0.05 s to below 1e-14 s."""
 STANDSTILL_SPEED_MPS = 1e-9
-"""A lower speed counts as standing: it is the rounding of an acceleration that fades while the car stands."""
+"""Speed in m/s below which a car stands: the rounding of an acceleration that fades while the car stands."""
 
 
 @dataclass(frozen=True)

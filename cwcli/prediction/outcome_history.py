@@ -46,7 +46,7 @@ MIN_LOOK_BACK_S = 0.3
 MIN_LOOK_BACK_DATA_S = 0.15
 """A derivative with less history than this, s, has no lasting part. Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
-"""Outcomes are not interpolated across longer gaps, s, and a row stands for no more time. Chosen by hand."""
+"""Longest gap in s across which outcomes are interpolated, and longest time that a row stands for. Chosen by hand."""
 MIN_CHORD_M = 1.0
 """The angle of a shorter chord counts as 0, as it is mostly noise. Chosen by hand; not fitted."""
 MAX_CHORD_ANGLE_RAD = 2.0

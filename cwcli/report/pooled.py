@@ -54,7 +54,7 @@ MIN_COUNT_SIGMA = 1.0
 MIN_TIME_SIGMA_S = 0.005
 """The least sigma of times, in s. Chosen by hand; not fitted."""
 MAX_DRAWN_MAGNITUDE = 1e300
-"""Larger magnitudes are drawn at this value, as their differences would overflow."""
+"""Magnitude at which larger values are drawn, as their differences would overflow a double."""
 AXIS_REACH_QUARTILE_RANGES = 3.0
 """The axis reaches this many interquartile ranges beyond the quartiles; values beyond are drawn at its ends.
 Chosen by hand; not fitted."""

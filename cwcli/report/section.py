@@ -139,7 +139,7 @@ def build_log_view(
         if near is not None:
             title = f"How near {drive_encounters.nearest.other.kind} {drive_encounters.nearest.other.id} came"
             first.append(_make_plot(anchor, "distance", title, "from the estimated tracks", near))
-    signals = _build_signal_plots(drive, drive_encounters, anchor, detail, with_first=first)
+    signals = _build_signal_plots(drive, drive_encounters, anchor, detail, plots_beside_map=first)
     sensors = build_sensors_view(drive)
     if sensors is not None and detail.has_residuals:
         plots, n_residuals = build_residual_plots(drive, anchor, detail.n_pieces)
@@ -276,9 +276,9 @@ def _ego_id(drive: Drive) -> str:
 
 
 def _build_signal_plots(
-    drive: Drive, drive_encounters: DriveEncounters, anchor: str, detail: DetailLevel, *, with_first: list[Plot]
+    drive: Drive, drive_encounters: DriveEncounters, anchor: str, detail: DetailLevel, *, plots_beside_map: list[Plot]
 ) -> list[Plot]:
-    """Build the plots over time; without a map the lane's plot goes to `with_first`."""
+    """Build the plots over time; without a map the lane's plot goes to `plots_beside_map`."""
     plots = []
     motion = motion_figure(drive, drive_encounters, detail.n_pieces)
     if motion is not None:
@@ -304,8 +304,8 @@ def _build_signal_plots(
         )
         hint += "from the lane, left positive; curvature: right positive"
         plot = _make_plot(anchor, "lane", "The car in its lane", hint, lane)
-        if not with_first:
-            with_first.append(plot)
+        if not plots_beside_map:
+            plots_beside_map.append(plot)
         else:
             plots.append(plot)
     return plots

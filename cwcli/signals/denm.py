@@ -132,7 +132,7 @@ def cause_text(cause: float, sub_cause: float) -> str:
     return CAUSE_TEXTS_BY_CODE.get(int(cause), f"cause {int(cause)}")
 
 
-def format_notice(events: RoadEvents) -> str:
+def format_event_counts_notice(events: RoadEvents) -> str:
     """Format a notice such as `3 DENMs of 2 stations: 2 stationary vehicle, 1 roadworks`; "" without events."""
     if not len(events):
         return ""
@@ -147,7 +147,7 @@ def _set_all_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
     for name in _PLACE_QUANTITIES:
         decode_element(_TABLE.elements[name], raw[name], ledger)
     ledger.count_repaired(np.isnan(raw["reference_time_ms"]), NO_TIME_REASON)
-    said = format_notice(events_from_codes(raw, columns.log_time_ns))
+    said = format_event_counts_notice(events_from_codes(raw, columns.log_time_ns))
     if said:
         ledger.add_note(said)
     ledger.set_aside(np.ones(len(columns), np.bool_), "DENM (a road event)")

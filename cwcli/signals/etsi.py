@@ -69,7 +69,7 @@ def identify_cam_senders(columns: Columns) -> Senders:
     )
 
 
-def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
+def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a CAM channel of either package, or a VAM channel.
 
     The heading of a CAM is that of the velocity (TS 102 894-2, HeadingValue). Driving backward, the vehicle's own
@@ -134,5 +134,5 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     )
 
 
-CAM = V2xCodec(identify_cam_senders, decode_cam)
+CAM = V2xCodec(identify_cam_senders, decode_cam_or_vam)
 """The codec of ROS channels of CAMs and VAMs."""

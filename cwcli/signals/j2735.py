@@ -122,7 +122,7 @@ def _read_carma_values(columns: Columns) -> dict[str, FloatArray]:
     return value
 
 
-def read_json_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a JSON channel with place and time, and which messages' flags can't be read."""
     paths = JSON_RAW_PATHS
     for prefix in JSON_BSM_PREFIXES:
@@ -134,25 +134,25 @@ def read_json_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
         value = _decode_event_place(value)
     return _make_flag_events(
         columns,
-        bsm_flags.read_json_event_flags(columns, JSON_BSM_PREFIXES),
+        bsm_flags.read_json_event_flags_and_unreadable(columns, JSON_BSM_PREFIXES),
         identify_json_senders(columns).station,
         value,
     )
 
 
-def read_ros_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_ros_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `j2735_v2x_msgs/BSM` channel."""
     value = _decode_event_place({name: read_numbers(columns, ROS_PATHS[name]) for name in EVENT_PLACE_AND_TIME})
     return _make_flag_events(
-        columns, bsm_flags.read_ros_event_flags(columns), identify_ros_senders(columns).station, value
+        columns, bsm_flags.read_ros_event_flags_and_unreadable(columns), identify_ros_senders(columns).station, value
     )
 
 
-def read_carma_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_carma_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `carma_v2x_msgs/BSM` channel."""
     return _make_flag_events(
         columns,
-        bsm_flags.read_ros_event_flags(columns),
+        bsm_flags.read_ros_event_flags_and_unreadable(columns),
         identify_ros_senders(columns).station,
         _read_carma_values(columns),
     )
@@ -269,9 +269,9 @@ def _is_reverse_gear(columns: Columns, path: str, prefix: str) -> BoolArray:
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
 
 
-JSON_BSM = V2xCodec(identify_json_senders, decode_json_bsm, events=read_json_flag_events)
+JSON_BSM = V2xCodec(identify_json_senders, decode_json_bsm, events=read_json_flag_events_and_unreadable)
 """The codec of JSON channels of BSMs."""
-ROS_BSM = V2xCodec(identify_ros_senders, decode_ros_bsm, events=read_ros_flag_events)
+ROS_BSM = V2xCodec(identify_ros_senders, decode_ros_bsm, events=read_ros_flag_events_and_unreadable)
 """The codec of `j2735_v2x_msgs/BSM` channels."""
-CARMA_BSM = V2xCodec(identify_ros_senders, decode_carma_bsm, events=read_carma_flag_events)
+CARMA_BSM = V2xCodec(identify_ros_senders, decode_carma_bsm, events=read_carma_flag_events_and_unreadable)
 """The codec of `carma_v2x_msgs/BSM` channels."""

@@ -115,7 +115,7 @@ def read_texts(columns: Columns, *paths: str, required: bool = False) -> Strings
 
 def _format_octet_sequences(sequences: Ragged) -> Strings:
     """Format n sequences of octets in hexadecimal; an empty one, and one with a number that is no octet, is absent."""
-    octets, is_octet = _numbers_to_octets(sequences.values)
+    octets, is_octet = _octets_and_validity_of_numbers(sequences.values)
     spans = np.column_stack([sequences.offsets[:-1], np.diff(sequences.offsets)]).astype(np.int64)
     n_wrong_before = np.concatenate([[0], np.cumsum(~is_octet)])
     has_wrong = np.diff(n_wrong_before[sequences.offsets]) > 0
@@ -143,7 +143,7 @@ def format_numbers(values: FloatArray) -> Strings:
     return Strings(codes=words.codes[codes].astype(np.int32), values=words.values)
 
 
-def _numbers_to_octets(values: NumericArray) -> tuple[npt.NDArray[np.uint8], BoolArray]:
+def _octets_and_validity_of_numbers(values: NumericArray) -> tuple[npt.NDArray[np.uint8], BoolArray]:
     """Return numbers (n,) as octets (n,), and which of them (n,) are valid octets."""
     if values.dtype.itemsize == 1:
         return np.ascontiguousarray(values).view(np.uint8), np.ones(len(values), np.bool_)

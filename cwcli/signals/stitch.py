@@ -234,7 +234,7 @@ def _squared_pair_distances(last: _EndMessages, first: _EndMessages) -> FloatArr
         + np.where(is_slow, 0.0, heading_error**2 / heading_variance)
     )
     can_follow = (pause_s > 0.0) & (pause_s <= MAX_ID_CHANGE_PAUSE_S) & np.isfinite(squared)
-    can_follow &= _is_same_size(last.length_m, first.length_m) & _is_same_size(last.width_m, first.width_m)
+    can_follow &= _same_size_mask(last.length_m, first.length_m) & _same_size_mask(last.width_m, first.width_m)
     return np.where(can_follow, squared, np.inf)
 
 
@@ -252,7 +252,7 @@ def _manoeuvre_sigmas(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArra
     return np.hypot(accel * pause, 0.5 * jerk * pause**2), np.hypot(0.5 * accel * pause**2, jerk * pause**3 / 6.0)
 
 
-def _is_same_size(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
+def _same_size_mask(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
     """Return where both sizes agree, or one is not given."""
     differs: BoolArray = np.abs(one_m - other_m) > MAX_SIZE_DIFFERENCE_M
     return ~differs

@@ -25,9 +25,9 @@ from cwcli.estimation.from_signals import (
     ego_signal_to_measurements,
     merge_remotes_placed_in_map,
 )
-from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, sources_in_doubt
+from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, topics_corrected_or_blamed
 from cwcli.estimation.hypotheses import HYPOTHESES
-from cwcli.estimation.hypotheses.base import compose_by_name
+from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.online_availability import (
     PARAMETERS_FROM_LOG,
@@ -281,14 +281,14 @@ def _correct_latitude_and_longitude(
         or not is_position_doubted(estimated.hindsight, signal.source)
     ):
         return sources, estimated
-    known = sources_in_doubt(estimated.hindsight)
+    known = topics_corrected_or_blamed(estimated.hindsight)
     for fault in GEODETIC_FAULTS:
-        if not fault.can_explain(signal):
+        if not fault.gives_places_on_earth(signal):
             continue
         corrected = tuple(fault.correct(each) if each is signal else each for each in positions)
         tried_sources = replace(sources, by_role={**sources.by_role, Role.EGO_POSITION: corrected})
         tried = _estimate_ego(tried_sources, estimator, rate_hz)
-        in_doubt = sources_in_doubt(tried.hindsight)
+        in_doubt = topics_corrected_or_blamed(tried.hindsight)
         if signal.source in in_doubt or in_doubt - known:
             continue
         correction = fault.correction_of(signal)
@@ -432,7 +432,7 @@ def _hint_to_correct(correction: Correction, corrections: Sequence[Correction]) 
     """
     kind = correction.who.kind
     name = "+".join(each.name for each in corrections if each.who == correction.who and not each.n_set_aside)
-    if compose_by_name(kind, HYPOTHESES.get(kind, ()), name) is None:
+    if compose_hypothesis_by_name(kind, HYPOTHESES.get(kind, ()), name) is None:
         return ""
     return f"; --as {correction.who.source}={name} corrects them, too"
 

@@ -159,7 +159,10 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
     found = tuple(find_warnings(host, others_tracks, replace(config.rule, rule=name)) for name in config.rule_names)
     outcomes = tuple(
         RuleOutcome(
-            each.config.rule, each.rows, (each.events, each.series), _warnings_tables(each, log.start_ns, config)
+            each.config.rule,
+            each.rows,
+            (each.events_table, each.evaluation_series_table_of_pairs),
+            _warnings_tables(each, log.start_ns, config),
         )
         for each in found
     )
@@ -179,13 +182,13 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
             event["time_to_event_s"],
             event["predicted_distance_m"],
         )
-        for event in found.events.rows_as_dicts()
+        for event in found.events_table.rows_as_dicts()
     )
     columns = ("event", "vehicle", "at [s]", "predicted conflict in [s]", "predicted closest centres [m]")
     names = (*columns[:3], "event in [s]", "predicted closest [m]")
-    counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts.items())
+    counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts_by_outcome.items())
     counts += (("warnings withheld", found.n_withheld),)
-    counts += tuple((f"warnings {kind.words} left out", n) for kind, n in found.n_left_out.items())
+    counts += tuple((f"warnings {kind.name_in_tables} left out", n) for kind, n in found.n_left_out.items())
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
     title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (

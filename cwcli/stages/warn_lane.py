@@ -106,7 +106,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
 def _first_frame_of_each_stamp(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
     """Return stamps, log times and boundaries of the first frame of each stamp, in the order of the stamps."""
     rows = sort_rows_by_stamp(lanes.stamp_ns)
-    left, right = np.moveaxis(lanes.valid_road_lines()[rows], 1, 0)
+    left, right = np.moveaxis(lanes.plausible_road_lines()[rows], 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
     is_seen = lanes.state[rows] != LaneState.HELD
     change_1pm2 = -lanes.curvature_change_1pm2[rows]
@@ -117,18 +117,18 @@ def _first_frame_of_each_stamp(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64
 def _spread_paths_over_frames(
     paths: Paths,
     rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
-    of: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
+    path_indices: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
     n: int,
     horizon_s: float,
 ) -> Paths:
-    """Return paths for n frames: those of index `of` at the frames `rows`, NaN at the others."""
+    """Return paths for n frames: those of index `path_indices` at the frames `rows`, NaN at the others."""
     time_s = paths.time_s if len(paths) else np.array([0.0, max(horizon_s, MIN_HORIZON_S)])
     k = len(time_s)
 
     def spread(values: FloatArray) -> FloatArray:
         whole = np.full((n, k, *values.shape[2:]), np.nan)
-        if len(of):
-            whole[rows] = values[of]
+        if len(path_indices):
+            whole[rows] = values[path_indices]
         return whole
 
     parts = (paths.x_m, paths.y_m, paths.heading_rad, paths.speed_mps, paths.position_covariance_m2)

@@ -25,7 +25,7 @@ from cwcli.tracking.detections import (
 Mask = npt.NDArray[np.bool_]
 Int8Array = npt.NDArray[np.int8]
 MAX_RANGE_RATE_MPS = 200.0
-"""Larger range rates count as impossible and are left out. Chosen by hand."""
+"""Greatest possible range rate, m/s; rows beyond it are left out. Chosen by hand."""
 MAX_LATENESS_S = 1.0
 """A detection may arrive this much later than a newer one, s. Chosen by hand; not fitted."""
 MIN_VARIANCE, MAX_VARIANCE = 1e-12, 1e8

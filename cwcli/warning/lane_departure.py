@@ -47,13 +47,13 @@ SIDES = ("left", "right")
 """Names of the sides, in the order of the evaluation."""
 
 EARLIEST_LINE_SLOW_M = 0.75
-"""Earliest warning line inside the boundary at rates of departure up to 0.5 m/s (ISO 17361)."""
+"""Earliest warning line, m inside the boundary, at rates of departure up to 0.5 m/s (ISO 17361)."""
 EARLIEST_LINE_S = 1.5
 """Time that the rate of departure is multiplied with for the earliest warning line, up to 1.0 m/s (ISO 17361)."""
 EARLIEST_LINE_FAST_M = 1.5
-"""Earliest warning line inside the boundary at higher rates of departure (ISO 17361)."""
+"""Earliest warning line, m inside the boundary, at higher rates of departure (ISO 17361)."""
 LATEST_LINE_CAR_M = -0.3
-"""Latest warning line of passenger cars; negative: outside the boundary (ISO 17361)."""
+"""Latest warning line of passenger cars, m inside the boundary; negative: outside of it (ISO 17361)."""
 CLASS_II_MIN_SPEED_MPS = 17.0
 """Speed from which a system of class II must work (ISO 17361)."""
 DEFAULT_RELEASE_S = 1.5
@@ -235,10 +235,10 @@ def evaluate_lane_departure(
     events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
     known_ns = earliest_known_times_ns(stamp_ns, log_time_ns)
     return LaneDepartureResult(
-        rows=_build_rows(sides, events, stamp_ns, log_time_ns, known_ns, host.vehicle_id),
-        events=_events_table(sides, events, stamp_ns, known_ns, host.vehicle_id),
-        series=_series_table(sides, stamp_ns),
-        counts=_count_frames(boundaries, lines, agreed, speed_mps, config),
+        rows=_build_warning_rows(sides, events, stamp_ns, log_time_ns, known_ns, host.vehicle_id),
+        events=_departure_events_table(sides, events, stamp_ns, known_ns, host.vehicle_id),
+        series=_frame_series_table(sides, stamp_ns),
+        counts=_frame_counts_by_outcome(boundaries, lines, agreed, speed_mps, config),
     )
 
 
@@ -292,7 +292,7 @@ def _evaluate_side(
     return _SideEvaluation(gap[:, 0], rate, crossing, last_known_gap_m(gap), chance, spans)
 
 
-def _build_rows(
+def _build_warning_rows(
     sides: list[_SideEvaluation],
     events: list[tuple[int, int, EventSpan]],
     stamp_ns: Int64Array,
@@ -321,7 +321,7 @@ def _build_rows(
     return build_warning_rows(rows, rule=RULE, host_id=host_id)
 
 
-def _events_table(
+def _departure_events_table(
     sides: list[_SideEvaluation],
     events: list[tuple[int, int, EventSpan]],
     stamp_ns: Int64Array,
@@ -374,7 +374,7 @@ def _events_table(
     return Table("lane_departures", columns, docs)
 
 
-def _series_table(sides: list[_SideEvaluation], stamp_ns: Int64Array) -> Table:
+def _frame_series_table(sides: list[_SideEvaluation], stamp_ns: Int64Array) -> Table:
     """The table with one row per frame."""
     columns: dict[str, Any] = {"stamp_ns": stamp_ns}
     for name, side in zip(SIDES, sides, strict=True):
@@ -390,7 +390,7 @@ def _series_table(sides: list[_SideEvaluation], stamp_ns: Int64Array) -> Table:
     return Table("lane_series", columns)
 
 
-def _count_frames(
+def _frame_counts_by_outcome(
     boundaries: LaneBoundaries,
     lines: tuple[FloatArray, FloatArray],
     agreed_s: tuple[FloatArray, FloatArray],

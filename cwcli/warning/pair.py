@@ -26,17 +26,18 @@ from cwcli.warning.measures import (
 )
 from cwcli.warning.remote_alignment import PathPoints, StatePairing, interpolate_paths, pair_with_newest_state
 from cwcli.warning.rule_inputs import evaluate_named_measures, pair_states_at_moments
-from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised, withhold_warnings
+from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised_warnings, withhold_warnings
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]
 
 REACH_MARGIN_M = 15.0
-"""Pairs that cannot come within the collision distance plus this, m, are not evaluated. Chosen by hand."""
+"""Distance in m beyond the collision distance up to which a pair counts as within reach and is evaluated. Chosen by
+hand."""
 NEAR_MARGIN_M = 6.0
-"""Pairs within the collision distance plus this, m, are measured at every path point. Chosen by hand."""
+"""Distance in m beyond the collision distance up to which a pair is measured at every path point. Chosen by hand."""
 COARSE_POINT_STRIDE = 5
-"""Other pairs are measured at every fifth path point. Chosen by hand."""
+"""Stride of the path points at which pairs that are not near are measured: every fifth. Chosen by hand."""
 STANDSTILL_SPEED_MPS = 0.5
 """A slower vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not fitted."""
 
@@ -217,7 +218,7 @@ def _join_windows(
     kinds = np.concatenate([part.kinds for part in parts])
     trusted = withhold_warnings(decision, is_withheld)
     off = [kind for kind, is_on in _kinds_by_option(config) if not is_on]
-    given = leave_out_raised(trusted, np.isin(kinds, off)) if kinds.any() else trusted
+    given = leave_out_raised_warnings(trusted, np.isin(kinds, off)) if kinds.any() else trusted
 
     def spans_of(each: Decision) -> list[EventSpan]:
         timing = EventTiming(host.stamp_ns, persistence_s, config.hold_off_s)

@@ -24,7 +24,7 @@ MOTION_COLUMNS = slice(ACCEL, JERK + 1)
 """Columns of a state that hold acceleration, yaw rate and jerk."""
 
 
-def problem_with_measure_names(names: object) -> str:
+def describe_problem_with_measure_names(names: object) -> str:
     """Describe what is wrong with the measures that a rule names; "" if nothing is."""
     if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
         return f"has measures = {names!r}, which is not a tuple of names"

@@ -92,7 +92,7 @@ def command(
     were recorded, and cwcli's as standard messages and cwcli_msgs below /cwcli/ros.
     """
     from cwcli.array_memory import bound_array_memory
-    from cwcli.export.content import names_of_ego_and_others, require_content_in_log
+    from cwcli.export.content import content_names_of_ego_and_others, require_content_in_log
     from cwcli.export.formats import load_track_format
     from cwcli.logs.read.reader import Log
     from cwcli.output import check_targets, write_file
@@ -113,7 +113,7 @@ def command(
         else:
             if not names:
                 of_all = form in TRACK_FORMATS and load_track_format(form).holds_all_vehicles
-                names = names_of_ego_and_others(opened) if of_all else ["ego"]
+                names = content_names_of_ego_and_others(opened) if of_all else ["ego"]
             for name in names:
                 require_content_in_log(opened, name)
             encoded, n = _encode_contents(opened, names, form, vehicle)

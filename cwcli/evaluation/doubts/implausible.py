@@ -12,9 +12,10 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
 MAX_PLAUSIBLE_SPEED_KMH = 200.0
-"""Larger speeds, in km/h, are doubted: few motorways allow more than 130, and test tracks stay below 200."""
+"""Greatest plausible speed of a car, km/h: few motorways allow more than 130, and test tracks stay below 200. Chosen by
+hand."""
 MAX_PLAUSIBLE_ACCEL_MPS2 = 12.0
-"""Larger accelerations, in m/s^2, are doubted: tyres on a dry road transmit about 1.2 g at most."""
+"""Greatest plausible acceleration of a car, m/s^2: tyres on a dry road transmit about 1.2 g at most. Chosen by hand."""
 KMH_PER_MPS = 3.6
 """Kilometres per hour in a metre per second."""
 ADVICE = "Check the units and the axes of the sensors."

@@ -119,7 +119,7 @@ class StringColumnBuffer:
     def build_strings(self, rows: Int64Array) -> Strings:
         """Return the strings of the given rows. Bytes that are not UTF-8 become escapes."""
         values = tuple(value.decode(errors="backslashreplace") for value in self.values)
-        return order_values_by_first_use(Strings(self.codes[rows], values).merge_equal())
+        return order_values_by_first_use(Strings(self.codes[rows], values).merge_equal_values())
 
 
 class BlobSpanBuffer(StringColumnBuffer):

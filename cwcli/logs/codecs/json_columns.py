@@ -283,7 +283,7 @@ class JsonColumnBuffer:
         for row in np.flatnonzero(np.isin(tags, (TAG_BOOL, TAG_INT, TAG_FLOAT))).tolist():
             codes[row] = len(texts)
             texts.append(_scalar_text(int(tags[row]), values[row : row + 1]))
-        return order_values_by_first_use(Strings(codes, tuple(texts)).merge_equal())
+        return order_values_by_first_use(Strings(codes, tuple(texts)).merge_equal_values())
 
     def _intern_element_strings(
         self, payloads: Payloads, rows: npt.NDArray[np.intp], at: Int64Array, tags: TagArray, values: Int64Array

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.control.car import CarResponse
-from cwcli.control.closed_loop import fuzzy_controller_pedals, replay_with_policy
+from cwcli.control.closed_loop import fuzzy_controller_throttle_and_pressure, replay_with_policy
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import SummaryTable
 from cwcli.reproduction.classes import MeasuredNumber
@@ -171,7 +171,7 @@ def _moments_and_collision_percent(name: str, variant: ChoiceVariant, n_seeds: i
     when = np.array(found["speed"])
     host, remote = true_recorded_motion(scenario, HOST_NAME), true_recorded_motion(scenario, other)
     collided = replay_with_policy(
-        host, remote, np.where(np.isnan(when), np.inf, when), fuzzy_controller_pedals, car=car
+        host, remote, np.where(np.isnan(when), np.inf, when), fuzzy_controller_throttle_and_pressure, car=car
     ).collided
     return moments, 100.0 * float(collided.mean())
 

@@ -218,4 +218,4 @@ def _warning_times_ns(
     with_onset = RULES[config.rule].uses_onset
     partners = [other.with_predicted_paths(model, with_onset=with_onset) for other in others]
     result = find_warnings(host.with_predicted_paths(model), partners, config)
-    return [int(event["raised_stamp_ns"]) for event in result.events.rows_as_dicts()]
+    return [int(event["raised_stamp_ns"]) for event in result.events_table.rows_as_dicts()]

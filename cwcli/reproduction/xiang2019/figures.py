@@ -26,7 +26,7 @@ from cwcli.simulation.dual_sensor import (
     true_states_on_path,
 )
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER
-from cwcli.tracking.single_target import run_filter
+from cwcli.tracking.single_target import filter_single_target
 
 SENSOR_NAMES = ("lidar", "radar")
 """Names of the two sensors in tables."""
@@ -175,7 +175,7 @@ def filter_tracks_part() -> StudyPart:
             scene = observe_single_target(
                 *true_states_on_path(segment, N_SEGMENT_SAMPLES), SCENE_NOISE, np.random.default_rng([0, k])
             )
-            state = run_filter(
+            state = filter_single_target(
                 detection_rows_of_scene(scene, SCENE_NOISE),
                 replace(PAPER_FILTER_CONFIG, filter="ekf" if name == "ekf" else "ukf"),
             ).state

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals import cpm, etsi, j2735, perceived, sdsm
 from cwcli.signals.columns import Columns, Field, Strings
-from cwcli.signals.denm import events_from_codes, format_notice
+from cwcli.signals.denm import events_from_codes, format_event_counts_notice
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.radio import bsm, frames, messages
 from cwcli.signals.radio import etsi as packed_etsi
@@ -118,7 +118,7 @@ def make_radio_codec(form: str) -> V2xCodec:
         rows, denms, notified = _decode_denms(columns, found, form)
         _reject_undecodable_rows(ledger, rows, denms.status)
         if len(notified):
-            ledger.add_note(format_notice(notified))
+            ledger.add_note(format_event_counts_notice(notified))
         for name, kind in PERCEPTION_MESSAGES.items():
             rows, decoded_objects = _decode_messages_by_name(found, form, name, kind.packed)
             _reject_undecodable_rows(ledger, rows, decoded_objects.status)

@@ -248,7 +248,7 @@ def _pose_from_transforms(
 ) -> tuple[CameraPose | None, tuple[InputMessageCount, ...], tuple[str, ...]]:
     """Return the camera's pose on the car from the log's transforms or None, message counts, and notes."""
     topics = sorted(
-        {channel.topic for channel in log.transform_channels() if not _is_option_disabled(channel.topic)},
+        {channel.topic for channel in log.transform_channels() if not _is_unused_transform_topic(channel.topic)},
         key=lambda topic: ("static" not in topic, topic),
     )
     if not topics or not frame_id:
@@ -291,7 +291,7 @@ def _implausible_pose_text(pose: CameraPose | None, frame_id: str, body: str) ->
     return ""
 
 
-def _is_option_disabled(topic: str) -> bool:
+def _is_unused_transform_topic(topic: str) -> bool:
     """Return whether the transforms of a topic are not used: cwcli wrote them, or they are a truth."""
     return topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(topic)
 

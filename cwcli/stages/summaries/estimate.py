@@ -29,7 +29,7 @@ def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
     columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "max")
     title = "Online states: what could have been known, and when"
     rows: list[tuple[Cell, ...]] = [
-        (each.topic, each.n_states, each.parameters, *each.delay_quantiles_s()) for each in online
+        (each.topic, each.n_states, each.parameters, *each.delay_median_p95_and_max_s()) for each in online
     ]
     after = tuple(f"known_after_{name}_s" for name in ("median", "p95", "max"))
     return SummaryTable("online", title, columns, tuple(rows), names=(*columns[:3], *after))

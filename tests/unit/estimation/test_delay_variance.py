@@ -7,8 +7,8 @@ import pytest
 
 from cwcli.estimation.delay_variance import (
     DelaySigmas,
-    combine_delay_sigmas,
     covariance_from_delays,
+    delay_sigmas_of_best_known_sources,
     unknown_delay_sigma_s,
 )
 from cwcli.estimation.latency import Latency, LatencyStatus
@@ -59,8 +59,8 @@ def test_the_best_known_source_of_a_quantity_counts_and_a_speed_before_fixes() -
     series = [as_series(kind, time_s, np.zeros((10, 2 if kind is Kind.POSITION else 1))) for kind in kinds]
     sigmas_s = (0.03, 0.02, 0.04)
     latencies = [Latency(LatencyStatus.APPLIED, 0.3, sigma_s, sigma_s) for sigma_s in sigmas_s]
-    assert combine_delay_sigmas(series, latencies) == DelaySigmas(position=0.02, speed=0.04, heading=0.0)
-    assert combine_delay_sigmas(series[:2], latencies[:2]).speed == 0.02
+    assert delay_sigmas_of_best_known_sources(series, latencies) == DelaySigmas(position=0.02, speed=0.04, heading=0.0)
+    assert delay_sigmas_of_best_known_sources(series[:2], latencies[:2]).speed == 0.02
 
 
 def test_one_source_ahead_of_the_imu_leaves_the_clock_open() -> None:

@@ -13,7 +13,7 @@ import pytest
 from cwcli.estimation import EstimatorConfig, estimate_track, sensor_limits
 from cwcli.estimation.contradiction import GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.imu import ImuMounting
-from cwcli.estimation.latency import Latency, LatencyStatus, reject_latency_beyond_limits
+from cwcli.estimation.latency import Latency, LatencyStatus, mark_latency_beyond_limits
 from cwcli.estimation.limit_check import CAR_MOTION_TEXT, find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
@@ -111,7 +111,7 @@ def test_what_is_told_already_is_not_told_again() -> None:
     ],
 )
 def test_a_latency_beyond_what_sensors_have_is_not_corrected(latency: Latency, status: LatencyStatus) -> None:
-    limited = reject_latency_beyond_limits(latency)
+    limited = mark_latency_beyond_limits(latency)
     assert limited.status is status
     if status is LatencyStatus.CONTRADICTS:
         assert limited.applied_s == 0.0

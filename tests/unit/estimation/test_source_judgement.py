@@ -12,8 +12,8 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.estimation.config import parse_source_units
 from cwcli.estimation.hypotheses import HYPOTHESES
-from cwcli.estimation.hypotheses.base import with_combinations
-from cwcli.estimation.hypotheses.imu import rotations
+from cwcli.estimation.hypotheses.base import with_pairwise_combinations
+from cwcli.estimation.hypotheses.imu import signed_axis_rotations
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.prepare import clean_measurements
 from cwcli.estimation.source_judgement import JudgedSources, correct_as_user_says, judge_sources
@@ -342,9 +342,9 @@ def test_every_hypothesis_is_a_map_of_its_kind_and_no_two_are_the_same() -> None
             maps.add((*np.round(matrix, 9).ravel(), *np.round(offset, 9)))
         assert len(maps) == len({each.name for each in known}) == len(known)
         assert all("+" not in each.name for each in known)
-        assert len(with_combinations(known)) >= len(known)
+        assert len(with_pairwise_combinations(known)) >= len(known)
 
 
 def test_there_are_24_rotations_and_the_first_is_none() -> None:
-    assert len(set(rotations())) == 24
-    assert rotations()[0] == (1, 2, 3)
+    assert len(set(signed_axis_rotations())) == 24
+    assert signed_axis_rotations()[0] == (1, 2, 3)
