@@ -61,6 +61,7 @@ from cwcli.estimation.source_judgement import (
     correct_impossible_values,
     judge_sources,
 )
+from cwcli.estimation.standstill_error import covariance_from_standstill_errors, find_standstill_errors
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
     move_infinite_start_behind_rows,
@@ -263,10 +264,15 @@ def _filter_and_smooth(
     state, covariance = move_states_to_antenna(tuned.series, result.state, result.covariance)
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
+    covariance = covariance + covariance_from_delays(state, tuned.delay_sigmas)
+    if not config.blind and not (config.causal and config.calibration is not None):
+        without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
+        errors = find_standstill_errors(without_model, output_s, state, covariance)
+        covariance = covariance + covariance_from_standstill_errors(state, errors)
     return Track(
         output_stamp_ns,
         state,
-        covariance + covariance_from_delays(state, tuned.delay_sigmas),
+        covariance,
         flags,
         reports,
         result.log_likelihood,
