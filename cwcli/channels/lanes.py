@@ -77,7 +77,7 @@ class LaneFrames:
         horizon_px: Shape (n,): row in the search image, NaN where not known.
         camera_pitch_rad, camera_yaw_rad: Shape (n,): as used; nose down and counter-clockwise positive.
         fits: n rows.
-        roads: Shape (n, 2, 4): the boundaries as roads (`ground.image_curves_of_flat_road`).
+        roads: Shape (n, 2, 4): the boundaries as roads (`ground.image_hyperbolas_of_flat_road`).
         top_px: Shape (n,): row in the search image at which boundaries end.
         pinhole: Shape (n, 2): `BoundaryLines.pinhole`.
         geometry: n rows.

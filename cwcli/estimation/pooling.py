@@ -177,7 +177,7 @@ def _iter_bias(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive
         yield ConstantOfDrive(report.bias, report.bias_sigma, minutes)
 
 
-def _make_parameter_reader(
+def _make_iterator_of_used_parameter(
     select_parameter: Callable[[SourceReport], Parameter],
 ) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
     def iter_parameter(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
@@ -188,7 +188,7 @@ def _make_parameter_reader(
     return iter_parameter
 
 
-def _make_slow_error_reader(field_name: str) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
+def _make_iterator_of_slow_error_field(field_name: str) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
     def iter_slow_error(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
         value, time_s = getattr(report.slow_error, field_name), report.slow_error.time_s
         if report.slow_error.status is ParameterStatus.USED:
@@ -204,14 +204,14 @@ def _make_slow_error_reader(field_name: str) -> Callable[[SourceReport, float], 
 CONSTANT_READERS: dict[str, Callable[[SourceReport, float], Iterator[ConstantOfDrive]]] = {
     "noise_sigma": _iter_noise_sigma,
     "noise_scale": _iter_noise_scale,
-    "stamp_sigma_s": _make_parameter_reader(lambda report: report.stamp_error),
+    "stamp_sigma_s": _make_iterator_of_used_parameter(lambda report: report.stamp_error),
     "interval_s": _iter_row_interval,
-    "slow_sigma": _make_slow_error_reader("sigma"),
-    "slow_time_s": _make_slow_error_reader("time_s"),
+    "slow_sigma": _make_iterator_of_slow_error_field("sigma"),
+    "slow_time_s": _make_iterator_of_slow_error_field("time_s"),
     "bias": _iter_bias,
-    "scale": _make_parameter_reader(lambda report: report.scale),
-    "lever_arm_m": _make_parameter_reader(lambda report: report.lever_arm_m),
-    "ahead_m": _make_parameter_reader(lambda report: report.ahead_m),
+    "scale": _make_iterator_of_used_parameter(lambda report: report.scale),
+    "lever_arm_m": _make_iterator_of_used_parameter(lambda report: report.lever_arm_m),
+    "ahead_m": _make_iterator_of_used_parameter(lambda report: report.ahead_m),
 }
 """Name of a constant -> function that yields its value from the report of a source, if there is one."""
 

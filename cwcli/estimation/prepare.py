@@ -65,7 +65,7 @@ def seconds_since_epoch(stamp_ns: Int64Array, epoch: int) -> FloatArray:
     return (stamp_ns - epoch) / NS_PER_S
 
 
-def clean_measurements(
+def clean_and_sort_measurements(
     measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting] = NO_KNOWN_MOUNTINGS
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Clean, sort and split the measurements.

@@ -18,7 +18,7 @@ from cwcli.estimation.latency import NO_LATENCY, latency_given_by_user
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, notes_on_rows_before_start, run_filter_pass
 from cwcli.estimation.prepare import (
-    clean_measurements,
+    clean_and_sort_measurements,
     earliest_stamp_ns,
     prepare_without_looking_ahead,
     seconds_since_epoch,
@@ -106,7 +106,7 @@ def estimate_track_with_song2016(
     prepared, notes = (
         (prepare_without_looking_ahead(measurements, epoch, {}), [])
         if config.blind
-        else clean_measurements(measurements, epoch)
+        else clean_and_sort_measurements(measurements, epoch)
     )
     latencies = [latency_given_by_user(p.series, config) or NO_LATENCY for p in prepared]
     step = config.song2016_step_s

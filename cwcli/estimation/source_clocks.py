@@ -17,7 +17,7 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.noise import estimate_noise_and_manoeuvres
-from cwcli.estimation.prepare import clean_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.score import prediction_log_likelihood
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import FilterTrials, gate_outliers
@@ -266,7 +266,7 @@ def is_motion_likelier_when_shifted(
 
 def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
     """Return the log-likelihood of the rows after all before them, with the noise that goes with them."""
-    prepared, _ = clean_measurements(measurements, earliest_stamp_ns(measurements))
+    prepared, _ = clean_and_sort_measurements(measurements, earliest_stamp_ns(measurements))
     series, walk, prior = add_bias_states(prepared, MotionParameters())
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
         return float("nan")

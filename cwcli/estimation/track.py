@@ -44,7 +44,7 @@ from cwcli.estimation.passes import (
 )
 from cwcli.estimation.prepare import (
     PreparedSeries,
-    clean_measurements,
+    clean_and_sort_measurements,
     earliest_stamp_ns,
     prepare_without_looking_ahead,
     seconds_since_epoch,
@@ -307,7 +307,7 @@ def _prepare_series(
         return (
             (prepare_without_looking_ahead(measurements, epoch, {}), [])
             if config.blind
-            else clean_measurements(measurements, epoch)
+            else clean_and_sort_measurements(measurements, epoch)
         )
     unknown = require_known_sources_and_note_unknown(
         calibration, measurements, causal=config.causal and not config.blind
@@ -317,7 +317,7 @@ def _prepare_series(
         return apply_calibrated_noise_and_empty_unknown(
             prepare_without_looking_ahead(measurements, epoch, mountings), calibration
         ), unknown
-    prepared, notes = clean_measurements(measurements, epoch, mountings)
+    prepared, notes = clean_and_sort_measurements(measurements, epoch, mountings)
     return prepared, [*unknown, *notes]
 
 

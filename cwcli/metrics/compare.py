@@ -213,7 +213,9 @@ def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], t
     changes = np.full(len(pairs), np.nan)
     is_relative, limit = False, tolerance
     if known.any():
-        changes[known], is_relative, limit = _paired_changes(metric, before[known], after[known], rows, tolerance)
+        changes[known], is_relative, limit = _changes_whether_relative_and_tolerance(
+            metric, before[known], after[known], rows, tolerance
+        )
     return _MetricEffect(
         name,
         metric,
@@ -226,7 +228,7 @@ def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], t
     )
 
 
-def _paired_changes(
+def _changes_whether_relative_and_tolerance(
     metric: Metric | None,
     before: FloatArray,
     after: FloatArray,

@@ -60,7 +60,7 @@ class _DiscretisedModel:
         hold_s: Shape (m, 2) or None: see `Model.hold`.
         points: Shape (p,): which of the times are wanted; None: all.
         acted: Shape (m, 2, k) or None: for how long acceleration and yaw rate act by each knot, instead of the model's
-            responses to them (`prediction.fleet.acting_time_s`).
+            responses to them (`prediction.fleet.acting_time_from_displacement_share_s`).
     """
 
     model: Model

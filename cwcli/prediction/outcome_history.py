@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import record as kernel
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.fleet import HORIZON_KNOTS_S, FleetPrior, acting_time_s, load_fleet_prior
+from cwcli.prediction.fleet import HORIZON_KNOTS_S, FleetPrior, acting_time_from_displacement_share_s, load_fleet_prior
 from cwcli.prediction.outcome import actual_positions
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.packed_covariances import Covariances, variances_of_states
@@ -236,7 +236,7 @@ def outcome_known_times_ns(track: StateHistory, knots_s: FloatArray = HORIZON_KN
 
 def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -> FloatArray:
     """Measure for how long acceleration and yaw rate of each row act by each knot, s, (n, 2, k); see
-    `fleet.acting_time_s`.
+    `fleet.acting_time_from_displacement_share_s`.
 
     Args:
         starts: The states.
@@ -250,7 +250,7 @@ def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -
         track = concatenate_histories(tracks)
         parts = split_derivatives_into_parts(track)
         share[track.rows] = np.einsum("naki,naki->nak", parts, measure_gains_of_parts(track, parts, chosen))
-    return acting_time_s(np.clip(share, 0.0, 1.0))
+    return acting_time_from_displacement_share_s(np.clip(share, 0.0, 1.0))
 
 
 def _parts_without_history(clear: FloatArray) -> FloatArray:

@@ -49,7 +49,7 @@ def dead_reckoned_poses(track: LateralTrack) -> VehiclePoses:
     return VehiclePoses("the observed motion", ODOM_FRAME, track.stamp_ns, xy_m, xy_m, yaw_rad - yaw_rad[first])
 
 
-def poses_from_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> VehiclePoses:
+def body_poses_from_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> VehiclePoses:
     """Build the poses from the ego's estimated track; the yaw is the course less the observed side slip.
 
     Args:

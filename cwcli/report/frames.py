@@ -48,7 +48,9 @@ class Thumbnail:
     n_lines: int | None
 
 
-def make_thumbnails(log: Log, drive: Drive, wanted_ns: Sequence[int]) -> tuple[dict[int, Thumbnail], str]:
+def make_thumbnails_and_explain_gaps(
+    log: Log, drive: Drive, wanted_ns: Sequence[int]
+) -> tuple[dict[int, Thumbnail], str]:
     """Make thumbnails of the frames that are nearest to the wanted times.
 
     Returns:

@@ -31,7 +31,7 @@ from cwcli.pipeline.states import StatesSelection, bind_state_channels
 from cwcli.prediction.lateral import LateralPathConfig, predict_paths_from_observer, transform_paths_to_map
 from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.poses import VehiclePoses, dead_reckoned_poses, poses_from_states
+from cwcli.prediction.poses import VehiclePoses, body_poses_from_states, dead_reckoned_poses
 from cwcli.signals.canonical import Signal
 from cwcli.signals.columns import Columns, Int64Array, OutputChannel, StreamedChannel, repeat_string
 from cwcli.signals.role import Role
@@ -194,7 +194,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     in_map = None
     if columns is not None and len(columns):
         states = read_vehicle_states(columns).sort_by_stamp()
-        in_map = poses_from_states(states.stamp_ns, states.state, observed.track)
+        in_map = body_poses_from_states(states.stamp_ns, states.state, observed.track)
     poses = in_map or dead_reckoned_poses(observed.track)
     placed, count = _place_paths_in_map(body, poses, has_state, topic)
     drawn: tuple[StreamedChannel, ...] = ()

@@ -13,7 +13,7 @@ from cwcli.channels.target import read_targets_as_states
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.paths import replanned_or_logged_paths
+from cwcli.pipeline.paths import replanned_or_logged_paths_and_notes
 from cwcli.pipeline.records import WITHHELD_KEY, read_run_records
 from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryTable
 from cwcli.pipeline.states import StatesSelection, bind_state_channels, note_on_path_start_states, read_selected_states
@@ -141,7 +141,7 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
         states, count = read_selected_states(log, columns[state_role], state_role, config)
         path_topic = bound.first_topic_of_role(path_role)
         assert path_topic is not None  # it is required
-        predicted[path_role], remarks = replanned_or_logged_paths(log, path_topic, state_role)
+        predicted[path_role], remarks = replanned_or_logged_paths_and_notes(log, path_topic, state_role)
         notes.extend(remarks)
         onset = uses_onset and state_role == REMOTE_STATE.role
         tracks[state_role] = build_vehicle_tracks(states, predicted[path_role], with_onset=onset, events=events)

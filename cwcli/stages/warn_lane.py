@@ -20,7 +20,7 @@ from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryT
 from cwcli.prediction.lateral import transform_paths_to_body
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.row_order import sort_rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
 from cwcli.vision.method import LaneState
@@ -105,7 +105,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
 
 def _first_frame_of_each_stamp(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
     """Return stamps, log times and boundaries of the first frame of each stamp, in the order of the stamps."""
-    rows = sort_rows_by_stamp(lanes.stamp_ns)
+    rows = rows_by_stamp_without_repeats(lanes.stamp_ns)
     left, right = np.moveaxis(lanes.plausible_road_lines()[rows], 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
     is_seen = lanes.state[rows] != LaneState.HELD

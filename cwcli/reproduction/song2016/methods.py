@@ -77,7 +77,7 @@ def measure_vehicle(scenario: Scenario, vehicle: str, seed: int) -> MeasuredRun:
     return MeasuredRun(time_s, motion.states_at(time_s), vectors, sigma)
 
 
-def paper_filter_states(run: MeasuredRun) -> FloatArray:
+def paper_filter_states_with_derivatives(run: MeasuredRun) -> FloatArray:
     """Run song2016's filter (eq. 8) and add the derivatives that its prediction needs, shape (n, 8)."""
     states, _ = filter_measurement_matrix(run.vectors, tuple(run.sigma))
     return np.column_stack([states[:, :6], trailing_slope(states[:, 4]), trailing_slope(states[:, 5])])

@@ -208,7 +208,9 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     driver = SwayingDriver(wander_rad=wander_rad)
     if any(getattr(config, name) != getattr(RoadDriveConfig, name) for name in DEFECT_FIELDS):
         own = random_stream(config.seed, "road-drive", "defects")
-        knots_m, curvature, vertical = _add_bends_and_ramps(config, knots_m, curvature, vertical, own)
+        knots_m, curvature, vertical = _knots_and_curvatures_with_bends_and_ramps(
+            config, knots_m, curvature, vertical, own
+        )
         scene = _add_defects_to_scene(scene, config, length_m, own)
         change_s = draw_lane_change_times_s(config.lane_changes_per_min, config.duration_s, own)
         driver = LaneChangingDriver(
@@ -225,7 +227,7 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     return RoadDrive(config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, pitch_rad)
 
 
-def _add_bends_and_ramps(
+def _knots_and_curvatures_with_bends_and_ramps(
     config: RoadDriveConfig, knots_m: FloatArray, curvature: FloatArray, vertical: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Knots, curvature and crests with mountain bends and ramps, if the configuration has them."""

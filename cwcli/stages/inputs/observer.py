@@ -21,7 +21,7 @@ from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, Velocit
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.role import Role
-from cwcli.signals.row_order import sort_rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import SensorSignals
 from cwcli.vision.method import LaneState
@@ -88,7 +88,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     usable = np.flatnonzero((stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS))
     if not len(usable):
         raise DataError("no frame has a usable stamp", where=place)
-    rows = usable[sort_rows_by_stamp(stamp_ns[usable])]
+    rows = usable[rows_by_stamp_without_repeats(stamp_ns[usable])]
     values, sigma = lanes.preview[rows], lanes.preview_sigma[rows]
     with np.errstate(invalid="ignore"):
         is_beyond = np.abs(values) > PREVIEW_VALUE_LIMITS
@@ -176,7 +176,7 @@ def choose_observer_inputs(
     yaw_rate, yaw_rate_source = _choose_yaw_rate(sources) if use_gyro else (None, "")
     if ego_state is not None and len(ego_state) and (speed is None or (use_gyro and yaw_rate is None)):
         states = read_vehicle_states(ego_state)
-        rows = sort_rows_by_stamp(states.stamp_ns)
+        rows = rows_by_stamp_without_repeats(states.stamp_ns)
         stamp_ns, state = states.stamp_ns[rows], states.state[rows]
         variance = np.maximum(states.covariance[rows, YAW_RATE, YAW_RATE], 0.0)
         if speed is None:

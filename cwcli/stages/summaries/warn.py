@@ -45,15 +45,15 @@ def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[Wa
         after: Warnings that are in the channel already.
     """
     result: list[RuleOutcome] = []
-    n_before = max(map(_last_event_id, after), default=0)
+    n_before = max(map(_greatest_event_id_or_zero, after), default=0)
     for outcome in outcomes:
-        n = _last_event_id(outcome.rows)
+        n = _greatest_event_id_or_zero(outcome.rows)
         result.append(_shift_event_ids(outcome, n_before) if n_before else outcome)
         n_before += n
     return result
 
 
-def _last_event_id(rows: WarningRows) -> int:
+def _greatest_event_id_or_zero(rows: WarningRows) -> int:
     """Return the greatest event id; 0 without events."""
     return int(np.max(rows.event_id, initial=0))
 
