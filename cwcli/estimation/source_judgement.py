@@ -25,6 +25,7 @@ from cwcli.estimation.source_checks import MIN_ROWS
 from cwcli.estimation.source_correction import CorrectionAttempt, Prepare, attempt_imu_correction, correct_one_source
 from cwcli.estimation.source_vote import (
     leave_out_outvoted_sources,
+    quantity_of_series,
     without_any_rows,
 )
 from cwcli.estimation.standstill_heading import has_heading_jumps
@@ -79,7 +80,7 @@ def judge_sources(
         unused.update(attempt.unused)
         current, notes = attempt.measurements, attempt.notes
         prepared = [
-            replace(p, series=without_any_rows(p.series)) if _quantity_of_series(p) in unused else p
+            replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p
             for p in attempt.prepared
         ]
 
@@ -107,10 +108,7 @@ def judge_sources(
         corrections += turned
         prepared, notes = prepare(current)
         voted = leave_out_outvoted_sources(
-            [
-                replace(p, series=without_any_rows(p.series)) if _quantity_of_series(p) in unused else p
-                for p in prepared
-            ],
+            [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p for p in prepared],
             trusted,
         )
     return JudgedSources(voted.prepared, notes, tuple(corrections), voted.contradictions)
@@ -195,7 +193,3 @@ def correct_turned_imus(
             corrections.append(correction_of_all_rows(m, *found))
         corrected.append(m if found is None else found[0].correct_measurements(m))
     return corrected, corrections
-
-
-def _quantity_of_series(p: PreparedSeries) -> SourceQuantity:
-    return SourceQuantity(p.series.source, p.series.kind)

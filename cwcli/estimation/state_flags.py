@@ -22,9 +22,6 @@ MAX_PART_AGE_S = 1.0
 senders. Chosen by hand."""
 MIN_COURSE_SIGMAS = 10.0
 """A velocity tells the heading from this many of its sigmas on. Chosen: the course is then good to 0.1 rad."""
-MIN_REJECTING_ROWS = 2
-"""Number of rejected rows in a row from which online states are flagged: a single one is an outlier. Chosen by hand;
-not fitted."""
 MIN_REJECTING_S = 0.3
 """Time after a rejected row from which online states are flagged, too, s. Chosen: three periods of usual messages."""
 REJECTED_ROW_SHARE = 0.5

@@ -39,8 +39,6 @@ MIN_CORRELATION = 0.5
 SWAP_MARGIN_DEG = 2.0
 """Least advantage in degrees with which a sense of a heading must fit better than swapped latitude and longitude.
 Chosen by hand."""
-HEADING_SENSES = ("deg-cw-north", "deg-ccw-east", "rad-cw-north", "rad-ccw-east")
-"""Unit and sense of a heading."""
 
 
 def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:

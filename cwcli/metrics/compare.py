@@ -241,17 +241,12 @@ def _changes_whether_relative_and_tolerance(
     if metric is not None and metric.better == "near":
         found = np.abs(after - metric.target) - np.abs(before - metric.target)
         return np.where(equal, 0.0, found), False, tolerance * abs(metric.target)
-    if metric is not None and _is_share_metric(metric):
+    if metric is not None and metric.is_share:
         return np.where(equal, 0.0, after - before), False, tolerance
     if (before > 0.0).all() and (after > 0.0).all():
         floor = RATIO_FLOOR_SHARE * reference
         return np.where(equal, 0.0, np.log((after + floor) / (before + floor))), True, math.log1p(tolerance)
     return np.where(equal, 0.0, after - before), False, tolerance * reference
-
-
-def _is_share_metric(metric: Metric) -> bool:
-    """Return whether the metric is a share: a mean without a unit."""
-    return metric.unit == "" and metric.pool == "mean"
 
 
 def _sign_flip_p_values(changes: FloatArray, seed: int) -> FloatArray:

@@ -26,6 +26,7 @@ from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import ChosenStates, StatesSelection, choose_state_topics
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, add_sigmas_of_extremes, read_tracks
+from cwcli.text import split_distinct_names
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
 
 EXAMPLES = (
@@ -49,11 +50,6 @@ CONFLICT_TTC_S = 1.0
 """An encounter with a time to collision below this [s] is judged as a conflict; chosen by hand."""
 
 
-def _split_distinct_names(text: str) -> tuple[str, ...]:
-    """Return the names in a list with commas, each once."""
-    return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
-
-
 @dataclass(frozen=True)
 class MeasureConfig(StatesSelection):
     """Settings of the stage.
@@ -73,7 +69,7 @@ class MeasureConfig(StatesSelection):
             metavar="NAME[,NAME]",
             default="all but p-mc and p-contact",
             kind=str | None,
-            parse=_split_distinct_names,
+            parse=split_distinct_names,
             choices="cwcli.measures:MEASURES",
         ),
     ] = ()

@@ -21,6 +21,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound_columns
 from cwcli.stages.inputs.vehicles import build_vehicle_tracks, predict_paths_like, require_single_ego
 from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
+from cwcli.text import split_distinct_names
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
 from cwcli.warning.evaluate import check_warning_config as check_rule
 from cwcli.warning.rows import WarningRows
@@ -37,11 +38,6 @@ EGO_INPUT_ROLES = (EGO_STATE.role, EGO_PATH.role)
 """Roles of the ego's states and of its predicted paths."""
 REMOTE_INPUT_ROLES = (REMOTE_STATE.role, REMOTE_PATH.role)
 """Roles of the remote vehicles' states and of their predicted paths."""
-
-
-def _split_distinct_names(text: str) -> tuple[str, ...]:
-    """Return the names in a list with commas, each once."""
-    return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
 
 @dataclass(frozen=True)
@@ -62,7 +58,7 @@ class WarnConfig(StatesSelection):
             metavar="NAME[,NAME]",
             default="that of --rule",
             kind=str | None,
-            parse=_split_distinct_names,
+            parse=split_distinct_names,
         ),
     ] = ()
 

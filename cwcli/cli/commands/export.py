@@ -41,8 +41,6 @@ LOG_SUFFIX = ".mcap"
 """Suffix of the files of all formats that are logs."""
 EXPORT_FORMATS = (*TABLE_FORMATS, *TRACK_FORMATS, ROS_FORMAT)
 """Names of all formats."""
-MAX_NAMED_CHANNELS = 10
-"""Largest number of channels that a note names; chosen by hand."""
 
 
 @dataclass(frozen=True)
