@@ -263,7 +263,7 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
         faulty = count.read - count.used - free
         rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
     columns = ("sensor", "detections", "used", "no track", "faulty", "NIS/dof", "95 % bounds", "inside")
-    title = "Detections, and consistency of the innovations"
+    title = "Detections of each sensor, and whether NIS lies inside its bounds"
     return SummaryTable("sensors", title, columns, tuple(rows), names=(*columns[:6], "bounds_95", "inside"))
 
 

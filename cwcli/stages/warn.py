@@ -189,5 +189,7 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
     title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (
         SummaryTable("events", title, columns, events, names=names),
-        SummaryTable("evaluations", "Evaluations of a pair of vehicles", ("result", "count"), counts),
+        SummaryTable(
+            "evaluations", "Evaluations of the ego with each other vehicle, by result", ("result", "count"), counts
+        ),
     )

@@ -153,5 +153,7 @@ def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[Summ
     counts = tuple((name.replace("_", " "), count) for name, count in result.counts.items())
     return (
         SummaryTable("lane_departures", "Lane departures (times from the log's start)", columns, rows),
-        SummaryTable("lane_frames", "Frames of the lanes", ("result", "count"), counts),
+        SummaryTable(
+            "lane_frames", "Camera frames with lanes, by result of the evaluation", ("result", "count"), counts
+        ),
     )
