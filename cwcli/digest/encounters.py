@@ -24,8 +24,8 @@ from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.pair import STANDSTILL_SPEED_MPS
 
 MAX_DETAILED_OTHERS = 400
-"""The distance to the ego is computed for this many others: those warned of, then the longest tracks.
-Chosen by hand; not fitted."""
+"""Greatest number of others whose distance to the ego is computed: those warned of, then the longest tracks. Chosen by
+hand; not fitted."""
 SAME_DIRECTION_RAD = math.radians(45.0)
 """Greatest difference of two headings, rad, that count as the same direction; within it of pi they count as opposite.
 Chosen by hand; not fitted."""

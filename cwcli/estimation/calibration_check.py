@@ -32,7 +32,7 @@ with the right calibration less than 0.002; noise that is wrong by 14 % costs as
 MAX_LISTED_CONTRADICTIONS = 2
 """Greatest number of contradictions that a note lists; chosen for short notes."""
 MIN_LISTED_NOISE_RATIO = 1.25
-"""A note lists a noise sigma if it differs from that of the calibration by more than this factor; chosen by hand."""
+"""Least ratio of a noise sigma to that of the calibration, or its inverse, that a note lists. Chosen by hand."""
 
 
 @dataclass(frozen=True)

@@ -59,9 +59,10 @@ PROBE_OFFSETS_S = (0.05, 0.1, 0.2, 0.4)
 LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * SIGNIFICANT_SIGMAS**2
 """Fall of the log-likelihood at three sigma from its top."""
 MAX_OBSERVABLE_SIGMA_S = 0.05
-"""A latency with a larger bound is reported only if it is significant, s. Chosen by hand; not fitted."""
+"""Greatest bound of a latency, s, that is reported although the latency is not significant. Chosen by hand; not
+fitted."""
 MAX_REPORTED_SIGMA_S = 0.1
-"""A latency with a larger bound is not reported, s. Chosen by hand; not fitted."""
+"""Greatest bound of a latency, s, that is reported at all. Chosen by hand; not fitted."""
 IMU_AVERAGING_HZ = 25.0
 """Rate to which an IMU is averaged, Hz. Chosen for speed; not fitted."""
 COARSE_SEARCH_HZ = 10.0

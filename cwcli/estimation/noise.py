@@ -39,9 +39,8 @@ N_MATCHING_ROUNDS = 2
 SETTLED_NOISE_FACTOR = 1.05
 """The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
 FIRST_POSITION_LEAD_IN_S = 2.5
-"""Rows earlier than this before the first position are not used, s.
-
-Chosen as the longest latency of the search and a little more."""
+"""Time in s before the first position from which rows are used. Chosen as the longest latency of the search and a
+little more."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ SPREAD_PROBABILITY = 0.95
 
 Chosen low, because Cochran's test has little power with few drives, and a false spread costs less than a missed one."""
 MAX_LATENCY_SIGMA_S = 0.05
-"""A pooled latency with a larger sigma counts as not observable, s; the same as in the search for latencies."""
+"""Greatest sigma of a pooled latency, s, that counts as observable; the same as in the search for latencies."""
 FITTED_RELATIVE_SIGMA = 0.1
 """Relative sigma of a fitted sigma of the motion and of a row interval. Chosen by hand; not fitted."""
 SECONDS_PER_MINUTE = 60.0

@@ -24,8 +24,8 @@ MIN_ROWS_OF_CONSTANT_FIELD = 50
 MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
 """Least number of short gaps in a burst, and the part of the usual gap below which one is short. Chosen by hand."""
 MIN_NOISE_TO_ROUGHNESS_RATIO = 0.5
-"""The noise that is fitted to an IMU is never below this share of the noise that its second differences show.
-Chosen by hand; not fitted."""
+"""Least noise that is fitted to an IMU, as a share of the noise that its second differences show. Chosen by hand; not
+fitted."""
 
 
 @dataclass(frozen=True)

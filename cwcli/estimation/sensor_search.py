@@ -75,7 +75,7 @@ MIN_AHEAD_SIGMAS = 3.0
 MAX_CLIMB_TRIALS = 9
 """Greatest number of trials in the climb of one slow error. Chosen for speed; not fitted."""
 MAX_OBSERVED_SIGMA_TO_PRIOR = 0.5
-"""A parameter is not observable if its sigma exceeds this share of its prior. Chosen by hand; not fitted."""
+"""Greatest sigma of an observable parameter, as a share of its prior's. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)

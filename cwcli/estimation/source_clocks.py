@@ -32,14 +32,14 @@ MIN_STEP_ROWS, MIN_STEP_SPAN_S = 10, 3.0
 """Least number of rows and least time (s) on either side of a step for which a delay has to last. Chosen: a recorder
 that stalls catches up sooner."""
 MAX_DELAY_S = 30.0
-"""A delay beyond this, s, is no transmission but another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
+"""Longest delay of a transmission, s; a longer one is another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
 ALWAYS_NS = int(np.iinfo(np.int64).min)
 """Log time in ns that is earlier than all others: the least int64."""
 MIN_LIKELIHOOD_GAIN = 25.0
 """Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
 WHOLE_SECONDS_TOLERANCE_S = 0.2
-"""An offset so close to whole seconds is one of whole seconds (time zones, leap seconds), s. Chosen above usual
-delays."""
+"""Greatest distance in s of an offset from whole seconds (time zones, leap seconds) that counts as whole. Chosen above
+usual delays."""
 
 
 @dataclass(frozen=True)

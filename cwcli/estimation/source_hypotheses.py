@@ -43,7 +43,8 @@ MAX_UNIT_ERROR = 0.05
 """Greatest relative difference from 1 of the ratio of ways after a correction: worn tyres and noise; the steps from
 feet/s to km/h and from knots to miles/h are twice as large. Chosen by hand; not fitted."""
 MAX_RATE_ERROR = 0.15
-"""The same of the ratio of turns and of changes of speed, which latencies and slopes change. Chosen by hand."""
+"""Greatest relative difference from 1 of the ratio of turns, or of changes of speed, after a correction. Chosen by
+hand: latencies and slopes change it."""
 EVIDENCE_STEP_S = 2.0
 """Length of the steps, s: longer than sensors are late and shorter than a turn. Chosen by hand."""
 MAX_CHORD_SPEED_SIGMA_MPS = 0.7

@@ -21,7 +21,7 @@ MAX_PART_AGE_S = 1.0
 """Greatest age in s of position, speed and heading at the start that still make a whole state: the period of slow
 senders. Chosen by hand."""
 MIN_COURSE_SIGMAS = 10.0
-"""A velocity tells the heading from this many of its sigmas on. Chosen: the course is then good to 0.1 rad."""
+"""Least size of a velocity, in its sigmas, that tells the heading. Chosen: the course is then good to 0.1 rad."""
 MIN_REJECTING_S = 0.3
 """Time after a rejected row from which online states are flagged, too, s. Chosen: three periods of usual messages."""
 REJECTED_ROW_SHARE = 0.5

@@ -38,8 +38,8 @@ MAX_ABSURD_SHARE = 0.05
 """Largest share of rows with a time before 1970 or after 2038 that are left out; more show another unit. Chosen by
 hand."""
 MAX_LATE_S = 5.0
-"""Rows that were written later than others by more than this, and lie among them, are a second recording: buffers of
-sensors hold less. Chosen by hand."""
+"""Greatest time in s by which rows may be written late; later ones among the others are a second recording. Chosen by
+hand: buffers of sensors hold less."""
 MAX_CHANGES_PER_STEP_BACK = 4
 """Largest number of changes between the parts of a file, in time order, for each step back in time: a late row, or
 block, makes three."""

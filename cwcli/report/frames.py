@@ -27,7 +27,7 @@ THUMBNAIL_WIDTH_PX = 320
 JPEG_QUALITY = 60
 """Quality of the thumbnails' JPEG files, 0 to 100. Chosen by hand; not fitted."""
 MAX_FRAME_OFFSET_NS = 500_000_000
-"""A frame farther from the wanted time than this is not shown, in ns. Chosen by hand; not fitted."""
+"""Greatest difference in ns of a shown frame from the wanted time. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)

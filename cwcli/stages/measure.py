@@ -47,7 +47,7 @@ SHOWN_MEASURES = {
 MAX_ENCOUNTERS_SHOWN = 20
 """Greatest number of encounters, or conflicts, that a table of the summary shows; chosen by hand."""
 CONFLICT_TTC_S = 1.0
-"""An encounter with a time to collision below this [s] is judged as a conflict; chosen by hand."""
+"""Time to collision in s below which an encounter is judged as a conflict. Chosen by hand."""
 
 
 @dataclass(frozen=True)

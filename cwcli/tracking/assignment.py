@@ -13,7 +13,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 MAX_CANDIDATES_PER_TRACK = 32
 """Number of best detections of each track that are considered; it bounds the memory. Chosen by hand."""
 MAX_PAIRS_OF_GROUP = 2000
-"""A group with more detections than this keeps about this many pairs; it bounds the memory. Chosen by hand."""
+"""Number of pairs that a group with more detections than this keeps, about; it bounds the memory. Chosen by hand."""
 _FORBIDDEN_PAIR_COST = 1.0e9
 """Cost of a forbidden pair in the assignment: larger than any sum of gains."""
 

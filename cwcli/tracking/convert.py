@@ -9,7 +9,8 @@ from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.tracking.tracker import TrackResult
 
 MIN_HEADING_SPEED_MPS = 0.5
-"""A slower target keeps its last heading: its direction of motion is mostly noise. Chosen by hand; not fitted."""
+"""Speed in m/s below which a target keeps its last heading: its direction of motion is mostly noise. Chosen by hand;
+not fitted."""
 _UNKNOWN_HEADING_VARIANCE_RAD2 = np.pi**2 / 3.0
 """Variance of a heading that is uniform over all directions, rad^2."""
 

@@ -27,7 +27,7 @@ Int8Array = npt.NDArray[np.int8]
 MAX_RANGE_RATE_MPS = 200.0
 """Greatest possible range rate, m/s; rows beyond it are left out. Chosen by hand."""
 MAX_LATENESS_S = 1.0
-"""A detection may arrive this much later than a newer one, s. Chosen by hand; not fitted."""
+"""Greatest time in s by which a detection may arrive later than a newer one. Chosen by hand; not fitted."""
 MIN_VARIANCE, MAX_VARIANCE = 1e-12, 1e8
 """Stated variances outside of these limits are absurd, and the sensor model's are used. Chosen by hand."""
 

@@ -24,7 +24,8 @@ TargetCountChoice = Literal["auto", "one", "many"]
 NO_SIGMA_FACTORS: Mapping[str, tuple[float, ...]] = {}
 """Factors on sigmas where none are known."""
 MAX_GATED_SHARE = 0.1
-"""A larger share of detections outside the gate means more than one target. Chosen by hand; not fitted."""
+"""Greatest share of detections outside the gate of a single target; a larger one means more targets. Chosen by hand;
+not fitted."""
 
 
 @dataclass(frozen=True)

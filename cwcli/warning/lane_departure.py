@@ -57,7 +57,7 @@ LATEST_LINE_CAR_M = -0.3
 CLASS_II_MIN_SPEED_MPS = 17.0
 """Speed from which a system of class II must work (ISO 17361)."""
 DEFAULT_RELEASE_S = 1.5
-"""A warning is held until the time to line crossing is longer than this. Chosen by hand; not fitted."""
+"""Time to line crossing in s beyond which a warning ends. Chosen by hand; not fitted."""
 
 
 def earliest_warning_line_m(rate_mps: FloatArray) -> FloatArray:

@@ -72,7 +72,8 @@ class Measures:
 MEASURE_ARRAY_NAMES = tuple(entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states"))
 """Names of the fields of `Measures` that are arrays (m,)."""
 MIN_ONSET_DIFFERENCE_M = 0.25
-"""The onset hypothesis counts where its path is nearer than the mean path at the horizon by this, m. Chosen by hand."""
+"""Least advantage in m of the onset path's distance at the horizon over the mean path's for the onset to count. Chosen
+by hand."""
 
 
 def measure_paths(

@@ -39,7 +39,8 @@ NEAR_MARGIN_M = 6.0
 COARSE_POINT_STRIDE = 5
 """Stride of the path points at which pairs that are not near are measured: every fifth. Chosen by hand."""
 STANDSTILL_SPEED_MPS = 0.5
-"""A slower vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not fitted."""
+"""Speed in m/s below which a vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not
+fitted."""
 
 
 @dataclass(frozen=True)
