@@ -93,7 +93,7 @@ def read_observed_drive(columns: Columns) -> ObservedDrive:
     return ObservedDrive(columns.log_time_ns[order], track)
 
 
-def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
+def read_lateral_truth_stamps_and_states(columns: Columns) -> tuple[Int64Array, FloatArray]:
     """Read stamps (n,), increasing, and states (n, 4) from a channel of the truth; unknown values are NaN.
 
     Args:

@@ -193,11 +193,11 @@ class _LatencySearch:
         search = self._move_to_likeliest_latency(profile)._drop_outliers()
         if not search._has_enough_rows:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        weighed = search._refine_latency_evidence()
+        weighed = search._refine_noise_and_latency_evidence()
         slow = None if weighed is None else replace(search, target=weighed[0])._add_slow_error_if_likelier()
         if slow is not None:
             profile = slow._scan_latency_grid()
-            weighed = slow._move_to_likeliest_latency(profile)._refine_latency_evidence()
+            weighed = slow._move_to_likeliest_latency(profile)._refine_noise_and_latency_evidence()
         if weighed is None:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
         return (slow or search)._decide_latency_status(*weighed, profile)
@@ -316,7 +316,7 @@ class _LatencySearch:
         line = Latency(LatencyStatus.DRIFTS, drift=rate, middle_s=about_s + evidence.likeliest_latency_s)
         weighed = replace(
             self, target=self._match_noise_to_innovations(remove_latency_drift(target, line))
-        )._refine_latency_evidence()
+        )._refine_noise_and_latency_evidence()
         if weighed is None:
             return None
         straight, found = weighed
@@ -331,7 +331,7 @@ class _LatencySearch:
         sigma_s = max(found.block_scatter_sigma_s, profile.sigma_covering_possible_latencies_s(found))
         return replace(line, found_s=found.likeliest_latency_s, sigma_s=sigma_s, bound_s=found.formal_sigma_s)
 
-    def _refine_latency_evidence(self) -> tuple[SensorSeries, LatencyEvidence] | None:
+    def _refine_noise_and_latency_evidence(self) -> tuple[SensorSeries, LatencyEvidence] | None:
         """Weigh the evidence about the likeliest latency until it and the noise stay; None where nothing stays.
 
         The probes lie as far from it as it takes to see the likelihood fall by three sigma. Nearer it is rugged, as

@@ -138,7 +138,7 @@ def _refit_noise_and_motion(trials: FilterTrials, layout: StateLayout, fit: Nois
     fit = _match_noise_to_innovations(fit, result)
     base = trials.log_likelihood(_layout_of_fit(layout, fit))
     for name in MANOEUVRE_SIGMA_LIMITS:
-        fit, base = _refit_manoeuvre_sigma(trials, layout, fit, name, base)
+        fit, base = _refit_manoeuvre_sigma_and_get_likelihood(trials, layout, fit, name, base)
     return fit
 
 
@@ -178,7 +178,7 @@ def _match_noise_to_innovations(fit: NoiseFit, result: PassResult) -> NoiseFit:
     return replace(fit, series=tuple(series), factors=factors)
 
 
-def _refit_manoeuvre_sigma(
+def _refit_manoeuvre_sigma_and_get_likelihood(
     trials: FilterTrials, layout: StateLayout, fit: NoiseFit, name: str, base: float
 ) -> tuple[NoiseFit, float]:
     """Move one sigma of the motion towards the largest likelihood; returns the fit and its likelihood.

@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.latency import Latency, LatencyStatus
-from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock_and_note
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
 from cwcli.estimation.parameter import Parameter, ParameterStatus
@@ -242,7 +242,7 @@ def _pool_latencies(
         told.append(
             SourceLatency(*key, is_reference=is_reference, latency=_constant_to_latency(constant, is_reference))
         )
-    moved, _ = shift_latencies_to_agreed_clock(told)
+    moved, _ = shift_latencies_to_agreed_clock_and_note(told)
     for each, latency in zip(told, moved, strict=True):
         key = (each.source, each.kind)
         if latency == each.latency or not found[key].has_value:

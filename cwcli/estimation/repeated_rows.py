@@ -116,16 +116,18 @@ def find_stale_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> Stale
     none = np.zeros(len(time_s), np.bool_)
     if len(time_s) < 2 * MIN_REPETITIONS:
         return StaleRows(none, none)
-    is_repetition, period_s = _find_repeated_rows(kind, time_s, values)
+    is_repetition, period_s = _repeated_row_mask_and_period_s(kind, time_s, values)
     if is_repetition.any():
         return StaleRows(is_repetition, none, period_s)
     if kind in (Kind.POSITION, Kind.VELOCITY, Kind.SPEED, Kind.HEADING):
-        is_interpolated, period_s = _find_interpolated_rows(kind, time_s, values)
+        is_interpolated, period_s = _interpolated_row_mask_and_period_s(kind, time_s, values)
         return StaleRows(none, is_interpolated, period_s)
     return StaleRows(none, none)
 
 
-def _find_repeated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> tuple[npt.NDArray[np.bool_], float]:
+def _repeated_row_mask_and_period_s(
+    kind: Kind, time_s: FloatArray, values: FloatArray
+) -> tuple[npt.NDArray[np.bool_], float]:
     """Find the rows that repeat the value before them; returns a mask (n,) and the time between two measurements, s."""
     n, none = len(time_s), np.zeros(len(time_s), np.bool_)
     is_new = np.ones(n, np.bool_)
@@ -176,7 +178,9 @@ def _quantisation_step(change: FloatArray, floor: float) -> float:
     return least if float(is_whole.mean()) >= MIN_WHOLE_SHARE else 0.0
 
 
-def _find_interpolated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> tuple[npt.NDArray[np.bool_], float]:
+def _interpolated_row_mask_and_period_s(
+    kind: Kind, time_s: FloatArray, values: FloatArray
+) -> tuple[npt.NDArray[np.bool_], float]:
     """Find the rows on straight lines between measurements; returns a mask (n,) and the time between two, s.
 
     The knots of the lines come at regular times; between them every row lies on its line, although the lines bend at

@@ -377,12 +377,12 @@ def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -
                 break
             least = unclear[0]
         status[parts[least]], trial = ParameterStatus.NOT_BETTER, others[least]
-    trial, beyond = _drop_errors_beyond_limits(trials, trial)
+    trial, beyond = _drop_errors_beyond_limits_and_list_them(trials, trial)
     status.update(dict.fromkeys(beyond, ParameterStatus.CONTRADICTS))
     return FoundSensorModel(trial.model, status, _forward_arm_and_sigma_by_series_m(trial), beyond)
 
 
-def _drop_errors_beyond_limits(
+def _drop_errors_beyond_limits_and_list_them(
     trials: _SensorModelTrials, trial: _SensorModelTrial
 ) -> tuple[_SensorModelTrial, dict[Part, float]]:
     """Leave out every error that is beyond what such a sensor can have, until none is; returns what they were."""

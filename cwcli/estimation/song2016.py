@@ -24,7 +24,7 @@ from cwcli.estimation.prepare import (
     seconds_since_epoch,
 )
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.source_judgement import correct_as_user_says, correct_impossible_values
+from cwcli.estimation.source_judgement import correct_and_list_impossible_imu_values, correct_and_list_what_user_says
 from cwcli.estimation.start import (
     UNKNOWN_STATE_SIGMAS,
     find_filter_start,
@@ -99,9 +99,11 @@ def estimate_track_with_song2016(
     does not do.
     """
     epoch = earliest_stamp_ns(measurements)
-    measurements, corrections = correct_as_user_says(measurements, config.source_units)
+    measurements, corrections = correct_and_list_what_user_says(measurements, config.source_units)
     if not config.blind:
-        measurements, found = correct_impossible_values(measurements, {*config.trusted_sources, *config.source_units})
+        measurements, found = correct_and_list_impossible_imu_values(
+            measurements, {*config.trusted_sources, *config.source_units}
+        )
         corrections += found
     prepared, notes = (
         (prepare_without_looking_ahead(measurements, epoch, {}), [])
@@ -202,7 +204,7 @@ def trailing_slope(
     return slope
 
 
-def filter_measurement_matrix(
+def filtered_states_and_covariances_of_matrix(
     z: FloatArray,
     sigma: Sequence[float],
     *,

@@ -21,7 +21,7 @@ from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp
 from cwcli.estimation.score import prediction_log_likelihood
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import FilterTrials, gate_outliers
-from cwcli.estimation.tune import add_bias_states
+from cwcli.estimation.tune import add_bias_states_and_their_variances
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -79,7 +79,7 @@ class SourceClock:
         return [slice(i, j) for i, j in zip([0, *edges.tolist()], [*edges.tolist(), len(self.log_ns)], strict=True)]
 
 
-def align_source_clocks(
+def align_source_clocks_and_note(
     measurements: Sequence[Measurements], *, corrects: bool = True, trusted: Sequence[str] = ()
 ) -> tuple[list[Measurements], list[str]]:
     """Correct the stamps of sources whose clock steps or is off by more than a link can delay.
@@ -267,7 +267,7 @@ def is_motion_likelier_when_shifted(
 def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
     """Return the log-likelihood of the rows after all before them, with the noise that goes with them."""
     prepared, _ = clean_and_sort_measurements(measurements, earliest_stamp_ns(measurements))
-    series, walk, prior = add_bias_states(prepared, MotionParameters())
+    series, walk, prior = add_bias_states_and_their_variances(prepared, MotionParameters())
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
         return float("nan")
     layout = estimate_noise_and_manoeuvres(StateLayout(series, MotionParameters(), walk, prior), every_row=False)

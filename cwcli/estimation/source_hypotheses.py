@@ -76,7 +76,7 @@ class Finding:
         return f"log-likelihood ratio {self.gain:.0f} by {judges}"
 
 
-def evidence_motions(series: Sequence[SensorSeries]) -> tuple[list[StepMotion], FloatArray]:
+def step_motions_and_edges_for_evidence(series: Sequence[SensorSeries]) -> tuple[list[StepMotion], FloatArray]:
     """Return the motions of the series in steps for the likelihood, and the edges (n + 1,) of the steps, s.
 
     Args:
@@ -106,7 +106,7 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int) -> Finding | N
     hypotheses = with_pairwise_combinations(HYPOTHESES.get(own.kind, ()))
     if not hypotheses:
         return None
-    motions, edges_s = evidence_motions(series)
+    motions, edges_s = step_motions_and_edges_for_evidence(series)
     if not motions:
         return None
     others = [m for i, m in enumerate(motions) if i != suspect]

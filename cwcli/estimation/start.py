@@ -120,7 +120,7 @@ def _heading_candidates(
                     )
                 )
         elif s.kind is Kind.POSITION:
-            displacement = _first_significant_displacement(s)
+            displacement = _heading_candidate_from_first_displacement(s)
             if displacement is not None:
                 candidates.append(_heading_candidate_from_course(series, *displacement))
     return candidates
@@ -141,7 +141,7 @@ def _heading_candidate_from_course(
     return when, course, course_sigma, speed_mps, speed_sigma
 
 
-def _first_significant_displacement(s: SensorSeries) -> tuple[float, float, float, float, float] | None:
+def _heading_candidate_from_first_displacement(s: SensorSeries) -> tuple[float, float, float, float, float] | None:
     """Return the first displacement that is clear of the noise, from a point that may itself lie later.
 
     The noise is that of the rows so far, so that later rows do not change when a heading becomes known. The share of

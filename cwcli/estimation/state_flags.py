@@ -82,8 +82,8 @@ def compute_state_flags(
         mark(StateFlag.AFTER_RESET, time[begins], time[rows] + SETTLING_TIME_S)
     if causal:
         for s, found in zip(series, status, strict=True):
-            mark(StateFlag.REJECTING, *find_rejecting_spans_s(s, found)[:2])
-    mark(StateFlag.BRIDGED, *_find_position_gaps_s(series, status, causal=causal))
+            mark(StateFlag.REJECTING, *rejecting_spans_and_their_rows(s, found)[:2])
+    mark(StateFlag.BRIDGED, *_begins_and_ends_of_position_gaps_s(series, status, causal=causal))
     return flags
 
 
@@ -120,7 +120,7 @@ def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> F
     return np.minimum(ends_s, whole_s)
 
 
-def find_rejecting_spans_s(
+def rejecting_spans_and_their_rows(
     s: SensorSeries, status: npt.NDArray[np.int8]
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
     """Find the spans in which a source is rejected, from what is known in them.
@@ -163,7 +163,7 @@ def add_variance_of_rejected_rows(
     grown = covariance
     for s, found, status in zip(series, result.nis, result.status, strict=True):
         states = WIDENED_STATES.get(s.kind)
-        begins, ends, rows = find_rejecting_spans_s(s, status)
+        begins, ends, rows = rejecting_spans_and_their_rows(s, status)
         if states is None or not len(rows):
             continue
         grown = covariance.copy() if grown is covariance else grown
@@ -187,7 +187,7 @@ def _inside_any_interval_mask(time_s: FloatArray, begin_s: FloatArray, end_s: Fl
     return inside
 
 
-def _find_position_gaps_s(
+def _begins_and_ends_of_position_gaps_s(
     series: Sequence[SensorSeries], status: Sequence[npt.NDArray[np.int8]], *, causal: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return begins and ends (k,), s, of the gaps in the used positions, and of the time after the last one."""

@@ -249,7 +249,7 @@ def possible_date_orders(times: TextTimes) -> list[str]:
     return orders
 
 
-def ns_from_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Array, BoolArray]:
+def ns_and_validity_of_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Array, BoolArray]:
     """Return nanoseconds since 1970 (n,) and whether they are a time.
 
     Args:

@@ -19,7 +19,7 @@ from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
 from cwcli.signals.v2x_elements import decode_element, validate_decoded
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_dsecond
+from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
 
 _TABLE = load_message_table("sdsm", "sae")
 """The quantities of an SDSM's sender and objects: their data elements, and their paths per encoding."""
@@ -121,7 +121,7 @@ def _make_object_rows(columns: Columns, ledger: RowLedger, value: dict[str, Floa
     latitude, longitude = perceived.shift_wgs84_positions(
         value["latitude_deg"], value["longitude_deg"], value["east_m"], value["north_m"]
     )
-    stamp_ns, has_time = stamp_from_dsecond(read_numbers(columns, "dsecond_ms"), columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_dsecond(read_numbers(columns, "dsecond_ms"), columns.log_time_ns)
     own_m2 = sigma["position_confidence"] ** 2
     return perceived.make_object_rows(
         ledger,

@@ -115,7 +115,7 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     chosen = {name: entry for name, entry in MEASURES.items() if name in (config.measures or cheap_measure_names())}
     with_covariance = any(entry.needs_covariance for entry in chosen.values())
     tracks, counts = read_tracks(log, bound, config, with_covariance=with_covariance)
-    pairs, notes = _measure_pairs(tracks, chosen)
+    pairs, notes = _measure_pairs_and_note(tracks, chosen)
     if config.with_sigma:
         pairs = add_sigmas_of_extremes(log, tracks, pairs, chosen)
     series = measure_series_table(tracks.ego_id, pairs, chosen)
@@ -140,7 +140,7 @@ def cheap_measure_names() -> tuple[str, ...]:
     return tuple(name for name, entry in MEASURES.items() if not entry.is_expensive)
 
 
-def _measure_pairs(tracks: TracksOfLog, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:
+def _measure_pairs_and_note(tracks: TracksOfLog, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:
     """Measure the pairs that come near each other; return them, and notes."""
     pairs, n_far, n_assumed = [], 0, int(not np.isfinite(tracks.ego.length_m).any())
     for other_id, other in tracks.others.items():

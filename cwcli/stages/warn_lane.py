@@ -79,7 +79,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
     vehicle, notes = vehicle_from_log(log)
     predicted = read_predicted_paths(path_columns)
-    stamp_ns, log_time_ns, boundaries = _first_frame_of_each_stamp(read_lanes(lanes), vehicle)
+    stamp_ns, log_time_ns, boundaries = _stamps_and_boundaries_of_first_frames(read_lanes(lanes), vehicle)
     paths = transform_paths_to_body(predicted.paths)
     _, mine, theirs = np.intersect1d(stamp_ns, predicted.stamp_ns, return_indices=True)
     matched = _spread_paths_over_frames(paths, mine, theirs, len(stamp_ns), config.rule.warn_s)
@@ -103,7 +103,9 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
     return build_warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))[0]
 
 
-def _first_frame_of_each_stamp(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
+def _stamps_and_boundaries_of_first_frames(
+    lanes: LaneRows, vehicle: Vehicle
+) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
     """Return stamps, log times and boundaries of the first frame of each stamp, in the order of the stamps."""
     rows = rows_by_stamp_without_repeats(lanes.stamp_ns)
     left, right = np.moveaxis(lanes.plausible_road_lines()[rows], 1, 0)

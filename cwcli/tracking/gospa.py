@@ -13,7 +13,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.tracking.assignment import solve_assignment
+from cwcli.tracking.assignment import rows_and_columns_of_best_pairs
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def best_pairs_and_their_distances(
         none = np.zeros(0, np.int64)
         return none, none, np.zeros(0)
     distance = np.linalg.norm(truth_xy[:, None, :] - track_xy[None, :, :], axis=2)
-    i, j = solve_assignment(cutoff_m**p - distance**p)
+    i, j = rows_and_columns_of_best_pairs(cutoff_m**p - distance**p)
     return i, j, distance[i, j]
 
 

@@ -225,7 +225,7 @@ def _pooled_consistency(
     )
 
 
-def track_targets(
+def track_targets_and_name_method(
     targets: TargetCountChoice,
     detections: Sequence[Detections],
     models: Mapping[str, SensorModel],
@@ -260,7 +260,7 @@ def track_targets_online(
     """Track without smoothing, with the noise, the clutter and the number of targets of another result.
 
     Args:
-        result, how: Results of `track_targets`.
+        result, how: Results of `track_targets_and_name_method`.
         detections, models, config: Its arguments.
         ego: The car's states as they could have been known online.
     """

@@ -14,11 +14,11 @@ from cwcli.text import shorten_and_escape
 
 def find_understated_noise(evidence: DoubtEvidence) -> list[Finding]:
     """Return the sources, of the ego and of tracked targets, whose NIS is outside its bounds and too large."""
-    found = list(_iter_findings(evidence))
+    found = list(_iter_sources_with_understated_noise(evidence))
     return sorted(found, key=lambda each: -each.value)
 
 
-def _iter_findings(evidence: DoubtEvidence) -> Iterator[Finding]:
+def _iter_sources_with_understated_noise(evidence: DoubtEvidence) -> Iterator[Finding]:
     for source in evidence.ego_sources:
         if source.get("nis_inside") is False:
             yield from _iter_finding_if_nis_too_large(source_name(source), read_number(source, "nis_per_dof"))

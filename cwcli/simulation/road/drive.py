@@ -14,7 +14,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
-from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, simulate_drive_along_lane
+from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, times_and_states_of_drive_along_lane
 from cwcli.simulation.road.conditions import CONDITIONS, draw_shadow_band
 from cwcli.simulation.road.defects import DEFECT_KNOT_SPACING_M as FINE_KNOT_M
 from cwcli.simulation.road.defects import (
@@ -110,7 +110,7 @@ class RoadDrive:
         scene: The scene at the start.
         time_s: Shape (n,): times of the frames.
         fine_time_s: Shape (m,): a grid of 10 ms.
-        fine_states: Shape (m, 9), see `car.simulate_drive_along_lane`.
+        fine_states: Shape (m, 9), see `car.times_and_states_of_drive_along_lane`.
         knots_m, curvature_1pm: Curvature of the lane at stations, linear between them; left positive.
         vertical_1pm: Shape (k,): crests and sags at the same stations.
         pitch_rad: Shape (n,): pitch of the body at the frames, nose down positive.
@@ -216,7 +216,7 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
         driver = LaneChangingDriver(
             wander_rad=wander_rad, lane_change_start_s=change_s, lane_width_m=scene.lane_width_m
         )
-    fine_time_s, states = simulate_drive_along_lane(
+    fine_time_s, states = times_and_states_of_drive_along_lane(
         lambda station: float(np.interp(station, knots_m, curvature)),
         lambda t: config.speed_mps + config.accel_mps2 * t,
         driver,

@@ -46,9 +46,9 @@ def decide_by_hard_braking_ahead(
     """Decide by hard braking of a vehicle ahead in the same direction to which the host would have to react."""
     states = measures.states
     assert states is not None  # RULE asks for them
-    gap_m, follows = _gap_to_vehicle_ahead(states)
+    gap_m, follows = _gap_and_mask_of_vehicle_ahead(states)
     braking_mps2 = -states.other[:, ACCEL] * np.where(states.other[:, SPEED] < 0.0, -1.0, 1.0)
-    needed_mps2, left_m = _needed_deceleration(
+    needed_mps2, left_m = _deceleration_and_distance_to_stop_behind(
         states, gap_m, np.fmax(braking_mps2, HARD_BRAKING_MPS2), config.horizon_s
     )
     matters = follows & ~(needed_mps2 < config.min_deceleration_mps2)
@@ -67,7 +67,7 @@ def decide_by_hard_braking_ahead(
     )
 
 
-def _gap_to_vehicle_ahead(states: PairStates) -> tuple[FloatArray, BoolArray]:
+def _gap_and_mask_of_vehicle_ahead(states: PairStates) -> tuple[FloatArray, BoolArray]:
     """Gap of the outlines along the host's arc (m), and whether the other is ahead in the same direction, (m,) each."""
     host, other = states.host, states.other
     dx, dy = other[:, X] - host[:, X], other[:, Y] - host[:, Y]
@@ -89,7 +89,7 @@ def _gap_to_vehicle_ahead(states: PairStates) -> tuple[FloatArray, BoolArray]:
     return gap, np.asarray(follows)
 
 
-def _needed_deceleration(
+def _deceleration_and_distance_to_stop_behind(
     states: PairStates, gap_m: FloatArray, braking_mps2: FloatArray, wait_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """The deceleration that the host needs after a wait to stop behind the other; infinity where none is enough.
