@@ -18,7 +18,7 @@ MAD_TO_SIGMA = 1.4826
 GNSS_EPOCH_NS = 10 * NS_PER_MS
 """GNSS receivers measure at multiples of 10 ms, counted from the whole second (common receiver rates)."""
 MAX_EPOCH_PHASE_NS = 2 * NS_PER_MS
-"""Stamps of 95 % of the positions may differ from whole epochs by this much, ns; chosen by hand."""
+"""Greatest difference, ns, of the stamps of 95 % of the positions from whole epochs. Chosen by hand."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def format_comment(summary: str, logs: Sequence[LogChange], n_pairs: int) -> str
         logs: The logs that differ, the worst first.
         n_pairs: Number of logs in both runs.
     """
-    text, is_cut = _cut_at_paragraph(summary.rstrip(), MAX_COMMENT_CHARS // 2)
+    text, is_cut = _cut_at_paragraph_and_tell_if_cut(summary.rstrip(), MAX_COMMENT_CHARS // 2)
     parts = [text]
     if is_cut:
         parts.append("The rest of this summary is left out; `cwcli compare --markdown` writes all of it.")
@@ -96,7 +96,7 @@ def _left_out_sentence(logs: Sequence[LogChange]) -> str:
     )
 
 
-def _cut_at_paragraph(text: str, limit: int) -> tuple[str, bool]:
+def _cut_at_paragraph_and_tell_if_cut(text: str, limit: int) -> tuple[str, bool]:
     """Cut a text behind its last whole paragraph within a length; whether it was cut."""
     if len(text) <= limit:
         return text, False

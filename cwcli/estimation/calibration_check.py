@@ -15,9 +15,9 @@ from cwcli.estimation.lever_arms import set_given_lever_arms
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, run_filter_pass
-from cwcli.estimation.prepare import PreparedSeries, clean_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.score import GATE_PROBABILITY, is_prediction_clearly_better, row_log_likelihoods
-from cwcli.estimation.source_judgement import correct_impossible_values
+from cwcli.estimation.source_judgement import correct_and_list_impossible_imu_values
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.lazy_dataclass import dataclass
@@ -32,7 +32,7 @@ with the right calibration less than 0.002; noise that is wrong by 14 % costs as
 MAX_LISTED_CONTRADICTIONS = 2
 """Greatest number of contradictions that a note lists; chosen for short notes."""
 MIN_LISTED_NOISE_RATIO = 1.25
-"""A note lists a noise sigma if it differs from that of the calibration by more than this factor; chosen by hand."""
+"""Least ratio of a noise sigma to that of the calibration, or its inverse, that a note lists. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ def _prepare_series(
     measurements: Sequence[Measurements], config: EstimatorConfig, calibration: Calibration | None
 ) -> list[PreparedSeries]:
     mountings = {} if calibration is None else calibrated_imu_mountings(calibration)
-    prepared, _ = clean_measurements(
-        correct_impossible_values(measurements)[0], earliest_stamp_ns(measurements), mountings
+    prepared, _ = clean_and_sort_measurements(
+        correct_and_list_impossible_imu_values(measurements)[0], earliest_stamp_ns(measurements), mountings
     )
     return set_given_lever_arms(prepared, config.lever_arms)
 

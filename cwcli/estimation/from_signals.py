@@ -82,7 +82,7 @@ def ego_signal_to_measurements(signal: EgoSignal, local_map: LocalMap | None) ->
             return [Measurements(signal.source, Kind.IMU, stamp_ns, values, variances, log_ns)]
 
 
-def drop_stretches_without_position(
+def drop_stretches_without_position_and_note(
     measurements: Sequence[Measurements], max_pause_s: float
 ) -> tuple[list[Measurements], list[str]]:
     """Drop rows that a long pause separates from every position; returns the measurements and notes.

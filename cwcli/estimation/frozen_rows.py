@@ -22,8 +22,8 @@ MAX_SMOOTH_BEND_SHARE = 0.5
 """Greatest ratio of the second to the first differences of a signal without noise; of white noise it is 1.5. Chosen
 by hand; not fitted."""
 MAX_SMOOTH_CHANGE_RATIO = 3.0
-"""A signal without noise that changes after a repetition by more than this times its greatest usual change was stuck.
-Chosen by hand; not fitted."""
+"""Greatest change of a noiseless signal after a repetition, relative to its greatest usual change; beyond it the signal
+was stuck. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)

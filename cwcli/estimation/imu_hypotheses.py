@@ -28,7 +28,7 @@ from cwcli.estimation.source_hypotheses import (
     MAX_UNIT_ERROR,
     MIN_GAIN,
     MIN_MARGIN,
-    evidence_motions,
+    step_motions_and_edges_for_evidence,
 )
 from cwcli.estimation.step_evidence import (
     MIN_COMPARED_STEPS,
@@ -131,7 +131,7 @@ def find_imu_hypothesis(time_s: FloatArray, values: FloatArray, others: Sequence
         values: Shape (n, 6): accelerometer and gyroscope.
         others: Series of the other sources, at least one a position.
     """
-    motions, edges_s = evidence_motions(others)
+    motions, edges_s = step_motions_and_edges_for_evidence(others)
     if len(edges_s) < MIN_COMPARED_STEPS or len(time_s) < 2:
         return None
     known = covered_step_mask(time_s, edges_s)

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.median import median
 from cwcli.estimation.passes import SensorSeries
-from cwcli.estimation.source_hypotheses import evidence_motions
+from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
 from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_between_edges
 from cwcli.signals.columns import FloatArray
 
@@ -42,7 +42,7 @@ def find_imu_yaw_hypothesis_and_evidence(
         values: Shape (n, 6): accelerometer and gyroscope, levelled.
         others: Series of the other sources, positions first.
     """
-    motions, edges_s = evidence_motions(others[:1])
+    motions, edges_s = step_motions_and_edges_for_evidence(others[:1])
     if len(edges_s) < MIN_STEPS + 3 or len(time_s) < MIN_STEPS:
         return None
     measured = np.column_stack([means_between_edges(time_s, column, edges_s) for column in values[:, :2].T])

@@ -18,7 +18,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 SIGNIFICANT_SIGMAS = 3.0
-"""A value is significant if it is more than this many sigmas from zero. Chosen by hand; not fitted."""
+"""Least distance from zero, in sigmas, of a value that counts as significant. Chosen by hand; not fitted."""
 MAX_DRIFT_REACH_S = 150.0
 """Time from the middle up to which a drift is extrapolated, s: half of the window of the search."""
 

@@ -33,7 +33,9 @@ class SourceLatency:
     latency: Latency
 
 
-def shift_latencies_to_agreed_clock(source_latencies: Sequence[SourceLatency]) -> tuple[list[Latency], list[str]]:
+def shift_latencies_to_agreed_clock_and_note(
+    source_latencies: Sequence[SourceLatency],
+) -> tuple[list[Latency], list[str]]:
     """Move latencies to the clock on which the sources agree.
 
     Nothing is moved where the user gives a latency, because that names a clock.
@@ -60,7 +62,7 @@ def shift_latencies_to_agreed_clock(source_latencies: Sequence[SourceLatency]) -
     ]
     if _count_source_votes(group) < len({each.source for each in others}):
         return latencies, []
-    return _shift_latencies_to_mean_clock_of_group(source_latencies, group)
+    return _shift_latencies_to_mean_clock_and_note(source_latencies, group)
 
 
 def disputed_clock_sigma_s(source_latencies: Sequence[SourceLatency], shifted_latencies: Sequence[Latency]) -> float:
@@ -70,7 +72,7 @@ def disputed_clock_sigma_s(source_latencies: Sequence[SourceLatency], shifted_la
 
     Args:
         told: Latencies relative to the reference.
-        moved: The same after `shift_latencies_to_agreed_clock`.
+        moved: The same after `shift_latencies_to_agreed_clock_and_note`.
     """
     late_s = [
         latency.applied_s
@@ -82,10 +84,10 @@ def disputed_clock_sigma_s(source_latencies: Sequence[SourceLatency], shifted_la
     return late_s[0] if late_s and len(ahead) == 1 else 0.0
 
 
-def _shift_latencies_to_mean_clock_of_group(
+def _shift_latencies_to_mean_clock_and_note(
     source_latencies: Sequence[SourceLatency], group: Sequence[SourceLatency]
 ) -> tuple[list[Latency], list[str]]:
-    """Shift latencies to the mean clock of a group of sources that agree; see `shift_latencies_to_agreed_clock`."""
+    """Shift latencies to the mean clock of a group of sources that agree."""
     weight = np.array([each.latency.sigma_s**-2.0 for each in group])
     early_s = float(weight @ [each.latency.found_s for each in group] / weight.sum())
     sigma_s = float(weight.sum() ** -0.5)

@@ -59,9 +59,10 @@ PROBE_OFFSETS_S = (0.05, 0.1, 0.2, 0.4)
 LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * SIGNIFICANT_SIGMAS**2
 """Fall of the log-likelihood at three sigma from its top."""
 MAX_OBSERVABLE_SIGMA_S = 0.05
-"""A latency with a larger bound is reported only if it is significant, s. Chosen by hand; not fitted."""
+"""Greatest bound of a latency, s, that is reported although the latency is not significant. Chosen by hand; not
+fitted."""
 MAX_REPORTED_SIGMA_S = 0.1
-"""A latency with a larger bound is not reported, s. Chosen by hand; not fitted."""
+"""Greatest bound of a latency, s, that is reported at all. Chosen by hand; not fitted."""
 IMU_AVERAGING_HZ = 25.0
 """Rate to which an IMU is averaged, Hz. Chosen for speed; not fitted."""
 COARSE_SEARCH_HZ = 10.0
@@ -192,11 +193,11 @@ class _LatencySearch:
         search = self._move_to_likeliest_latency(profile)._drop_outliers()
         if not search._has_enough_rows:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        weighed = search._refine_latency_evidence()
+        weighed = search._refine_noise_and_latency_evidence()
         slow = None if weighed is None else replace(search, target=weighed[0])._add_slow_error_if_likelier()
         if slow is not None:
             profile = slow._scan_latency_grid()
-            weighed = slow._move_to_likeliest_latency(profile)._refine_latency_evidence()
+            weighed = slow._move_to_likeliest_latency(profile)._refine_noise_and_latency_evidence()
         if weighed is None:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
         return (slow or search)._decide_latency_status(*weighed, profile)
@@ -315,7 +316,7 @@ class _LatencySearch:
         line = Latency(LatencyStatus.DRIFTS, drift=rate, middle_s=about_s + evidence.likeliest_latency_s)
         weighed = replace(
             self, target=self._match_noise_to_innovations(remove_latency_drift(target, line))
-        )._refine_latency_evidence()
+        )._refine_noise_and_latency_evidence()
         if weighed is None:
             return None
         straight, found = weighed
@@ -330,7 +331,7 @@ class _LatencySearch:
         sigma_s = max(found.block_scatter_sigma_s, profile.sigma_covering_possible_latencies_s(found))
         return replace(line, found_s=found.likeliest_latency_s, sigma_s=sigma_s, bound_s=found.formal_sigma_s)
 
-    def _refine_latency_evidence(self) -> tuple[SensorSeries, LatencyEvidence] | None:
+    def _refine_noise_and_latency_evidence(self) -> tuple[SensorSeries, LatencyEvidence] | None:
         """Weigh the evidence about the likeliest latency until it and the noise stay; None where nothing stays.
 
         The probes lie as far from it as it takes to see the likelihood fall by three sigma. Nearer it is rugged, as

@@ -59,7 +59,7 @@ def find_impossible_imu_values(values: FloatArray) -> list[tuple[Hypothesis, str
     return found
 
 
-def find_tilt(values: FloatArray) -> tuple[Hypothesis, str] | None:
+def find_tilt_and_evidence(values: FloatArray) -> tuple[Hypothesis, str] | None:
     """Return the tilt of an IMU in SI units whose z axis is clearly not vertical, but nearer to it than another axis.
 
     Args:

@@ -75,7 +75,7 @@ class OnlineAvailability:
         ]
 
 
-def states_available_at_ns(
+def available_times_of_states_ns(
     measurements: Sequence[Measurements],
     sources: Sequence[SourceReport],
     stamp_ns: Int64Array,
@@ -87,7 +87,7 @@ def states_available_at_ns(
 
     A state at time s uses all rows measured by s (corrected for latency). It exists only after a row at or after s has
     been received and its stretch has a position (see `from_signals.ego_output_stamps_ns`,
-    `drop_stretches_without_position`). Later rows of the log change neither the state nor this time.
+    `drop_stretches_without_position_and_note`). Later rows of the log change neither the state nor this time.
 
     Args:
         measurements: Measurements of one vehicle, positions first; each in stamp order.

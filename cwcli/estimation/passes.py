@@ -32,7 +32,8 @@ by hand."""
 MAX_REJECTION_TIME_S = 3.0
 """Time of rejections after which a slow source is used again, s. Chosen by hand; not fitted."""
 MAX_PITCH_RATE_GAP_S = 0.2
-"""The pitch rate is taken as zero in a longer gap of the gyroscope, s. Chosen by hand; not fitted."""
+"""Longest gap of the gyroscope, s, across which the pitch rate is interpolated; in a longer one it is zero. Chosen by
+hand; not fitted."""
 WHOLE_MESSAGE_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
 """Kinds that a message of another vehicle holds when it tells the whole motion in the plane."""
 ROW_BEFORE_START = -1

@@ -26,7 +26,7 @@ second repeat every tenth value."""
 MIN_CHANGE_PER_ROW = 3.0
 """Least change per repeated row, in steps of the resolution, that shows a repetition. Chosen: rounding hides one."""
 MIN_RESOLUTION_SHARE = 0.01
-"""Changes below this share of a kind's least noise (`QUANTITIES`) are rounding errors of the arithmetic. By hand."""
+"""Change, as a share of a kind's least noise (`QUANTITIES`), below which it is a rounding error. Chosen by hand."""
 MIN_RESOLVED_CHANGES = 8
 """Least number of small changes from which a resolution is read off. Chosen: eight changes without a resolution look
 like whole multiples of the least one in 1 of 15,000 cases."""
@@ -34,7 +34,7 @@ RESOLUTION_STEPS, RESOLUTION_TOLERANCE, MIN_WHOLE_SHARE = 10.5, 0.15, 0.9
 """Changes up to so many steps are whole multiples of a resolution, within this tolerance in steps, in at least this
 share. Chosen: of changes without a resolution 30 % lie within the tolerance."""
 MAX_JUMP_RATIO = 3.0
-"""A value that is held for several periods and then jumps by more than this times the usual change was no standing car.
+"""Greatest jump after a value that is held for several periods, relative to the usual change, of a car that stood.
 Chosen by hand; not fitted."""
 CHORD_TOLERANCE_IN_FLOORS = 0.24
 """Greatest distance of interpolated rows from their line, in least noises of the kind: 1.2 cm of a position, which is
@@ -116,16 +116,18 @@ def find_stale_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> Stale
     none = np.zeros(len(time_s), np.bool_)
     if len(time_s) < 2 * MIN_REPETITIONS:
         return StaleRows(none, none)
-    is_repetition, period_s = _find_repeated_rows(kind, time_s, values)
+    is_repetition, period_s = _repeated_row_mask_and_period_s(kind, time_s, values)
     if is_repetition.any():
         return StaleRows(is_repetition, none, period_s)
     if kind in (Kind.POSITION, Kind.VELOCITY, Kind.SPEED, Kind.HEADING):
-        is_interpolated, period_s = _find_interpolated_rows(kind, time_s, values)
+        is_interpolated, period_s = _interpolated_row_mask_and_period_s(kind, time_s, values)
         return StaleRows(none, is_interpolated, period_s)
     return StaleRows(none, none)
 
 
-def _find_repeated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> tuple[npt.NDArray[np.bool_], float]:
+def _repeated_row_mask_and_period_s(
+    kind: Kind, time_s: FloatArray, values: FloatArray
+) -> tuple[npt.NDArray[np.bool_], float]:
     """Find the rows that repeat the value before them; returns a mask (n,) and the time between two measurements, s."""
     n, none = len(time_s), np.zeros(len(time_s), np.bool_)
     is_new = np.ones(n, np.bool_)
@@ -176,7 +178,9 @@ def _quantisation_step(change: FloatArray, floor: float) -> float:
     return least if float(is_whole.mean()) >= MIN_WHOLE_SHARE else 0.0
 
 
-def _find_interpolated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> tuple[npt.NDArray[np.bool_], float]:
+def _interpolated_row_mask_and_period_s(
+    kind: Kind, time_s: FloatArray, values: FloatArray
+) -> tuple[npt.NDArray[np.bool_], float]:
     """Find the rows on straight lines between measurements; returns a mask (n,) and the time between two, s.
 
     The knots of the lines come at regular times; between them every row lies on its line, although the lines bend at

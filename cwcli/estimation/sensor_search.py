@@ -75,7 +75,7 @@ MIN_AHEAD_SIGMAS = 3.0
 MAX_CLIMB_TRIALS = 9
 """Greatest number of trials in the climb of one slow error. Chosen for speed; not fitted."""
 MAX_OBSERVED_SIGMA_TO_PRIOR = 0.5
-"""A parameter is not observable if its sigma exceeds this share of its prior. Chosen by hand; not fitted."""
+"""Greatest sigma of an observable parameter, as a share of its prior's. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -377,12 +377,12 @@ def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -
                 break
             least = unclear[0]
         status[parts[least]], trial = ParameterStatus.NOT_BETTER, others[least]
-    trial, beyond = _drop_errors_beyond_limits(trials, trial)
+    trial, beyond = _drop_errors_beyond_limits_and_list_them(trials, trial)
     status.update(dict.fromkeys(beyond, ParameterStatus.CONTRADICTS))
     return FoundSensorModel(trial.model, status, _forward_arm_and_sigma_by_series_m(trial), beyond)
 
 
-def _drop_errors_beyond_limits(
+def _drop_errors_beyond_limits_and_list_them(
     trials: _SensorModelTrials, trial: _SensorModelTrial
 ) -> tuple[_SensorModelTrial, dict[Part, float]]:
     """Leave out every error that is beyond what such a sensor can have, until none is; returns what they were."""

@@ -18,13 +18,13 @@ from cwcli.estimation.latency import NO_LATENCY, latency_given_by_user
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, notes_on_rows_before_start, run_filter_pass
 from cwcli.estimation.prepare import (
-    clean_measurements,
+    clean_and_sort_measurements,
     earliest_stamp_ns,
     prepare_without_looking_ahead,
     seconds_since_epoch,
 )
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.source_judgement import correct_as_user_says, correct_impossible_values
+from cwcli.estimation.source_judgement import correct_and_list_impossible_imu_values, correct_and_list_what_user_says
 from cwcli.estimation.start import (
     UNKNOWN_STATE_SIGMAS,
     find_filter_start,
@@ -99,14 +99,16 @@ def estimate_track_with_song2016(
     does not do.
     """
     epoch = earliest_stamp_ns(measurements)
-    measurements, corrections = correct_as_user_says(measurements, config.source_units)
+    measurements, corrections = correct_and_list_what_user_says(measurements, config.source_units)
     if not config.blind:
-        measurements, found = correct_impossible_values(measurements, {*config.trusted_sources, *config.source_units})
+        measurements, found = correct_and_list_impossible_imu_values(
+            measurements, {*config.trusted_sources, *config.source_units}
+        )
         corrections += found
     prepared, notes = (
         (prepare_without_looking_ahead(measurements, epoch, {}), [])
         if config.blind
-        else clean_measurements(measurements, epoch)
+        else clean_and_sort_measurements(measurements, epoch)
     )
     latencies = [latency_given_by_user(p.series, config) or NO_LATENCY for p in prepared]
     step = config.song2016_step_s
@@ -202,7 +204,7 @@ def trailing_slope(
     return slope
 
 
-def filter_measurement_matrix(
+def filtered_states_and_covariances_of_matrix(
     z: FloatArray,
     sigma: Sequence[float],
     *,

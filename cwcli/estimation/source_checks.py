@@ -221,9 +221,11 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
         one, other = (SourceQuantity(usable[k].source, usable[k].kind) for k in (i, j))
         for check, measure in _COMPARE_FUNCTIONS.items():
             measured = [measure(motions[i], motions[j], step_s) for step_s, motions in by_length]
-            judgement, number = judge_all_step_lengths(measured)
+            judgement, number = judgement_and_number_of_all_step_lengths(measured)
             if check is SourceComparisonCheck.TURN and judgement is Judgement.UNKNOWN:
-                judgement, number = _judge_regressed_turns([(motions[i], motions[j]) for _, motions in by_length])
+                judgement, number = _judgement_and_ratio_of_regressed_turns(
+                    [(motions[i], motions[j]) for _, motions in by_length]
+                )
             if judgement is Judgement.UNKNOWN or (check in BIAS_CHECKS and judgement is Judgement.AGREE):
                 continue
             found.append(SourceComparison(check, one, other, judgement, number))
@@ -235,7 +237,7 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
     return found
 
 
-def judge_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgement, float]:
+def judgement_and_number_of_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgement, float]:
     """Judge steps of all lengths together; returns the judgement and the most precise number.
 
     They contradict where one length does, every other length shows an impossible number too, and there are enough steps
@@ -252,7 +254,7 @@ def judge_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgemen
     return Judgement.AGREE if agrees else Judgement.UNKNOWN, min(known, key=lambda each: each.half).number
 
 
-def _judge_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tuple[Judgement, float]:
+def _judgement_and_ratio_of_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tuple[Judgement, float]:
     """Judge the turns of a pair by a line through those of all steps; see `turn_regression`.
 
     Args:
@@ -260,7 +262,7 @@ def _judge_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tu
     """
     ratios = [regressed_turn_ratio(*pair) for pair in pairs[1:]]  # not of those in steps of 1 s
     intervals = [MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios]
-    return judge_all_step_lengths(
+    return judgement_and_number_of_all_step_lengths(
         [StepComparison.from_median_interval(interval, TURN_RATIO_RANGE) for interval in intervals]
     )
 

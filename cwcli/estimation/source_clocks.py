@@ -17,11 +17,11 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.noise import estimate_noise_and_manoeuvres
-from cwcli.estimation.prepare import clean_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.score import prediction_log_likelihood
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import FilterTrials, gate_outliers
-from cwcli.estimation.tune import add_bias_states
+from cwcli.estimation.tune import add_bias_states_and_their_variances
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -32,14 +32,14 @@ MIN_STEP_ROWS, MIN_STEP_SPAN_S = 10, 3.0
 """Least number of rows and least time (s) on either side of a step for which a delay has to last. Chosen: a recorder
 that stalls catches up sooner."""
 MAX_DELAY_S = 30.0
-"""A delay beyond this, s, is no transmission but another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
+"""Longest delay of a transmission, s; a longer one is another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
 ALWAYS_NS = int(np.iinfo(np.int64).min)
 """Log time in ns that is earlier than all others: the least int64."""
 MIN_LIKELIHOOD_GAIN = 25.0
 """Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
 WHOLE_SECONDS_TOLERANCE_S = 0.2
-"""An offset so close to whole seconds is one of whole seconds (time zones, leap seconds), s. Chosen above usual
-delays."""
+"""Greatest distance in s of an offset from whole seconds (time zones, leap seconds) that counts as whole. Chosen above
+usual delays."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class SourceClock:
         return [slice(i, j) for i, j in zip([0, *edges.tolist()], [*edges.tolist(), len(self.log_ns)], strict=True)]
 
 
-def align_source_clocks(
+def align_source_clocks_and_note(
     measurements: Sequence[Measurements], *, corrects: bool = True, trusted: Sequence[str] = ()
 ) -> tuple[list[Measurements], list[str]]:
     """Correct the stamps of sources whose clock steps or is off by more than a link can delay.
@@ -266,8 +266,8 @@ def is_motion_likelier_when_shifted(
 
 def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
     """Return the log-likelihood of the rows after all before them, with the noise that goes with them."""
-    prepared, _ = clean_measurements(measurements, earliest_stamp_ns(measurements))
-    series, walk, prior = add_bias_states(prepared, MotionParameters())
+    prepared, _ = clean_and_sort_measurements(measurements, earliest_stamp_ns(measurements))
+    series, walk, prior = add_bias_states_and_their_variances(prepared, MotionParameters())
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
         return float("nan")
     layout = estimate_noise_and_manoeuvres(StateLayout(series, MotionParameters(), walk, prior), every_row=False)

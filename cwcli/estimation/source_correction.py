@@ -11,7 +11,7 @@ from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.imu_hypotheses import find_imu_hypothesis
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
-from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt
+from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison
@@ -84,7 +84,7 @@ def correct_one_source(
     ]
     attempts = [(found.gain, found.who, _apply_finding(measurements, found, prepare)) for found in findings]
     for source in suspected_imus:
-        tried = attempt_imu_correction(imus[source], measurements, level, prepare)
+        tried = gain_and_attempt_of_imu_correction(imus[source], measurements, level, prepare)
         if tried is not None:
             attempts.append((tried[0], SourceQuantity(source, Kind.IMU), tried[1]))
     # A wrong position shows on a map; so it is corrected only where nothing else explains the contradiction.
@@ -129,7 +129,7 @@ def _apply_finding(measurements: Sequence[Measurements], found: Finding, prepare
     )
 
 
-def attempt_imu_correction(
+def gain_and_attempt_of_imu_correction(
     imu: Measurements, measurements: Sequence[Measurements], levelled_series: Sequence[SensorSeries], prepare: Prepare
 ) -> tuple[float, CorrectionAttempt] | None:
     """Return gain and measurements with units, signs and axes of an IMU corrected; None where none clearly wins."""
@@ -143,7 +143,7 @@ def attempt_imu_correction(
     if found is None:
         return None
     hypothesis = found.hypothesis
-    tilt = find_tilt(hypothesis.correct_values(imu.values))
+    tilt = find_tilt_and_evidence(hypothesis.correct_values(imu.values))
     if tilt is not None:
         hypothesis = tilt[0].combine_after(hypothesis)
     corrected = [hypothesis.correct_measurements(m) if m is imu else m for m in measurements]

@@ -43,7 +43,8 @@ MAX_UNIT_ERROR = 0.05
 """Greatest relative difference from 1 of the ratio of ways after a correction: worn tyres and noise; the steps from
 feet/s to km/h and from knots to miles/h are twice as large. Chosen by hand; not fitted."""
 MAX_RATE_ERROR = 0.15
-"""The same of the ratio of turns and of changes of speed, which latencies and slopes change. Chosen by hand."""
+"""Greatest relative difference from 1 of the ratio of turns, or of changes of speed, after a correction. Chosen by
+hand: latencies and slopes change it."""
 EVIDENCE_STEP_S = 2.0
 """Length of the steps, s: longer than sensors are late and shorter than a turn. Chosen by hand."""
 MAX_CHORD_SPEED_SIGMA_MPS = 0.7
@@ -75,7 +76,7 @@ class Finding:
         return f"log-likelihood ratio {self.gain:.0f} by {judges}"
 
 
-def evidence_motions(series: Sequence[SensorSeries]) -> tuple[list[StepMotion], FloatArray]:
+def step_motions_and_edges_for_evidence(series: Sequence[SensorSeries]) -> tuple[list[StepMotion], FloatArray]:
     """Return the motions of the series in steps for the likelihood, and the edges (n + 1,) of the steps, s.
 
     Args:
@@ -105,7 +106,7 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int) -> Finding | N
     hypotheses = with_pairwise_combinations(HYPOTHESES.get(own.kind, ()))
     if not hypotheses:
         return None
-    motions, edges_s = evidence_motions(series)
+    motions, edges_s = step_motions_and_edges_for_evidence(series)
     if not motions:
         return None
     others = [m for i, m in enumerate(motions) if i != suspect]

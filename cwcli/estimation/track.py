@@ -26,7 +26,7 @@ from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_delays
 from cwcli.estimation.fix_scatter import scatter_about_neighbours_m
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
-from cwcli.estimation.lever_arms import move_states_to_antenna, set_given_lever_arms
+from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
 from cwcli.estimation.median import median
@@ -45,7 +45,7 @@ from cwcli.estimation.passes import (
 )
 from cwcli.estimation.prepare import (
     PreparedSeries,
-    clean_measurements,
+    clean_and_sort_measurements,
     earliest_stamp_ns,
     prepare_without_looking_ahead,
     seconds_since_epoch,
@@ -54,11 +54,11 @@ from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.estimation.song2016 import estimate_track_with_song2016
-from cwcli.estimation.source_clocks import align_source_clocks, notes_on_hidden_clock_steps
+from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from cwcli.estimation.source_judgement import (
     JudgedSources,
-    correct_as_user_says,
-    correct_impossible_values,
+    correct_and_list_impossible_imu_values,
+    correct_and_list_what_user_says,
     judge_sources,
 )
 from cwcli.estimation.standstill_error import covariance_from_standstill_errors, find_standstill_errors
@@ -186,7 +186,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         raise DataError("no finite position among the measurements")
     clock_notes: list[str] = []
     if config.compares_sources:
-        measurements, clock_notes = align_source_clocks(
+        measurements, clock_notes = align_source_clocks_and_note(
             measurements,
             corrects=not (config.blind or config.takes_no_online_parameter_from_log),
             trusted=config.sources_with_trusted_clock,
@@ -197,18 +197,20 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     )  # a row that comes later may be of an earlier time
 
     def prepare(current: Sequence[Measurements]) -> tuple[list[PreparedSeries], list[str]]:
-        prepared, notes = _prepare_series(current, epoch, config)
+        prepared, notes = _prepare_series_and_notes(current, epoch, config)
         return set_given_lever_arms(prepared, config.lever_arms), notes
 
     aligned = measurements
-    measurements, by_user = correct_as_user_says(measurements, config.source_units)
+    measurements, by_user = correct_and_list_what_user_says(measurements, config.source_units)
     trusted = {*config.trusted_sources, *config.source_units}
     # Where no state may depend on what the whole log shows, it is told, and nothing is changed.
     looks_ahead = not (config.blind or (config.causal and config.calibration is not None))
     if config.compares_sources:
         judged = judge_sources(measurements, prepare, trusted=trusted, looks_ahead=looks_ahead)
     else:
-        corrected, found = correct_impossible_values(measurements, trusted) if looks_ahead else (measurements, [])
+        corrected, found = (
+            correct_and_list_impossible_imu_values(measurements, trusted) if looks_ahead else (measurements, [])
+        )
         judged = JudgedSources(*prepare(corrected), tuple(found), ())
     corrections = (*by_user, *judged.corrections)
     notes = (
@@ -261,7 +263,7 @@ def _filter_and_smooth(
             notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
     jumped = [r.source for r in reports if r.n_resets and r.kind is Kind.POSITION]
     notes += notes_on_hidden_clock_steps(tuned_measurements.measurements, jumped)
-    state, covariance = move_states_to_antenna(tuned.series, result.state, result.covariance)
+    state, covariance = move_states_and_covariances_to_antenna(tuned.series, result.state, result.covariance)
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
     covariance = covariance + covariance_from_delays(state, tuned.delay_sigmas)
@@ -305,7 +307,7 @@ def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, prob
     )
 
 
-def _prepare_series(
+def _prepare_series_and_notes(
     measurements: Sequence[Measurements], epoch: int, config: EstimatorConfig
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Return the series and notes, with the calibration if there is one, and without looking ahead where required."""
@@ -314,7 +316,7 @@ def _prepare_series(
         return (
             (prepare_without_looking_ahead(measurements, epoch, {}), [])
             if config.blind
-            else clean_measurements(measurements, epoch)
+            else clean_and_sort_measurements(measurements, epoch)
         )
     unknown = require_known_sources_and_note_unknown(
         calibration, measurements, causal=config.causal and not config.blind
@@ -324,7 +326,7 @@ def _prepare_series(
         return apply_calibrated_noise_and_empty_unknown(
             prepare_without_looking_ahead(measurements, epoch, mountings), calibration
         ), unknown
-    prepared, notes = clean_measurements(measurements, epoch, mountings)
+    prepared, notes = clean_and_sort_measurements(measurements, epoch, mountings)
     return prepared, [*unknown, *notes]
 
 

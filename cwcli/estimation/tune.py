@@ -25,7 +25,11 @@ from cwcli.estimation.latency import (
     mark_latency_beyond_limits,
     remove_latency_drift,
 )
-from cwcli.estimation.latency_clock import SourceLatency, disputed_clock_sigma_s, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_clock import (
+    SourceLatency,
+    disputed_clock_sigma_s,
+    shift_latencies_to_agreed_clock_and_note,
+)
 from cwcli.estimation.latency_odometry import refine_position_latencies
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
@@ -91,7 +95,7 @@ def tune_latencies_and_noise(
         config: Settings.
         parameters: Motion model to begin with.
     """
-    series, walk, prior = add_bias_states(prepared, parameters)
+    series, walk, prior = add_bias_states_and_their_variances(prepared, parameters)
     search = _ParameterSearch(StateLayout(series, parameters, walk, prior), config)
     (compared, latencies, moved, clock_sigma_s), sensors = search.find_latencies_and_sensor_errors()
     layout = search.layout_with(latencies, sensors.model)
@@ -250,7 +254,7 @@ class _ParameterSearch:
         ]
         if config.calibration is None:
             told = _pair_latencies_with_sources(series, found)
-            latencies, notes = shift_latencies_to_agreed_clock(told)
+            latencies, notes = shift_latencies_to_agreed_clock_and_note(told)
             clock_sigma_s = disputed_clock_sigma_s(told, latencies)
         else:
             clock_sigma_s = 0.0
@@ -274,7 +278,7 @@ def _correct_stamps(layout: StateLayout, latencies: Sequence[Latency], *, likeli
     return replace(layout, series=series)
 
 
-def add_bias_states(
+def add_bias_states_and_their_variances(
     prepared: Sequence[PreparedSeries], parameters: MotionParameters
 ) -> tuple[list[SensorSeries], FloatArray, FloatArray]:
     """Give every IMU series a bias state. Returns series, random walk variances and prior variances, both (n,)."""

@@ -21,7 +21,7 @@ SPEED_STEP_S = 2.0
 """Time in s over which the fixes show whether the car stands. Chosen by hand."""
 
 
-def set_wrong_rows_aside(
+def set_wrong_rows_aside_and_list_them(
     measurements: Sequence[Measurements], trusted: Collection[str]
 ) -> tuple[list[Measurements], list[Correction]]:
     """Return the measurements without stuck rows and without headings that are turned round while the car stands."""

@@ -70,7 +70,7 @@ def _add_errors_against_truth(headline: HeadlineCollector, log: Log, channel: Ch
     """Compare with a truth channel, if it is one of lanes and the first of its kind."""
     names = {row[1] for row in headline.rows}
     if channel.schema_name == LANES.schema and "lanes.lateral_deviation_rmse_m" not in names:
-        error = _preview_errors(lanes, read_lanes(log.columns(channel.topic)))
+        error = _errors_at_equal_preview_points(lanes, read_lanes(log.columns(channel.topic)))
         for k, (name, scale) in enumerate(PREVIEW_METRICS):
             headline.add_errors(name, scale * error[:, k])
     if channel.message_encoding == "json" and "lanes.truth_accuracy" not in names:
@@ -82,7 +82,7 @@ def _add_errors_against_truth(headline: HeadlineCollector, log: Log, channel: Ch
             _add_boundary_position_errors(headline, lanes, truth, *matched)
 
 
-def _preview_errors(lanes: LaneRows, truth: LaneRows) -> FloatArray:
+def _errors_at_equal_preview_points(lanes: LaneRows, truth: LaneRows) -> FloatArray:
     """Return quantities minus truth (n, 3) at the frames that both have; NaN where the preview distances differ."""
     mine, other = _match_rows_by_stamp(lanes.stamp_ns, truth.stamp_ns)
     is_same_point = np.abs(lanes.preview_m[mine] - truth.preview_m[other]) <= PREVIEW_DISTANCE_TOLERANCE_M

@@ -7,7 +7,11 @@ import math
 import numpy as np
 
 from cwcli.channels.binding import bind_roles
-from cwcli.channels.lateral_state import read_lateral_truth, read_observed_drive, true_deviations_at_preview
+from cwcli.channels.lateral_state import (
+    read_lateral_truth_stamps_and_states,
+    read_observed_drive,
+    true_deviations_at_preview,
+)
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
 from cwcli.evaluation.evaluation_context import EvaluationContext
@@ -73,7 +77,7 @@ def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
     Deviations from the lane are compared at the observer's preview point; frames without a truth there are left out and
     counted.
     """
-    true_ns, true_state = read_lateral_truth(truth)
+    true_ns, true_state = read_lateral_truth_stamps_and_states(truth)
     settled = _settled_frame_mask(track)
     true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_TRUTH_GAP_S)
     at_preview = true_deviations_at_preview(truth, track.stamp_ns, track.preview_m, MAX_TRUTH_GAP_S)

@@ -78,7 +78,7 @@ def build_nees_section(errors: TruthErrors) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = [
         (each.name, each.per_dof, bounds_cell(*each.bounds), NIS_CELLS[each.is_within_bounds]) for each in errors.nees
     ]
-    title = "Consistency of the errors (NEES, 1 per degree of freedom expected)"
+    title = "Errors against their covariance (NEES: 1 per degree of freedom is expected)"
     columns = ("error of", "NEES/dof", "95 % bounds", "inside")
     return SummaryTable("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
 

@@ -105,7 +105,7 @@ class LogFolder:
         write_json_object(whole, self._entry_path)
         return whole
 
-    def remove_all_files(self) -> None:
+    def remove_outputs_of_log(self) -> None:
         """Remove all files of the log.
 
         Raises:

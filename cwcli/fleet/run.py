@@ -218,7 +218,7 @@ def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], *, force: bool) 
         if (
             entry is None or display_name_of_url(str(entry.get("source"))) in sources
         ):  # it was interrupted, or has another id now
-            LogFolder(out, known).remove_all_files()
+            LogFolder(out, known).remove_outputs_of_log()
         else:
             others.append(known)
     if others:

@@ -83,11 +83,11 @@ def _read_vector(meaning: Meaning, name: str, track: Track | None) -> FloatArray
     values = np.stack([meaning.unscaled_numbers(column) for column in columns], axis=1)
     if name == "accel":
         values = _convert_to_si_and_record_guess(
-            meaning, columns, values, "acceleration", _choose_accel_unit(meaning, columns, values)
+            meaning, columns, values, "acceleration", _choose_accel_unit_and_reason(meaning, columns, values)
         )
     else:
         values = _convert_to_si_and_record_guess(
-            meaning, columns, values, "turn rate", _choose_gyro_unit(meaning, columns, values, track)
+            meaning, columns, values, "turn rate", _choose_gyro_unit_and_reason(meaning, columns, values, track)
         )
     return None if meaning.questions else values
 
@@ -127,8 +127,8 @@ def _convert_to_si_and_record_guess(
     return values * FACTORS[kind][unit]
 
 
-def _choose_accel_unit(meaning: Meaning, columns: list[str], values: FloatArray) -> tuple[str, str, str]:
-    unit, confidence, why = meaning.stated_unit("accel_x", columns[0])
+def _choose_accel_unit_and_reason(meaning: Meaning, columns: list[str], values: FloatArray) -> tuple[str, str, str]:
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("accel_x", columns[0])
     norm = float(np.nanmedian(np.sqrt((values**2).sum(axis=1))))
     fitting = [
         each
@@ -156,10 +156,10 @@ def _choose_accel_unit(meaning: Meaning, columns: list[str], values: FloatArray)
     return "", "", ""
 
 
-def _choose_gyro_unit(
+def _choose_gyro_unit_and_reason(
     meaning: Meaning, columns: list[str], values: FloatArray, track: Track | None
 ) -> tuple[str, str, str]:
-    unit, confidence, why = meaning.stated_unit("gyro_x", columns[0])
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("gyro_x", columns[0])
     if unit:
         return unit, confidence, why
     size = float(np.nanpercentile(np.abs(values), 99.9))
@@ -187,7 +187,7 @@ def _rotate_into_car_axes_and_store(
     """Turn both vectors into x forward, y left, z up; leave out what can't be turned."""
     rotation = rotation_given_by_user(meaning)
     if rotation is None:
-        level = _levelling_rotation(meaning, force)
+        level = _levelling_rotation_and_if_x_is_forward(meaning, force)
         if level is None:
             return
         rotation, knows_forward = level
@@ -195,7 +195,9 @@ def _rotate_into_car_axes_and_store(
             rotation = _turn_over_if_course_turns_other_way(meaning, rotation, turn, track)
             if meaning.questions:
                 return
-        rotation, knows_forward = _turn_forward_by_track(meaning, rotation, (force, turn), track, knows_forward)
+        rotation, knows_forward = _turn_forward_by_track_and_tell_if_done(
+            meaning, rotation, (force, turn), track, knows_forward
+        )
         if not knows_forward and force is not None:
             meaning.notes.append(
                 "accelerations are left out: nothing shows which way the device points (--axes FORWARD,UP)"
@@ -243,7 +245,9 @@ def _parse_axis_vector(text: str) -> FloatArray | None:
     return sign * np.eye(3)["xyz".index(name)] if name in {"x", "y", "z"} else None
 
 
-def _levelling_rotation(meaning: Meaning, force: FloatArray | None) -> tuple[FloatArray, bool] | None:
+def _levelling_rotation_and_if_x_is_forward(
+    meaning: Meaning, force: FloatArray | None
+) -> tuple[FloatArray, bool] | None:
     """Return the rotation that makes gravity point along z, and whether x is then forward; None if neither is known."""
     is_device = meaning.table.source.is_device_frame
     if force is None and is_device:
@@ -260,10 +264,10 @@ def _levelling_rotation(meaning: Meaning, force: FloatArray | None) -> tuple[Flo
         meaning.notes.append("the accelerations are without gravity; the axes are taken as x forward, z up")
         return np.eye(3), True
     upward = mean / size
-    return _rotation_from_gravity_direction(meaning, upward)
+    return _gravity_rotation_and_if_x_is_forward(meaning, upward)
 
 
-def _rotation_from_gravity_direction(meaning: Meaning, upward: FloatArray) -> tuple[FloatArray, bool]:
+def _gravity_rotation_and_if_x_is_forward(meaning: Meaning, upward: FloatArray) -> tuple[FloatArray, bool]:
     """Return the rotation for a unit vector of gravity, and whether x is then forward."""
     if abs(upward[2]) <= UPRIGHT_COS or meaning.table.source.is_device_frame:
         return _rotation_to_z(upward), False
@@ -304,7 +308,7 @@ def _turn_over_if_course_turns_other_way(
     return rotation
 
 
-def _turn_forward_by_track(
+def _turn_forward_by_track_and_tell_if_done(
     meaning: Meaning,
     rotation: FloatArray,
     measured: tuple[FloatArray | None, FloatArray | None],

@@ -69,7 +69,7 @@ def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[
     found: dict[str, list[str]] = {}
     taken: dict[str, str] = {}
     for quantity in QUANTITIES:
-        given = answers.column_for(table, quantity)
+        given = answers.column_and_unit_for(table, quantity)
         if given is not None:
             if given[0] and given[0] not in table.columns:
                 raise DataError(
@@ -87,7 +87,7 @@ def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[
         preset = table.presets.get(column)
         names = [preset.quantity] if preset is not None else quantities_of_name(column)
         for quantity in names:
-            if quantity in QUANTITIES and answers.column_for(table, quantity) is None:
+            if quantity in QUANTITIES and answers.column_and_unit_for(table, quantity) is None:
                 found.setdefault(quantity, []).append(column)
     for quantity, columns in found.items():  # what the format fixes leaves no other candidate
         fixed = [column for column in columns if column in table.presets]
@@ -219,7 +219,7 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Ans
             loaded.source.notes.append(f"{column}: {n_bad} cells are no numbers and are left out")
             continue
         quantities = [quantity for quantity, columns in loaded.candidates.items() if column in columns]
-        given = [name for name in quantities if answers.column_for(loaded.source, name)]
+        given = [name for name in quantities if answers.column_and_unit_for(loaded.source, name)]
         if given:
             raise DataError(
                 f"{n_bad} of {n_given} cells of {column!r} are no numbers",

@@ -31,7 +31,7 @@ CHOICES = {"date_order": ("dmy", "mdy", "ymd"), "decimal": (".", ",")}
 _TEXT_ANSWERS = tuple(field.name for field in fields(Answers) if field.name not in {"columns", "dbc"})
 
 
-def parse_column_option(text: str) -> tuple[tuple[str, str], tuple[str, str]]:
+def parse_table_quantity_and_column_unit(text: str) -> tuple[tuple[str, str], tuple[str, str]]:
     """Return (table or "", quantity) and (column, unit) of `QUANTITY=COLUMN*UNIT` or `QUANTITY@TABLE=COLUMN*UNIT`.
 
     Raises:

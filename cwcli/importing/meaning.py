@@ -88,10 +88,10 @@ class Meaning:
         self.chosen[quantity] = columns[0]
         return columns[0]
 
-    def stated_unit(self, quantity: str, column: str) -> tuple[str, str, str]:
+    def stated_unit_confidence_and_reason(self, quantity: str, column: str) -> tuple[str, str, str]:
         """Return unit, confidence and reason of a column; the unit is "" where nothing states it."""
         kind = QUANTITIES[quantity].kind
-        given = self.answers.column_for(self.table.source, quantity)
+        given = self.answers.column_and_unit_for(self.table.source, quantity)
         if given is not None and given[0] == column:
             unit = given[1] or unit_of_name(column, kind) or find_unit(self.table.source.units.get(column, ""), kind)
             return unit, "given" if given[1] else "certain", "as you said" if given[1] else "the header says it"
@@ -114,7 +114,7 @@ class Meaning:
 
     def is_decided_by_user(self, quantity: str) -> bool:
         """Tell whether the user decided about a quantity."""
-        return self.answers.column_for(self.table.source, quantity) is not None
+        return self.answers.column_and_unit_for(self.table.source, quantity) is not None
 
     def words_of_column_name(self, column: str) -> tuple[str, ...]:
         """Return the words of a column's name."""

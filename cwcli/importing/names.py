@@ -225,9 +225,9 @@ def split_name(name: str) -> NamedColumn:
     text = re.sub(r"(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = [word for word in re.split(r"[^0-9a-zäöüß°µ]+", text.lower()) if word]
     if not unit:
-        words, unit = _split_unit_words(words)
+        words, unit = _split_words_and_unit(words)
     elif len(words) > 1 and not is_unit_text(unit):
-        words, more = _split_unit_words(words)  # `speed_kmh (GPS)`
+        words, more = _split_words_and_unit(words)  # `speed_kmh (GPS)`
         words, unit = (
             ([*words, *re.split(r"[^0-9a-zäöü]+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
         )
@@ -247,7 +247,7 @@ def _strip_number_from_word(word: str) -> list[str]:
     return [numbered.group(1)] if numbered and word not in {"wgs84", "iso8601"} else [] if word.isdecimal() else [word]
 
 
-def _split_unit_words(words: list[str]) -> tuple[list[str], str]:
+def _split_words_and_unit(words: list[str]) -> tuple[list[str], str]:
     """Return the words without a unit at their end, and the unit."""
     for n in range(min(_UNIT_WORDS, len(words) - 1), 0, -1):
         tail = words[-n:]

@@ -74,9 +74,9 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     values = {"latitude": meaning.unscaled_numbers(latitude), "longitude": meaning.unscaled_numbers(longitude)}
     units = {}
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
-        unit, confidence, why = meaning.stated_unit(quantity, column)
+        unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
         if not unit:
-            unit, confidence, why = _choose_latitude_longitude_unit(meaning, values[quantity], quantity, column)
+            unit, confidence, why = _choose_place_unit_and_reason(meaning, values[quantity], quantity, column)
             if not unit:
                 return
         values[quantity] = (
@@ -99,7 +99,7 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     meaning.track = track_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
 
 
-def _choose_latitude_longitude_unit(
+def _choose_place_unit_and_reason(
     meaning: Meaning, values: FloatArray, quantity: str, column: str
 ) -> tuple[str, str, str]:
     size = float(np.nanmax(np.abs(values)))
@@ -184,7 +184,7 @@ def _find_altitude(meaning: Meaning) -> None:
     if not columns:
         return
     column = columns[0]
-    unit, confidence, why = meaning.stated_unit("altitude", column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("altitude", column)
     meaning.chosen["altitude"] = column
     if len(columns) > 1:
         meaning.notes.append(f"height is {column!r}; {', '.join(map(repr, columns[1:]))} left out")
@@ -204,7 +204,7 @@ def _find_local_positions(meaning: Meaning) -> None:
     if x is None or y is None:
         return
     for quantity, column in (("x", x), ("y", y)):
-        unit, confidence, why = meaning.stated_unit(quantity, column)
+        unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
         meaning.add_scaled_quantity(
             quantity,
             column,
@@ -218,7 +218,7 @@ def _find_local_positions(meaning: Meaning) -> None:
         return
     z = meaning.choose_column_or_ask("z")
     if z is not None:
-        unit, confidence, why = meaning.stated_unit("z", z)
+        unit, confidence, why = meaning.stated_unit_confidence_and_reason("z", z)
         meaning.add_scaled_quantity(
             "z", z, unit or "m", confidence if unit else "assumed", why if unit else "as x and y"
         )
@@ -242,7 +242,7 @@ def _may_be_vectors_not_path(meaning: Meaning, x: str, y: str) -> bool:
     """Tell whether columns called x, y and z, without a unit and beside nothing else, do not look like a path."""
     table = meaning.table.source
     bare = all(meaning.words_of_column_name(column) == (axis,) for axis, column in zip("xy", (x, y), strict=True))
-    has_unit = meaning.stated_unit("x", x)[0] or meaning.is_decided_by_user("x") or table.presets
+    has_unit = meaning.stated_unit_confidence_and_reason("x", x)[0] or meaning.is_decided_by_user("x") or table.presets
     companions = {"z", "speed", "heading", "course", "quaternion_w"} & set(meaning.table.candidates)
     if not bare or has_unit or companions != {"z"}:
         return False

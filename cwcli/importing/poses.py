@@ -36,7 +36,7 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
         return
     place = np.stack([values["x"], values["y"], values.get("z", np.zeros(len(values["x"])))], axis=1)
     rotation = rotations_of_quaternions(np.stack([values[f"quaternion_{axis}"] for axis in "xyzw"], axis=1))
-    found = _body_from_sensor(meaning, place, rotation)
+    found = _body_from_sensor_and_if_usable(meaning, place, rotation)
     if found is None:
         return
     body_from_sensor, is_orientation_known = found
@@ -63,7 +63,9 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
         meaning.track = track_of_points(meaning.stamp_ns, values["x"], values["y"])
 
 
-def _body_from_sensor(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> tuple[FloatArray, bool] | None:
+def _body_from_sensor_and_if_usable(
+    meaning: Meaning, place: FloatArray, rotation: FloatArray
+) -> tuple[FloatArray, bool] | None:
     """Return the rotation from the sensor's axes to the car's, and whether the orientation can be used."""
     given = rotation_given_by_user(meaning)
     if given is not None or meaning.questions:

@@ -92,7 +92,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
         UsageError: An answer fits none of the files.
         MissingSignalError: Nothing in the files is a quantity; an `AmbiguousError` asks what only the user knows.
     """
-    files, answers = _split_off_helping_files(files, answers)
+    files, answers = _split_files_and_helping_answers(files, answers)
     kinds = {path: find_kind(path) for path in files}
     tables: list[SourceTable] = []
     recordings: list[Recording] = []
@@ -129,7 +129,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
     return ImportPlan(kinds, tuple(guesses), tuple(channels), tuple(recordings), notes, unused, answers)
 
 
-def _split_off_helping_files(files: Sequence[str], answers: Answers) -> tuple[list[str], Answers]:
+def _split_files_and_helping_answers(files: Sequence[str], answers: Answers) -> tuple[list[str], Answers]:
     """Return the files without those that explain others: DBC files, and a file of times."""
     dbc, times, others = [], [], []
     for path in dict.fromkeys(files):
@@ -221,7 +221,7 @@ def _take_steering_named_by_user(meaning: Meaning) -> None:
     column = meaning.choose_column_or_ask("steering") if meaning.candidate_columns("steering") else None
     if column is None:
         return
-    unit, confidence, why = meaning.stated_unit("steering", column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("steering", column)
     if meaning.is_decided_by_user("steering") and unit:
         meaning.add_scaled_quantity("steering", column, unit, confidence, why)
     else:

@@ -39,8 +39,6 @@ MIN_CORRELATION = 0.5
 SWAP_MARGIN_DEG = 2.0
 """Least advantage in degrees with which a sense of a heading must fit better than swapped latitude and longitude.
 Chosen by hand."""
-HEADING_SENSES = ("deg-cw-north", "deg-ccw-east", "rad-cw-north", "rad-ccw-east")
-"""Unit and sense of a heading."""
 
 
 def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
@@ -52,7 +50,7 @@ def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
     values = meaning.unscaled_numbers(column)
     if meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}:
         values = np.where(values < 0.0, np.nan, values)  # phones write -1 where they know no speed
-    unit, confidence, why = meaning.stated_unit("speed", column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("speed", column)
     if _are_latitude_longitude_swapped(meaning, values):
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
         meaning.add_question(
@@ -60,7 +58,7 @@ def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
             f"--column latitude='{columns[1]}' --column longitude='{columns[0]}'",
         )
         return
-    checked = _choose_speed_unit_or_ask(meaning, column, values, (unit, confidence, why), track)
+    checked = _choose_speed_unit_and_reason_or_ask(meaning, column, values, (unit, confidence, why), track)
     if checked is None:
         return
     unit, confidence, why = checked
@@ -85,7 +83,7 @@ def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> boo
     return len(spread) == 2 and spread[0] > MIN_UNEVEN and spread[1] < MAX_EVEN_SHARE * spread[0]
 
 
-def _choose_speed_unit_or_ask(
+def _choose_speed_unit_and_reason_or_ask(
     meaning: Meaning, column: str, values: FloatArray, stated: tuple[str, str, str], track: Track | None
 ) -> tuple[str, str, str] | None:
     """Return unit, confidence and reason of a speed; None where a question is asked."""
@@ -135,9 +133,9 @@ def find_velocity(meaning: Meaning, track: Track | None) -> None:
     east, north = meaning.choose_column_or_ask("velocity_east"), meaning.choose_column_or_ask("velocity_north")
     if east is None or north is None:
         return
-    unit, confidence, why = meaning.stated_unit("velocity_east", east)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("velocity_east", east)
     size = np.hypot(meaning.unscaled_numbers(east), meaning.unscaled_numbers(north))
-    checked = _choose_speed_unit_or_ask(meaning, east, size, (unit, confidence, why), track)
+    checked = _choose_speed_unit_and_reason_or_ask(meaning, east, size, (unit, confidence, why), track)
     if checked is None:
         return
     for quantity, column in (("velocity_east", east), ("velocity_north", north)):
@@ -266,7 +264,7 @@ def _may_be_swapped(meaning: Meaning, quantity: str, column: str, fit_deg: float
 
 def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) -> tuple[str, str, str, str]:
     """Return unit, sense, confidence and reason, "" for what neither user, format nor header says."""
-    given = meaning.answers.column_for(meaning.table.source, quantity)
+    given = meaning.answers.column_and_unit_for(meaning.table.source, quantity)
     text = given[1] if given is not None and given[0] == column else ""
     confidence, why = ("given", "as you said") if text else ("certain", "the format says it")
     if not text:
@@ -275,7 +273,7 @@ def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) 
     if "-" in text:
         unit, _, sense = text.partition("-")
         return unit, sense, confidence, why
-    unit, confidence, why = meaning.stated_unit(quantity, column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
     return unit, "", confidence, why
 
 
@@ -338,7 +336,7 @@ def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
     if column is None:
         return
     values = meaning.unscaled_numbers(column)
-    unit, confidence, why = meaning.stated_unit("yaw_rate", column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("yaw_rate", column)
     ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values)
     is_shown = abs(correlation) > MIN_CORRELATION
     if not unit and is_shown:

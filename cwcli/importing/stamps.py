@@ -15,7 +15,7 @@ from cwcli.importing.times import (
     Instants,
     NumberBase,
     TextTimes,
-    ns_from_text_times,
+    ns_and_validity_of_text_times,
     parse_start_ns,
     possible_date_orders,
     require_known_zone,
@@ -38,8 +38,8 @@ MAX_ABSURD_SHARE = 0.05
 """Largest share of rows with a time before 1970 or after 2038 that are left out; more show another unit. Chosen by
 hand."""
 MAX_LATE_S = 5.0
-"""Rows that were written later than others by more than this, and lie among them, are a second recording: buffers of
-sensors hold less. Chosen by hand."""
+"""Greatest time in s by which rows may be written late; later ones among the others are a second recording. Chosen by
+hand: buffers of sensors hold less."""
 MAX_CHANGES_PER_STEP_BACK = 4
 """Largest number of changes between the parts of a file, in time order, for each step back in time: a late row, or
 block, makes three."""
@@ -93,7 +93,7 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
             found=table.source.columns[:30],
             hint=f"--column time=NAME, one of {names}",
         )
-    given = answers.column_for(table.source, "time")
+    given = answers.column_and_unit_for(table.source, "time")
     if given is None:
         candidates = [each for each in candidates if _does_time_advance(each)] or candidates
     best = min(candidates, key=lambda each: RANKS.index(each.rank))
@@ -161,7 +161,7 @@ def _text_date_candidate(
 ) -> Candidate:
     where = table.source.name
     question = None
-    order, why = _date_order(times, answers)
+    order, why = _date_order_and_reason(times, answers)
     if not order:
         question = Question(
             where, f"{column!r}: day and month can be either way round", "--date-order dmy or --date-order mdy"
@@ -183,13 +183,13 @@ def _text_date_candidate(
         question = question or Question(
             where, f"{column!r} has times of day without a zone", "--timezone UTC, Europe/Berlin or +02:00"
         )
-    stamp_ns, valid = ns_from_text_times(times, order or "ymd", zone)
+    stamp_ns, valid = ns_and_validity_of_text_times(times, order or "ymd", zone)
     guess = Guess("time", column, "date", confidence, "; ".join(text for text in (why, why_zone) if text))
     rank = "zoned date" if has_zone or zone == "UTC" else "local date"
     return Candidate(column, rank, stamp_ns, valid, guess, question)
 
 
-def _date_order(times: TextTimes, answers: Answers) -> tuple[str, str]:
+def _date_order_and_reason(times: TextTimes, answers: Answers) -> tuple[str, str]:
     """Return the order of the date's parts, "" where it is not known, and the reason."""
     orders = possible_date_orders(times)
     if answers.date_order in orders or (answers.date_order and not orders):
@@ -221,7 +221,7 @@ def _date_and_clock_candidate(table: LoadedTable, column: str, times: TextTimes,
 def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
     if any(other.has_date and not other.has_clock for other in table.text_times.values()):
         return None  # the column of dates takes it
-    stamp_ns, valid = ns_from_text_times(times, "ymd", "")
+    stamp_ns, valid = ns_and_validity_of_text_times(times, "ymd", "")
     why = "times of day without a date: stamps count from midnight"
     if answers.start:
         midnight = parse_start_ns(answers.start) // (86_400 * NS_PER_S) * 86_400 * NS_PER_S
@@ -231,7 +231,7 @@ def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, an
 
 def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> Candidate:
     where = table.source.name
-    given = answers.column_for(table.source, "time")
+    given = answers.column_and_unit_for(table.source, "time")
     preset = table.source.presets.get(column)
     words = split_name(column).words
     unit = find_unit(table.source.units.get(column, ""), "time") or unit_of_name(column, "time")

@@ -89,7 +89,7 @@ class Answers:
     frame_times: str = ""
     dbc: tuple[str, ...] = ()
 
-    def column_for(self, table: SourceTable, quantity: str) -> tuple[str, str] | None:
+    def column_and_unit_for(self, table: SourceTable, quantity: str) -> tuple[str, str] | None:
         """Return column and unit that the user gave for a quantity of a table; None where nothing was given."""
         for name in (table.name, PurePath(table.file).name, table.part):
             own = self.columns.get((name, quantity)) if name else None

@@ -7,7 +7,6 @@ tells, are questions.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -250,7 +249,7 @@ def possible_date_orders(times: TextTimes) -> list[str]:
     return orders
 
 
-def ns_from_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Array, BoolArray]:
+def ns_and_validity_of_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Array, BoolArray]:
     """Return nanoseconds since 1970 (n,) and whether they are a time.
 
     Args:
@@ -414,6 +413,3 @@ def utc_ns_from_gps_seconds(gps_ns: Int64Array, week: FloatArray | None) -> Int6
         whole = np.where(np.isfinite(week), week, 0.0).astype(np.int64)
         gps_ns = gps_ns + whole * SECONDS_PER_WEEK * NS_PER_S
     return utc_ns_from_gps_ns(gps_ns + epoch_ns)
-
-
-ReadNumbers = Callable[[str], FloatArray]

@@ -12,7 +12,7 @@ from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 EXPOSURE_TTC_S = 2.0
-"""Times to collision up to this count as exposure, for TET and TIT, s. Chosen by hand; not fitted."""
+"""Greatest time to collision, s, that counts as exposure (TET and TIT). Chosen by hand; not fitted."""
 
 
 def time_exposed_to_short_ttc_of_pair_s(pair: Pair) -> FloatArray:

@@ -33,7 +33,7 @@ MAX_OTHERS_ON_MAP = 12
 MAX_OTHERS_IN_LEGEND = 4
 """The greatest number of other vehicles that the legend names. Chosen by hand; not fitted."""
 MAX_SPELLED_OUT_WARNINGS = 4
-"""The labels of at most this many warnings say `warning 1`, else only `1`. Chosen by hand; not fitted."""
+"""Greatest number of warnings whose labels say `warning 1`; of more they say only `1`. Chosen by hand; not fitted."""
 MAX_WARNINGS_ON_MAP = 30
 """The greatest number of warnings that the map marks. Chosen by hand; not fitted."""
 N_FIX_GRID_CELLS = 500

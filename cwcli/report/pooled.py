@@ -43,7 +43,7 @@ HISTOGRAM_WIDTH_PX = 192
 HISTOGRAM_HEIGHT_PX = 26
 """Height of a histogram in pixels. Chosen by hand; not fitted."""
 OUTLIER_SIGMAS = 5.0
-"""A log this many sigmas (by the median deviation) from the median is an outlier: one in 1.7 million by chance."""
+"""Least distance of an outlier log from the median, in sigmas by the median deviation: one in 1.7 million by chance."""
 SIGMA_PER_MAD = 1.4826
 """The sigma of a normal distribution divided by its median absolute deviation."""
 MIN_SIGMA_SHARE_OF_MEDIAN = 0.05

@@ -49,7 +49,7 @@ PANEL_HEIGHT_PX = 130
 MARGIN_HEIGHT_PX = 110
 """Height of the axis and legend around the panels, in pixels. Chosen by hand; not fitted."""
 MIN_AXIS_SIGMAS = 2.2
-"""The axis covers this many sigmas of the noise at least, and 99.8 % of the residuals that were not gated.
+"""Least half height of the axis, in sigmas of the noise; it also covers 99.8 % of the residuals that were not gated.
 Chosen by hand; not fitted."""
 DEGREES_PER_RADIAN = math.degrees(1.0)
 """The factor from radians to degrees."""

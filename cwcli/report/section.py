@@ -31,7 +31,7 @@ from cwcli.report.encounter_figures import (
     nearest_approach_figure,
     predicted_paths_figure,
 )
-from cwcli.report.frames import Thumbnail, make_thumbnails
+from cwcli.report.frames import Thumbnail, make_thumbnails_and_explain_gaps
 from cwcli.report.map_figure import build_map_figure
 from cwcli.report.pairs import conflicts_table, pair_extremes_table, unwarned_conflict_links, warning_anchor_names
 from cwcli.report.player import build_picture_player, evenly_spaced_stamps_ns
@@ -322,7 +322,7 @@ def _collect_thumbnails(
         span = drive.end_ns - drive.start_ns
         wanted = [drive.start_ns + span * (2 * k + 1) // (2 * detail.n_frames) for k in range(detail.n_frames)]
     over_all = evenly_spaced_stamps_ns(drive, detail.n_moments)
-    found, why = make_thumbnails(log, drive, [*wanted, *over_all])
+    found, why = make_thumbnails_and_explain_gaps(log, drive, [*wanted, *over_all])
     return {at: found[at] for at in wanted if at in found}, [found[at] for at in over_all if at in found], why
 
 

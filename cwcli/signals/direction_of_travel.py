@@ -23,11 +23,12 @@ WALKING_SPEED_MPS = 1.5
 """Speed in m/s below which the yaw counts, because the noise of a velocity decides its course: people walk at 1.4
 m/s."""
 WELL_MEASURED_SPEED_MPS = 5.0
-"""A course has a weight of one half at this speed, and more above: its noise is that of the velocity by the speed."""
+"""Speed in m/s at which a course has a weight of one half: its noise is that of the velocity by the speed. Chosen by
+hand."""
 MIN_ROWS = 20
-"""A mounting is estimated from at least this many rows in motion. Chosen by hand; not fitted."""
+"""Least number of rows in motion from which a mounting is estimated. Chosen by hand; not fitted."""
 MIN_TRAVEL_M = 100.0
-"""A mounting is estimated from at least this length of way, m, so that errors that change slowly show their scatter.
+"""Least length of way, m, from which a mounting is estimated, so that errors that change slowly show their scatter.
 Chosen by hand; not fitted."""
 MAX_REVERSE_MPS = 12.0
 """Greatest speed of a car in reverse, m/s: the reverse gear ends below 45 km/h."""
@@ -37,9 +38,9 @@ examined. Chosen by hand."""
 N_FITTED = 3
 """Number of coefficients of the fit, which use up as many independent errors."""
 SIGNIFICANT_SIGMAS = 3.0
-"""A mounting that is less than this many sigmas from zero is taken as zero. Chosen by hand; not fitted."""
+"""Distance of a mounting from zero, in sigmas, below which it is taken as zero. Chosen by hand; not fitted."""
 MAX_SCATTER_RAD = 0.35
-"""A yaw that scatters more about the direction of travel does not belong to that velocity, rad; 20 degrees.
+"""Greatest scatter of a yaw about the direction of travel, rad (20 degrees), at which it belongs to that velocity.
 Chosen by hand; not fitted."""
 AHEAD_SIGMA_M = 3.0
 """One sigma of the distance by which a device lies ahead of the rear axle, m: in a bend its course turns by that times
@@ -48,9 +49,9 @@ SLIP_SIGMA_RAD_S2PM = 0.006
 """One sigma of the side slip over the lateral acceleration, rad s^2/m: 1,500 kg, half of them on rear tyres of
 together 120 kN/rad, slip by 750 / 120,000 rad at 1 m/s^2."""
 MAX_STEP_S = 1.0
-"""Positions that are farther apart in time give no velocity."""
+"""Longest time in s between two positions that give a velocity. Chosen by hand."""
 MIN_STEP_M = 0.5
-"""Positions that are closer give no course: that of 0.05 m of noise would be uncertain by 8 degrees."""
+"""Least distance in m between two positions that give a course: 0.05 m of noise makes it uncertain by 8 degrees."""
 
 
 @dataclass(frozen=True)

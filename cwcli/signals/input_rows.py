@@ -52,7 +52,7 @@ GNSS_TOPIC_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel"
 """The words in a topic's name that mean a receiver, whose twist is a velocity over ground."""
 
 
-def import_attribute_of_signals(name: str) -> Any:
+def load_attribute_of_signals(name: str) -> Any:
     """Import and return `module.name` of this package."""
     return import_target(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
@@ -62,7 +62,7 @@ def lazy_builder(name: str, room: str = "builders") -> Build:
     NumPy."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        built: tuple[Signal, Quality] = import_attribute_of_signals(f"{room}.{name}")(columns, reading)
+        built: tuple[Signal, Quality] = load_attribute_of_signals(f"{room}.{name}")(columns, reading)
         return built
 
     return build
@@ -84,7 +84,7 @@ class LazyFields(Mapping[str, tuple[str, ...]]):
 
     @cached_property
     def _leaf_fields(self) -> tuple[str, ...]:
-        leaves: tuple[str, ...] = import_attribute_of_signals(self._name)
+        leaves: tuple[str, ...] = load_attribute_of_signals(self._name)
         return leaves
 
     def __getitem__(self, encoding: str) -> tuple[str, ...]:

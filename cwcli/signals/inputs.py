@@ -19,7 +19,6 @@ from cwcli.signals.input_rows import (
     LazyFields,
     foxglove_leaf_fields,
     header_free_leaf_fields,
-    import_attribute_of_signals,
     inputs_of_message,
     is_body_twist_topic,
     is_ego_truth_topic,
@@ -27,6 +26,7 @@ from cwcli.signals.input_rows import (
     is_measured_pose_topic,
     is_target_truth_topic,
     lazy_builder,
+    load_attribute_of_signals,
     quaternion_leaf_paths,
     ros_leaf_fields,
     xyz_leaf_paths,
@@ -129,8 +129,8 @@ def _lazy_v2x_builder(maker: str, codec: str) -> Build:
     """Return the builder that `builders.v2x.<maker>` makes for a codec, both imported when a channel is built."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        make: Callable[[object], Build] = import_attribute_of_signals(f"builders.v2x.{maker}")
-        return make(import_attribute_of_signals(codec))(columns, reading)
+        make: Callable[[object], Build] = load_attribute_of_signals(f"builders.v2x.{maker}")
+        return make(load_attribute_of_signals(codec))(columns, reading)
 
     return build
 

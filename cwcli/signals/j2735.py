@@ -22,7 +22,7 @@ from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import decode_element, validate_decoded
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_dsecond
+from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
 
 _TABLE = load_message_table("bsm", "sae")
 """The quantities of a BSM: their data elements, and their paths per encoding."""
@@ -166,7 +166,7 @@ def _make_flag_events(
     columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, value: dict[str, FloatArray]
 ) -> tuple[RoadEvents, BoolArray]:
     """Build one event for each flag, at its message's time (log time where it has none) and place (degrees)."""
-    stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, columns.log_time_ns)
     place = value["latitude_deg"], value["longitude_deg"]
     codes, is_unread = flags
@@ -205,7 +205,7 @@ def _make_remote_rows(
     n_rows = len(columns)
     nothing = np.full(n_rows, np.nan)
     count = read_numbers(columns, paths["count"])
-    stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     yaw_unfilled = _is_unfilled_yaw_rate(value, _read_stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
         ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that is taken as not measured")

@@ -142,7 +142,7 @@ def control(log: Log, config: ControlConfig) -> StageResult:
     host = require_single_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
     events = find_warnings(host, tracks[REMOTE_STATE.role], rule).events_table.rows_as_dicts()
     recorded = _read_recorded_tracks(log, happened, config)
-    replayed, notes = _replay_warnings(host, tracks[REMOTE_STATE.role], recorded, events, config.span)
+    replayed, notes = _replay_warnings_and_note(host, tracks[REMOTE_STATE.role], recorded, events, config.span)
     if not events:
         notes.append(f"no warning arises (predictor {model}, rule {rule.rule}): nothing is braked")
     summary = StageSummary(
@@ -178,7 +178,7 @@ def _read_recorded_tracks(log: Log, bound: Bindings, config: ControlConfig) -> d
     return found
 
 
-def _replay_warnings(
+def _replay_warnings_and_note(
     host: VehicleTrack,
     others: Sequence[VehicleTrack],
     recorded: Mapping[str, RecordedTrack],

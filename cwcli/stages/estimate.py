@@ -20,7 +20,7 @@ from cwcli.estimation.config import EstimatorConfig, LeverArms
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.from_signals import (
     EgoSignal,
-    drop_stretches_without_position,
+    drop_stretches_without_position_and_note,
     ego_output_stamps_ns,
     ego_signal_to_measurements,
     merge_remotes_placed_in_map,
@@ -34,13 +34,13 @@ from cwcli.estimation.online_availability import (
     PARAMETERS_FROM_MESSAGES,
     STAMP_ROUNDING_SLACK_NS,
     OnlineAvailability,
+    available_times_of_states_ns,
     parameter_origin_text,
-    states_available_at_ns,
 )
 from cwcli.estimation.result import Track
 from cwcli.estimation.seen_ego import drop_ego_seen_by_others
 from cwcli.estimation.seen_senders import drop_senders_seen_by_others
-from cwcli.estimation.source_clocks import align_source_clocks
+from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.summary import (
     TrackSummary,
     build_estimate_table,
@@ -247,12 +247,12 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
     """Estimate the ego's tracks."""
     local_map = _map_at_first_fix_unless_cartesian(sources)
     corrects_clocks = not (estimator.takes_no_online_parameter_from_log or estimator.calibration is not None)
-    aligned, clock_notes = align_source_clocks(
+    aligned, clock_notes = align_source_clocks_and_note(
         _collect_ego_measurements(sources, local_map),
         corrects=corrects_clocks,
         trusted=estimator.sources_with_trusted_clock,
     )
-    measurements, apart = drop_stretches_without_position(aligned, MAX_BRIDGE_S)
+    measurements, apart = drop_stretches_without_position_and_note(aligned, MAX_BRIDGE_S)
     tracks = estimate_hindsight_and_online(
         measurements,
         estimator,
@@ -378,7 +378,7 @@ def _online_known_since_ns(
     slack_ns = STAMP_ROUNDING_SLACK_NS
     if estimator.model == "song2016":  # whose measurements go to the nearest step
         slack_ns += round(0.5 * estimator.song2016_step_s * NS_PER_S)
-    return states_available_at_ns(
+    return available_times_of_states_ns(
         measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGE_S, slack_ns=slack_ns
     )
 

@@ -44,7 +44,7 @@ from cwcli.vision.ground import (
     LaneGeometry,
     boundary_end_rows_px,
     compute_lane_geometry,
-    image_curves_of_flat_road,
+    image_hyperbolas_of_flat_road,
     repeat_pinhole_per_frame,
 )
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
@@ -356,7 +356,7 @@ class _LaneSearchRun:
             rows = np.flatnonzero((sizes == (image_w, image_h, search_w, search_h)).all(axis=1))
             camera = self._camera_of_searched_image((image_w, image_h), (search_w, search_h))
             parts.append((rows, compute_lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
-            roads[rows] = image_curves_of_flat_road(fits[rows], camera)
+            roads[rows] = image_hyperbolas_of_flat_road(fits[rows], camera)
             pinhole[rows] = repeat_pinhole_per_frame(camera, len(rows))
             is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]

@@ -24,7 +24,8 @@ TargetCountChoice = Literal["auto", "one", "many"]
 NO_SIGMA_FACTORS: Mapping[str, tuple[float, ...]] = {}
 """Factors on sigmas where none are known."""
 MAX_GATED_SHARE = 0.1
-"""A larger share of detections outside the gate means more than one target. Chosen by hand; not fitted."""
+"""Greatest share of detections outside the gate of a single target; a larger one means more targets. Chosen by hand;
+not fitted."""
 
 
 @dataclass(frozen=True)
@@ -224,7 +225,7 @@ def _pooled_consistency(
     )
 
 
-def track_targets(
+def track_targets_and_name_method(
     targets: TargetCountChoice,
     detections: Sequence[Detections],
     models: Mapping[str, SensorModel],
@@ -259,7 +260,7 @@ def track_targets_online(
     """Track without smoothing, with the noise, the clutter and the number of targets of another result.
 
     Args:
-        result, how: Results of `track_targets`.
+        result, how: Results of `track_targets_and_name_method`.
         detections, models, config: Its arguments.
         ego: The car's states as they could have been known online.
     """

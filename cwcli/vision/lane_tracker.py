@@ -185,7 +185,7 @@ class LaneTracker:
         lane = self._hypotheses[0].lane if self._hypotheses else None
         return self._line_classifier.fit_with_kinds_and_colours(fit, frame, self._evidence, lane)
 
-    def _recent_fit_covariance(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
+    def _fit_covariance_measured_or_reused(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
         """The covariance of a fit, measured in this frame or, for the same lane, at most 0.3 s earlier.
 
         It is measured anew for another lane: after a lane change, or when another hypothesis is published.
@@ -443,7 +443,9 @@ class LaneTracker:
             state=LaneState.FOUND if max(now) >= MIN_FOUND_PROBABILITY else LaneState.HELD,
             steady_s=self._steady_s,
             lane_change=change,
-            covariance=self._recent_fit_covariance(best.lane, frame, is_another=is_another) if all(found) else None,
+            covariance=self._fit_covariance_measured_or_reused(best.lane, frame, is_another=is_another)
+            if all(found)
+            else None,
         )
 
 

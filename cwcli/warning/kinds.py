@@ -22,7 +22,7 @@ from cwcli.warning.measures import PairStates
 MAX_FOLLOWING_ANGLE_RAD = np.radians(30.0)
 """Greatest angle between the headings of a vehicle and one that follows it, rad. Chosen by hand; not fitted."""
 MIN_HOST_SPEED_MPS = -0.5
-"""A host that reverses faster than this can avoid who is behind it, m/s. Chosen by hand; not fitted."""
+"""Speed in m/s, negative in reverse, below which the host can avoid who is behind it. Chosen by hand; not fitted."""
 FOLLOWING_MARGIN_M = 0.5
 """Lateral distance in m from the host's line, beyond half of both widths, up to which a vehicle counts as following.
 Chosen by hand."""

@@ -36,7 +36,7 @@ from cwcli.signals.normal_distribution import normal_cdf
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import EventSpan, EventTiming, find_events
 from cwcli.warning.lane_agreement import BoolArray, agreement_of_both_sides_s, approach_speed_bound_mps
-from cwcli.warning.lane_gap import boundary_at_distances, first_crossing_time_s, last_known_gap_m
+from cwcli.warning.lane_gap import boundary_y_and_direction_at_distances, first_crossing_time_s, last_known_gap_m
 from cwcli.warning.output import NOT_CLEARED_NS
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
@@ -57,7 +57,7 @@ LATEST_LINE_CAR_M = -0.3
 CLASS_II_MIN_SPEED_MPS = 17.0
 """Speed from which a system of class II must work (ISO 17361)."""
 DEFAULT_RELEASE_S = 1.5
-"""A warning is held until the time to line crossing is longer than this. Chosen by hand; not fitted."""
+"""Time to line crossing in s beyond which a warning ends. Chosen by hand; not fitted."""
 
 
 def earliest_warning_line_m(rate_mps: FloatArray) -> FloatArray:
@@ -270,7 +270,7 @@ def _evaluate_side(
     x = paths.x_m + host.ahead_m * cos - sign * 0.5 * host.width_m * sin
     y = paths.y_m + host.ahead_m * sin + sign * 0.5 * host.width_m * cos
     ahead = x - frames.boundaries.camera_forward_m
-    line_y, direction = boundary_at_distances(line, ahead, change_1pm2)
+    line_y, direction = boundary_y_and_direction_at_distances(line, ahead, change_1pm2)
     gap = sign * (line_y - y) * np.cos(direction)
     last = max(1, int(np.searchsorted(t, config.rate_over_s - 1e-9)))
     rate = (gap[:, 0] - gap[:, last]) / t[last]

@@ -41,8 +41,6 @@ LOG_SUFFIX = ".mcap"
 """Suffix of the files of all formats that are logs."""
 EXPORT_FORMATS = (*TABLE_FORMATS, *TRACK_FORMATS, ROS_FORMAT)
 """Names of all formats."""
-MAX_NAMED_CHANNELS = 10
-"""Largest number of channels that a note names; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ def command(
                 names = content_names_of_ego_and_others(opened) if of_all else ["ego"]
             for name in names:
                 require_content_in_log(opened, name)
-            encoded, n = _encode_contents(opened, names, form, vehicle)
+            encoded, n = _encode_contents_and_count_rows(opened, names, form, vehicle)
             said = {"what": ",".join(names), "rows": n}
             if output == "-" and is_text and is_terminal(sys.stdout):
                 console.print_data(
@@ -218,7 +216,9 @@ def _format_of_file_name(output: str) -> str:
     )
 
 
-def _encode_contents(opened: Log, names: list[str], form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:
+def _encode_contents_and_count_rows(
+    opened: Log, names: list[str], form: str, vehicle: str | None
+) -> tuple[bytes | memoryview, int]:
     """Encode contents of a log; returns the bytes of the file and the number of rows."""
     from cwcli.export.content import require_geographic_positions, table_to_export, tracks_to_export
     from cwcli.export.formats import load_track_format

@@ -136,7 +136,7 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
     Raises:
         UsageError: An answer is none of its choices.
     """
-    from cwcli.importing.mapping import CHOICES, merge_answers, parse_column_option, read_mapping
+    from cwcli.importing.mapping import CHOICES, merge_answers, parse_table_quantity_and_column_unit, read_mapping
     from cwcli.importing.tables import Answers
 
     for option, value, known in (
@@ -145,7 +145,7 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
     ):
         if value is not None and value not in known:
             raise UsageError(f"{option} {value}: it is none of {join_names(list(known))}")
-    columns = dict(map(parse_column_option, options.column or ()))
+    columns = dict(map(parse_table_quantity_and_column_unit, options.column or ()))
     given = Answers(
         columns,
         timezone=options.timezone or "",

@@ -14,7 +14,7 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 AXIS_NAMES = ("x", "y", "z")
 """Names of the axes of an IMU."""
 NO_OFFSET = (0.0,) * 6
-"""No offset of accelerometer and gyroscope."""
+"""Offset of a hypothesis without one: zero for the three accelerations and the three turn rates."""
 
 
 def _scale_hypothesis(name: str, group: str, fault: str, action: str, accel: float, gyro: float) -> Hypothesis:
@@ -66,7 +66,7 @@ ACCEL_UNITS = (
         "m/s^2-read-as-g", "m/s^2, but was converted as if it were in g", 1.0 / STANDARD_GRAVITY_MPS2
     ),
 )
-"""Units of the accelerometer."""
+"""Hypotheses on the unit of an accelerometer."""
 GYRO_UNITS = (
     _gyro_unit_hypothesis("degrees/s", "degrees/s, not rad/s", math.pi / 180.0),
     _gyro_unit_hypothesis("milliradians/s", "milliradians/s, not rad/s", 1e-3),
@@ -74,7 +74,7 @@ GYRO_UNITS = (
         "rad/s-read-as-degrees/s", "rad/s, but was converted as if it were in degrees/s", 180.0 / math.pi
     ),
 )
-"""Units of the gyroscope."""
+"""Hypotheses on the unit of a gyroscope."""
 SIGN_HYPOTHESES = (
     _scale_hypothesis(
         "accel-reversed", "accel sign", "has an accelerometer with the wrong sign", "reversed", -1.0, 1.0
@@ -85,7 +85,7 @@ SIGN_HYPOTHESES = (
 AXES = tuple(axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
 IMU = (*ACCEL_UNITS, *GYRO_UNITS, *SIGN_HYPOTHESES, *AXES)
-"""Units, signs and axes of `Kind.IMU`."""
+"""Hypotheses on units, signs and axes of a source of `Kind.IMU`."""
 
 
 def tilt_hypothesis(force: FloatArray) -> Hypothesis:

@@ -8,7 +8,7 @@ from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.speed import SPEED
 
 NO_OFFSET = (0.0, 0.0)
-"""No offset of east and north."""
+"""Offset of a hypothesis without one: zero east and north."""
 
 
 def _axes_hypothesis(name: str, fault: str, east: tuple[float, float], north: tuple[float, float]) -> Hypothesis:

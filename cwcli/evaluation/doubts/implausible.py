@@ -22,7 +22,7 @@ ADVICE = "Check the units and the axes of the sensors."
 """The advice for every implausible value, a sentence for users."""
 
 
-def _speed_kmh(state: FloatArray) -> FloatArray:
+def _absolute_speed_kmh(state: FloatArray) -> FloatArray:
     return KMH_PER_MPS * np.abs(state[:, SPEED])
 
 
@@ -56,7 +56,7 @@ def _make_rule(
     return DoubtRule(f"{what} that no car has", most, unit, source, ADVICE, find)
 
 
-SPEED_RULE = _make_rule("a speed", "km/h", MAX_PLAUSIBLE_SPEED_KMH, "chosen: above public roads", _speed_kmh)
+SPEED_RULE = _make_rule("a speed", "km/h", MAX_PLAUSIBLE_SPEED_KMH, "chosen: above public roads", _absolute_speed_kmh)
 _OF_TYRES = "tyres on a dry road transmit about 1.2 g"
 ACCELERATION_RULE = _make_rule("an acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _accel_mps2)
 LATERAL_ACCELERATION_RULE = _make_rule(

@@ -11,11 +11,11 @@ from cwcli.importing.readers.phone import is_phone_recording_table, stem_of_tabl
 from cwcli.importing.tables import Answers, SourceTable
 
 
-def _accepts_csv_table_file(head: FileHead) -> bool:
+def _accepts_csv_file(head: FileHead) -> bool:
     return head.text is not None
 
 
-def _read_csv_table_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
+def _read_csv_as_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     table = with_presets_if_cwcli_table(read_delimited(path, answers))
     if is_phone_recording_table(table):
         return [with_phone_units_and_time_base(table, stem_of_table(path), b"")]
@@ -25,7 +25,7 @@ def _read_csv_table_tables(path: str, answers: Answers) -> Sequence[SourceTable]
 KIND = ImportKind(
     "CSV and TSV of any program, with a line of names",
     (".csv", ".tsv", ".txt"),
-    _accepts_csv_table_file,
-    _read_csv_table_tables,
+    _accepts_csv_file,
+    _read_csv_as_table,
 )
 """The description of this kind."""

@@ -28,7 +28,7 @@ BLOCK_BYTES = 4 << 20
 _NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
 _VALUE = re.compile(r"^[+-]?[\d.,:/ TZeE+-]+$")
 MAX_LINES_OF_CELL = 10
-"""A text in quotes has fewer lines; chosen by hand."""
+"""Greatest number of lines of a text in quotes. Chosen by hand."""
 MAX_BAD_SHARE = 0.05
 """Largest share of rows with a wrong number of cells that are left out; more is an error. Chosen by hand."""
 

@@ -28,8 +28,6 @@ from cwcli.simulation.v2x_link import ReceivedMessages
 
 PLANE_ORIGIN = (52.0, 10.0)
 """Latitude and longitude of the origin of a plane that has no place on the globe, degrees; chosen by hand."""
-LONGEST_STEP_MPS = 150.0
-"""Faster than any car: positions in degrees change by far less than a speed says."""
 MAX_VALUE = 1e10
 """Greatest size of a time, place, angle or speed of a simulated vehicle. Chosen by hand: ten thousand times the size of
 a map."""

@@ -19,7 +19,7 @@ from cwcli.reproduction.song2016.methods import (
     MODEL_BY_FAMILY,
     PREDICTION_HORIZON_S,
     measure_vehicle,
-    paper_filter_states,
+    paper_filter_states_with_derivatives,
     paper_predicted_points_m,
 )
 from cwcli.reproduction.song2016.warning import (
@@ -179,7 +179,7 @@ def _moments_and_collision_percent(name: str, variant: ChoiceVariant, n_seeds: i
 def paper_warning_times_s(scenario: Scenario, other: str, seed: int) -> dict[str, float]:
     """Return when each family first predicts a collision, in s, NaN if it never does."""
     runs = [measure_vehicle(scenario, vehicle, seed) for vehicle in (HOST_NAME, other)]
-    states = [paper_filter_states(run) for run in runs]
+    states = [paper_filter_states_with_derivatives(run) for run in runs]
     found = {}
     for family in MODEL_BY_FAMILY:
         host_xy, other_xy = (paper_predicted_points_m(own, family, PREDICTION_HORIZON_S) for own in states)

@@ -22,7 +22,7 @@ from cwcli.simulation.dual_sensor import (
     SensorNoise,
     observe_single_target,
     simulate_static_target,
-    true_states_on_path,
+    times_and_true_states_on_path,
 )
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
@@ -168,7 +168,7 @@ def segment_error_table(n_seeds: int) -> Table:
     table: Table = {}
     for k, name in enumerate(TARGET_PATHS):
         errors = _paired_squared_errors_m2(
-            n_seeds, true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, PAPER_FILTER_CONFIG, k
+            n_seeds, times_and_true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, PAPER_FILTER_CONFIG, k
         )
         for axis, label in enumerate("xy"):
             ekf, ukf = (1e3 * errors[f][:, axis] for f in ("ekf", "ukf"))
@@ -190,7 +190,9 @@ def process_noise_table(n_seeds: int) -> Table:
     for noise in (0.1, 0.3, 1.0, 3.0):
         config = replace(PAPER_FILTER_CONFIG, noise=noise)
         errors = [
-            _paired_squared_errors_m2(n_seeds, true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, config, k)
+            _paired_squared_errors_m2(
+                n_seeds, times_and_true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, config, k
+            )
             for k, name in enumerate(TARGET_PATHS)
         ]
         ekf, ukf = (1e3 * float(np.mean([e[f].mean() for e in errors])) for f in ("ekf", "ukf"))
@@ -200,7 +202,7 @@ def process_noise_table(n_seeds: int) -> Table:
 
 def ukf_and_ekf_time_table(repeats: int = 200) -> Table:
     """Measure the time of 500 samples, the best of `repeats`, inside the process."""
-    truth = true_states_on_path("arc", N_TIMED_SAMPLES)
+    truth = times_and_true_states_on_path("arc", N_TIMED_SAMPLES)
     rows = detection_rows_of_scene(observe_single_target(*truth, SCENE_NOISE, np.random.default_rng(0)), SCENE_NOISE)
     table: Table = {}
     for name in ("ukf", "ekf"):
@@ -223,7 +225,7 @@ def radar_scene_table(n_seeds: int) -> Table:
     29(3), 1993, give r a^2 / sigma_r = 0.4 as the limit of an extended filter).
     """
     table: Table = {}
-    times, arc = true_states_on_path("arc", N_SEGMENT_SAMPLES)
+    times, arc = times_and_true_states_on_path("arc", N_SEGMENT_SAMPLES)
     for range_m in (5.0, 15.0, 50.0, 150.0):
         state = arc.copy()
         state[:, 1] += range_m - 3.0

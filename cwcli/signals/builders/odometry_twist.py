@@ -20,12 +20,13 @@ MIN_SPEED_FOR_AXES_MPS = 0.5
 MIN_ROWS_FOR_AXES = 10
 """Least number of rows in motion that tell in which axes a twist is. Chosen by hand; not fitted."""
 MAX_SLIP = 0.1
-"""A car's velocity points to the side by less than this part of what it points forward."""
+"""Greatest sideways part of a car's velocity, as a share of its forward part. Chosen by hand."""
 MOVED_M = 2.0
 """Least extent of the positions, m, of a car that moved: a twist of zeros throughout was then never filled. Chosen by
 hand."""
 UNMEASURED_M2PS2 = 1e3
-"""A component of a velocity with a greater variance, more than 30 m/s of sigma, is stated but not measured."""
+"""Greatest variance of a measured component of a velocity, (m/s)^2; one of more than 30 m/s of sigma is stated but not
+measured. Chosen by hand."""
 
 
 @dataclass(frozen=True)

@@ -187,7 +187,7 @@ def read_world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, Bo
 
 def read_timestamps(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
     """Read an `osi3.Timestamp` in ns, 0 where it is left out, and whether a message has it, both (n,)."""
-    parts = [_read_first_values(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
+    parts = [_read_first_number_and_presence(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
     (seconds, has_seconds), (nanos, has_nanos) = parts
     is_sane = (seconds >= 0) & (seconds < 2**33) & (nanos >= 0) & (nanos < NS_PER_S)
     stamp_ns = np.where(is_sane, seconds, 0) * NS_PER_S + np.where(is_sane, nanos, 0)
@@ -203,7 +203,7 @@ def encode_station_names(ids: npt.NDArray[np.uint64]) -> Strings:
     return Strings(rank[inverse].astype(np.int32), tuple(str(each) for each in distinct[order].tolist()))
 
 
-def _read_first_values(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
+def _read_first_number_and_presence(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
     """Read a number of each message, the first where it holds several (views of several sensors)."""
     field = find_field(columns, path)
     if not isinstance(field, Ragged):
@@ -256,7 +256,7 @@ def _choose_host_id(
         return int(reading.ego_station)
     paths = (f"{prefix.removesuffix(SENSOR_VIEW_PREFIX)}host_vehicle_id.value", f"{prefix}host_vehicle_id.value")
     for path in dict.fromkeys(paths):
-        said, is_said = _read_first_values(columns, path)
+        said, is_said = _read_first_number_and_presence(columns, path)
         said = said.astype(np.uint64)
         is_there = is_said & np.isin(said, ids) & ledger.keep
         if not is_there.any():

@@ -36,7 +36,7 @@ from cwcli.signals.transforms import (
     CameraPose,
     Transform,
     camera_pose_from_matrix,
-    find_body_from_frame,
+    find_body_frame_and_transform,
 )
 from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, camera_from_calibration, default_camera
@@ -142,7 +142,7 @@ def find_camera_source(
     return CameraSource(info, mounting, fov_rad, is_rectified, counts, tuple(notes))
 
 
-def camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> tuple[str, CameraSource]:
+def topic_and_camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> tuple[str, CameraSource]:
     """Return the topic of the camera in whose frames `cwcli lanes` found the lanes, and the camera.
 
     The settings come from the record of `cwcli lanes`; the defaults stand in for those that it lacks.
@@ -257,9 +257,9 @@ def _pose_from_transforms(
     counts = []
     for topic in topics:
         counts.append(InputMessageCount.from_transforms(*fill_transform_tree(log, topic, tree, frame_id)))
-        if find_body_from_frame(tree, frame_id) is not None:
+        if find_body_frame_and_transform(tree, frame_id) is not None:
             break
-    found = find_body_from_frame(tree, frame_id)
+    found = find_body_frame_and_transform(tree, frame_id)
     if found is None:
         note = f"no transform leads from {frame_id} to {' or '.join(BODY_FRAME_NAMES)}: {', '.join(topics)} not used"
         return None, tuple(counts), (note,)

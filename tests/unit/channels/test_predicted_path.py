@@ -13,7 +13,7 @@ from cwcli.channels.predicted_path import LazyPaths, read_predicted_paths, write
 from cwcli.channels.published import REMOTE_PATH
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
-from cwcli.pipeline.paths import replanned_or_logged_paths
+from cwcli.pipeline.paths import replanned_or_logged_paths_and_notes
 from cwcli.prediction.plan import PathPlan
 from cwcli.prediction.rollout import RolloutSettings
 from cwcli.signals.columns import Strings
@@ -54,7 +54,7 @@ def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same
     with Log.open(tmp_path / "in.mcap") as log:
         run = log.with_channels([channel])
         seen = read_predicted_paths(run.columns(REMOTE_PATH.topic))
-        assert replanned_or_logged_paths(run, REMOTE_PATH.topic, "remote_state") == (given, ())
+        assert replanned_or_logged_paths_and_notes(run, REMOTE_PATH.topic, "remote_state") == (given, ())
         annotate_log(run, (), {}, tmp_path / "out.mcap")
     with Log.open(tmp_path / "out.mcap") as log:
         found = read_predicted_paths(log.columns(REMOTE_PATH.topic))

@@ -12,7 +12,11 @@ from cwcli.estimation.delay_variance import (
     unknown_delay_sigma_s,
 )
 from cwcli.estimation.latency import Latency, LatencyStatus
-from cwcli.estimation.latency_clock import SourceLatency, disputed_clock_sigma_s, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_clock import (
+    SourceLatency,
+    disputed_clock_sigma_s,
+    shift_latencies_to_agreed_clock_and_note,
+)
 from cwcli.estimation.measurements import Kind
 from tests.unit.estimation.made_drive import as_series
 
@@ -69,4 +73,6 @@ def test_one_source_ahead_of_the_imu_leaves_the_clock_open() -> None:
     early = Latency(LatencyStatus.APPLIED, -0.03, 0.003, 0.003)
     for others, expected_s in ((("speed",), 0.03), (("speed", "heading"), 0.0), ((), 0.0)):
         told = [imu, *(SourceLatency(name, Kind.SPEED, False, early) for name in others)]
-        assert disputed_clock_sigma_s(told, shift_latencies_to_agreed_clock(told)[0]) == pytest.approx(expected_s)
+        assert disputed_clock_sigma_s(told, shift_latencies_to_agreed_clock_and_note(told)[0]) == pytest.approx(
+            expected_s
+        )

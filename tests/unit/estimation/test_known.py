@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus, Measurements, SourceReport
-from cwcli.estimation.online_availability import OnlineAvailability, not_overtaken_message_mask, states_available_at_ns
+from cwcli.estimation.online_availability import (
+    OnlineAvailability,
+    available_times_of_states_ns,
+    not_overtaken_message_mask,
+)
 
 MS = 1_000_000
 
@@ -21,7 +25,7 @@ def rows(kind: Kind, stamps_ms: list[int], delays_ms: list[int], source: str = "
 def known_ms(measurements: list[Measurements], stamps_ms: list[int], latency_s: float = 0.0) -> list[int]:
     latency = Latency(LatencyStatus.GIVEN, latency_s)
     sources = [SourceReport(m.source, m.kind, latency=latency) for m in measurements if m.kind is Kind.POSITION]
-    found = states_available_at_ns(measurements, sources, np.array(stamps_ms, np.int64) * MS, max_pause_s=60.0)
+    found = available_times_of_states_ns(measurements, sources, np.array(stamps_ms, np.int64) * MS, max_pause_s=60.0)
     return (found // MS).tolist()
 
 
