@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +18,8 @@ TRUTH_STEP_S = 0.01
 0.4 m in it, and interpolation errs by less than a millimetre."""
 CONTACT_SEARCH_STEP_S = 0.001
 """Time step to which the moment of contact is refined, s. Chosen by hand."""
+MAX_TEXT_GAP_M = 500.0
+"""Gap up to which a text states the time to collision, m. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,21 @@ class Encounter:
         before, inside = float(self.separation_m[k - 1]), float(self.separation_m[k])
         share = before / (before - inside)
         return float(self.time_s[k - 1] + share * (self.time_s[k] - self.time_s[k - 1]))
+
+    def values_at(self, time_s: float) -> dict[str, float]:
+        """Times to collision and gap at a time."""
+        return {
+            "ttc_s": self.value_at(self.ttc_s, time_s),
+            "ttc_with_accelerations_s": self.value_at(self.ttc_with_accelerations_s, time_s),
+            "gap_m": self.value_at(self.gap_m, time_s),
+        }
+
+    def warning_text(self, values: Mapping[str, float]) -> str:
+        """When a warning came, in words."""
+        ttc_s = min(values["ttc_s"], values["ttc_with_accelerations_s"])
+        if math.isfinite(ttc_s) and abs(values["gap_m"]) < MAX_TEXT_GAP_M:
+            return f"warned at TTC {ttc_s:.2f} s"
+        return "warned"
 
     def value_at(self, values: FloatArray, time_s: float) -> float:
         """A value of the trial at a time, linear between the samples; infinity next to an infinite sample."""

@@ -15,7 +15,7 @@ from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_STATE, TARGETS,
 from cwcli.conformance.encounter import TRUTH_STEP_S, Encounter
 from cwcli.conformance.grades import GRADES
 from cwcli.conformance.scenes import BuiltScene
-from cwcli.conformance.verdict import RaisedWarning
+from cwcli.conformance.verdict import JudgedMotion, RaisedWarning
 from cwcli.errors import MissingSignalError
 from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
@@ -39,12 +39,12 @@ class SimulatedTrial:
     """A trial as it is simulated with one seed.
 
     Attributes:
-        drive: The host's measurements and the messages that it received.
+        drive: The host's measurements and the messages that it received; None in a trial of leaving the lane.
         encounter: The truth.
     """
 
-    drive: SimulatedDrive
-    encounter: Encounter
+    drive: SimulatedDrive | None
+    encounter: JudgedMotion
 
 
 STAGE_NAMES = ("estimate", "predict", "warn")
@@ -113,6 +113,7 @@ def pipeline_warner(rule: str) -> Warner:
     """
 
     def warn(trial: SimulatedTrial) -> tuple[RaisedWarning, ...]:
+        assert trial.drive is not None
         with open_in_memory(trial.drive) as log:
             _, result = _run_stages(log, rule, STAGE_NAMES)
         events = result.evaluation_inputs.found[0].events

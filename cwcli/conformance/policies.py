@@ -48,41 +48,45 @@ class BrakedTrial:
 
     Attributes:
         impact_mps: Relative speed along the host's heading at first contact; 0 if there is none.
-        peak_deceleration_mps2: Largest deceleration of the host after the warning.
     """
 
     impact_mps: float
-    peak_deceleration_mps2: float
 
 
 def drive_with_policy(encounter: Encounter, policy: str, braking_from_s: float) -> BrakedTrial:
     """Drive a trial again: the host as it was until `braking_from_s`, then by the policy; NaN: it never brakes."""
+    is_braked = POLICIES[policy] is not None and not math.isnan(braking_from_s)
+    from_s = np.array([braking_from_s if is_braked else math.inf])
+    impact_mps = drive_with_policies(encounter, policy if is_braked else "full", from_s)
+    return BrakedTrial(float(impact_mps[0]))
+
+
+def drive_with_policies(encounter: Encounter, policy: str, braking_from_s: FloatArray) -> FloatArray:
+    """Impact speeds (n,), m/s, of drives that brake by a policy from each time (n,); 0 where there is no contact."""
     pedals = POLICIES[policy]
-    never = pedals is None or math.isnan(braking_from_s)
+    assert pedals is not None  # "none" never brakes
     runs = replay_with_policy(
         _recorded_motion(encounter, encounter.host),
         _recorded_motion(encounter, encounter.other),
-        np.array([math.inf if never else braking_from_s]),
-        full_braking_pedals if pedals is None else pedals,
+        braking_from_s,
+        pedals,
     )
     other = _recorded_motion(encounter, encounter.other).resample_at(runs.time_s)
+    shape = runs.x_m.shape
     separation = outline_separation_m(
-        other.x_m - runs.x_m[0],
-        other.y_m - runs.y_m[0],
-        runs.heading_rad[0],
-        other.heading_rad,
+        other.x_m - runs.x_m,
+        other.y_m - runs.y_m,
+        runs.heading_rad,
+        np.broadcast_to(other.heading_rad, shape),
         encounter.host_size,
         encounter.other_size,
     )
-    touching = np.flatnonzero(separation <= 0.0)
-    if not len(touching):
-        return BrakedTrial(0.0, float(runs.peak_deceleration_mps2[0]))
-    k = int(touching[0])
-    turn = other.heading_rad[k] - runs.heading_rad[0, k]
-    return BrakedTrial(
-        max(0.0, float(runs.speed_mps[0, k] - other.speed_mps[k] * math.cos(turn))),
-        float(runs.peak_deceleration_mps2[0]),
-    )
+    touching = separation <= 0.0
+    k = touching.argmax(axis=1)
+    rows = np.arange(len(k))
+    turn = other.heading_rad[k] - runs.heading_rad[rows, k]
+    impact = np.maximum(0.0, runs.speed_mps[rows, k] - other.speed_mps[k] * np.cos(turn))
+    return np.where(touching.any(axis=1), np.maximum(impact, 1e-6), 0.0)
 
 
 def _recorded_motion(encounter: Encounter, state: FloatArray) -> RecordedMotion:

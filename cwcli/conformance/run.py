@@ -9,7 +9,15 @@ from contextlib import contextmanager
 
 from cwcli.conformance.clause import Clause, Trial, load_clause, require_judge_module
 from cwcli.conformance.grades import GRADES
-from cwcli.conformance.online import Warner, build_trial_scenario, pipeline_warner, simulate_trial, true_encounter
+from cwcli.conformance.lane_trials import simulate_lane_trial, warn_of_lane_departure
+from cwcli.conformance.online import (
+    SimulatedTrial,
+    Warner,
+    build_trial_scenario,
+    pipeline_warner,
+    simulate_trial,
+    true_encounter,
+)
 from cwcli.conformance.policies import POLICIES
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.scenes import SCENES
@@ -111,8 +119,11 @@ def check_trials(clause: Clause, where: str) -> None:
         UsageError: A trial is impossible.
     """
     for trial in clause.trials:
+        build = SCENES[trial.scene].build
+        if build is None:
+            continue
         try:
-            scene = SCENES[trial.scene].build(trial.given)
+            scene = build(trial.given)
             build_trial_scenario(scene, clause.grade, name="trial")
         except UsageError as error:
             raise UsageError(f"{trial.name}: {error.what}", where=where, hint=error.hint) from error
@@ -132,15 +143,32 @@ def run_trial(
     """
     clause = load_clause(clause_name)
     trial = clause.trials[index]
-    scene = SCENES[trial.scene].build(trial.given)
+    build = SCENES[trial.scene].build
+    policy = config.policy or clause.policy
+    if build is None:
+        return _run_lane_trial(trial, seeds, policy, clause_name, warner)
+    scene = build(trial.given)
     scenario = build_trial_scenario(scene, config.grade or clause.grade, name="trial")
     encounter = true_encounter(scenario, scene)
     warn = warner or pipeline_warner(trial.rule or config.rule)
     found = []
     for seed in seeds:
         warnings = warn(simulate_trial(scenario, encounter, seed))
-        driven = DrivenTrial(encounter, warnings, trial.demands, config.policy or clause.policy)
+        driven = DrivenTrial(encounter, warnings, trial.demands, policy)
         found.append(Repetition(str(seed), judge_driven_trial(trial, driven, clause_name)))
+    return tuple(found)
+
+
+def _run_lane_trial(
+    trial: Trial, seeds: Sequence[int], policy: str, where: str, warner: Warner | None
+) -> tuple[Repetition, ...]:
+    """Run one trial of leaving the lane; the rule is the lane-departure rule."""
+    found = []
+    for seed in seeds:
+        driven = simulate_lane_trial(trial.given, seed)
+        warnings = warn_of_lane_departure(driven) if warner is None else warner(SimulatedTrial(None, driven.drift))
+        judged = DrivenTrial(driven.drift, warnings, trial.demands, policy)
+        found.append(Repetition(str(seed), judge_driven_trial(trial, judged, where)))
     return tuple(found)
 
 

@@ -38,11 +38,11 @@ class Scene:
     """A kind of trial.
 
     Attributes:
-        build: Numbers by name, SI -> the built scene.
+        build: Numbers by name, SI -> the built scene; None: a drive in a lane (`lane_trials`).
         required, optional: Names of the numbers that it takes.
     """
 
-    build: Callable[[Mapping[str, float]], BuiltScene]
+    build: Callable[[Mapping[str, float]], BuiltScene] | None
     required: tuple[str, ...]
     optional: tuple[str, ...] = ()
 
@@ -361,6 +361,7 @@ SCENES: Mapping[str, Scene] = {
     "turn-across": Scene(build_turn_across, ("host_speed", "other_speed"), ("radius",)),
     "parked-on-both-sides": Scene(build_parked_on_both_sides, ("host_speed", "clearance")),
     "parked-in-curve": Scene(build_parked_in_curve, ("host_speed", "radius")),
+    "lane-drift": Scene(None, ("host_speed", "drift_rate"), ("radius",)),
     "following": Scene(build_following, ("host_speed", "gap", "deceleration", "lower_speed"), ("reaction_time",)),
 }  # fmt: skip
 """Scene -> how it is built, and which numbers it takes."""

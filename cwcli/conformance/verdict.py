@@ -5,13 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import field
+from typing import Protocol
 
-from cwcli.conformance.encounter import Encounter
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray
 
 MARGIN_TOLERANCE = 1e-9
 """A margin that is below zero by less than this is a pass, against rounding."""
+
+
+class JudgedMotion(Protocol):
+    """The true motion of a trial, as the judges need it; `Encounter` and `lane_trials.LaneDrift` are such."""
+
+    @property
+    def time_s(self) -> FloatArray: ...
+    @property
+    def event_s(self) -> float: ...
+    @property
+    def other_id(self) -> str: ...
+    @property
+    def contact_s(self) -> float: ...
+    def values_at(self, time_s: float) -> dict[str, float]: ...
+    def warning_text(self, values: Mapping[str, float]) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -33,7 +49,7 @@ class DrivenTrial:
         policy: Braking policy, a key of `policies.POLICIES`.
     """
 
-    encounter: Encounter
+    encounter: JudgedMotion
     warnings: tuple[RaisedWarning, ...]
     demands: Mapping[str, float]
     policy: str
@@ -109,17 +125,8 @@ def judge_by_window(driven: DrivenTrial, window: WarningWindow) -> Verdict:
         end_s = encounter.contact_s if math.isfinite(encounter.contact_s) else float(encounter.time_s[-1])
         before = f" ({driven.n_early} before the event began)" if driven.n_early else ""
         return Verdict(-max(end_s - window.latest_s, 0.0), "s", f"no warning{before}", values, has_failed=True)
-    values |= {
-        "ttc_s": encounter.value_at(encounter.ttc_s, warned_s),
-        "ttc_with_accelerations_s": encounter.value_at(encounter.ttc_with_accelerations_s, warned_s),
-        "gap_m": encounter.value_at(encounter.gap_m, warned_s),
-    }
+    values |= encounter.values_at(warned_s)
     late, early = window.latest_s - warned_s, warned_s - window.earliest_s
     margin = min(late, early) if math.isfinite(window.earliest_s) else late
     side = "in time" if margin >= -MARGIN_TOLERANCE else ("too late" if late < early else "too early")
-    return Verdict(margin, "s", f"warned at TTC {_least_ttc(values):.2f} s, {side}", values)
-
-
-def _least_ttc(values: Mapping[str, float]) -> float:
-    """The smaller of the two times to collision."""
-    return min(values["ttc_s"], values["ttc_with_accelerations_s"])
+    return Verdict(margin, "s", f"{encounter.warning_text(values)}, {side}", values)

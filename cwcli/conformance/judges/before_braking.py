@@ -61,13 +61,15 @@ def warning_window(encounter: Encounter, demands: dict[str, float]) -> WarningWi
 def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""
     demands = {name: driven.demand(name) for name in ("lead_time", "deceleration", "impact_speed")}
-    verdict = judge_by_window(driven, warning_window(driven.encounter, demands))
+    encounter = driven.encounter
+    assert isinstance(encounter, Encounter)
+    verdict = judge_by_window(driven, warning_window(encounter, demands))
     if driven.policy == NO_BRAKING or math.isnan(driven.warned_s):
         return verdict
-    braked = drive_with_policy(driven.encounter, driven.policy, driven.warned_s + demands["lead_time"])
+    braked = drive_with_policy(encounter, driven.policy, driven.warned_s + demands["lead_time"])
     impact_kmh = braked.impact_mps * KMH_PER_MPS
     spare_kmh = demands["impact_speed"] * KMH_PER_MPS - impact_kmh
-    values = {**verdict.values, "impact_kmh": impact_kmh, "peak_deceleration_mps2": braked.peak_deceleration_mps2}
+    values = {**verdict.values, "impact_kmh": impact_kmh}
     if spare_kmh < -1e-9:
         return Verdict(-abs(spare_kmh), "km/h", f"impact at {impact_kmh:.1f} km/h", values, has_failed=True)
     return Verdict(verdict.margin, verdict.unit, verdict.text, values, has_failed=verdict.has_failed)

@@ -24,4 +24,5 @@ def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""
     if "ttc" not in driven.demands:
         driven.demand("ttc_with_accelerations")
+    assert isinstance(driven.encounter, Encounter)
     return judge_by_window(driven, warning_window(driven.encounter, dict(driven.demands)))
