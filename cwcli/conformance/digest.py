@@ -13,6 +13,8 @@ MAX_COLUMNS = 80
 """Largest number of characters of a line."""
 NAME_COLUMNS = 40
 """Width of the column of names, characters."""
+KEPT_COLUMNS = 22
+"""Width of the end of a long name that is kept, characters."""
 PUBLISHED_WORDS = "numbers as published"
 """What every output says of the clauses: their numbers are the published ones, and nothing is certified."""
 _ORDER = {FAILED: 0, NOT_VALID: 1, PASSED: 2, NOT_JUDGED: 3}
@@ -39,7 +41,7 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     clause = result.clause
     driven = sorted(result.driven_trials, key=lambda trial: _ORDER[trial.outcome])
     rows = [(trial.trial.name, trial.outcome, _trial_share(trial), trial.margin_text) for trial in driven]
-    settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())
+    settings = ", ".join(value if name == "grade" else f"{name} {value}" for name, value in result.settings.items())
     lines = [
         f"{clause.name}: {result.outcome} ({PUBLISHED_WORDS}; {settings})",
         *_format_rows(rows, MAX_LINES - 4, "trials"),
@@ -80,7 +82,10 @@ def _format_rows(rows: Sequence[tuple[str, str, str, str]], n_lines: int, words:
 
 def _shorten(name: str) -> str:
     """A name that fits its column."""
-    return name if len(name) <= NAME_COLUMNS else name[: NAME_COLUMNS - 3] + "..."
+    if len(name) <= NAME_COLUMNS:
+        return name
+    last = name.rpartition(", ")[2][-KEPT_COLUMNS:]  # the numbers, which tell the trials apart
+    return f"{name[: NAME_COLUMNS - len(last) - 3]}...{last}"
 
 
 def _trial_share(trial: TrialResult) -> str:

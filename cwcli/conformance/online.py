@@ -39,7 +39,7 @@ class SimulatedTrial:
     """A trial as it is simulated with one seed.
 
     Attributes:
-        drive: The host's measurements and the messages that it received; None in a trial of leaving the lane.
+        drive: The host's measurements and the messages that it received; None where only the truth is needed.
         encounter: The truth.
     """
 
@@ -105,17 +105,18 @@ def open_in_memory(drive: SimulatedDrive) -> Iterator[Log]:
             yield log
 
 
-def pipeline_warner(rule: str) -> Warner:
+def pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
     """Return cwcli itself as a system that warns: `estimate`, `predict` and `warn` with online states.
 
     Args:
         rule: A key of `warning.rules.RULES`.
+        horizon_s: How far the paths and the rule look ahead; None: the defaults.
     """
 
     def warn(trial: SimulatedTrial) -> tuple[RaisedWarning, ...]:
         assert trial.drive is not None
         with open_in_memory(trial.drive) as log:
-            _, result = _run_stages(log, rule, STAGE_NAMES)
+            _, result = _run_stages(log, rule, STAGE_NAMES, horizon_s)
         events = result.evaluation_inputs.found[0].events
         start_ns = trial.drive.scenario.start_ns
         rows = sorted((int(row["raised_ns"]), str(row["other_id"])) for row in events.rows_as_dicts())
@@ -124,12 +125,12 @@ def pipeline_warner(rule: str) -> Warner:
     return warn
 
 
-def add_stages(log: Log, rule: str, *, with_warnings: bool) -> Log:
+def add_stages(log: Log, rule: str, *, horizon_s: float | None = None, with_warnings: bool) -> Log:
     """Return a log with the channels of the stages that have not run on it yet.
 
     Args:
         log: The log, annotated or not.
-        rule: Rule of the warnings, if they are computed.
+        rule, horizon_s: Rule of the warnings, if they are computed, and how far it looks ahead.
         with_warnings: Whether the warnings are needed, or the states alone.
 
     Raises:
@@ -146,17 +147,21 @@ def add_stages(log: Log, rule: str, *, with_warnings: bool) -> Log:
             hint="the log needs the other vehicle's V2X messages, or tracks (`cwcli track`)",
         )
     if with_warnings and WARNINGS.topic not in topics:
-        return _run_stages(log, rule, STAGE_NAMES[1:] if EGO_PATH.topic not in topics else STAGE_NAMES[2:])[0]
+        missing = STAGE_NAMES[1:] if EGO_PATH.topic not in topics else STAGE_NAMES[2:]
+        return _run_stages(log, rule, missing, horizon_s)[0]
     return log
 
 
-def _run_stages(log: Log, rule: str, names: Sequence[str]) -> tuple[Log, StageResult]:
+def _run_stages(log: Log, rule: str, names: Sequence[str], horizon_s: float | None = None) -> tuple[Log, StageResult]:
     """Run stages on a log in memory, without their evaluation; return the log with their channels, and the last."""
     current = log
     for name in names:
         config = STAGES[name].configuration_class()
+        if name == "predict" and horizon_s is not None:
+            config = replace(config, horizon_s=horizon_s)
         if name == "warn":
-            config = replace(config, rule=replace(config.rule, rule=rule))
+            changed = {"rule": rule} | ({} if horizon_s is None else {"horizon_s": horizon_s})
+            config = replace(config, rule=replace(config.rule, **changed))
         result: StageResult = STAGES[name].stage_function(current, config)
         record = {f"cwcli.run.{name}": ALL_CHANNELS.record_with_written_topics(result)}
         current = current.with_channels(result.channels, record)

@@ -26,6 +26,11 @@ NO_BRAKING = "none"
 """Name of the policy that never brakes."""
 
 
+REPLAY_STEP_S = 0.02
+"""Time step of the drives with a policy, s. Chosen by hand: half the processor time of the replay's own 10 ms, and the
+latest warning moves by less than that."""
+
+
 def full_braking_pedals(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of full braking from the warning on."""
     braking = situation.since_warning_s >= 0.0
@@ -70,6 +75,7 @@ def drive_with_policies(encounter: Encounter, policy: str, braking_from_s: Float
         _recorded_motion(encounter, encounter.other),
         braking_from_s,
         pedals,
+        step_s=REPLAY_STEP_S,
     )
     other = _recorded_motion(encounter, encounter.other).resample_at(runs.time_s)
     shape = runs.x_m.shape

@@ -75,7 +75,7 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
     if place.start_s is not None and place.end_s is not None and not place.start_s < place.end_s:
         raise UsageError(f"--start {place.start_s:g} is not before --end {place.end_s:g}")
     with Log.open(place.name) as log:
-        with_states = add_stages(log, config.rule, with_warnings=place.system is None)
+        with_states = add_stages(log, config.rule, horizon_s=config.horizon_s, with_warnings=place.system is None)
         real = find_actual_outcomes(with_states)
         if real is None or not real.pairs:
             raise MissingSignalError(

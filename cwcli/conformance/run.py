@@ -18,7 +18,7 @@ from cwcli.conformance.online import (
     simulate_trial,
     true_encounter,
 )
-from cwcli.conformance.policies import POLICIES
+from cwcli.conformance.policies import NO_BRAKING, POLICIES
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.scenes import SCENES
 from cwcli.conformance.verdict import DrivenTrial, Verdict
@@ -27,6 +27,8 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 
 Tick = Callable[[str], None]
+MAX_HORIZON_S = 10.0
+"""Longest horizon, s. Chosen by hand: no prediction means anything beyond."""
 MAX_SEEDS = 1000
 """Largest number of repetitions of a trial. Chosen by hand."""
 
@@ -39,6 +41,7 @@ class ConformConfig:
         seeds: Repetitions of each trial, with seeds 0, 1, 2, ...; None: as many as the clause says.
         jobs: Processes; the results do not depend on it.
         rule: Warning rule that is judged.
+        horizon_s: How far the paths and the rule look ahead; None: the defaults of `predict` and `warn`.
         policy: Braking policy, or None: the clause's own.
         grade: Grade of noise, or None: the clause's own.
     """
@@ -46,6 +49,7 @@ class ConformConfig:
     seeds: int | None = None
     jobs: int = 2
     rule: str = DEFAULT_RULE
+    horizon_s: float | None = None
     policy: str | None = None
     grade: str | None = None
 
@@ -59,6 +63,8 @@ class ConformConfig:
             raise UsageError(f"--seeds {self.seeds}: permitted are 1 to {MAX_SEEDS}")
         if self.jobs < 1:
             raise UsageError(f"--jobs {self.jobs} must be at least 1")
+        if self.horizon_s is not None and not 0.5 <= self.horizon_s <= MAX_HORIZON_S:
+            raise UsageError(f"--horizon {self.horizon_s:g}: permitted are 0.5 to {MAX_HORIZON_S:g} s")
         RULES.require(self.rule)
         for option, value, known in (("policy", self.policy, POLICIES), ("grade", self.grade, GRADES)):
             if value is not None and value not in known:
@@ -139,7 +145,7 @@ def run_trial(
         index: Of the trial.
         seeds: One repetition each.
         config: How.
-        warner: The system that is judged; None: cwcli with the rule of the configuration.
+        warner: The system that is judged, which gets the truth alone; None: cwcli with the rule of the configuration.
     """
     clause = load_clause(clause_name)
     trial = clause.trials[index]
@@ -150,10 +156,13 @@ def run_trial(
     scene = build(trial.given)
     scenario = build_trial_scenario(scene, config.grade or clause.grade, name="trial")
     encounter = true_encounter(scenario, scene)
-    warn = warner or pipeline_warner(trial.rule or config.rule)
+    own = pipeline_warner(trial.rule or config.rule, config.horizon_s)
     found = []
     for seed in seeds:
-        warnings = warn(simulate_trial(scenario, encounter, seed))
+        if warner is None:
+            warnings = own(simulate_trial(scenario, encounter, seed))
+        else:
+            warnings = warner(SimulatedTrial(None, encounter))
         driven = DrivenTrial(encounter, warnings, trial.demands, policy)
         found.append(Repetition(str(seed), judge_driven_trial(trial, driven, clause_name)))
     return tuple(found)
@@ -187,11 +196,10 @@ def judge_driven_trial(trial: Trial, driven: DrivenTrial, where: str) -> Verdict
 
 def _settings(clause: Clause, config: ConformConfig) -> dict[str, str]:
     """How a clause was run, for the output."""
-    return {
-        "rule": config.rule,
-        "grade": config.grade or clause.grade,
-        "policy": config.policy or clause.policy,
-    }
+    horizon = {} if config.horizon_s is None else {"horizon": f"{config.horizon_s:g} s"}
+    settings = {"rule": config.rule, **horizon, "grade": config.grade or clause.grade}
+    policy = config.policy or clause.policy
+    return settings if policy == NO_BRAKING else {**settings, "policy": policy}
 
 
 @contextmanager

@@ -57,6 +57,15 @@ class TrialOptions:
     rule: Annotated[
         str, typer.Option("--rule", metavar="NAME", help="The warning rule that is judged, as in `cwcli warn`.")
     ] = "cwcli"
+    horizon: Annotated[
+        float | None,
+        typer.Option(
+            "--horizon",
+            metavar="SECONDS",
+            show_default="2.5",
+            help="How far the predicted paths and the rule look ahead.",
+        ),
+    ] = None
     policy: Annotated[
         str | None,
         typer.Option(
@@ -188,7 +197,7 @@ def _judge(clauses: list[str], trials: TrialOptions, recorded: LogOptions, progr
     names = list(
         dict.fromkeys(each for name in clauses for each in (clause_names() if name == ALL_CLAUSES else (name,)))
     )
-    config = ConformConfig(trials.seeds, trials.jobs, trials.rule, trials.policy, trials.grade)
+    config = ConformConfig(trials.seeds, trials.jobs, trials.rule, trials.horizon, trials.policy, trials.grade)
     if recorded.log is None:
         for option, value in (
             ("--system", recorded.system),

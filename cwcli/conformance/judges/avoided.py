@@ -19,8 +19,10 @@ from cwcli.control.driver_models import R157_DRIVER, CasePoses, EgoCases, simula
 from cwcli.errors import UsageError
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
-SEARCH_STEP_S = 0.02
-"""Time step of the search for the latest warning, s. Chosen by hand."""
+SEARCHED_S = 8.0
+"""Time before the contact from which on the latest warning is sought, s. Chosen by hand: no car needs longer."""
+COARSE_STEP_S, SEARCH_STEP_S = 0.4, 0.02
+"""Time steps of the search for the latest warning, s: a coarse one, and a fine one within it. Chosen by hand."""
 KMH_PER_MPS = 3.6
 DRIVER_STEP_S = 0.1
 """Time step of the regulation's driver, s; that of its criterion."""
@@ -28,11 +30,17 @@ DRIVER_STEP_S = 0.1
 
 def warning_window(encounter: Encounter, demands: dict[str, float], policy: str = "full") -> WarningWindow:
     """The window that ends with the latest warning after which the policy limits the impact."""
-    times_s = np.arange(max(encounter.event_s, encounter.contact_s - 8.0), encounter.contact_s, SEARCH_STEP_S)
-    impacts = drive_with_policies(encounter, policy, times_s)
-    enough = np.flatnonzero(impacts > demands["impact_speed"] + 1e-9)
-    last = int(enough[0]) - 1 if len(enough) else len(times_s) - 1
-    return WarningWindow(-math.inf, float(times_s[last]) if last >= 0 else math.nan)
+    begin_s, end_s = max(encounter.event_s, encounter.contact_s - SEARCHED_S), encounter.contact_s
+    latest_s = math.nan
+    for step_s in (COARSE_STEP_S, SEARCH_STEP_S):  # a later warning never lessens the impact
+        times_s = np.arange(begin_s, end_s, step_s)
+        too_late = np.flatnonzero(drive_with_policies(encounter, policy, times_s) > demands["impact_speed"] + 1e-9)
+        last = int(too_late[0]) - 1 if len(too_late) else len(times_s) - 1
+        if last < 0:
+            return WarningWindow(-math.inf, math.nan)
+        latest_s = float(times_s[last])
+        begin_s, end_s = latest_s, min(latest_s + step_s, encounter.contact_s)
+    return WarningWindow(-math.inf, latest_s)
 
 
 def r157_driver_avoids(encounter: Encounter) -> bool:

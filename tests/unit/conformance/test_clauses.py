@@ -24,6 +24,51 @@ SOURCE_NUMBERS: dict[str, dict[str, tuple[tuple[float, ...], str]]] = {
         "ttc-decelerating": ((2.4,), "s"),
         "ttc-slower": ((2.0,), "s"),
     },
+    "un-r152": {  # M1, maximum mass; pedestrians below
+        "speeds": ((10, 20, 30, 40, 42, 45, 50, 55, 60), "km/h"),
+        "impact-speeds": ((0, 0, 0, 0, 10, 15, 25, 30, 35), "km/h"),
+        "pedestrian-speeds": ((20, 30, 35, 40, 45, 50, 55, 60), "km/h"),
+        "pedestrian-impact-speeds": ((0, 0, 20, 25, 30, 35, 40, 45), "km/h"),
+        "lead-time": ((0.8,), "s"),
+        "braking": ((5.0,), "m/s^2"),
+        "false-speed": ((50,), "km/h"),
+    },
+    "un-r131": {  # above 8 t
+        "speeds": ((40, 50, 60, 70, 80, 90, 100), "km/h"),
+        "impact-speeds": ((0, 0, 0, 0, 28, 42, 54), "km/h"),
+        "lead-time": ((0.8,), "s"),
+        "braking": ((4.0,), "m/s^2"),
+        "false-speed": ((50,), "km/h"),
+    },
+    "iso-15623": {
+        "reaction-time": ((0.8,), "s"),
+        "required-deceleration": ((0.68,), "g"),
+        "longest-ttc": ((4.0,), "s"),
+    },
+    "iso-17361": {},  # nothing in it is checked
+    "un-r130": {
+        "speed": ((65,), "km/h"),
+        "rates": ((0.1, -0.1, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8), "m/s"),
+        "latest-outside": ((0.3,), "m"),
+    },
+    "un-r157-cut-in": {},  # the criterion itself is in `control.driver_models`
+    "fmvss-127": {},
+    "euro-ncap-c2c": {
+        "standing-speeds": ((10, 15, 20, 25, 30, 35, 40, 45, 50), "km/h"),
+        "moving-speeds": ((30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80), "km/h"),
+        "slower-speed": ((20,), "km/h"),
+        "braking-speed": ((50,), "km/h"),
+        "braking-gaps": ((12, 40), "m"),
+        "braking-decelerations": ((2, 6), "m/s^2"),
+    },
+    "euro-ncap-crossing": {
+        "turning-speeds": ((10, 15, 20), "km/h"),
+        "oncoming-speeds": ((30, 45, 60), "km/h"),
+        "straight-speeds": ((20, 40, 60), "km/h"),
+        "crossing-speeds": ((20, 40, 60), "km/h"),
+    },
+    "etsi-101-539": {"longest-ttc": ((5,), "s"), "shortest-ttc": ((3,), "s")},
+    "j2945-1": {},
 }
 """Clause -> number -> values and unit, copied from the sources by hand, apart from the files."""
 
@@ -51,6 +96,13 @@ def test_what_is_not_checked_says_so_and_every_number_is_used(name: str) -> None
     used = {number for group in groups for number in group.values()}
     assert used == set(document(name)["numbers"])
     assert all(number.source for number in clause.numbers.values())
+
+
+def test_the_trial_of_a_cut_in_has_the_criterion_s_time() -> None:
+    """UN R157, 5.2.5.2: v_rel / (2 * 6 m/s^2) + 0.35 s, and the 0.6 s that the clause's reading adds."""
+    for trial in load_clause("un-r157-cut-in").trials:
+        closing_mps = trial.given["host_speed"] - trial.given["other_speed"]
+        assert trial.given["ttc_at_cut_in"] == pytest.approx(closing_mps / 12.0 + 0.35 + 0.6, abs=0.006)
 
 
 def test_five_of_seven_is_a_share_of_other_numbers_of_seeds() -> None:
