@@ -127,7 +127,7 @@ class ClauseResult:
         """The result as a document of plain values; what is not finite is None."""
         clause = self.clause
         return {
-            "clause": clause.name,
+            "name": clause.name,
             "title": clause.title,
             "source": clause.source,
             "reading": clause.reading,
