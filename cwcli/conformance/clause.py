@@ -38,8 +38,8 @@ BASIS_WORDS = {
     "memory": "as commonly stated, not checked",
     "own": "chosen here",
 }
-"""Where a number comes from: read in its source, commonly stated but not checked there, or a choice of this project
-that the source leaves open."""
+"""Basis of a number -> its words in the output: it was read in its source, it is commonly stated but was not checked
+there, or it is a choice of this project that the source leaves open."""
 TTC_DEFINITIONS = {
     "constant velocities": "gap over closing speed",
     "constant accelerations": "time until the gap is closed at the present accelerations",

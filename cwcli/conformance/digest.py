@@ -16,7 +16,7 @@ NAME_COLUMNS = 40
 KEPT_COLUMNS = 22
 """Width of the end of a long name that is kept, characters."""
 PUBLISHED_WORDS = "numbers as published"
-"""What every output says of the clauses: their numbers are the published ones, and nothing is certified."""
+"""Words of every output about the clauses: their numbers are the published ones, and nothing is certified."""
 _ORDER = {FAILED: 0, NOT_VALID: 1, PASSED: 2, NOT_JUDGED: 3}
 """Outcome -> its place in the digest: what needs attention comes first."""
 

@@ -216,9 +216,10 @@ def continue_without_reaction(encounter: Encounter, from_s: float) -> Encounter:
     """Return the encounter with both going on from a time: the host at its speed, the other at its acceleration."""
     keep = encounter.time_s <= from_s
     last = int(np.flatnonzero(keep)[-1])
-    ahead_s = np.arange(1, int(CONTINUED_S / CONTINUED_STEP_S) + 1) * CONTINUED_STEP_S
-    host = _carry_on(encounter.host[last], ahead_s, 0.0)
-    other = _carry_on(encounter.other[last], ahead_s, min(float(encounter.other[last, ACCEL]), 0.0))
+    n = int(CONTINUED_S / CONTINUED_STEP_S)
+    ahead_s: FloatArray = np.arange(1, n + 1, dtype=np.float64) * CONTINUED_STEP_S
+    host = _carry_on(np.asarray(encounter.host[last]), ahead_s, 0.0)
+    other = _carry_on(np.asarray(encounter.other[last]), ahead_s, min(float(encounter.other[last, ACCEL]), 0.0))
     return Encounter(
         np.concatenate([encounter.time_s[: last + 1], encounter.time_s[last] + ahead_s]),
         np.concatenate([encounter.host[: last + 1], host]),

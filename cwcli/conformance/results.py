@@ -33,7 +33,7 @@ class Repetition:
         """`pass`, `fail` or `not valid`."""
         if self.verdict is None or self.breaches:
             return NOT_VALID
-        return PASSED if self.verdict.passed else FAILED
+        return PASSED if self.verdict.is_pass else FAILED
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def _badness(repetition: Repetition) -> tuple[bool, float]:
     """Key of a repetition: failed ones first, then by the margin."""
     assert repetition.verdict is not None
     margin = repetition.verdict.margin
-    return repetition.verdict.passed, math.inf if math.isnan(margin) else margin
+    return repetition.verdict.is_pass, math.inf if math.isnan(margin) else margin
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class ClauseResult:
         """The result as a document of plain values; what is not finite is None."""
         clause = self.clause
         return {
-            "clause": clause.name,
+            "name": clause.name,
             "title": clause.title,
             "source": clause.source,
             "reading": clause.reading,

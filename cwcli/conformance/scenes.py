@@ -204,7 +204,8 @@ def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
         "lateral": lane_change_segments(other, -LANE_WIDTH_M, start_s, duration_s),
     }
     end_s = max(middle_s + ttc_s, start_s + duration_s + YAW_RAMP_S) + AFTER_CONTACT_S
-    return BuiltScene(_document(end_s, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: cutter}), start_s)
+    vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host}, OTHER_NAME: cutter}
+    return BuiltScene(_document(end_s, **vehicles), start_s)
 
 
 def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
@@ -224,7 +225,8 @@ def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
     }
     standing = {"speed_mps": 0, "x_m": _centre_distance_m(speed * (STEADY_S + reveal_s))}
     end_s = STEADY_S + max(reveal_s, duration_s + YAW_RAMP_S) + AFTER_CONTACT_S
-    return BuiltScene(_document(end_s, **{HOST_NAME: {"speed_mps": speed}, "lead": lead, OTHER_NAME: standing}), 0.0)
+    vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": speed}, "lead": lead, OTHER_NAME: standing}
+    return BuiltScene(_document(end_s, **vehicles), 0.0)
 
 
 def build_crossing(given: Mapping[str, float]) -> BuiltScene:

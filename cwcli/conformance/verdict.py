@@ -98,7 +98,7 @@ class Verdict:
     has_failed: bool = False
 
     @property
-    def passed(self) -> bool:
+    def is_pass(self) -> bool:
         """Whether the repetition passes."""
         return not self.has_failed and not self.margin < -MARGIN_TOLERANCE
 

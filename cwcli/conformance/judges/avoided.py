@@ -15,8 +15,9 @@ import numpy as np
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.policies import NO_BRAKING, drive_with_policies, drive_with_policy
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
-from cwcli.control.driver_models import R157_DRIVER, CasePoses, EgoCases, simulate_driver_cases
+from cwcli.control.driver_models import R157_DRIVER, BoolArray, CasePoses, EgoCases, simulate_driver_cases
 from cwcli.errors import UsageError
+from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
 SEARCHED_S = 8.0
@@ -50,15 +51,15 @@ def r157_driver_avoids(encounter: Encounter) -> bool:
     start, heading = encounter.host[0], float(encounter.host[0, HEADING])
     sizes = encounter.host_size, encounter.other_size
 
-    def other_at(step: int) -> tuple[CasePoses, np.ndarray[tuple[int, ...], np.dtype[np.bool_]], tuple[float, float]]:
+    def other_at(step: int) -> tuple[CasePoses, BoolArray, tuple[float, float]]:
         state = encounter.other[rows[step]]
-        columns = (np.array([state[k]]) for k in (X, Y, HEADING, SPEED))
-        return CasePoses(*columns, across_mps=np.zeros(1)), np.ones(1, np.bool_), sizes[1]
+        x_m, y_m, turned, speed = (np.array([state[k]]) for k in (X, Y, HEADING, SPEED))
+        return CasePoses(x_m, y_m, turned, speed, np.zeros(1)), np.ones(1, np.bool_), sizes[1]
 
-    def pose_at(way: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[np.ndarray, ...]:  # type: ignore[type-arg]
+    def pose_at(way: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         return start[X] + way * math.cos(heading), start[Y] + way * math.sin(heading), np.full(len(way), heading)
 
-    ego = EgoCases(np.array([start[SPEED]]), pose_at, sizes[0])  # type: ignore[arg-type]
+    ego = EgoCases(np.array([start[SPEED]]), pose_at, sizes[0])
     outcome = simulate_driver_cases(R157_DRIVER, ego, other_at, n_steps=n, step_s=DRIVER_STEP_S)
     return not bool(outcome.crashed[0])
 
