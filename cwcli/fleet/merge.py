@@ -195,7 +195,7 @@ def _merge_log(source: LogFolder, target: LogFolder, entry: Document) -> bool:
     """Bring one log's files into the merged folder, its entry last; return whether it was not there yet."""
     if target.read_entry() == entry and (entry["status"] == "failed" or target.is_done(entry, str(entry.get("key")))):
         return False
-    target.remove_all_files()
+    target.remove_outputs_of_log()
     for name in entry.get("outputs", []):
         _link_or_copy(source.out / name, target.out / name)
     make_folder(target.annotated_log_path.parent, parents=True)
