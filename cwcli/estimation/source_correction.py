@@ -11,7 +11,7 @@ from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.imu_hypotheses import find_imu_hypothesis
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
-from cwcli.estimation.odd_sensors import find_tilt_and_evidence
+from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison
@@ -163,7 +163,7 @@ def gain_and_attempt_of_imu_correction(
     if not found.is_forward_clear or any(
         c.judgement is Judgement.CONTRADICT and c.involves(accel) for c in comparisons
     ):
-        if not found.changes_yaw_rate:
+        if not found.changes_yaw_rate and not find_impossible_imu_values(imu.values):
             return None
         unused = (accel,)
         correction = replace(

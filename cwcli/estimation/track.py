@@ -24,6 +24,7 @@ from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_delays
+from cwcli.estimation.fix_scatter import scatter_about_neighbours_m
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
@@ -60,6 +61,7 @@ from cwcli.estimation.source_judgement import (
     correct_and_list_what_user_says,
     judge_sources,
 )
+from cwcli.estimation.standstill_error import covariance_from_standstill_errors, find_standstill_errors
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
     move_infinite_start_behind_rows,
@@ -264,10 +266,15 @@ def _filter_and_smooth(
     state, covariance = move_states_and_covariances_to_antenna(tuned.series, result.state, result.covariance)
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
+    covariance = covariance + covariance_from_delays(state, tuned.delay_sigmas)
+    if not config.blind and not (config.causal and config.calibration is not None):
+        without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
+        errors = find_standstill_errors(without_model, output_s, state, covariance)
+        covariance = covariance + covariance_from_standstill_errors(state, errors)
     return Track(
         output_stamp_ns,
         state,
-        covariance + covariance_from_delays(state, tuned.delay_sigmas),
+        covariance,
         flags,
         reports,
         result.log_likelihood,
@@ -392,6 +399,7 @@ def _build_source_report(
         nis_bounds=bounds,
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
+        scatter_m=scatter_about_neighbours_m(s) if s.kind is Kind.POSITION else float("nan"),
         noise_origin=s.noise_origin,
         noise_scale=_noise_variance_ratio(prepared_series.series, s),
         stamp_error=s.stamp_error,

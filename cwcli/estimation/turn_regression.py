@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
-from cwcli.estimation.step_motion import MEDIAN_ABSOLUTE_TO_SIGMA, StepMotion
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
+from cwcli.estimation.step_motion import StepMotion
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
