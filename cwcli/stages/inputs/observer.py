@@ -93,7 +93,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     with np.errstate(invalid="ignore"):
         is_beyond = np.abs(values) > PREVIEW_VALUE_LIMITS
         sigma = np.where((sigma > 0.0) & (sigma <= MAX_PREVIEW_SIGMA), sigma, np.nan)  # the observer then takes its own
-    is_held = lanes.state[rows] == LaneState.HELD  # what no frame shows is no measurement
+    is_held = np.isin(lanes.state[rows], (LaneState.HELD, LaneState.CARRIED))  # what no frame shows is no measurement
     values = np.where(is_beyond | is_held[:, None], np.nan, values)
     lines = np.where(is_held[:, None, None], np.nan, lanes.curved_road_lines()[rows])
     is_empty = ~np.isfinite(values).any(axis=1) & ~is_held
