@@ -13,7 +13,7 @@ from cwcli import __version__
 from cwcli.fleet.input_states import FileState
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.read.source import MAX_PIPE_BYTES
+from cwcli.logs.read.read_bounds import MAX_PIPE_BYTES
 from cwcli.pipeline.call import StageCall
 
 

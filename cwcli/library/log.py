@@ -11,7 +11,8 @@ from cwcli.errors import UsageError
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read import reader
-from cwcli.logs.read.source import MAX_PIPE_BYTES, Source
+from cwcli.logs.read.read_bounds import MAX_PIPE_BYTES
+from cwcli.logs.read.source import Source
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -36,7 +36,8 @@ from cwcli.logs.format.records import (
 )
 from cwcli.logs.read.channels import ChannelInfo, channel_infos_from_index
 from cwcli.logs.read.column_cache import ColumnCache
-from cwcli.logs.read.source import MAX_PIPE_BYTES, Source, open_source
+from cwcli.logs.read.read_bounds import MAX_PIPE_BYTES, ReadBounds
+from cwcli.logs.read.source import Source, open_source
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -156,7 +157,8 @@ class Log:
         """
         if not max_ratio >= 0.0:
             raise ValueError(f"max_ratio is {max_ratio}: it is a number of times, at least 0")
-        file = source if isinstance(source, InputFile) else open_source(source, max_pipe_bytes=max_pipe_bytes)
+        bounds = ReadBounds(max_chunk_bytes, max_pipe_bytes, max_ratio, recover)
+        file = source if isinstance(source, InputFile) else open_source(source, bounds=bounds)
         file.max_chunk_bytes, file.max_ratio = max_chunk_bytes, max_ratio
         try:
             faults = Faults()
