@@ -194,10 +194,10 @@ def bug_to_entry(error: Exception, path: str = "") -> dict[str, Any]:
 @contextmanager
 def _open_log_file(task: LogTask, plan: FleetPlan) -> Iterator[InputFile]:
     """Open a log, or a local copy of a remote one."""
-    bounds = ReadBounds(plan.max_chunk_bytes, plan.max_pipe_bytes, plan.max_ratio, plan.recover)
+    bounds = ReadBounds(plan.max_chunk_bytes, plan.max_pipe_bytes, plan.max_ratio, plan.recover, plan.timeout_s)
     with ExitStack() as stack:
         path = task.path
         if is_remote_url(path) and not path.endswith("/"):  # of a folder, each part is copied where it is opened
-            copy = temporary_local_copy(path, Path(task.out) / SCRATCH_FOLDER, bounds.max_input_bytes)
+            copy = temporary_local_copy(path, Path(task.out) / SCRATCH_FOLDER, bounds)
             path = str(stack.enter_context(copy))
         yield stack.enter_context(open_source(path, task.source, pipes=False, bounds=bounds))

@@ -15,7 +15,7 @@ from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.input import InputFile
 from cwcli.logs.format.faults import not_mcap_error
 from cwcli.logs.format.records import MCAP_MAGIC
-from cwcli.logs.read.converted import convert_if_needed
+from cwcli.logs.read.converted import ROS1_BAG_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC, convert_if_needed
 from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, DEFAULT_READ_BOUNDS, ReadBounds
 from cwcli.logs.read.remote import FILE_SCHEME, file_names_below_url, is_remote_url, iter_remote_blocks
 from cwcli.url import name_url
@@ -29,6 +29,9 @@ STDIN_NAME = "<stdin>"
 """The name of standard input in messages."""
 COPY_BLOCK_BYTES = 1 << 20
 """Bytes that are copied at a time. Chosen by hand."""
+
+LOG_MAGICS = (MCAP_MAGIC, ROS1_BAG_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC)
+"""The first bytes of the files that are read as logs."""
 
 Source = str | Path | Sequence[str]
 """The name of a log, or the names of its parts."""
@@ -101,8 +104,17 @@ def _copy_remote_log(url: str, name: str, opener: Opener, bounds: ReadBounds) ->
         from cwcli.logs.read.recording import open_recording_folder
 
         return open_recording_folder(url, name, opener, as_one=False)
-    blocks = iter_within_size_limit(bounds.max_input_bytes, iter_remote_blocks(url), name)
-    return convert_if_needed(spool_to_temporary_file(blocks, name), bounds)
+    return convert_if_needed(spool_to_temporary_file(iter_remote_log(url, bounds, name), name), bounds)
+
+
+def iter_remote_log(url: str, bounds: ReadBounds, name: str) -> Iterator[bytes]:
+    """Yield the bytes of a remote log.
+
+    Raises:
+        InputError: It can't be read, stalls, does not begin as a log, or has more bytes than the bounds allow.
+    """
+    blocks = _check_first_bytes(iter_remote_blocks(url, bounds), LOG_MAGICS, name)
+    return iter_within_size_limit(bounds.max_input_bytes, blocks, name)
 
 
 def _open_standard_input(max_bytes: int) -> InputFile:
@@ -128,23 +140,25 @@ def _spool_pipe(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
     """Copy a pipe into a temporary file, after a check that it begins as a log."""
     return spool_to_temporary_file(
         iter_within_size_limit(
-            max_bytes, _check_begins_as_mcap(iter(lambda: _read_pipe_block(pipe, name), b""), name), name
+            max_bytes, _check_first_bytes(iter(lambda: _read_pipe_block(pipe, name), b""), (MCAP_MAGIC,), name), name
         ),
         name,
     )
 
 
-def _check_begins_as_mcap(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
+def _check_first_bytes(pieces: Iterator[bytes], magics: tuple[bytes, ...], name: str) -> Iterator[bytes]:
     """Yield the pieces.
 
     Raises:
-        InputError: The first one does not begin as an MCAP file.
+        InputError: They do not begin with one of these.
     """
-    is_first = True
+    head = b""
+    n_needed = max(map(len, magics))
     for piece in pieces:
-        if is_first and not piece.startswith(MCAP_MAGIC[: len(piece)]):
-            raise not_mcap_error(name, piece[:16])
-        is_first = False
+        if len(head) < n_needed:
+            head += piece[: n_needed - len(head)]
+            if not any(head[: len(each)] == each[: len(head)] for each in magics):
+                raise not_mcap_error(name, head)
         yield piece
 
 
