@@ -60,14 +60,22 @@ def convert_bag(
     output = OutputStream(target.fileno(), file.name)
     writer = Writer(cast("IO[bytes]", output), compression=CompressionType.LZ4)
     writer.start("ros2", "cwcli")
-    if journals is None:
-        bag = _iter_ros1_content(file, source, bounds)
-    else:
-        bag = _iter_ros2_content(file, journals, source, bounds)
-    with closing(bag) as content:
-        _write_content(writer, _iter_with_read_errors(content, file.name, "cwcli" if journals is None else "SQLite"))
+    with closing(iter_recording_content(file, source, journals, bounds)) as content:
+        _write_content(writer, content)
     writer.finish()  # type: ignore[no-untyped-call]
     output.flush()
+
+
+def iter_recording_content(
+    file: InputFile, source: SourceFormat, journals: Sequence[InputFile] | None, bounds: ReadBounds
+) -> Generator[Content, None, None]:
+    """Yield the schemas, channels and messages of a bag or a database; arguments and errors as of `convert_bag`."""
+    if journals is None:
+        reader, bag = "cwcli", _iter_ros1_content(file, source, bounds)
+    else:
+        reader, bag = "SQLite", _iter_ros2_content(file, journals, source, bounds)
+    with closing(bag) as content:
+        yield from _iter_with_read_errors(content, file.name, reader)
 
 
 def _iter_with_read_errors(content: Iterator[Content], name: str, reader: str) -> Iterator[Content]:

@@ -36,7 +36,7 @@ MAX_ANSWER_BYTES = 16_000_000
 MAX_NOTES = 100_000
 """The greatest number of notes on a file. Chosen by hand."""
 ROOM_HINT = "point TMPDIR to a folder with more room"
-"""What to do where a temporary file can't be written."""
+"""The advice to a user whose temporary file can't be written."""
 
 
 def convert_in_process(
