@@ -9,13 +9,15 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
+import signal
 import sys
 import tempfile
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from cwcli.errors import CwcliError, InputError, OutputError, UsageError
+from cwcli.errors import EXIT_TERMINATED, CwcliError, InputError, OutputError, UsageError
 from cwcli.input import InputFile
 from cwcli.logs.read.bags import convert_bag
 from cwcli.logs.read.read_bounds import ReadBounds
@@ -23,8 +25,8 @@ from cwcli.logs.read.source_format import SourceFormat
 
 CLONE_NEWNET, CLONE_NEWUSER = 0x40000000, 0x10000000
 """Flags of `unshare(2)` for a network and for users of the process's own."""
-PR_SET_PDEATHSIG, SIGKILL = 1, 9
-"""The request of `prctl(2)` for a signal when the parent ends, and the signal that nothing can ignore."""
+PR_SET_PDEATHSIG = 1
+"""The request of `prctl(2)` for a signal when the parent ends."""
 ERROR_KINDS: dict[str, type[CwcliError]] = {"input": InputError, "usage": UsageError}
 """Name of an error in the answer -> its class."""
 
@@ -32,8 +34,8 @@ ERROR_KINDS: dict[str, type[CwcliError]] = {"input": InputError, "usage": UsageE
 def serve_request() -> None:
     """Read the request from standard input, convert the file, and write the answer to standard output."""
     request = json.load(sys.stdin)
+    _end_with_parent(request["folder"], request["parent"])
     _leave_network()
-    _end_with_parent()
     _limit_resources(request["limits"])
     source = SourceFormat(request["format"])
     answer: dict[str, Any] = {}
@@ -60,8 +62,9 @@ def _system_error(error: OSError, request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _convert(request: dict[str, Any], source: SourceFormat) -> None:
-    if request["tmpdir"]:
-        tempfile.tempdir = request["tmpdir"]
+    if request["folder"] is not None:
+        Path(request["folder"]).mkdir(mode=0o700)
+        tempfile.tempdir = request["folder"]
     file = InputFile(request["file"], request["name"])
     journals = None
     if request["journals"] is not None:
@@ -102,9 +105,19 @@ def _leave_network() -> None:
     _call_system("unshare", flags)
 
 
-def _end_with_parent() -> None:
-    """Have the system end this process when its parent ends."""
-    _call_system("prctl", PR_SET_PDEATHSIG, SIGKILL)
+def _end_with_parent(folder: str | None, parent: int) -> None:
+    """Have the system end this process when its parent ends; a private folder is removed then."""
+
+    def leave(number: int, frame: object) -> None:
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+        os._exit(EXIT_TERMINATED)
+
+    signal.signal(signal.SIGTERM, leave)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's matter
+    _call_system("prctl", PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # it has ended already
+        os._exit(EXIT_TERMINATED)
 
 
 def _call_system(name: str, *arguments: int) -> None:

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import fields
+from pathlib import Path
 from typing import IO, Any
 
 from cwcli.errors import InputError, OutputError, UsageError
@@ -68,18 +71,28 @@ def convert_in_process(
         "file": max(bounds.max_input_bytes, sum(map(len, (file, *(journals or ()))))) + BYTES_PER_MEGABYTE,
         "files": MAX_OPEN_FILES,
     }
-    request = {
+    request: dict[str, Any] = {
         "format": source.name,
         "name": file.name,
         "file": file.descriptor,
         "journals": None if journals is None else [(each.descriptor, each.name) for each in journals],
         "target": target.fileno(),
-        "tmpdir": tempfile.gettempdir(),
+        "folder": None,
+        "parent": os.getpid(),
         "bounds": {each.name: getattr(bounds, each.name) for each in fields(bounds)},
         "limits": limits,
     }
     descriptors = [file.descriptor, target.fileno(), *(each.descriptor for each in journals or ())]
-    code, answer = _run_child(request, descriptors)
+    # SQLite opens a database by its name: one without a name, or with a journal, is copied
+    if journals is not None and (journals or type(file) is not InputFile):
+        # the process makes the folder when it has seen that it still has a parent, which removes it
+        request["folder"] = str(Path(tempfile.gettempdir()) / f"cwcli-{secrets.token_hex(8)}")
+        try:
+            code, answer = _run_child(request, descriptors)
+        finally:
+            shutil.rmtree(request["folder"], ignore_errors=True)
+    else:
+        code, answer = _run_child(request, descriptors)
     error = _error_of_child(code, answer, file.name, limits, bounds)
     if error is not None:
         raise error

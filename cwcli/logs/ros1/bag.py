@@ -25,6 +25,7 @@ from cwcli.logs.ros1.definitions import (
 )
 from cwcli.logs.ros1.records import (
     LENGTH,
+    TIME,
     BagError,
     EndOfRecordsError,
     Header,
@@ -55,6 +56,8 @@ OP_DEFINITION, OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP
 """The kinds of records; a definition occurs in version 1.2 alone."""
 MAX_CHANNELS = 0xFFFF
 """The greatest number of channels: MCAP has 16 bits for their ids, from 1 on (MCAP specification)."""
+INDEX_ENTRY_BYTES = 12
+"""The size of an entry of a chunk's index: the time and the offset of a message."""
 ANY_CHECKSUM = "*"
 """The checksum of a connection that takes every type."""
 MAX_TYPE_NAME_CHARS = 512
@@ -106,6 +109,8 @@ class BagReader:
         self._n_left = bounds.max_unpacked_bytes(len(file))
         self._indexed_counts: Counter[int] = Counter()
         self._read_counts: Counter[object] = Counter()
+        # sums over connection and time of each message, which do not depend on the order
+        self._read_sum = self._index_sum = self._n_index_entries = 0
 
     def iter_content(self) -> Generator[Content, None, None]:
         """Yield schemas, channels and messages, in the order of the file.
@@ -135,7 +140,9 @@ class BagReader:
                 elif head.op == OP_FILE_HEADER:
                     if not self._is_finished(head.header):
                         self._note_cut()
-                elif head.op != OP_INDEX:
+                elif head.op == OP_INDEX:
+                    self._add_index(head, at)
+                else:
                     yield from self._iter_record(head, PieceSource(iter_file_pieces(self._file, at, at + head.n_bytes)))
                 at += head.n_bytes
                 if at > len(self._file):
@@ -279,6 +286,7 @@ class BagReader:
             log_time_ns = time_ns(head.header.get(b"sec", b"") + head.header.get(b"nsec", b""))
         connection = self._connections.get(key)
         self._read_counts[key] += 1
+        self._read_sum += hash((key, log_time_ns))
         if connection is None:
             self._count("messages of connections that are not described")
             return
@@ -296,8 +304,21 @@ class BagReader:
                 data[at + 4 : at + 8], "little"
             )
 
+    def _add_index(self, head: RecordHead, at: int) -> None:
+        """Add the index of one connection's messages in a chunk, whose data are at a place of the file."""
+        key = head.header.get(b"conn", b"")
+        if len(key) == LENGTH.size:  # version 1.2 has another one
+            source = PieceSource(iter_file_pieces(self._file, at, at + head.n_bytes))
+            for _ in range(head.n_bytes // INDEX_ENTRY_BYTES):
+                time = source.take(INDEX_ENTRY_BYTES)[: TIME.size]
+                self._index_sum += hash((int.from_bytes(key, "little"), time_ns(time)))
+                self._n_index_entries += 1
+
     def _compare_with_index(self) -> None:
         """Count the messages by which the index and what was read differ."""
+        n_read = sum(self._read_counts.values())
+        if self._n_index_entries and (self._n_index_entries != n_read or self._index_sum != self._read_sum):
+            self._count(f"indexes of chunks that differ from the {n_read:,} messages")
         if self._indexed_counts:
             n_missing = sum((self._indexed_counts - Counter(self._read_counts)).values())
             n_more = sum((Counter(self._read_counts) - self._indexed_counts).values())
