@@ -109,6 +109,7 @@ class BagReader:
         self._n_left = bounds.max_unpacked_bytes(len(file))
         self._indexed_counts: Counter[int] = Counter()
         self._read_counts: Counter[object] = Counter()
+        self._is_in_chunk = False
         # sums over connection and time of each message, which do not depend on the order
         self._read_sum = self._index_sum = self._n_index_entries = 0
 
@@ -203,11 +204,14 @@ class BagReader:
             return
         source = PieceSource(iter_unpacked_pieces(self._file, at, head.n_bytes, compression, size))
         try:
+            self._is_in_chunk = True
             while not source.is_at_end():
                 yield from self._iter_record(take_record_head(source), source)
         except BagError as error:
             if at + head.n_bytes <= len(self._file):  # else the file was cut, which is noted once
                 self._note_damage(LOST_CHUNKS, f"{error} (at byte {at})")
+        finally:
+            self._is_in_chunk = False
 
     def _iter_record(self, head: RecordHead, source: PieceSource) -> Iterator[Content]:
         """Yield the content of one record, and take its data from the source."""
@@ -255,6 +259,8 @@ class BagReader:
             return
         if len(self._connections) == MAX_CHANNELS:
             raise InputError(f"it has more topics than the {MAX_CHANNELS} of a log", where=self._file.name)
+        if self._source.n_chunks and not self._is_in_chunk:
+            self._count(f"connections that the index describes and no chunk ({shown})")
         if (name, text) not in self._types:
             yield from self._iter_type(name, text, identity[1])
         found = self._types[name, text]
