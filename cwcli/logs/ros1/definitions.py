@@ -168,7 +168,7 @@ def _array_suffix(field: MessageField) -> str:
 
 def ros2_definition_text(definition: Ros1Definition) -> str:
     """Return the definition in the language of ROS 2 (`ros2msg`), with ROS 2's header."""
-    parts = []
+    parts: list[str] = []
     drops_sequence = has_ros1_header(definition)
     for name in message_names(definition):
         lines = [f"{each.type} {each.name}={each.value}" for each in definition.constants.get(name, ())]
