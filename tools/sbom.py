@@ -17,8 +17,6 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
-from packaging.requirements import Requirement
-
 ROOT = Path(__file__).resolve().parents[1]
 SHIPPED_EXTRAS = ("plots", "report", "bags", "can", "import", "ray", "view", "remote")
 """Extras for users; the others are for development."""
@@ -31,11 +29,9 @@ def normalised(name: str) -> str:
 
 
 def names_needed(requirements: Iterable[str]) -> list[str]:
-    """The packages that requirements name and that are needed here."""
-    parsed = map(Requirement, requirements)
-    return sorted(
-        {normalised(each.name) for each in parsed if each.marker is None or each.marker.evaluate({"extra": ""})}
-    )
+    """The packages that requirements name, but for those of extras; which are needed here, shows what is installed."""
+    named = (each for each in requirements if "extra" not in each.partition(";")[2])
+    return sorted({normalised(re.split(r"[^A-Za-z0-9._-]", each.strip(), maxsplit=1)[0]) for each in named})
 
 
 def needs_below(first: Sequence[str]) -> tuple[dict[str, Distribution], dict[str, list[str]]]:
