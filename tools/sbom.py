@@ -61,16 +61,17 @@ def component(name: str, package: Distribution) -> dict[str, Any]:
         "version": package.version,
         "purl": f"pkg:pypi/{name}@{package.version}",
     }
-    words = package.metadata.get("License-Expression") or next(
+    fields: Any = package.metadata  # a message of the standard library, which its type does not say
+    words = fields.get("License-Expression") or next(
         (
             each.removeprefix(LICENCE_CLASSIFIER)
-            for each in package.metadata.get_all("Classifier") or ()
+            for each in fields.get_all("Classifier") or ()
             if each.startswith(LICENCE_CLASSIFIER)
         ),
         "",
     )
     if words:
-        is_expression = "License-Expression" in package.metadata
+        is_expression = "License-Expression" in fields
         described["licenses"] = [{"expression": words}] if is_expression else [{"license": {"name": words}}]
     return described
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from cwcli.errors import InputError
@@ -102,6 +103,6 @@ class _BoundedTree:
 
 
 def _events(parser: ElementTree.XMLPullParser[ElementTree.Element]) -> Iterator[Event]:
-    for event, element in parser.read_events():
-        if isinstance(element, ElementTree.Element):
-            yield str(event), element
+    found: Any
+    for found in parser.read_events():
+        yield found[0], found[1]

@@ -20,7 +20,7 @@ from urllib.parse import unquote, urljoin, urlsplit, urlunsplit
 
 from cwcli.errors import InputError
 from cwcli.logs.read.read_bounds import ReadBounds
-from cwcli.url import name_url, redact_url
+from cwcli.url import display_name_of_url, redact_url
 
 BLOCK_BYTES = 1 << 18
 """Bytes that are read at a time, at most. Chosen by hand."""
@@ -57,7 +57,7 @@ def iter_http_blocks(url: str, bounds: ReadBounds) -> Iterator[bytes]:
             yield from _iter_resumed(url, response, bounds)
         else:
             what = f"the server sends it in the encoding {encoding[:40]!r}, which is not read"
-            raise InputError(what, where=name_url(url), hint="copy the log to this machine")
+            raise InputError(what, where=display_name_of_url(url), hint="copy the log to this machine")
 
 
 def _iter_resumed(url: str, response: Any, bounds: ReadBounds) -> Iterator[bytes]:
@@ -87,7 +87,7 @@ def _iter_resumed(url: str, response: Any, bounds: ReadBounds) -> Iterator[bytes
             response.close()
             raise InputError(
                 "the server sends another range or another file than it was asked for",
-                where=name_url(url),
+                where=display_name_of_url(url),
                 hint="try again",
             )
 
@@ -125,12 +125,12 @@ def _iter_unpacked(blocks: Iterator[bytes], url: str, bounds: ReadBounds) -> Ite
                 n_out += len(piece)
                 if n_out > bounds.max_unpacked_bytes(n_in):
                     what = "what the server sends unpacks to too much"
-                    raise InputError(what, where=name_url(url), hint="--max-ratio and --max-input read more")
+                    raise InputError(what, where=display_name_of_url(url), hint="--max-ratio and --max-input read more")
                 if piece:
                     yield piece
         yield unpacker.flush()
     except zlib.error as error:
-        raise InputError(f"what the server sends can't be unpacked: {error}", where=name_url(url)) from error
+        raise InputError(f"what the server sends can't be unpacked: {error}", where=display_name_of_url(url)) from error
     if not unpacker.eof:
         raise http.client.IncompleteRead(b"")
 
@@ -148,7 +148,9 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         is_less_safe = urlsplit(req.full_url).scheme == "https" and target.scheme != "https"
         if target.scheme not in WEB_SCHEMES or is_less_safe:
             shown = redact_url(newurl)[:200]
-            raise InputError(f"the server redirects to {shown}, which is not followed", where=name_url(req.full_url))
+            raise InputError(
+                f"the server redirects to {shown}, which is not followed", where=display_name_of_url(req.full_url)
+            )
         following = super().redirect_request(req, fp, code, msg, headers, newurl)
         if following is not None and target.netloc != urlsplit(req.full_url).netloc:
             following.headers.pop("Authorization", None)
@@ -160,10 +162,14 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         target = urlsplit(urljoin(req.full_url, location))
         if location and target.scheme not in WEB_SCHEMES:
             shown = redact_url(location)[:200]
-            raise InputError(f"the server redirects to {shown}, which is not followed", where=name_url(req.full_url))
+            raise InputError(
+                f"the server redirects to {shown}, which is not followed", where=display_name_of_url(req.full_url)
+            )
         visited = getattr(req, "redirect_dict", {})
         if sum(visited.values()) >= MAX_REDIRECTS:
-            raise InputError(f"the server redirects more than {MAX_REDIRECTS} times", where=name_url(req.full_url))
+            raise InputError(
+                f"the server redirects more than {MAX_REDIRECTS} times", where=display_name_of_url(req.full_url)
+            )
         return super().http_error_302(req, fp, code, msg, headers)
 
     http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302

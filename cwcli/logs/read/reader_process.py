@@ -189,7 +189,9 @@ def _take_answer(answer: dict[str, Any], source: SourceFormat, name: str) -> Non
     Raises:
         InputError: It has another form.
     """
-    compressions, n_chunks, notes = (answer.get(each) for each in ("compressions", "n_chunks", "notes"))
+    compressions: Any = answer.get("compressions")
+    n_chunks: Any = answer.get("n_chunks")
+    notes: Any = answer.get("notes")
     is_usable = (
         isinstance(compressions, list)
         and all(isinstance(each, str) for each in compressions)

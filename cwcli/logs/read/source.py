@@ -18,7 +18,7 @@ from cwcli.logs.format.records import MCAP_MAGIC
 from cwcli.logs.read.converted import ROS1_BAG_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC, convert_if_needed
 from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, DEFAULT_READ_BOUNDS, ReadBounds
 from cwcli.logs.read.remote import FILE_SCHEME, file_names_below_url, is_remote_url, iter_remote_blocks
-from cwcli.url import name_url
+from cwcli.url import display_name_of_url
 
 if TYPE_CHECKING:
     from cwcli.logs.read.recording import Opener
@@ -59,7 +59,7 @@ def open_source(
         return _open_parts(source, name, opener)
     if str(source) == STDIN_ARGUMENT:
         return _open_standard_input(bounds.max_input_bytes)
-    name = name_url(str(source)) if name is None else name
+    name = display_name_of_url(str(source)) if name is None else name
     if is_remote_url(str(source)):
         return _copy_remote_log(str(source), name, opener, bounds)
     path = Path(str(source).removeprefix(FILE_SCHEME))

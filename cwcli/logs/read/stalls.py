@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 from cwcli.errors import InputError
-from cwcli.url import name_url
+from cwcli.url import display_name_of_url
 
 MIN_BYTES_PER_WAIT = 1000
 """A server that sends fewer bytes within the time counts as stalled. Chosen by hand: a modem sends that each second."""
@@ -49,7 +49,7 @@ def iter_without_stalls(blocks: Iterator[bytes], url: str, timeout_s: float) -> 
             except queue.Empty:
                 what = f"it can't be read: the server did not send {MIN_BYTES_PER_WAIT:,} bytes within {timeout_s:g} s"
                 raise InputError(
-                    what, where=name_url(url), hint="try again later, or wait longer with --timeout"
+                    what, where=display_name_of_url(url), hint="try again later, or wait longer with --timeout"
                 ) from None
             if item is None:
                 return

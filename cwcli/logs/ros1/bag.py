@@ -107,7 +107,7 @@ class BagReader:
         self._connections: dict[object, Connection] = {}
         self._types: dict[tuple[str, str], _Type] = {}
         self._n_left = bounds.max_unpacked_bytes(len(file))
-        self._indexed_counts: Counter[int] = Counter()
+        self._indexed_counts: Counter[object] = Counter()
         self._read_counts: Counter[object] = Counter()
         self._is_in_chunk = False
         # sums over connection and time of each message, which do not depend on the order
@@ -322,12 +322,12 @@ class BagReader:
 
     def _compare_with_index(self) -> None:
         """Count the messages by which the index and what was read differ."""
-        n_read = sum(self._read_counts.values())
+        n_read = self._read_counts.total()
         if self._n_index_entries and (self._n_index_entries != n_read or self._index_sum != self._read_sum):
             self._count(f"indexes of chunks that differ from the {n_read:,} messages")
         if self._indexed_counts:
-            n_missing = sum((self._indexed_counts - Counter(self._read_counts)).values())
-            n_more = sum((Counter(self._read_counts) - self._indexed_counts).values())
+            n_missing = (self._indexed_counts - self._read_counts).total()
+            n_more = (self._read_counts - self._indexed_counts).total()
             if n_missing:
                 self._count("messages that the index counts and the file does not hold", n_missing)
             if n_more:

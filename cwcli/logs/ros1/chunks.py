@@ -47,6 +47,7 @@ def iter_unpacked_pieces(file: InputFile, start: int, n_bytes: int, compression:
 
 def _iter_decompressed(stored: Iterator[bytes], compression: str) -> Iterator[bytes]:
     decompressor: Any
+    faults: tuple[type[Exception], ...]
     if compression == "bz2":
         decompressor, faults = bz2.BZ2Decompressor(), (OSError, EOFError, ValueError)
     else:
