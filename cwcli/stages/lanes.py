@@ -44,7 +44,7 @@ from cwcli.vision.ground import (
     LaneGeometry,
     boundary_end_rows_px,
     compute_lane_geometry,
-    image_curves_of_flat_road,
+    image_hyperbolas_of_flat_road,
     repeat_pinhole_per_frame,
 )
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneSearch, Method
@@ -186,7 +186,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     if not run.n_used:
         raise _no_usable_frame_error(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
     log.begin_sha256()  # for the record of the run
-    frames = run.collect_lane_frames(config, is_pitch_known=mount.is_pitch_known)
+    frames = run.build_lane_frames(config, is_pitch_known=mount.is_pitch_known)
     channels: list[OutputChannel] = [write_lanes(frames), write_lane_lines(frames)]
     if config.render is not None:
 
@@ -228,7 +228,7 @@ def _mounting_with_calibrated_pitch(
     known = (
         UNKNOWN_CONSTANT
         if config.calibration is None
-        else config.calibration.find_constant(topic, "camera", "pitch_rad")
+        else config.calibration.find_constant_or_unknown(topic, "camera", "pitch_rad")
     )
     choice = config.mounting
     if isinstance(choice, Mounting) or choice.pitch_rad is not None or not known.has_value:
@@ -380,7 +380,7 @@ class _LaneSearchRun:
         camera = self._source.camera_for_size(*image_size).with_image_size(*search_size)
         return rectified_camera(camera) if self._is_rectified else camera
 
-    def collect_lane_frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
+    def build_lane_frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
         """Return all used frames with their boundaries in the image and on the road."""
         numbers = np.array(self._numbers, np.int64).reshape(-1, NUMBERS_PER_FRAME)
         fits = self._recorder.to_columns()
@@ -395,7 +395,7 @@ class _LaneSearchRun:
             rows = np.flatnonzero((sizes == (image_w, image_h, search_w, search_h)).all(axis=1))
             camera = self._camera_of_searched_image((image_w, image_h), (search_w, search_h))
             parts.append((rows, compute_lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
-            roads[rows] = image_curves_of_flat_road(fits[rows], camera)
+            roads[rows] = image_hyperbolas_of_flat_road(fits[rows], camera)
             pinhole[rows] = repeat_pinhole_per_frame(camera, len(rows))
             is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]

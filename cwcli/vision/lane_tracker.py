@@ -222,7 +222,7 @@ class LaneTracker:
             covariance=last.covariance if left.found and right.found else None,
         )
 
-    def _recent_fit_covariance(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
+    def _fit_covariance_measured_or_reused(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
         """The covariance of a fit, measured in this frame or, for the same lane, at most 0.3 s earlier.
 
         It is measured anew for another lane: after a lane change, or when another hypothesis is published.
@@ -501,7 +501,9 @@ class LaneTracker:
             state=LaneState.FOUND if max(now) >= MIN_FOUND_PROBABILITY else LaneState.HELD,
             steady_s=self._steady_s,
             lane_change=change,
-            covariance=self._recent_fit_covariance(best.lane, frame, is_another=is_another) if all(found) else None,
+            covariance=self._fit_covariance_measured_or_reused(best.lane, frame, is_another=is_another)
+            if all(found)
+            else None,
         )
 
 
