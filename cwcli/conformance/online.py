@@ -117,7 +117,7 @@ def pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
         assert trial.drive is not None
         with open_in_memory(trial.drive) as log:
             _, result = _run_stages(log, rule, STAGE_NAMES, horizon_s)
-        events = result.evaluation_inputs.found[0].events
+        events = result.evaluation_inputs.found[0].events_table
         start_ns = trial.drive.scenario.start_ns
         rows = sorted((int(row["raised_ns"]), str(row["other_id"])) for row in events.rows_as_dicts())
         return tuple(RaisedWarning((raised - start_ns) / NS_PER_S, other) for raised, other in rows)

@@ -12,8 +12,8 @@ from cwcli.control.closed_loop import (
     PedalPolicy,
     PedalSituation,
     RecordedMotion,
-    braking_driver_pedals,
-    fuzzy_controller_pedals,
+    braking_driver_throttle_and_pressure,
+    fuzzy_controller_throttle_and_pressure,
     replay_with_policy,
 )
 from cwcli.control.controller import MAX_BRAKE_PRESSURE_MPA
@@ -31,7 +31,7 @@ REPLAY_STEP_S = 0.02
 latest warning moves by less than that."""
 
 
-def full_braking_pedals(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
+def full_braking_throttle_and_pressure(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of full braking from the warning on."""
     braking = situation.since_warning_s >= 0.0
     return np.zeros(len(braking)), np.where(braking, MAX_BRAKE_PRESSURE_MPA, 0.0)
@@ -39,9 +39,9 @@ def full_braking_pedals(situation: PedalSituation) -> tuple[FloatArray, FloatArr
 
 POLICIES: Mapping[str, PedalPolicy | None] = {
     NO_BRAKING: None,
-    "full": full_braking_pedals,
-    "driver": braking_driver_pedals,
-    "fuzzy": fuzzy_controller_pedals,
+    "full": full_braking_throttle_and_pressure,
+    "driver": braking_driver_throttle_and_pressure,
+    "fuzzy": fuzzy_controller_throttle_and_pressure,
 }
 """Policy -> its pedals. `none` does not brake; `full` brakes with 10 MPa at once; `driver` brakes hard 1.5 s after the
 warning; `fuzzy` is the controller of song2016, section 4."""

@@ -84,7 +84,7 @@ class Expectation:
     is_comparable: bool = True
 
     @property
-    def is_bounded(self) -> bool:
+    def has_bound_of_our_own(self) -> bool:
         """Whether there is a bound of our own."""
         return math.isfinite(self.at_least) or math.isfinite(self.at_most)
 
@@ -106,7 +106,7 @@ class Finding:
             row.paper_range is not None and row.is_comparable and not self._is_within_tolerance
         ):
             return BETTER if self._is_within_own_bound and self._is_better_than_paper else DIFFERS
-        if not row.is_comparable or (row.paper_range is None and not row.is_bounded):
+        if not row.is_comparable or (row.paper_range is None and not row.has_bound_of_our_own):
             return NOT_DETERMINABLE
         if row.fit_key:
             return FITTED
@@ -122,7 +122,7 @@ class Finding:
         return claim in BINDING_CLASSES and reached not in may_be
 
     @property
-    def has_unclaimed_class(self) -> bool:
+    def differs_from_claim_without_failing(self) -> bool:
         """Whether the class differs from the claimed one without being a failure."""
         return not self.has_failed and self.reached_class != self.expected.claimed_class
 
@@ -130,7 +130,7 @@ class Finding:
     def _is_within_own_bound(self) -> bool:
         """Whether the number is within our own bound; true without one."""
         row, ours = self.expected, self.measured.ours
-        if not row.is_bounded:
+        if not row.has_bound_of_our_own:
             return True
         return row.at_least - ROUNDING_TOLERANCE <= ours <= row.at_most + ROUNDING_TOLERANCE  # false for NaN
 

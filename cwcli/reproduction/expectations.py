@@ -171,8 +171,9 @@ def fault_in_claim(row: Expectation, *, has_tolerance: bool) -> str:
         and not has_number,
         "'reproduced' with fitted inputs": row.claimed_class == REPRODUCED and row.fit_key != "",
         "'fitted' needs the fit": row.claimed_class == FITTED and not row.fit_key,
-        "'fitted' needs a number or a bound": row.claimed_class == FITTED and not (has_number or row.is_bounded),
-        "'within own bound' needs a bound": row.claimed_class == WITHIN_OWN_BOUND and not row.is_bounded,
+        "'fitted' needs a number or a bound": row.claimed_class == FITTED
+        and not (has_number or row.has_bound_of_our_own),
+        "'within own bound' needs a bound": row.claimed_class == WITHIN_OWN_BOUND and not row.has_bound_of_our_own,
         "'within own bound' where the paper prints a number, or with fitted inputs": row.claimed_class
         == WITHIN_OWN_BOUND
         and (row.paper_range is not None or row.fit_key != ""),
