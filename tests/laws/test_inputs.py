@@ -134,10 +134,11 @@ def test_an_empty_channel_gives_an_empty_signal(schema, entry, encoding) -> None
         assert quality.used == 0
 
 
+@pytest.mark.parametrize("n_channels", [20, pytest.param(60, marks=pytest.mark.long)])
 @every_input
-def test_a_field_that_is_missing_or_of_another_kind_is_counted(schema, entry, encoding) -> None:
+def test_a_field_that_is_missing_or_of_another_kind_is_counted(schema, entry, encoding, n_channels: int) -> None:
     rng, leaves = np.random.default_rng(4), entry.fields[encoding]
-    for _ in range(60):
+    for _ in range(n_channels):
         n = int(rng.integers(1, 6))
         kept = [leaf for leaf in leaves if rng.random() < 0.8]
         columns = channel(schema, encoding, n, {leaf: odd_field(rng, n) for leaf in kept})

@@ -157,6 +157,7 @@ def one_after_another(parts: list[Pair], part_ns: int = 100 * N * STEP_NS) -> Pa
     return replace(parts[0], host=joined(hosts), other=joined(others))
 
 
+@pytest.mark.long
 @every_measure
 def test_each_of_360_angles_says_the_same(name: str) -> None:
     """Turned by each degree, 10^5 m away, every second one mirrored."""
