@@ -31,7 +31,7 @@ def clause_block(results: dict[str, dict[str, ClauseResult]]) -> str:
     rows = []
     for name in clause_names():
         is_of_lanes = all(trial.scene == LANE_SCENE for trial in load_clause(name).trials)
-        cells = [_cell(results[column].get(name)) for column in COLUMNS[1:]]
+        cells = [_cell(results.get(column, {}).get(name)) for column in COLUMNS[1:]]
         rows.append((name, f"{cells[0]} (lane departure)" if is_of_lanes else cells[0], *cells[1:]))
     failures = [
         (name, trial.trial.name, trial.margin_text, trial.worst.verdict.text)
@@ -80,8 +80,8 @@ def main() -> None:
         config = ConformConfig(options.seeds, options.jobs, rule, horizon_s)
         results[column] = {found.clause.name: found for found in run_clauses(names, config)}
         print(f"{column} is done", flush=True)
-    text = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(replace_marked_block(text, "clauses", clause_block(results)), encoding="utf-8")
+        text = PAGE.read_text(encoding="utf-8")
+        PAGE.write_text(replace_marked_block(text, "clauses", clause_block(results)), encoding="utf-8")
 
 
 if __name__ == "__main__":

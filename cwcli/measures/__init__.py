@@ -26,6 +26,7 @@ MEASURES: Registry[Measure] = Registry(
         "gap": "cwcli.measures.gap:MEASURE",
         "ttc": "cwcli.measures.ttc:MEASURE",
         "mttc": "cwcli.measures.mttc:MEASURE",
+        "pttc": "cwcli.measures.pttc:MEASURE",
         "ttc-star": "cwcli.measures.ttc_star:MEASURE",
         "ttce": "cwcli.measures.ttce:MEASURE",
         "dce": "cwcli.measures.dce:MEASURE",

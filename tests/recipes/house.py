@@ -122,7 +122,8 @@ class House:
 
     def touched(self) -> set[str]:
         """The source files that are new or changed; those of `schemas/` count with their channel."""
-        own = [path.relative_to(self.folder) for path in (self.folder / "cwcli").rglob("*.py")]
+        found = [path for kind in ("*.py", "*.toml") for path in (self.folder / "cwcli").rglob(kind)]
+        own = [path.relative_to(self.folder) for path in found if "sample_logs" not in path.parts]
         return {path.as_posix() for path in own if not _same(self.folder / path, ROOT / path)}
 
     def run(self, *arguments: str | Path, **variables: str) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from cwcli.conformance.clause import load_clause
 from cwcli.conformance.online import build_trial_scenario
@@ -34,6 +37,34 @@ def write_trial(path: Path, number: int, change: Mapping[str, Any] | None = None
     scenario = build_trial_scenario(BuiltScene(document, built.event_s), "fine", name="trial")
     write_simulated_log(simulate_scenario(scenario, seed), path)
     return LogTrial(str(path))
+
+
+def add_flag(path: Path, raised_s: float, until_s: float) -> Path:
+    """Write a copy of a log with the flag of another system, 20 times a second."""
+    target = path.with_name("flagged.mcap")
+    with path.open("rb") as source, target.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channels: dict[str, int] = {}
+        first_ns, rows = None, []
+        for schema, channel, message in make_reader(source).iter_messages():
+            assert schema is not None
+            first_ns = message.log_time if first_ns is None else first_ns
+            if channel.topic not in channels:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
+            rows.append((message.log_time, channels[channel.topic], message.data))
+        assert first_ns is not None
+        flag = writer.register_channel(
+            "/adas/fcw", "json", writer.register_schema("Flag", "jsonschema", b'{"type": "object"}')
+        )
+        for k in range(int(until_s * 20)):
+            data = json.dumps({"data": raised_s <= k / 20 < raised_s + 1.0}).encode()
+            rows.append((first_ns + k * 50_000_000, flag, data))
+        for log_time, channel_id, data in sorted(rows, key=lambda row: row[0]):
+            writer.add_message(channel_id, log_time, data, log_time)
+        writer.finish()
+    return target
 
 
 def outcomes(result: ClauseResult) -> dict[str, str]:
@@ -131,3 +162,21 @@ def test_a_window_that_ends_before_it_begins_is_refused(tmp_path: Path) -> None:
 def test_a_failed_recording_fails(tmp_path: Path) -> None:
     result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0), ConformConfig(jobs=1, rule="eebl"))
     assert outcomes(result) == {"lead vehicle stopped": FAILED}  # nobody brakes hard, so that rule never warns
+
+
+@pytest.mark.parametrize(("raised_s", "outcome"), [(4.5, PASSED), (5.2, FAILED)])
+def test_another_system_is_judged_by_its_flag(tmp_path: Path, raised_s: float, outcome: str) -> None:
+    """2.1 s from contact is 4.9 s after the start."""
+    place = write_trial(tmp_path / "a.mcap", 0)
+    flagged = add_flag(Path(place.name), raised_s, 8.0)
+    result = judge_log(CLAUSE, LogTrial(str(flagged), system="/adas/fcw:data==true"), CONFIG)
+    assert outcomes(result) == {"lead vehicle stopped": outcome}, breaches(result)
+    verdict = result.driven_trials[0].repetitions[0].verdict
+    assert verdict is not None
+    assert verdict.margin == pytest.approx(4.9 - raised_s, abs=0.1)
+
+
+def test_a_system_without_a_condition_is_refused(tmp_path: Path) -> None:
+    place = write_trial(tmp_path / "a.mcap", 0)
+    with pytest.raises(UsageError):
+        judge_log(CLAUSE, LogTrial(place.name, system="/adas/fcw"), CONFIG)

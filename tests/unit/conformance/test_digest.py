@@ -1,0 +1,71 @@
+"""The digest: at most 12 lines of 80 columns, failures first, whatever the number of clauses and trials."""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree as ET
+
+from cwcli.conformance.clause import clause_names, load_clause
+from cwcli.conformance.digest import MAX_COLUMNS, MAX_LINES, format_digest
+from cwcli.conformance.page import format_junit, format_markdown
+from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult, Repetition, TrialResult
+from cwcli.conformance.verdict import Verdict
+
+
+def result(name: str, margins: list[float | None], breaches: tuple[str, ...] = ()) -> ClauseResult:
+    """A clause whose trials have one repetition each with these margins; None: not driven."""
+    clause = load_clause(name)
+    repetitions = [
+        () if margin is None else (Repetition("0", Verdict(margin, "s", "warned at TTC 2.00 s"), breaches),)
+        for margin in margins
+    ]
+    trials = zip(clause.trials, repetitions, strict=False)
+    settings = {"rule": "cwcli", "grade": "nominal"}
+    return ClauseResult(clause, tuple(TrialResult(trial, each, 1) for trial, each in trials), 1, settings)
+
+
+def test_all_clauses_fit_with_the_failed_ones_first() -> None:
+    results = [result(name, [-1.0 if name == "un-r152" else 0.5]) for name in clause_names()]
+    lines = format_digest(results)
+    assert len(lines) <= MAX_LINES
+    assert max(map(len, lines)) <= MAX_COLUMNS
+    assert lines[0] == f"{len(results)} clauses: 1 fail, {len(results) - 1} pass (numbers as published)"
+    assert lines[1].split() == ["un-r152", "fail", "0", "of", "1", "-1.00", "s"]
+    assert "more clauses, 0 of which fail" in lines[-2]
+
+
+def test_a_grid_of_a_hundred_trials_fits_and_counts_what_is_left_out() -> None:
+    margins: list[float | None] = [0.1 * k - 2.0 for k in range(104)]
+    lines = format_digest([result("euro-ncap-c2c", margins)])
+    assert len(lines) <= MAX_LINES
+    assert max(map(len, lines)) <= MAX_COLUMNS
+    assert "and 97 more trials, 13 of which fail" in "".join(lines)
+    assert any(line.startswith("worst: CCRs") for line in lines)
+
+
+def test_outcomes_of_a_clause() -> None:
+    assert result("nhtsa-fcw", [0.1, 0.2, 0.3]).outcome == PASSED
+    assert result("nhtsa-fcw", [0.1, -0.2, 0.3]).outcome == FAILED
+    assert result("nhtsa-fcw", [0.0, -1e-12, None]).outcome == PASSED
+    assert result("nhtsa-fcw", [None, None, None]).outcome == NOT_JUDGED
+    broken = result("nhtsa-fcw", [0.1, None, None], ("subject speed 18.00 m/s at 3.00 s",))
+    assert broken.outcome == NOT_VALID
+    assert "not valid: subject speed 18.00 m/s at 3.00 s" in format_digest([broken])
+    assert "2 trials of the clause not in this log" in format_digest([broken])
+
+
+def test_five_of_seven_pass_and_four_fail() -> None:
+    clause = load_clause("nhtsa-fcw")
+    for n_good, outcome in ((5, PASSED), (4, FAILED)):
+        margins = [0.1] * n_good + [-0.1] * (7 - n_good)
+        repetitions = tuple(Repetition(str(k), Verdict(each, "s", "")) for k, each in enumerate(margins))
+        assert TrialResult(clause.trials[0], repetitions, clause.required_passes(7)).outcome == outcome
+
+
+def test_documents_of_machines_hold_every_trial_and_no_infinite_number() -> None:
+    results = [result("nhtsa-fcw", [-0.1, math.nan, None])]
+    suite = ET.fromstring(format_junit(results))[0]
+    assert [suite.get(key) for key in ("tests", "failures", "skipped")] == ["3", "1", "1"]
+    assert "| lead vehicle stopped | fail | 0 | 1 | -0.10 s |" in format_markdown(results)
+    trials = results[0].to_json()["trials"]
+    assert trials[1]["repetitions"][0]["margin"] is None
