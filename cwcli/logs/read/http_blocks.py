@@ -28,6 +28,8 @@ MAX_REDIRECTS = 5
 """The greatest number of redirects that are followed. Chosen by hand: stores need one or two."""
 MAX_RESUMPTIONS = 3
 """How often a body that breaks off is asked for again. Chosen by hand."""
+MAX_SHOWN_URL_CHARS = 200
+"""The number of characters of a redirect's target that an error shows. Chosen by hand."""
 WEB_SCHEMES = ("http", "https")
 """The schemes that are read here, and to which redirects may lead."""
 GZIP_WINDOW = zlib.MAX_WBITS | 32
@@ -173,6 +175,12 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         return super().http_error_302(req, fp, code, msg, headers)
 
     http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
+
+
+def _not_followed_error(url: str, target: str) -> InputError:
+    """Return the error for a redirect to a place to which none may lead."""
+    what = f"the server redirects to {redact_url(target)[:MAX_SHOWN_URL_CHARS]}, which is not followed"
+    return InputError(what, where=display_name_of_url(url))
 
 
 def _request(url: str, timeout_s: float, headers: dict[str, str] | None = None) -> Any:
