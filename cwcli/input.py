@@ -9,6 +9,7 @@ inputs (`cwcli.output`).
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import time
@@ -40,6 +41,12 @@ MAX_RATIO = 64.0
 """Greatest ratio of unpacked to stored bytes of a whole file that is read by default; chosen by hand."""
 NO_LIMIT_BYTES = 1 << 62
 """Number of bytes that no file reaches, which stands for no limit."""
+MAX_SETTINGS_BYTES = 16_000_000
+"""Greatest size of a file that is read whole: settings, calibrations, definitions [bytes]; chosen by hand."""
+MAX_BINARY_BYTES = 4_000_000_000
+"""Greatest size of a net or a table that is read whole [bytes]; chosen by hand."""
+BYTES_PER_MEGABYTE = 1_000_000
+"""Bytes in a megabyte, for messages to users."""
 STANDARD_STREAMS = (1, 2)
 """File descriptors of standard output and standard error."""
 OUTPUT_ERRORS = (OutputError, BrokenPipeError)
@@ -323,16 +330,26 @@ def names_of_inputs_in_folder(folder: Path) -> list[str]:
     return [name for name in names if os.path.realpath(name).startswith(prefix)]
 
 
-def read_file(path: str | Path, max_bytes: int = -1) -> bytes:
+def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTINGS_BYTES) -> bytes:
     """Read a file, or its first bytes, and remember it as an input.
 
+    Args:
+        path: The file.
+        max_bytes: Number of its first bytes; -1 for all.
+        limit: A whole file with more bytes is refused.
+
     Raises:
-        OSError, ValueError: It can't be read; a zero byte is in the name.
+        OSError, ValueError: It can't be read, or is too large; a zero byte is in the name.
         OutputError: Standard output or standard error goes into it.
     """
     with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
         _remember_run_input(os.fstat(file.fileno()), str(path))
-        return file.read(max_bytes)
+        if max_bytes >= 0:
+            return file.read(max_bytes)
+        data = file.read(limit + 1)
+        if len(data) > limit:
+            raise OSError(errno.EFBIG, f"it has more than {limit / BYTES_PER_MEGABYTE:g} MB")
+        return data
 
 
 def _remember_run_input(found: os.stat_result, name: str) -> InputsOfRun | None:

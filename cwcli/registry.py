@@ -34,6 +34,8 @@ VALUE_TYPES_BY_ANNOTATION: dict[str, tuple[type, ...]] = {
     "float | None": (float, int, type(None)),
 }
 """Annotation of a data-class field -> the types that its value may have; other annotations are not checked."""
+NO_PLUGINS_VARIABLE = "CWCLI_NO_PLUGINS"
+"""Environment variable that, set to anything, leaves out the entries of other packages, in worker processes, too."""
 _plugins_hidden: ContextVar[bool] = ContextVar("_plugins_hidden", default=False)
 """True while the registries leave out the entries of other packages."""
 Check = Callable[..., Any]
@@ -179,7 +181,7 @@ class Registry(Mapping[str, T]):
     def _find_plugins(self) -> dict[str, Plugin]:
         """Return the plug-ins of the group by name; raise `PluginError` for a name that is taken."""
         out: dict[str, Plugin] = {}
-        if _plugins_hidden.get():
+        if _plugins_hidden.get() or NO_PLUGINS_VARIABLE in os.environ:
             return out
         for found in _find_installed_plugins(tuple(sys.path)).get(self.group, ()):
             plugin, name = found._replace(what=self.what), self._spell(found.name)

@@ -30,7 +30,11 @@ PLACES = {
 """File -> where its version stands."""
 SECTION = re.compile(r"^## (\S+) \(([^)]+)\)$", re.MULTILINE)
 UNRELEASED = "unreleased"
-COMMANDS = ([".ci/run"], [sys.executable, "-m", "build", "--outdir", "dist", "."])
+COMMANDS = (
+    [".ci/run"],
+    [sys.executable, "-m", "build", "--outdir", "dist", "."],
+    [sys.executable, "-m", "tools.sbom", "dist/cwcli.cdx.json"],
+)
 """What a release runs in the checkout, between the change of the files and the tag."""
 
 

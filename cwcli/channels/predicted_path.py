@@ -206,7 +206,6 @@ def _published_point_indices(time_s: FloatArray) -> Rows:
 
 
 def _round_to_published_precision(paths: Paths) -> Paths:
-    """Round paths to the published precision."""
     return Paths(
         paths.time_s,
         round_to_binary_step(paths.x_m, LENGTH_FRACTION_BITS),

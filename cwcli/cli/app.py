@@ -23,7 +23,7 @@ from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_opti
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import use_typer_declarations
 from cwcli.cli.options.plain_coercion import use_plain_coercion
-from cwcli.cli.root_help import ABOUT, EPILOG
+from cwcli.cli.root_help import ABOUT, EPILOG, NO_PLUGINS_HELP
 from cwcli.errors import UsageError
 from cwcli.input import remember_inputs
 from cwcli.text import shorten_and_escape
@@ -118,6 +118,7 @@ def root_command(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
+    no_plugins: Annotated[bool, typer.Option("--no-plugins", help=NO_PLUGINS_HELP)] = False,
 ) -> None:
     """Take the options of the whole command line."""
 

@@ -21,6 +21,8 @@ from cwcli.errors import (
     Terminated,
 )
 
+_NO_PLUGINS = "--no-plugins"
+"""Option, in front of the command, that leaves out what other packages add."""
 DISK_FULL_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a write that found no space."""
 
@@ -38,7 +40,9 @@ def run_command_line(arguments: Sequence[str]) -> int:
     remember_arguments(arguments)
     try:
         _make_streams_robust()
-        code = _dispatch(list(arguments))
+        code = (
+            _dispatch_without_plugins(list(arguments)) if _NO_PLUGINS in arguments[:1] else _dispatch(list(arguments))
+        )
         _flush_stdout()
     except CwcliError as error:
         code = error.exit_code
@@ -63,6 +67,19 @@ def run_command_line(arguments: Sequence[str]) -> int:
             code = error.exit_code
             _report_known_error(error)
     return code
+
+
+def _dispatch_without_plugins(arguments: list[str]) -> int:
+    """Run the command line without what other packages add, in this process and those that it starts."""
+    from cwcli.registry import NO_PLUGINS_VARIABLE
+
+    before = os.environ.get(NO_PLUGINS_VARIABLE)
+    os.environ[NO_PLUGINS_VARIABLE] = "1"
+    try:
+        return _dispatch(arguments[1:])
+    finally:
+        if before is None:
+            del os.environ[NO_PLUGINS_VARIABLE]
 
 
 def _dispatch(arguments: list[str]) -> int:

@@ -20,8 +20,11 @@ Example:
   cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/
 """
 """Text at the end, as Typer takes it; the paragraph behind `\\b` is not wrapped."""
+NO_PLUGINS_HELP = "Leave out what installed packages of others add."
+"""Help of the option that leaves out plug-ins."""
 OPTIONS = {
     "--version": "Print the version.",
+    "--no-plugins": NO_PLUGINS_HELP,
     "--install-completion": "Install completion for the current shell.",
     "--show-completion": "Show completion for the current shell, to copy it or customize the installation.",
     "-h, --help": "Show this message and exit.",

@@ -113,7 +113,6 @@ def _fleet_totals_sentence(logs: Sequence[LogLine]) -> str:
 
 
 def _cut_to_cell_width(text: str, width: int) -> str:
-    """Cut a text to a width in cells."""
     shown = shorten_and_escape(text, MAX_CHARACTERS)
     if display_width(shown) <= width:
         return shown

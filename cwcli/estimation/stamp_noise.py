@@ -254,7 +254,6 @@ class _StampErrorSearch:
         return self._passes[key]
 
     def _white_noise_variance_factor(self, point: Point, error: Parameter) -> float:
-        """Return the factor on the white noise variance at a point."""
         # What the stamps add is taken off, in the mean over the axes: a step of theirs keeps the whole.
         white = 4.0 ** (point[1] / GRID_STEPS_PER_OCTAVE) - 0.5 * error.value**2 * self._speed2 / self._variance
         return max(float(white), self._least)

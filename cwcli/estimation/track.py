@@ -363,7 +363,6 @@ def _output_stamps_ns(measurements: Sequence[Measurements], rate_hz: float) -> I
 def _build_source_report(
     prepared_series: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult
 ) -> SourceReport:
-    """Build the report on one series."""
     s, latency = tuned.series[i], tuned.latencies[i]
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None

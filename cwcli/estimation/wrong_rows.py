@@ -76,7 +76,6 @@ def _correction_of_rows_set_aside(
 
 
 def _motion_of_first_position_source(measurements: Sequence[Measurements], epoch: int) -> FixMotion:
-    """Return the positions of the first source of positions."""
     m = next(m for m in measurements if m.kind is Kind.POSITION)
     rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
     rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]

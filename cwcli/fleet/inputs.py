@@ -10,16 +10,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cwcli.errors import OutputError, UsageError
+from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.recording import METADATA_FILE_NAME, is_recording_folder, log_names_in_folder
 from cwcli.logs.read.remote import (
     FILE_SCHEME,
     file_names_below_url,
     file_system_and_path,
     is_remote_url,
-    iter_remote_blocks,
 )
 from cwcli.logs.read.remote_errors import unreadable_url_error
-from cwcli.logs.read.source import iter_within_size_limit
+from cwcli.logs.read.source import iter_remote_log
 from cwcli.url import display_name_of_url, path_of_url
 
 
@@ -123,16 +123,16 @@ def _expand_remote_pattern(url: str) -> list[str]:
 
 
 @contextmanager
-def temporary_local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Path]:
+def temporary_local_copy(url: str, folder: Path, bounds: ReadBounds) -> Iterator[Path]:
     """Copy a remote log to a temporary file that is removed when the context ends.
 
     Args:
         url: The log.
         folder: Where the copy lies meanwhile; it is made if it is not there.
-        max_bytes: Largest size of the copy.
+        bounds: What reading it may cost.
 
     Raises:
-        InputError: It can't be read, or is larger.
+        InputError: It can't be read, is no log, or is larger.
         OutputError: The copy can't be written.
     """
     try:
@@ -143,7 +143,7 @@ def temporary_local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Pat
     copy = Path(name)
     try:
         with os.fdopen(descriptor, "wb") as target:
-            for block in iter_within_size_limit(max_bytes, iter_remote_blocks(url), display_name_of_url(url)):
+            for block in iter_remote_log(url, bounds, display_name_of_url(url)):
                 try:
                     target.write(block)
                 except OSError as error:

@@ -13,7 +13,7 @@ from cwcli import __version__
 from cwcli.fleet.input_states import FileState
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.read.source import MAX_PIPE_BYTES
+from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES
 from cwcli.pipeline.call import StageCall
 
 
@@ -24,8 +24,8 @@ class FleetPlan:
     Attributes:
         stages: In the order in which they run.
         pipeline: The resolved options, as the manifest shows them (JSON-ready).
-        topic, start, end, recover, max_chunk_bytes, max_pipe_bytes, max_ratio, strict: The reading options of the
-            command line.
+        topic, start, end, recover, max_chunk_bytes, max_pipe_bytes, max_ratio, strict, timeout_s: The reading
+            options of the command line.
         ego_station: V2X station of the ego, or None.
         replace: Leave channels of an earlier run out of the annotated log.
         tables: Write the channels' columns too.
@@ -48,6 +48,7 @@ class FleetPlan:
     tables: bool = False
     channels: tuple[str, ...] = ()
     rehash: bool = False
+    timeout_s: float = DEFAULT_TIMEOUT_S
 
     def stage_calls(self) -> dict[str, StageCall]:
         """Stage calls by name, in order."""
@@ -56,12 +57,12 @@ class FleetPlan:
     def cache_key(self, input_sha256: str) -> str:
         """Hash of version, input and options; an equal key means equal results.
 
-        `max_pipe_bytes` and `rehash` are no part of it, nor, without `--recover`, `max_ratio`: a log that was read
-        within one bound gives the same results within another.
+        `max_pipe_bytes`, `timeout_s` and `rehash` are no part of it, nor, without `--recover`, `max_ratio`: a log that
+        was read within one bound gives the same results within another.
         """
         settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         settings["stages"] = [[call.stage.name, dataclasses.asdict(call.config)] for call in self.stages]
-        del settings["pipeline"], settings["max_pipe_bytes"], settings["rehash"]
+        del settings["pipeline"], settings["max_pipe_bytes"], settings["timeout_s"], settings["rehash"]
         if not self.recover:
             del settings["max_ratio"]
         basis = json.dumps([__version__, input_sha256, settings], sort_keys=True, default=str)

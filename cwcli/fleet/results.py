@@ -18,7 +18,7 @@ from cwcli.fleet.folder import (
     read_output_folder,
     read_run_times,
 )
-from cwcli.input import read_file
+from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.headline import METRICS_TABLE_COLUMNS, OPTIONAL_COLUMNS
@@ -219,7 +219,7 @@ def read_metrics_table(path: Path) -> Table:
     from pyarrow import parquet
 
     try:
-        found = parquet.read_table(pa.BufferReader(read_file(path)), use_threads=False)
+        found = parquet.read_table(pa.BufferReader(read_file(path, limit=MAX_BINARY_BYTES)), use_threads=False)
     except (OSError, ValueError, pa.ArrowException) as error:
         what = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error

@@ -29,6 +29,7 @@ from cwcli.fleet.input_states import FileState, read_file_state
 from cwcli.fleet.inputs import temporary_local_copy
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
 from cwcli.input import InputFile, remember_inputs
+from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.reader import Log
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.logs.read.source import open_source
@@ -79,7 +80,7 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState 
     if plan.tables:
         entry["without_table"] = {}
     try:
-        with _open_log_file(task, plan.max_pipe_bytes) as file:
+        with _open_log_file(task, plan) as file:
             # a converted or joined log depends on more than one file, and a remote one has none here
             is_plain = type(file) is InputFile and not is_remote_url(task.path)
             state = read_file_state(file.descriptor) if is_plain else None
@@ -191,10 +192,12 @@ def bug_to_entry(error: Exception, path: str = "") -> dict[str, Any]:
 
 
 @contextmanager
-def _open_log_file(task: LogTask, max_pipe_bytes: int) -> Iterator[InputFile]:
+def _open_log_file(task: LogTask, plan: FleetPlan) -> Iterator[InputFile]:
     """Open a log, or a local copy of a remote one."""
+    bounds = ReadBounds(plan.max_chunk_bytes, plan.max_pipe_bytes, plan.max_ratio, plan.recover, plan.timeout_s)
     with ExitStack() as stack:
         path = task.path
         if is_remote_url(path) and not path.endswith("/"):  # of a folder, each part is copied where it is opened
-            path = str(stack.enter_context(temporary_local_copy(path, Path(task.out) / SCRATCH_FOLDER, max_pipe_bytes)))
-        yield stack.enter_context(open_source(path, task.source, pipes=False, max_pipe_bytes=max_pipe_bytes))
+            copy = temporary_local_copy(path, Path(task.out) / SCRATCH_FOLDER, bounds)
+            path = str(stack.enter_context(copy))
+        yield stack.enter_context(open_source(path, task.source, pipes=False, bounds=bounds))

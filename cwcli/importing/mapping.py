@@ -142,7 +142,6 @@ def _is_unit_for_mapping(guess: Guess) -> bool:
 
 
 def _toml_string(text: str) -> str:
-    """Return a TOML string."""
     return json.dumps(text, ensure_ascii=True).replace("\\/", "/")
 
 

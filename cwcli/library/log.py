@@ -11,7 +11,8 @@ from cwcli.errors import UsageError
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read import reader
-from cwcli.logs.read.source import MAX_PIPE_BYTES, Source
+from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES
+from cwcli.logs.read.source import Source
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -31,11 +32,13 @@ class Limits:
         max_chunk_bytes: Greatest size of a chunk of messages, stored or unpacked.
         max_input_bytes: Greatest number of bytes that come out of a pipe, a URL or a compressed file.
         max_ratio: Greatest total size of the unpacked chunks, as a multiple of the file's size (plus one chunk).
+        timeout_s: Longest time in seconds in which a remote file must go on.
     """
 
     max_chunk_bytes: int = MAX_CHUNK_BYTES
     max_input_bytes: int = MAX_PIPE_BYTES
     max_ratio: float = MAX_RATIO
+    timeout_s: float = DEFAULT_TIMEOUT_S
 
 
 DEFAULT_LIMITS = Limits()
@@ -222,6 +225,7 @@ def open_selected(
         max_chunk_bytes=limits.max_chunk_bytes,
         max_pipe_bytes=limits.max_input_bytes,
         max_ratio=limits.max_ratio,
+        timeout_s=limits.timeout_s,
     )
     start, end = (None if time is None else str(time) for time in span)
     try:

@@ -304,5 +304,4 @@ def _combine_answers(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
 
 
 def _format_value(value: float, unit: str) -> str:
-    """Return the value with its unit."""
     return f"{format_number(value)} {unit}".rstrip() if math.isfinite(value) else f"{value}"

@@ -269,7 +269,6 @@ def _arrow_field(name: str, kind: pa.DataType, about: ColumnDoc) -> pa.Field:
 
 
 def _arrow_array(column: TableColumn) -> pa.Array:
-    """Return a column as an Arrow array."""
     import pyarrow as pa
 
     if isinstance(column, Strings):

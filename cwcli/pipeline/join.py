@@ -136,7 +136,6 @@ def _with_estimated_states(log: Log, estimate: Call) -> Log:
 
 
 def _has_messages(log: Log, topic: str) -> bool:
-    """Return whether the log has a message of the topic."""
     return any(channel.topic == topic for channel in log.channels) and len(log.columns(topic)) > 0
 
 

@@ -128,7 +128,6 @@ class PageRenderer:
         )
 
     def _render_template(self, name: str, **values: Any) -> str:
-        """Render a template."""
         return self._environment.get_template(name).render(**values)
 
 

@@ -83,7 +83,6 @@ def conflicts_table(drive: Drive, drive_encounters: DriveEncounters, log: str) -
 
 
 def _conflict_cells(drive: Drive, each: Conflict) -> tuple[str, ...]:
-    """Return the cells of a conflict."""
     met = each.conflict
     times = [_seconds_since_start_text(drive, stamp) for stamp in (met.onset_ns, met.end_ns)]
     warned = ", ".join(f"warning {number}" for number in each.warning_ids)

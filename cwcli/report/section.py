@@ -333,7 +333,6 @@ def _pictures_in_time_order(drive: Drive, pictures: dict[int, Thumbnail]) -> lis
 
 
 def _build_picture(drive: Drive, picture: Thumbnail, caption_suffix: str) -> Picture:
-    """Build a picture with its caption."""
     at_s = (picture.stamp_ns - drive.start_ns) / NS_PER_S
     caption = f"{at_s:.2f} s: {caption_suffix}" if caption_suffix else f"{at_s:.2f} s"
     if picture.n_lines is not None:

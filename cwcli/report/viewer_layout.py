@@ -295,7 +295,6 @@ class _LayoutBuilder:
         )
 
     def _add_map_panel(self) -> str:
-        """Add the map panel."""
         colors = {EGO_FIX.topic: ESTIMATED_FIX_COLOUR, **dict.fromkeys(self.log.fixes, MEASURED_FIX_COLOUR)}
         return self.panels.add_panel(
             "map",
@@ -309,7 +308,6 @@ class _LayoutBuilder:
         )
 
     def _add_image_panel(self, name: str, cameras: Sequence[CameraTopics]) -> str:
-        """Add an image panel."""
         annotations = {
             topic: {"visible": True} for topic, schema in published_topics().items() if schema.endswith("Annotations")
         }

@@ -297,7 +297,6 @@ def _tuned_noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) 
 
 
 def _process_noise_cell(name: str, unit: str) -> CellWithValues:
-    """Return a cell that names a process noise and its unit."""
     return CellWithValues(f"{name} [{unit}]", {"": name, "unit": unit})
 
 

@@ -248,7 +248,6 @@ def _valid_rows_mask(
 
 def _transform_to_tracking_frame(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask,
     counts: DetectionCounts, source: int, sources: tuple[str, ...]) -> DetectionRows:  # fmt: skip
-    """Transform the kept rows of one sensor to the tracking frame."""
     r = _measurement_covariances(data, model, counts)
     index = np.flatnonzero(kept)
     stamps = data.stamp_ns[index]

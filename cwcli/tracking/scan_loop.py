@@ -67,7 +67,6 @@ class _LivingTracks:
 
 
 def _log_odds_of_probability(probability: float) -> float:
-    """The log odds of a probability."""
     return float(np.log(probability / (1.0 - probability)))
 
 

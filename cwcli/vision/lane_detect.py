@@ -344,12 +344,13 @@ def is_same_lane(lane: FloatArray, other: FloatArray) -> bool:
     return bool(apart <= SAME_LANE_TOLERANCE and abs(horizon - other_horizon) <= SAME_HORIZON_TOLERANCE_PX)
 
 
-def prior_with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
-    """The prior with horizon and direction taken from the vanishing point of the frame's straight edges."""
+def prior_with_vanishing_point(grey: GreyImage, prior: LanePrior) -> tuple[LanePrior, float]:
+    """The prior with horizon and direction taken from the vanishing point of the frame's straight edges, and the share
+    of their votes for it; the prior itself and 1 where there are no edges."""
     height, width = grey.shape
     point = find_vanishing_point(grey, float(prior.table[VANISHING, MEAN]))
     if point is None:
-        return prior
+        return prior, 1.0
     table = prior.table.copy()
     table[HORIZON] = (
         point.v_px,
@@ -359,7 +360,7 @@ def prior_with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
     )
     sigma = VANISHING_COLUMN_SIGMA_SHARE * width
     table[VANISHING] = point.u_px, sigma, point.u_px - 5.0 * sigma, point.u_px + 5.0 * sigma
-    return prior.with_table(table)
+    return prior.with_table(table), point.votes
 
 
 def search_first_frame(

@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary, moved_boundary
-from cwcli.vision.boundary_probability import boundary_probabilities
+from cwcli.vision.boundary_probability import boundary_probabilities, probabilities_with_scene_votes
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH_SHARE
 from cwcli.vision.lane_covariance import measure_lane_covariance, propagate_covariance_to_fit
@@ -151,6 +151,7 @@ class LaneTracker:
         self._odds: list[float] | None = None
         self._last_fit: LaneFit | None = None
         self._is_tight_bend_better = False
+        self._scene_votes = 1.0
         self._steady_s = math.nan
         self._followed_s, self._next_horizon_recheck_s = 0.0, FIRST_HORIZON_RECHECK_S
         self._last_ns = 0
@@ -365,7 +366,9 @@ class LaneTracker:
     def _search_from_scratch(self, frame: LaneFrame, camera: Camera) -> list[LaneHypothesis]:
         """New hypotheses from a frame alone; of the frames before it uses the horizon only."""
         assert self._prior is not None
-        prior = self._prior if self._prior.is_mounting_known else prior_with_vanishing_point(frame.grey, self._prior)
+        prior, self._scene_votes = self._prior, 1.0
+        if not prior.is_mounting_known:
+            prior, self._scene_votes = prior_with_vanishing_point(frame.grey, prior)
         prior = prior_with_driven_curvature(prior, camera, frame.speed_mps, frame.yaw_rate_radps)
         lanes, values, self._evidence = search_first_frame(frame.grey, camera, prior, self._evidence_source)
         if not self._prior.is_mounting_known:
@@ -376,7 +379,9 @@ class LaneTracker:
     def _recheck_horizon(self, frame: LaneFrame, camera: Camera, opened_prior: LanePrior) -> list[LaneHypothesis]:
         """A new hypothesis from a search from scratch at the horizon of the frame's own lines."""
         assert self._prior is not None
-        followed, prior = self._evidence, prior_with_vanishing_point(frame.grey, self._prior)
+        followed = self._evidence
+        prior, votes = prior_with_vanishing_point(frame.grey, self._prior)
+        self._scene_votes = max(self._scene_votes, votes)  # once it was clear that this is a road, it is one
         lanes, values, self._evidence = search_first_frame(frame.grey, camera, prior, self._evidence_source)
         hypotheses = self._start_hypotheses(
             lanes[:1], values[:1], prior_at_lane_horizon(opened_prior, lanes[0], camera)
@@ -448,6 +453,7 @@ class LaneTracker:
             self._covariance = None
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         best, now, change = self._choose_published_hypothesis(camera, dt_s)
+        now = probabilities_with_scene_votes(now, self._scene_votes)
         odds = [min(max(math.log(chance / (1.0 - chance)), -MAX_FRAME_LOG_ODDS), MAX_FRAME_LOG_ODDS) for chance in now]
         if self._odds is not None:
             kept_share = math.exp(-dt_s / LOG_ODDS_MEMORY_S)

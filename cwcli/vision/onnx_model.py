@@ -34,7 +34,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import InputError, UsageError
-from cwcli.input import read_file
+from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.toml_text import parse_toml
@@ -306,7 +306,7 @@ def _read_net_file(path: Path) -> bytes:
         InputError: The file can't be read.
     """
     try:
-        return read_file(path)
+        return read_file(path, limit=MAX_BINARY_BYTES)
     except (OSError, ValueError) as error:
         raise InputError(f"can't be read: {getattr(error, 'strerror', None) or error}", where=str(path)) from None
 

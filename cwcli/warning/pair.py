@@ -305,7 +305,6 @@ def _measures_and_short_paths_coarse_then_fine(
 
 
 def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
-    """Index of the horizon in the times."""
     return int(np.searchsorted(time_s, config.horizon_s - 1e-9))
 
 

@@ -117,7 +117,6 @@ def _positive_or_default(value: float | None, default: float) -> float:
 
 
 def _conflict_help_text() -> str:
-    """The help text of `--conflict`."""
     return (
         f"What counts as a conflict when warnings are scored: a measure beyond its threshold "
         f"({format_default_definitions()}), or "

@@ -98,6 +98,18 @@ def test_help_lists_plugins(cwcli: Run, extra: dict[str, str], command: str, lin
     assert line not in " ".join(cwcli(command, "--help").stdout.decode().split())
 
 
+def test_no_plugins_leaves_them_out(cwcli: Run, extra: dict[str, str], intersection: Path) -> None:
+    """In front of the command, and by the environment, which worker processes inherit."""
+    line = b"half: half of the acceleration"
+    assert line in b" ".join(cwcli("predict", "--help", env=extra).stdout.split())
+    hidden = cwcli("--no-plugins", "predict", "--help", env=extra)
+    assert hidden.returncode == 0
+    assert line not in b" ".join(hidden.stdout.split())
+    done = cwcli("warn", intersection, "--rule", "near", env=extra | {"CWCLI_NO_PLUGINS": "1"})
+    assert done.returncode == EXIT_USAGE
+    assert b"near" in done.stderr.splitlines()[0]
+
+
 def test_generated_docs_leave_plugins_out(extra: dict[str, str]) -> None:
     """The pages are committed: they must be the same whatever is installed beside cwcli."""
     code = "from tools.reference import pages; import json; print(json.dumps({str(k): v for k, v in pages().items()}))"

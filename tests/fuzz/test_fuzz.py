@@ -6,6 +6,7 @@ import base64
 import json
 from collections import Counter
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -13,14 +14,16 @@ import pytest
 from cwcli.errors import EXIT_BUG
 from cwcli.logs.codecs.cdr import CdrDecoder
 from cwcli.logs.read.reader import Log
+from cwcli.logs.ros1.cdr_conversion import Ros1Converter
 from cwcli.signals.columns import Columns, Field, Int64Array
-from tests.fuzz import file_cases, kernel_cases, osi_cases
+from tests.fuzz import bag_cases, database_cases, file_cases, kernel_cases, osi_cases
 from tests.fuzz.decoding import check_messages
 from tests.fuzz.drive import drive
 from tests.fuzz.logs import joined, mutated_log, split
 from tests.fuzz.messages import Messages
 from tests.osi_traces import write_messages
 from tests.unit.logs_read.builders import small_log
+from tests.unit.logs_read.test_bags import bag
 
 CORPUS = Path(__file__).parent / "corpus"
 SEED = 17
@@ -50,6 +53,19 @@ def test_a_few_osi_traces() -> None:
     counts = inputs_of(osi_cases.check_case, range(10))
     assert counts["inputs"] == 4 * 10
     assert counts["accepted"] > 10
+
+
+@pytest.mark.parametrize("cases", [bag_cases, database_cases], ids=["bag", "database"])
+def test_a_few_bags_and_databases(cases: ModuleType) -> None:
+    counts = inputs_of(cases.check_case, range(10))
+    assert counts["inputs"] == 4 * 10
+    assert counts["compared"] > 3
+
+
+def test_a_wrong_value_of_a_bag_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(Ros1Converter, "convert", lambda self, data: b"\0\1\0\0" + data)
+    with pytest.raises(AssertionError):
+        bag_cases.check_bag(bag(tmp_path / "x.bag"), Counter())
 
 
 def test_a_bug_on_an_osi_trace_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

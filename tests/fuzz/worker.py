@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-LEVELS = ("kernel", "file", "osi")
+LEVELS = ("kernel", "file", "osi", "bag", "database")
 """What is mutated; the cases of each are in the module of its name."""
 MOST_CPU_S = 10.0
 MOST_BYTES = 8 << 30

@@ -99,7 +99,7 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
             for camera in (mounted, default_camera(320, 240, Mounting())):
                 prior = first_frame_prior(camera)
                 if not prior.is_mounting_known:
-                    prior = prior_with_vanishing_point(frame.grey, prior)
+                    prior, _ = prior_with_vanishing_point(frame.grey, prior)
                 lanes, values, evidence = search_first_frame(frame.grey, camera, prior)
                 u = _columns(fit_boundary_parabolas(lanes[0], camera))
                 truth, low = frame.truth, np.arange(240) >= 90
@@ -131,7 +131,7 @@ def labelled_samples() -> tuple[FloatArray, FloatArray, FloatArray]:
             camera = default_camera(frame.width_px, frame.height_px, Mounting()).with_image_size(
                 grey.shape[1], grey.shape[0]
             )
-            prior = prior_with_vanishing_point(grey, first_frame_prior(camera))
+            prior, _ = prior_with_vanishing_point(grey, first_frame_prior(camera))
             found, values, evidence = search_first_frame(grey, camera, prior)
             sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in fit_boundary_parabolas(found[0], camera).tolist()]
             fit = LaneFit(sides[0], sides[1], pitch_rad=pitch_from_horizon_rad(found[0], camera))

@@ -71,6 +71,7 @@ def test_a_dry_run_shows_every_change_and_command_and_changes_nothing(
     assert [line.split()[2] for line in lines if line.startswith("would run: ")] == [
         ".ci/run",
         sys.executable,
+        sys.executable,
         "git",
         "git",
     ]

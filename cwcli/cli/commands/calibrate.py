@@ -122,6 +122,7 @@ def _estimate_drive(name: str, reading: ReadingOptions, sensors: SensorOptions) 
         max_chunk_bytes=reading.max_chunk_bytes,
         max_pipe_bytes=reading.max_pipe_bytes,
         max_ratio=reading.max_ratio,
+        timeout_s=reading.timeout,
     ) as log:
         selection = resolve_selection(log, reading.topics_and_mappings, reading.start, reading.end)
         result = call.stage.stage_function(log, replace_selection(call.config, selection))

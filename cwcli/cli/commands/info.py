@@ -83,6 +83,7 @@ def command(
         max_chunk_bytes=reading.max_chunk_bytes,
         max_pipe_bytes=reading.max_pipe_bytes,
         max_ratio=reading.max_ratio,
+        timeout_s=reading.timeout,
     ) as opened:
         document = describe_log(opened, reading, sensors)
         if doctor or reading.map or contract:

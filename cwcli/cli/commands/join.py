@@ -15,10 +15,12 @@ from cwcli.cli.options.shared import (
     DEFAULT_MAX_CHUNK_MB,
     DEFAULT_MAX_INPUT_GB,
     DEFAULT_MAX_RATIO,
+    DEFAULT_TIMEOUT_S,
     ForceOption,
     MaxChunkOption,
     MaxInputOption,
     MaxRatioOption,
+    TimeoutOption,
 )
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
@@ -59,6 +61,7 @@ class LimitOptions:
     max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
     max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
     max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
+    timeout: TimeoutOption = DEFAULT_TIMEOUT_S
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,7 @@ def command(
         max_chunk_bytes=limits.max_chunk * BYTES_PER_MEGABYTE,
         max_pipe_bytes=int(limits.max_input * BYTES_PER_GIGABYTE),
         max_ratio=limits.max_ratio,
+        timeout_s=limits.timeout,
     )
     with Progress(quiet=talk.quiet) as progress, opened(log) as ego:
         with opened(other) as second:

@@ -161,6 +161,7 @@ class AllOptions:
             max_chunk_bytes=inputs.max_chunk_bytes,
             max_pipe_bytes=inputs.max_pipe_bytes,
             max_ratio=inputs.max_ratio,
+            timeout_s=inputs.timeout,
             strict=inputs.strict,
             ego_station=inputs.ego_station,
             replace=replace,

@@ -24,6 +24,8 @@ BYTES_PER_GIGABYTE = 1_000_000_000
 """Bytes in a gigabyte, as `--max-input` counts."""
 DEFAULT_MAX_CHUNK_MB, DEFAULT_MAX_RATIO, DEFAULT_MAX_INPUT_GB = 256, 64, 64
 """Defaults of `--max-chunk` in MB, `--max-ratio` as a factor, and `--max-input` in GB; chosen by hand."""
+DEFAULT_TIMEOUT_S = 60.0
+"""Default of `--timeout` in seconds; chosen by hand."""
 LARGEST_LIMIT = 1_000_000
 """Largest value of these options; chosen: larger ones bound nothing and their bytes could overflow."""
 _INPUT_HEADING, _OUTPUT_HEADING = "Input", "Output"
@@ -77,6 +79,16 @@ MaxInputOption = Annotated[
         min=0,
         max=LARGEST_LIMIT,
         help="Most that comes out of a pipe, a URL or a compressed file: it is copied to a temporary file first.",
+    ),
+]
+TimeoutOption = Annotated[
+    float,
+    typer.Option(
+        "--timeout",
+        metavar="S",
+        min=0.1,
+        max=LARGEST_LIMIT,
+        help="A URL from which nothing comes for so many seconds is given up.",
     ),
 ]
 
@@ -154,6 +166,7 @@ class ReadingOptions:
     max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
     max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
     max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
+    timeout: TimeoutOption = DEFAULT_TIMEOUT_S
     strict: Annotated[
         bool,
         typer.Option(
@@ -178,10 +191,10 @@ class ReadingOptions:
 
     @property
     def limits(self) -> Limits:
-        """What the log may cost: `--max-chunk`, `--max-input` and `--max-ratio`."""
+        """What the log may cost: `--max-chunk`, `--max-input`, `--max-ratio` and `--timeout`."""
         from cwcli.library.log import Limits
 
-        return Limits(self.max_chunk_bytes, self.max_pipe_bytes, self.max_ratio)
+        return Limits(self.max_chunk_bytes, self.max_pipe_bytes, self.max_ratio, self.timeout)
 
     @property
     def max_chunk_bytes(self) -> int:

@@ -8,12 +8,11 @@ without a place on the globe is put at `PLANE_ORIGIN`. Source: sumo.dlr.de/docs/
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 
 from cwcli.errors import DataError, InputError
+from cwcli.importing.bounded_xml import iter_xml_events
 from cwcli.importing.readers.base import FileHead, ImportKind, Recording
 from cwcli.importing.tables import Answers, Batch, Guess, Preset, Question, SourceTable, ambiguity_error_of_questions
 from cwcli.importing.times import MAX_STAMP_NS
@@ -93,21 +92,16 @@ def _read_rows_by_vehicle(path: str) -> dict[str, list[tuple[float, ...]]]:
     vehicles: dict[str, list[tuple[float, ...]]] = {}
     time_s = 0.0
     try:
-        with Path(path).open("rb") as file:
-            for event, element in ElementTree.iterparse(file, ("start", "end")):
-                if element.tag == "timestep" and event == "start":
-                    time_s = float(element.get("time", "nan"))
-                    if time_s < 0.0 or MAX_STAMP_NS / NS_PER_S < time_s < np.inf:
-                        raise DataError(f"a time step is at {time_s:g} s", where=path, hint="SUMO's times begin at 0")
-                elif element.tag == "vehicle" and event == "end":
-                    row = [float(element.get(name, "nan")) for name in ROWS[1:]]
-                    if np.isfinite([time_s, *row[:2]]).all():
-                        vehicles.setdefault(element.get("id", ""), []).append((time_s, *row))
-                elif element.tag == "timestep":
-                    element.clear()
-    except ElementTree.ParseError as error:
-        raise InputError(f"the XML is damaged: {error}", where=path) from error
-    except (ValueError, OSError) as error:
+        for event, element in iter_xml_events(path, ()):
+            if element.tag == "timestep" and event == "start":
+                time_s = float(element.get("time", "nan"))
+                if time_s < 0.0 or MAX_STAMP_NS / NS_PER_S < time_s < np.inf:
+                    raise DataError(f"a time step is at {time_s:g} s", where=path, hint="SUMO's times begin at 0")
+            elif element.tag == "vehicle" and event == "end":
+                row = [float(element.get(name, "nan")) for name in ROWS[1:]]
+                if np.isfinite([time_s, *row[:2]]).all():
+                    vehicles.setdefault(element.get("id", ""), []).append((time_s, *row))
+    except ValueError as error:
         raise InputError(f"it can't be read: {error}", where=path) from error
     return vehicles
 

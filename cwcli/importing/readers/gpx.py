@@ -7,12 +7,10 @@ them (GPX 1.0, or extensions of the same names).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-from cwcli.errors import DataError, InputError
+from cwcli.errors import DataError
+from cwcli.importing.bounded_xml import iter_xml_events
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ambiguity_error_of_questions
 
@@ -90,37 +88,25 @@ def _iter_track_points(path: str) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield track and fields of each point.
 
     Raises:
-        InputError: It is no XML.
+        InputError: It is no XML, or exceeds its bounds.
     """
-    name, n_tracks, seen = "", 0, set()
-    depth_of_point = False
-    segment = None
-    try:
-        with Path(path).open("rb") as file:
-            for event, element in ElementTree.iterparse(file, ("start", "end")):
-                tag = element.tag.rpartition("}")[2]
-                if event == "start":
-                    if tag == "trk":
-                        n_tracks += 1
-                        name = f"track {n_tracks}"
-                    depth_of_point |= tag == "trkpt"
-                    segment = element if tag == "trkseg" else segment
-                elif tag == "name" and not depth_of_point and n_tracks:
-                    text = (element.text or "").strip()
-                    name = text if text and text not in seen else name
-                    seen.add(text)
-                elif tag == "trkpt":
-                    depth_of_point = False
-                    yield name, _fields_of_point(element)
-                    if segment is not None:
-                        with suppress(ValueError):  # a damaged file has points inside of others
-                            segment.remove(element)  # the tree does not grow with the file
-                elif tag in {"trkseg", "trk", "wpt", "rtept"}:
-                    element.clear()
-    except ElementTree.ParseError as error:
-        raise InputError(f"the XML is damaged: {error}", where=path) from error
-    except OSError as error:
-        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+    name, n_tracks = "", 0
+    seen: set[str] = set()
+    is_in_point = False
+    for event, element in iter_xml_events(path, {"trkpt"}):
+        tag = element.tag.rpartition("}")[2]
+        if event == "start":
+            if tag == "trk":
+                n_tracks += 1
+                name = f"track {n_tracks}"
+            is_in_point |= tag == "trkpt"
+        elif tag == "name" and not is_in_point and n_tracks:
+            text = (element.text or "").strip()
+            name = text if text and text not in seen else name
+            seen.add(text)
+        elif tag == "trkpt":
+            is_in_point = False
+            yield name, _fields_of_point(element)
 
 
 def _fields_of_point(point: Any) -> dict[str, str]:

@@ -7,6 +7,8 @@ Constants, default values, bounds and comments do not change the bytes of a mess
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 PRIMITIVE_DTYPES: dict[str, str] = {
@@ -73,8 +75,19 @@ MAX_LENGTH_DIGITS = 18
 Definitions = dict[str, tuple[MessageField, ...]]
 
 
-def parse_message_definitions(schema_name: str, text: str) -> tuple[str, Definitions]:
+NO_ALIASES: Mapping[str, str] = MappingProxyType({})
+"""No type has another name."""
+
+
+def parse_message_definitions(
+    schema_name: str, text: str, aliases: Mapping[str, str] = NO_ALIASES
+) -> tuple[str, Definitions]:
     """Parse the messages of a schema.
+
+    Args:
+        schema_name: Type of the root message.
+        text: The definitions.
+        aliases: Name of a type as the fields have it -> short name of the message that it stands for.
 
     Returns:
         Short name of the root message, and the fields of each message by short name.
@@ -84,18 +97,27 @@ def parse_message_definitions(schema_name: str, text: str) -> tuple[str, Definit
     """
     root = short_message_name(schema_name)
     definitions: Definitions = {
-        name: _parse_fields("builtin_interfaces", body) for name, body in _PREDEFINED_MESSAGES.items()
+        name: _parse_fields("builtin_interfaces", body, aliases) for name, body in _PREDEFINED_MESSAGES.items()
     }
+    for name, body in split_definitions(root, text):
+        definitions[name] = _parse_fields(name.split("/")[0], body, aliases)
+    if root not in definitions:
+        raise SchemaError(f"the schema does not define {schema_name}")
+    return root, definitions
+
+
+def split_definitions(root: str, text: str) -> Iterator[tuple[str, str]]:
+    """Yield short name and text of each definition in a schema; the first one may have no name and is the root's.
+
+    Raises:
+        SchemaError: Another one has no name.
+    """
     for k, part in enumerate(_DEFINITION_SEPARATOR.split(text.replace("\r\n", "\n"))):
         named = _NAME_LINE.search(part)
         if named is None and k:
             raise SchemaError("a part of the schema has no `MSG:` line")
         name = short_message_name(named.group(1)) if named else root
-        body = part[: named.start()] + part[named.end() :] if named else part
-        definitions[name] = _parse_fields(name.split("/")[0], body)
-    if root not in definitions:
-        raise SchemaError(f"the schema does not define {schema_name}")
-    return root, definitions
+        yield name, part[: named.start()] + part[named.end() :] if named else part
 
 
 def short_message_name(name: str) -> str:
@@ -116,7 +138,7 @@ def find_message_fields(definitions: Definitions, name: str) -> tuple[MessageFie
     return found
 
 
-def _parse_fields(package: str, body: str) -> tuple[MessageField, ...]:
+def _parse_fields(package: str, body: str, aliases: Mapping[str, str]) -> tuple[MessageField, ...]:
     """Parse the field lines of one definition.
 
     Raises:
@@ -144,12 +166,16 @@ def _parse_fields(package: str, body: str) -> tuple[MessageField, ...]:
             raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
         if length is not None and length > MAX_ARRAY_ELEMENTS:
             raise SchemaError(f"an array of the schema is too long: {line[:60]!r}")
-        fields.append(MessageField(name, _resolve_type_name(base, package), is_array and length is None, length))
+        fields.append(
+            MessageField(name, _resolve_type_name(base, package, aliases), is_array and length is None, length)
+        )
     return tuple(fields)
 
 
-def _resolve_type_name(base: str, package: str) -> str:
+def _resolve_type_name(base: str, package: str, aliases: Mapping[str, str]) -> str:
     """Return a primitive or the short name of a message type that a definition of `package` names."""
+    if base in aliases:
+        return aliases[base]
     if base in PRIMITIVE_DTYPES or base in (STRING_TYPE, WSTRING_TYPE):
         return base
     if base == "Header":

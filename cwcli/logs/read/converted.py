@@ -14,6 +14,7 @@ from typing import IO, cast
 from cwcli.errors import InputError, OutputError
 from cwcli.input import InputFile
 from cwcli.logs.format.joined_file import JoinedFile
+from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 
 COPY_BLOCK_BYTES = 1 << 20
@@ -24,8 +25,6 @@ ROS1_BAG_MAGIC = b"#ROSBAG V"
 """The first bytes of a ROS 1 bag (http://wiki.ros.org/Bags/Format)."""
 SQLITE_MAGIC = b"SQLite format 3\0"
 """The first bytes of a SQLite database (https://www.sqlite.org/fileformat2.html)."""
-BYTES_PER_GIGABYTE = 1_000_000_000
-"""The number of bytes in a gigabyte, for messages to users."""
 
 
 class ConvertedFile(InputFile):
@@ -73,33 +72,33 @@ def source_formats(file: InputFile) -> list[SourceFormat]:
     return []
 
 
-def convert_if_needed(file: InputFile, max_bytes: int) -> InputFile:
+def convert_if_needed(file: InputFile, bounds: ReadBounds) -> InputFile:
     """Return the file itself if it is a log, else the log that it is converted to.
 
     Args:
         file: An open file; closed where this fails.
-        max_bytes: What a compressed file may unpack to.
+        bounds: What reading it may cost.
 
     Raises:
         InputError: It can't be read.
         OutputError: There is no room for what it becomes.
-        UsageError: It needs a package that is not installed.
+        UsageError: A package is not installed that it needs.
     """
     try:
         head = bytes(file[:16])
         while head.startswith(ZSTD_MAGIC):
-            file = _convert_into_temporary_file(file, partial(_decompress_file, file, max_bytes))
+            file = _convert_into_temporary_file(file, partial(_decompress_file, file, bounds))
             head = bytes(file[:16])
         if head.startswith((ROS1_BAG_MAGIC, SQLITE_MAGIC)):
-            return _convert_bag_file(file, max_bytes, is_ros1=head.startswith(ROS1_BAG_MAGIC))
+            return _convert_bag_file(file, bounds, is_ros1=head.startswith(ROS1_BAG_MAGIC))
         return file
     except BaseException:
         file.close()
         raise
 
 
-def _convert_bag_file(file: InputFile, max_bytes: int, *, is_ros1: bool) -> InputFile:
-    from cwcli.logs.read.bags import convert_bag
+def _convert_bag_file(file: InputFile, bounds: ReadBounds, *, is_ros1: bool) -> InputFile:
+    from cwcli.logs.read.reader_process import convert_in_process
     from cwcli.logs.read.sqlite_files import open_journals
 
     source = SourceFormat("a ROS 1 bag" if is_ros1 else "a rosbag2 database")
@@ -107,7 +106,7 @@ def _convert_bag_file(file: InputFile, max_bytes: int, *, is_ros1: bool) -> Inpu
         source.add_compression("zstd")
     journals = [] if is_ros1 else open_journals(file)
     try:
-        fill = partial(convert_bag, file, source, None if is_ros1 else journals, max(max_bytes, len(file)))
+        fill = partial(convert_in_process, file, source, None if is_ros1 else journals, bounds)
         log_file = _convert_into_temporary_file(file, fill, journals)
     except BaseException:
         for each in journals:
@@ -137,9 +136,10 @@ def _convert_into_temporary_file(
         ) from error
 
 
-def _decompress_file(file: InputFile, max_bytes: int, target: IO[bytes]) -> None:
+def _decompress_file(file: InputFile, bounds: ReadBounds, target: IO[bytes]) -> None:
     import zstandard
 
+    max_bytes = bounds.max_unpacked_bytes(len(file))
     unpacker = zstandard.ZstdDecompressor().stream_reader(
         cast("IO[bytes]", _BlockStream(file)), read_across_frames=True
     )
@@ -149,7 +149,7 @@ def _decompress_file(file: InputFile, max_bytes: int, target: IO[bytes]) -> None
             n_bytes += len(block)
             if n_bytes > max_bytes:
                 what = f"it unpacks to more than {max_bytes / BYTES_PER_GIGABYTE:g} GB"
-                raise InputError(what, where=file.name, hint="--max-input reads more")
+                raise InputError(what, where=file.name, hint="--max-ratio and --max-input read more")
             target.write(block)
     except zstandard.ZstdError as error:
         raise InputError(f"it can't be decompressed: {error}", where=file.name) from error

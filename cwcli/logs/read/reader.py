@@ -36,7 +36,8 @@ from cwcli.logs.format.records import (
 )
 from cwcli.logs.read.channels import ChannelInfo, channel_infos_from_index
 from cwcli.logs.read.column_cache import ColumnCache
-from cwcli.logs.read.source import MAX_PIPE_BYTES, Source, open_source
+from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES, ReadBounds
+from cwcli.logs.read.source import Source, open_source
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -135,6 +136,7 @@ class Log:
         max_chunk_bytes: int = MAX_CHUNK_BYTES,
         max_pipe_bytes: int = MAX_PIPE_BYTES,
         max_ratio: float = MAX_RATIO,
+        timeout_s: float = DEFAULT_TIMEOUT_S,
     ) -> Log:
         """Open a log.
 
@@ -147,6 +149,7 @@ class Log:
             max_pipe_bytes: Greatest number of bytes read from a pipe.
             max_ratio: Greatest total size of all chunks, decompressed, as a multiple of the file's size (plus one
                 chunk); further chunks count as damaged.
+            timeout_s: Longest time in seconds in which a remote file must go on.
 
         Raises:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
@@ -156,7 +159,8 @@ class Log:
         """
         if not max_ratio >= 0.0:
             raise ValueError(f"max_ratio is {max_ratio}: it is a number of times, at least 0")
-        file = source if isinstance(source, InputFile) else open_source(source, max_pipe_bytes=max_pipe_bytes)
+        bounds = ReadBounds(max_chunk_bytes, max_pipe_bytes, max_ratio, recover, timeout_s)
+        file = source if isinstance(source, InputFile) else open_source(source, bounds=bounds)
         file.max_chunk_bytes, file.max_ratio = max_chunk_bytes, max_ratio
         try:
             faults = Faults()

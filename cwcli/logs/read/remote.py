@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from cwcli.errors import UsageError, install_hint
+from cwcli.errors import CwcliError, UsageError, install_hint
+from cwcli.logs.read.read_bounds import DEFAULT_READ_BOUNDS, ReadBounds
 from cwcli.logs.read.remote_errors import unreadable_url_error
+from cwcli.logs.read.stalls import iter_without_stalls
 from cwcli.url import display_name_of_url, redact_urls
 
 FILE_SCHEME = "file://"
@@ -15,6 +17,8 @@ MAX_SHOWN_SCHEME_CHARS = 40
 """The number of characters of an unknown scheme that an error shows. Chosen by hand."""
 COPY_BLOCK_BYTES = 4 << 20
 """Bytes that are read at a time. Chosen by hand."""
+WEB_PREFIXES = ("https://", "http://")
+"""The beginnings of URLs that are read without fsspec."""
 URL_SCHEMES = ("https", "http", "s3", "gs", "az", "abfs")
 """The schemes of the URLs from which logs can be read."""
 URL_SCHEME_ALIASES = ("s3a", "gcs", "abfss", "adl", "memory")
@@ -46,22 +50,32 @@ def file_names_below_url(url: str) -> list[str]:
     return [str(each["name"]).rpartition("/")[2] for each in found if each.get("type") == "file"]
 
 
-def iter_remote_blocks(url: str) -> Iterator[bytes]:
+def iter_remote_blocks(url: str, bounds: ReadBounds = DEFAULT_READ_BOUNDS) -> Iterator[bytes]:
     """Yield the bytes of a remote file in blocks.
 
     Raises:
-        InputError: It can't be read.
+        InputError: It can't be read, or stalls.
         UsageError: It needs a package that is not installed.
     """
-    system, path = file_system_and_path(url)
+    if url.startswith(WEB_PREFIXES):
+        from cwcli.logs.read.http_blocks import iter_http_blocks
+
+        blocks = iter_http_blocks(url, bounds)
+    else:
+        blocks = _iter_store_blocks(*file_system_and_path(url))
     try:
-        with system.open(path, "rb") as remote:
-            while block := remote.read(COPY_BLOCK_BYTES):
-                yield block
-    except GeneratorExit:
+        yield from iter_without_stalls(blocks, url, bounds.timeout_s)
+    except (GeneratorExit, CwcliError):
         raise
     except Exception as error:  # each store has its own errors
         raise unreadable_url_error(url, error) from error
+
+
+def _iter_store_blocks(system: Any, path: str) -> Iterator[bytes]:
+    """Yield the bytes of a file in a store of fsspec."""
+    with system.open(path, "rb") as remote:
+        while block := remote.read(COPY_BLOCK_BYTES):
+            yield block
 
 
 def file_system_and_path(url: str) -> tuple[Any, str]:

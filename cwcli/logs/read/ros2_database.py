@@ -1,28 +1,29 @@
-"""Reads rosbag2's databases (`.db3`): topics and messages with SQLite, message types with the library `rosbags`.
+"""Reads rosbag2's databases (`.db3`) with SQLite.
 
 Tables: https://github.com/ros2/rosbag2, folder rosbag2_storage_sqlite3, file sqlite_storage.cpp. Every row of
 `messages` is read, or counted: the table is read by its rows, not by its index, which may be damaged, and messages
 whose topic is not in `topics` are counted.
+
+Only real tables with stored columns are read (`cwcli.logs.read.sqlite_files` bounds the rest). The definitions of the
+database are schemas as they are. A database without definitions gets those of the latest release that the library
+`rosbags` knows; definitions in IDL are parsed by it. No code is made from either.
 """
 
 from __future__ import annotations
 
 import sqlite3
-from array import array
 from collections import Counter
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cwcli.errors import InputError
-from cwcli.input import MAX_CHUNK_BYTES
-from cwcli.logs.codecs.compressed_messages import ZSTD_MAGIC, decompress_message
+from cwcli.errors import InputError, UsageError, install_hint
+from cwcli.input import InputFile
+from cwcli.logs.codecs.compressed_messages import MAX_DECOMPRESSED_MESSAGE_BYTES, ZSTD_MAGIC, decompress_message
 from cwcli.logs.format.records import Channel, Schema
+from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, ReadBounds
 from cwcli.logs.read.ros_definitions import MAX_CHANNELS, iter_schemas_and_channels
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
     from cwcli.logs.read.source_format import SourceFormat
 
 CDR_FORMAT = "cdr"
@@ -31,10 +32,22 @@ MAX_NAMES_SHOWN = 5
 """The number of topics, or of their ids, that a note lists. Chosen by hand."""
 MAX_SHOWN_VALUE_CHARS = 80
 """The number of characters of a value from the database that a note shows. Chosen by hand."""
-MAX_DATABASE_VALUE_BYTES = MAX_CHUNK_BYTES
-"""The greatest size in bytes of one message or text in a database: that of a chunk."""
-BYTES_PER_GIGABYTE = 1_000_000_000
-"""The number of bytes in a gigabyte, for messages to users."""
+STORED_COLUMN = 0
+"""How `PRAGMA table_xinfo` marks a column that is stored, and neither computed nor hidden."""
+MAX_DEFINITIONS_BYTES = 16_000_000
+"""The greatest size of all definitions of a database. Chosen by hand."""
+
+NEEDED_COLUMNS = {
+    "topics": {"id", "name", "type", "serialization_format"},
+    "messages": {"topic_id", "timestamp", "data"},
+}
+"""Table -> the columns that must be stored in it; `id` of `messages` is its row."""
+DEFINITION_COLUMNS = {"topic_type", "encoding", "encoded_message_definition"}
+"""The columns of the table of definitions that are read."""
+TOO_LONG_NOTE = "messages of more than --max-chunk, not read"
+"""The note on rows that are too long."""
+PACKED_NOTE = "compressed messages that can't be unpacked, or are too large"
+"""The note on messages that stay compressed."""
 
 Content = Schema | Channel | tuple[int, int, bytes]
 
@@ -50,111 +63,149 @@ class TopicRow(NamedTuple):
 
 
 def iter_database_content(
-    database: sqlite3.Connection, name: str, source: SourceFormat, max_bytes: int
+    database: sqlite3.Connection, file: InputFile, source: SourceFormat, bounds: ReadBounds
 ) -> Generator[Content, None, None]:
-    """Yield schemas, channels, and messages in the order of their times.
+    """Yield schemas, channels, and messages in the order of the table's rows.
 
     Args:
         database: An open database.
-        name: The file's name, for messages.
+        file: The database's file.
         source: Gets what could not be read, and the compression of messages.
-        max_bytes: Total size in bytes to which all messages may decompress.
+        bounds: What reading it may cost.
 
     Raises:
-        InputError: The messages unpack to more than `max_bytes`.
+        InputError: The messages unpack to more than the bounds allow.
         sqlite3.Error, ValueError: It is damaged, or is no database of rosbag2.
+        UsageError: The package is not installed that knows the message types.
     """
     topics = _read_topics(database)
     usable = [each for each in topics if each.serialization_format.lower() == CDR_FORMAT]
-    yield from iter_schemas_and_channels(usable, _load_message_types(database), source.notes)
-    rows, topic_ids, times_ns = _read_message_rows_by_time(database)
-    counts = Counter(topic_ids.tolist())
-    _note_unread_messages(topics, counts, source.notes)
+    yield from iter_schemas_and_channels(usable, *_load_message_types(database, file.name), source.notes)
     channel_of = {each.topic_id: each.id for each in usable}
-    n_left = max_bytes
-    for row, topic_id, time_ns in zip(rows.tolist(), topic_ids.tolist(), times_ns.tolist(), strict=True):
+    counts: Counter[int] = Counter()
+    max_bytes = n_left = bounds.max_unpacked_bytes(len(file))
+    for row, topic_id, time_ns, data in _iter_message_rows(database, source, recover=bounds.recover):
+        counts[topic_id] += 1
         if topic_id not in channel_of:
             continue
-        found = database.execute("SELECT data FROM messages WHERE rowid = ?", (row,)).fetchone()
-        if found is None or not isinstance(found[0], bytes):
-            raise ValueError(f"message {row} holds no octets")
-        payload = found[0]
+        payload = data
         if payload.startswith(ZSTD_MAGIC):
-            payload = decompress_message(payload)
+            payload = decompress_message(payload, min(bounds.max_chunk_bytes, MAX_DECOMPRESSED_MESSAGE_BYTES))
             source.add_compression("zstd")
+            if payload is data:
+                source.notes[PACKED_NOTE] = source.notes.get(PACKED_NOTE, 0) + 1
         n_left -= len(payload)
         if n_left < 0:
-            what = f"its messages unpack to more than {max_bytes / BYTES_PER_GIGABYTE:g} GB"
-            raise InputError(what, where=name, hint="--max-input reads more")
+            what = f"its messages unpack to more than {max_bytes / BYTES_PER_GIGABYTE:.3g} GB (at message {row})"
+            raise InputError(what, where=file.name, hint="--max-ratio and --max-input read more")
         yield channel_of[topic_id], time_ns, payload
+    _note_unread_messages(topics, counts, source.notes)
+
+
+def _iter_message_rows(
+    database: sqlite3.Connection, source: SourceFormat, *, recover: bool
+) -> Iterator[tuple[int, int, int, bytes]]:
+    """Yield row, topic id, time in ns and data of every message; those that are too long are counted and left out.
+
+    Args:
+        database: An open database.
+        source: Gets what could not be read.
+        recover: Count a damaged table, whose rest is not read.
+
+    Raises:
+        sqlite3.DatabaseError: The table is damaged, and `recover` is off.
+        ValueError: A topic id is not an integer, a time is not one or negative, or the data are no octets.
+    """
+    query = "SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED WHERE rowid > ? ORDER BY rowid"
+    last = -(1 << 63)  # the least number of a row
+    while True:
+        rows = database.execute(query, (last,))
+        try:
+            for row, topic_id, time_ns, data in rows:
+                if not isinstance(topic_id, int) or not isinstance(time_ns, int) or time_ns < 0:
+                    ids = f"the topic id {_shorten_value(topic_id)} and the time {_shorten_value(time_ns)}"
+                    raise ValueError(f"message {row} has {ids}")
+                if not isinstance(data, bytes):
+                    raise ValueError(f"message {row} holds no octets")  # noqa: TRY004 - a fault of the file
+                yield row, topic_id, time_ns, data
+                last = row
+            return
+        except sqlite3.DataError:  # longer than SQLITE_LIMIT_LENGTH, which is --max-chunk
+            source.notes[TOO_LONG_NOTE] = source.notes.get(TOO_LONG_NOTE, 0) + 1
+            query_next = "SELECT min(rowid) FROM messages NOT INDEXED WHERE rowid > ?"
+            (last,) = database.execute(query_next, (last,)).fetchone()
+        except sqlite3.DatabaseError:
+            if not recover:
+                raise
+            source.notes[f"damaged table of messages, read up to row {last}"] = 1
+            return
 
 
 def _table_column_names(database: sqlite3.Connection, table: str) -> set[str]:
-    """Return the column names of a table; empty for a view of that name, which could be endless."""
-    kind = database.execute("SELECT type FROM sqlite_master WHERE name = ?", (table,)).fetchone()
-    if kind is None or kind[0] != "table":
+    """Return the names of a table's stored columns; empty for a view or a virtual table of that name."""
+    kind = database.execute("SELECT type, rootpage FROM sqlite_master WHERE name = ?", (table,)).fetchone()
+    if kind is None or kind[0] != "table" or not kind[1]:
         return set()
-    return {str(row[1]) for row in database.execute(f"PRAGMA table_info({table})")}
+    columns = database.execute(f"PRAGMA table_xinfo({table})")
+    return {str(column[1]) for column in columns if column[6] == STORED_COLUMN}
 
 
 def _read_topics(database: sqlite3.Connection) -> list[TopicRow]:
     """Read the topics, with channel ids from 1 on.
 
     Raises:
-        ValueError: A table is missing, or there are more topics than channel ids.
+        ValueError: A table or a column is missing or computed, or there are more topics than channel ids.
     """
-    for table in ("topics", "messages"):
-        if not _table_column_names(database, table):
+    for table, needed in NEEDED_COLUMNS.items():
+        columns = _table_column_names(database, table)
+        if not columns:
             raise ValueError(f"it has no table of {table}")
-    query = "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
-    found = [
-        TopicRow(number, topic_id, str(topic), str(kind), str(serialization or CDR_FORMAT))
-        for number, (topic_id, topic, kind, serialization) in enumerate(database.execute(query), 1)
-    ]
-    if len(found) > MAX_CHANNELS:
-        raise ValueError(f"it has {len(found)} topics, and a log has room for {MAX_CHANNELS}")
+        if not needed <= columns:
+            raise ValueError(f"its table of {table} does not store {', '.join(sorted(needed - columns))}")
+    query = "SELECT id, name, type, serialization_format FROM topics NOT INDEXED ORDER BY rowid"
+    found = []
+    for number, (topic_id, topic, kind, serialization) in enumerate(database.execute(query), 1):
+        if number > MAX_CHANNELS:
+            raise ValueError(f"it has more than {MAX_CHANNELS} topics, for which a log has room")
+        found.append(TopicRow(number, topic_id, str(topic), str(kind), str(serialization or CDR_FORMAT)))
     return found
 
 
-def _load_message_types(database: sqlite3.Connection) -> Any:
-    """Return the message types that the database defines, or those of the latest release that the library knows."""
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+def _load_message_types(database: sqlite3.Connection, name: str) -> tuple[dict[str, bytes], Any]:
+    """Return the definitions of the database by type, and a type store of `rosbags` for other types, or None.
 
-    own: dict[str, Any] = {}
-    if _table_column_names(database, "message_definitions"):
-        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id"
-        for kind, encoding, text in database.execute(query):
-            if encoding == "ros2msg":
-                own.update(get_types_from_msg(text, kind))
-            elif encoding == "ros2idl":
-                own.update(get_types_from_idl(text))
-    if not own:
-        return get_typestore(Stores.LATEST)
-    store = get_typestore(Stores.EMPTY)
-    store.register(own)
-    return store
-
-
-def _read_message_rows_by_time(
-    database: sqlite3.Connection,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return row, topic id and time in ns of every message, each (n,), sorted by time.
+    The store holds what the database defines in IDL, or, if it defines nothing, the types of the latest release.
 
     Raises:
-        ValueError: A topic id is not an integer, or a time is not one or negative.
+        UsageError: `rosbags` is needed and is not installed.
+        ValueError: The definitions are too long.
     """
-    import numpy as np
-
-    numbers = array("q")
-    for row, topic_id, time_ns in database.execute("SELECT rowid, topic_id, timestamp FROM messages NOT INDEXED"):
-        if not isinstance(topic_id, int) or not isinstance(time_ns, int) or time_ns < 0:
-            raise ValueError(
-                f"message {row} has the topic id {_shorten_value(topic_id)} and the time {_shorten_value(time_ns)}"
-            )
-        numbers.extend((row, topic_id, time_ns))
-    rows, topic_ids, times_ns = np.array(numbers, np.int64).reshape(-1, 3).T
-    order = np.lexsort((rows, times_ns))
-    return rows[order], topic_ids[order], times_ns[order]
+    own: dict[str, bytes] = {}
+    idl: list[str] = []
+    n_left = MAX_DEFINITIONS_BYTES
+    if _table_column_names(database, "message_definitions") >= DEFINITION_COLUMNS:
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions NOT INDEXED"
+        for kind, encoding, text in database.execute(query):
+            n_left -= len(str(text))
+            if n_left < 0:
+                raise ValueError(f"its message definitions have more than {MAX_DEFINITIONS_BYTES:,} characters")
+            if encoding == "ros2msg":
+                own[str(kind)] = str(text).encode()
+            elif encoding == "ros2idl":
+                idl.append(str(text))
+    if own and not idl:
+        return own, None
+    try:
+        from rosbags.typesys import Stores, get_types_from_idl, get_typestore
+    except ImportError as error:
+        what = "a database without its message definitions needs a package that is not installed"
+        raise UsageError(what, where=name, hint=install_hint("bags")) from error
+    if not idl:
+        return own, get_typestore(Stores.LATEST)
+    store = get_typestore(Stores.EMPTY)
+    for text in idl:
+        store.fielddefs.update(get_types_from_idl(text))  # `register` would generate code from it
+    return own, store
 
 
 def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: dict[str, int]) -> None:

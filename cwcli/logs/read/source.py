@@ -15,7 +15,8 @@ from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.input import InputFile
 from cwcli.logs.format.faults import not_mcap_error
 from cwcli.logs.format.records import MCAP_MAGIC
-from cwcli.logs.read.converted import convert_if_needed
+from cwcli.logs.read.converted import ROS1_BAG_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC, convert_if_needed
+from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, DEFAULT_READ_BOUNDS, ReadBounds
 from cwcli.logs.read.remote import FILE_SCHEME, file_names_below_url, is_remote_url, iter_remote_blocks
 from cwcli.url import display_name_of_url
 
@@ -24,21 +25,20 @@ if TYPE_CHECKING:
 
 STDIN_ARGUMENT = "-"
 """The name that stands for standard input."""
-BYTES_PER_GIGABYTE = 1_000_000_000
-"""The number of bytes in a gigabyte, for messages to users."""
-MAX_PIPE_BYTES = 64 * BYTES_PER_GIGABYTE
-"""The default limit of bytes read from a pipe or a URL (`--max-input`). Chosen by hand."""
 STDIN_NAME = "<stdin>"
 """The name of standard input in messages."""
 COPY_BLOCK_BYTES = 1 << 20
 """Bytes that are copied at a time. Chosen by hand."""
+
+LOG_MAGICS = (MCAP_MAGIC, ROS1_BAG_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC)
+"""The first bytes of the files that are read as logs."""
 
 Source = str | Path | Sequence[str]
 """The name of a log, or the names of its parts."""
 
 
 def open_source(
-    source: Source, name: str | None = None, *, pipes: bool = True, max_pipe_bytes: int = MAX_PIPE_BYTES
+    source: Source, name: str | None = None, *, pipes: bool = True, bounds: ReadBounds = DEFAULT_READ_BOUNDS
 ) -> InputFile:
     """Open a log's bytes.
 
@@ -47,22 +47,21 @@ def open_source(
             recorder's metadata.yaml, or with one log. Several names, also of folders, are parts of one log.
         name: Name for messages, if the file is a copy of something with another name.
         pipes: Read pipes and devices, too.
-        max_pipe_bytes: Greatest number of bytes read from a pipe or URL, which may have no end, or decompressed from a
-            file; for each part.
+        bounds: What reading may cost, for each part; a pipe or a URL may have no end.
 
     Raises:
         InputError: It does not exist, is a folder that is no log, is empty, or can't be read.
         OutputError: The temporary copy of a pipe can't be written.
         UsageError: Standard input is a terminal.
     """
-    opener = partial(open_source, pipes=False, max_pipe_bytes=max_pipe_bytes)
+    opener = partial(open_source, pipes=False, bounds=bounds)
     if not isinstance(source, str | Path):
         return _open_parts(source, name, opener)
     if str(source) == STDIN_ARGUMENT:
-        return _open_standard_input(max_pipe_bytes)
+        return _open_standard_input(bounds.max_input_bytes)
     name = display_name_of_url(str(source)) if name is None else name
     if is_remote_url(str(source)):
-        return _copy_remote_log(str(source), name, opener, max_pipe_bytes)
+        return _copy_remote_log(str(source), name, opener, bounds)
     path = Path(str(source).removeprefix(FILE_SCHEME))
     try:
         mode = path.stat().st_mode
@@ -71,11 +70,11 @@ def open_source(
 
             return open_recording_folder(str(path), name, opener, as_one=False)
         if stat.S_ISREG(mode):
-            return convert_if_needed(InputFile.open(path, name), max_pipe_bytes)
+            return convert_if_needed(InputFile.open(path, name), bounds)
         if not pipes:  # it may never end, and can't be read twice
             raise InputError("it is a pipe or a device, no file", where=name, hint="copy it into a file first")
         with path.open("rb") as pipe:
-            return _spool_pipe(pipe, name, max_pipe_bytes)
+            return _spool_pipe(pipe, name, bounds.max_input_bytes)
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
 
@@ -98,16 +97,24 @@ def _is_folder(name: str) -> bool:
     return False
 
 
-def _copy_remote_log(url: str, name: str, opener: Opener, max_bytes: int) -> InputFile:
+def _copy_remote_log(url: str, name: str, opener: Opener, bounds: ReadBounds) -> InputFile:
     """A copy of a remote log on this machine, gone when it is closed; or of the logs of a folder."""
     may_be_folder = "." not in url.rpartition("/")[2] and not url.startswith(("http:", "https:"))
     if url.endswith("/") or (may_be_folder and file_names_below_url(url)):
         from cwcli.logs.read.recording import open_recording_folder
 
         return open_recording_folder(url, name, opener, as_one=False)
-    return convert_if_needed(
-        spool_to_temporary_file(iter_within_size_limit(max_bytes, iter_remote_blocks(url), name), name), max_bytes
-    )
+    return convert_if_needed(spool_to_temporary_file(iter_remote_log(url, bounds, name), name), bounds)
+
+
+def iter_remote_log(url: str, bounds: ReadBounds, name: str) -> Iterator[bytes]:
+    """Yield the bytes of a remote log.
+
+    Raises:
+        InputError: It can't be read, stalls, does not begin as a log, or has more bytes than the bounds allow.
+    """
+    blocks = _check_first_bytes(iter_remote_blocks(url, bounds), LOG_MAGICS, name)
+    return iter_within_size_limit(bounds.max_input_bytes, blocks, name)
 
 
 def _open_standard_input(max_bytes: int) -> InputFile:
@@ -133,23 +140,25 @@ def _spool_pipe(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
     """Copy a pipe into a temporary file, after a check that it begins as a log."""
     return spool_to_temporary_file(
         iter_within_size_limit(
-            max_bytes, _check_begins_as_mcap(iter(lambda: _read_pipe_block(pipe, name), b""), name), name
+            max_bytes, _check_first_bytes(iter(lambda: _read_pipe_block(pipe, name), b""), (MCAP_MAGIC,), name), name
         ),
         name,
     )
 
 
-def _check_begins_as_mcap(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
+def _check_first_bytes(pieces: Iterator[bytes], magics: tuple[bytes, ...], name: str) -> Iterator[bytes]:
     """Yield the pieces.
 
     Raises:
-        InputError: The first one does not begin as an MCAP file.
+        InputError: They do not begin with one of these.
     """
-    is_first = True
+    head = b""
+    n_needed = max(map(len, magics))
     for piece in pieces:
-        if is_first and not piece.startswith(MCAP_MAGIC[: len(piece)]):
-            raise not_mcap_error(name, piece[:16])
-        is_first = False
+        if len(head) < n_needed:
+            head += piece[: n_needed - len(head)]
+            if not any(head[: len(each)] == each[: len(head)] for each in magics):
+                raise not_mcap_error(name, head)
         yield piece
 
 

@@ -38,6 +38,32 @@ WAL_HEADER_SALTS = slice(4, 6)
 FRAME_SALTS = slice(2, 4)
 """The places of the salts among the numbers of `WAL_FRAME_HEADER`."""
 
+SQLITE_LIMITS = {
+    "SQLITE_LIMIT_SQL_LENGTH": 100_000,
+    "SQLITE_LIMIT_COLUMN": 100,
+    "SQLITE_LIMIT_EXPR_DEPTH": 10,
+    "SQLITE_LIMIT_COMPOUND_SELECT": 3,
+    "SQLITE_LIMIT_VDBE_OP": 25_000,
+    "SQLITE_LIMIT_FUNCTION_ARG": 8,
+    "SQLITE_LIMIT_ATTACHED": 0,
+    "SQLITE_LIMIT_LIKE_PATTERN_LENGTH": 50,
+    "SQLITE_LIMIT_VARIABLE_NUMBER": 10,
+    "SQLITE_LIMIT_TRIGGER_DEPTH": 10,
+    "SQLITE_LIMIT_WORKER_THREADS": 0,
+}
+"""The limits that SQLite's authors advise for databases of unknown origin (https://www.sqlite.org/security.html)."""
+SAFE_PRAGMAS = ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0")
+"""The settings that they advise."""
+READ_TABLES = frozenset({"sqlite_master", "topics", "messages", "message_definitions"})
+"""The tables that are read."""
+READ_FUNCTIONS = frozenset({"count", "min"})
+"""The functions that queries may call."""
+READ_PRAGMAS = frozenset({"table_xinfo", "wal_checkpoint"})
+"""The pragmas that queries may use: one describes a table, one writes a journal into a private copy."""
+MIN_STEPS, STEPS_PER_BYTE, STEPS_PER_CALL = 1_000_000, 8, 10_000
+"""A query may take this number of steps of SQLite's machine, and so many more for each byte of the file; it is asked
+each so many steps. Chosen by hand: a row takes about ten steps and has at least eight bytes."""
+
 
 def open_journals(file: InputFile) -> list[InputFile]:
     """Open the journals of a database that are not empty; a database without a name on the disk has none.
@@ -86,22 +112,24 @@ def open_database(
         sqlite3.Error: It is damaged.
     """
     if not journals and _path_of_open_file(file) is not None:
-        with closing(_open_connection(f"file:/dev/fd/{file.descriptor}?immutable=1", max_value_bytes)) as database:
+        uri = f"file:/dev/fd/{file.descriptor}?immutable=1"
+        with closing(_open_connection(uri, max_value_bytes, len(file))) as database:
             yield database
         return
+    n_bytes = len(file) + sum(map(len, journals))
     kinds = {WAL_SUFFIX if each.name.endswith(WAL_SUFFIX) else JOURNAL_SUFFIX: each for each in journals}
     with ExitStack() as stack:
         with raise_copy_errors(file.name):
             copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="cwcli-"))) / "log.db3"
             with copy.open("xb") as stream:
                 copy_file(file, stream)
-        n_before = _count_messages_without_journals(copy, max_value_bytes)
+        n_before = _count_messages_without_journals(copy, max_value_bytes, n_bytes)
         for suffix, each in kinds.items():
             with raise_copy_errors(each.name), Path(f"{copy}{suffix}").open("xb") as stream:
                 copy_file(each, stream)
         for each in (file, *journals):
             each.check_unchanged()
-        with closing(_open_connection(f"file:{copy}?mode=rw", max_value_bytes)) as database:
+        with closing(_open_connection(f"file:{copy}?mode=rw", max_value_bytes, n_bytes)) as database:
             (n_after,) = database.execute("SELECT count(*) FROM messages NOT INDEXED").fetchone()
             if WAL_SUFFIX in kinds:
                 _, n_frames, _ = database.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
@@ -117,12 +145,47 @@ def open_database(
             yield database
 
 
-def _open_connection(uri: str, max_value_bytes: int) -> sqlite3.Connection:
+def _open_connection(uri: str, max_value_bytes: int, n_bytes: int) -> sqlite3.Connection:
+    """Open a database of unknown origin, as https://www.sqlite.org/security.html advises.
+
+    Args:
+        uri: Where it is.
+        max_value_bytes: A longer text or blob is an error.
+        n_bytes: Size of the database with its journals.
+    """
     database = sqlite3.connect(uri, uri=True)
     database.text_factory = lambda octets: octets.decode("utf-8", "replace")
+    for name, limit in SQLITE_LIMITS.items():
+        database.setlimit(getattr(sqlite3, name), limit)
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max_value_bytes)
-    database.execute("PRAGMA trusted_schema = OFF")
+    for pragma in SAFE_PRAGMAS:
+        database.execute(f"PRAGMA {pragma}")
+    database.set_authorizer(_authorize)
+    _bound_steps(database, n_bytes)
     return database
+
+
+def _authorize(action: int, first: str | None, second: str | None, _: str | None, inner: str | None) -> int:
+    """Allow reading the named tables, with a few functions and pragmas, and nothing through a view or a trigger."""
+    is_allowed = inner is None and (
+        action == sqlite3.SQLITE_SELECT
+        or (action == sqlite3.SQLITE_READ and (first or "").lower() in READ_TABLES)
+        or (action == sqlite3.SQLITE_FUNCTION and second in READ_FUNCTIONS)
+        or (action == sqlite3.SQLITE_PRAGMA and first in READ_PRAGMAS)
+    )
+    return sqlite3.SQLITE_OK if is_allowed else sqlite3.SQLITE_DENY
+
+
+def _bound_steps(database: sqlite3.Connection, n_bytes: int) -> None:
+    """Stop a database whose queries take more steps than a file of `n_bytes` can have rows for."""
+    n_left = (MIN_STEPS + STEPS_PER_BYTE * n_bytes) // STEPS_PER_CALL
+
+    def count_steps() -> int:
+        nonlocal n_left
+        n_left -= 1
+        return n_left < 0
+
+    database.set_progress_handler(count_steps, STEPS_PER_CALL)
 
 
 @contextmanager
@@ -148,10 +211,10 @@ def copy_file(file: InputFile, target: IO[bytes]) -> None:
         target.write(file[at : at + COPY_BLOCK_BYTES])
 
 
-def _count_messages_without_journals(path: Path, max_value_bytes: int) -> int:
+def _count_messages_without_journals(path: Path, max_value_bytes: int, n_bytes: int) -> int:
     """Return the number of messages of a database without its journals; 0 if it can't be read without them."""
     try:
-        with closing(_open_connection(f"file:{path}?immutable=1", max_value_bytes)) as database:
+        with closing(_open_connection(f"file:{path}?immutable=1", max_value_bytes, n_bytes)) as database:
             return int(database.execute("SELECT count(*) FROM messages NOT INDEXED").fetchone()[0])
     except sqlite3.Error:
         return 0

@@ -1,1 +1,1 @@
-"""The reproduction of song2016: its table and figures from our own scenarios, beside ours, with a verdict each."""
+"""The reproduction of song2016: its table 1, its prediction figures, its warnings and its control."""

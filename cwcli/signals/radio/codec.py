@@ -153,7 +153,6 @@ def make_radio_codec(form: str) -> V2xCodec:
 def _rows_and_contents_of_messages_named(
     found: frames.UnwrappedFrames, form: str, name: str, kind: messages.PackedMessage
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages]:
-    """Decode the messages with a name; return their rows and their contents."""
     wanted = [number for number, other in MESSAGE_NAMES_BY_FORMAT[form].items() if other == name]
     rows = np.flatnonzero(np.isin(found.message, wanted) & (found.status == 0))
     octets = found.octets.select_messages(rows)

@@ -212,7 +212,6 @@ def _draw_clipped_normal(rng: np.random.Generator, normal: tuple[float, float]) 
 
 
 def _draw_boundary_marking(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_be_double: bool) -> Marking:
-    """Draw the marking of a boundary at an offset."""
     dash = DASH_PATTERNS_M[int(rng.choice(len(DASH_PATTERNS_M), p=DASH_PATTERN_CHANCES))]
     is_dashed = rng.random() < spec.dashed
     return Marking(

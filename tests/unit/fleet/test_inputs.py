@@ -11,6 +11,8 @@ import pytest
 
 from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.fleet.inputs import expand_sources, temporary_local_copy
+from cwcli.logs.format.records import MCAP_MAGIC
+from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.remote import is_remote_url
 
 
@@ -111,34 +113,34 @@ def test_a_file_that_is_not_there_is_left_to_its_worker(logs: Path) -> None:
 def test_memory_urls(tmp_path: Path) -> None:
     system = fsspec.filesystem("memory")
     for name in ("b", "a"):
-        system.pipe_file(f"/drives/{name}.mcap", name.encode())
+        system.pipe_file(f"/drives/{name}.mcap", MCAP_MAGIC + name.encode())
     assert sources("memory://drives/*.mcap") == ["memory:///drives/a.mcap", "memory:///drives/b.mcap"]
     assert sources("memory://drives/") == sources("memory://drives/*.mcap")
-    with temporary_local_copy("memory:///drives/a.mcap", tmp_path / "scratch", 1) as path:
-        assert path.read_bytes() == b"a"
+    with temporary_local_copy("memory:///drives/a.mcap", tmp_path / "scratch", ReadBounds()) as path:
+        assert path.read_bytes() == MCAP_MAGIC + b"a"
         assert path.parent == tmp_path / "scratch"
     assert list((tmp_path / "scratch").iterdir()) == []
 
 
 def test_a_copy_goes_when_its_work_fails(tmp_path: Path) -> None:
-    fsspec.filesystem("memory").pipe_file("/drives/a.mcap", b"a")
-    with pytest.raises(RuntimeError), temporary_local_copy("memory:///drives/a.mcap", tmp_path, 1):
+    fsspec.filesystem("memory").pipe_file("/drives/a.mcap", MCAP_MAGIC)
+    with pytest.raises(RuntimeError), temporary_local_copy("memory:///drives/a.mcap", tmp_path, ReadBounds()):
         raise RuntimeError
     with (
         pytest.raises(InputError, match="can't be read"),
-        temporary_local_copy("memory:///drives/gone.mcap", tmp_path, 1),
+        temporary_local_copy("memory:///drives/gone.mcap", tmp_path, ReadBounds()),
     ):
         pass
     with (
         pytest.raises(InputError, match="more than 0 GB"),
-        temporary_local_copy("memory:///drives/a.mcap", tmp_path, 0),
+        temporary_local_copy("memory:///drives/a.mcap", tmp_path, ReadBounds(max_input_bytes=0)),
     ):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_copy_without_a_place(tmp_path: Path) -> None:
-    fsspec.filesystem("memory").pipe_file("/drives/a.mcap", b"a")
+    fsspec.filesystem("memory").pipe_file("/drives/a.mcap", MCAP_MAGIC)
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError), temporary_local_copy("memory:///drives/a.mcap", tmp_path / "file", 1):
         pass

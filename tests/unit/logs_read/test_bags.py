@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import os
 import sqlite3
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +24,22 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_USAGE, InputError, OutputError
+from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE, InputError, OutputError, UsageError
+from cwcli.input import InputFile
 from cwcli.logs.codecs.compressed_messages import decompress_message
+from cwcli.logs.read.bags import convert_bag
+from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.reader import Log
 from cwcli.logs.read.ros_definitions import iter_schemas_and_channels
+from cwcli.logs.read.source_format import SourceFormat
+from cwcli.logs.read.sqlite_files import open_database
 from cwcli.logs.write.annotate import annotate_log
 from tests.unit.logs_read.part_builders import official
 
 T0_NS = 1_700_000_000_000_000_000
 N = 50
+N_IN_PROCESSES = 2
+"""Damaged files that go the whole way; the others are converted in the process of the test, which is quicker."""
 FIX, IMU, TF = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu", "tf2_msgs/msg/TFMessage"
 
 
@@ -200,15 +210,25 @@ def test_no_output_overwrites_the_bag(tmp_path: Path, capsys: pytest.CaptureFixt
     assert path.read_bytes() == before
 
 
-def test_without_the_library_one_line_names_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = bag(tmp_path / "drive.bag")
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
-    assert run_command_line(["info", str(path)]) == EXIT_USAGE
-    said = capsys.readouterr().err
-    assert said.startswith(f"error: {path}: ROS 1 bags need a package that is not installed")
-    assert "pip install 'cwcli-drive[bags]'" in said
+def test_without_the_library_one_line_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bags and databases with definitions need no library; a database of ROS 2 Humble has none."""
+    path = next(RECORDINGS["database of ROS 2 Humble"](tmp_path).glob("*.db3"))
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("DROP TABLE IF EXISTS message_definitions")
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    with pytest.raises(UsageError, match="a database without its message definitions needs a package") as told:
+        convert(path, journals=[])
+    assert told.value.exit_code == EXIT_USAGE
+    assert "pip install 'cwcli-drive[bags]'" in told.value.hint
+    path = RECORDINGS["database in a folder"](tmp_path / "iron")
+    convert(next(path.glob("*.db3")), journals=[])
+    convert(RECORDINGS["bag"](tmp_path), journals=None)
+
+
+def convert(path: Path, journals: list[InputFile] | None) -> None:
+    """Convert a file in this process."""
+    with tempfile.TemporaryFile() as target, InputFile.open(path) as file:
+        convert_bag(file, SourceFormat("a recording"), journals, ReadBounds(), target)
 
 
 @pytest.mark.parametrize("kind", ["bag", "bag with lz4", "database alone"])
@@ -217,45 +237,60 @@ def test_a_damaged_bag_is_an_error_or_read(tmp_path: Path, kind: str) -> None:
     data = path.read_bytes()
     rng = np.random.default_rng(3)
     n_errors = 0
-    for _ in range(40):
+    for k in range(40):
         broken = bytearray(data)
         for at in rng.integers(20, len(data), 20):
             broken[at] = rng.integers(256)
         path.write_bytes(broken[: rng.integers(100, len(data))] if rng.random() < 0.5 else broken)
         try:
-            with Log.open(path) as log:
-                for topic in {each.topic for each in log.channels}:
-                    log.columns(topic)
+            if k < N_IN_PROCESSES:
+                with Log.open(path, recover=True) as log:
+                    for topic in {each.topic for each in log.channels}:
+                        log.columns(topic)
+            else:
+                convert(path, None if path.suffix == ".bag" else [])
         except InputError:
             n_errors += 1
     assert n_errors > 5
 
 
 @pytest.mark.parametrize("method", ["register_schema", "register_channel", "add_message", "finish"])
-@pytest.mark.parametrize(("fault", "expected"), [(AttributeError, AttributeError), (OSError, OutputError)])
 def test_what_fails_in_writing_is_no_fault_of_the_bag(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, fault: type[Exception], expected: type[Exception]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
     def fails(*_: Any) -> None:
-        raise fault(errno.ENOSPC, "no room")
+        raise OSError(errno.ENOSPC, "no room")
 
     path = bag(tmp_path / "drive.bag")
     monkeypatch.setattr(Writer, method, fails)
-    with pytest.raises(expected):
-        Log.open(path)
+    with pytest.raises(OSError, match="no room"):
+        convert(path, journals=None)
 
 
-def test_no_room_for_the_copy_of_a_bag_without_a_name_is_told_so(
+def test_no_room_for_what_a_bag_becomes_is_told_so(tmp_path: Path) -> None:
+    """The system's own limit on files is a full disk; the process that converts it inherits it."""
+    path = bag(tmp_path / "drive.bag")
+    words = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); from cwcli.cli.main import main"
+    command = [sys.executable, "-c", f"{words}; main()", "info", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == EXIT_OUTPUT
+    assert done.stderr.startswith(f"error: {tempfile.gettempdir()}: {path} can't be converted: File too large\n")
+
+
+def test_no_room_for_the_copy_of_a_database_without_a_name_is_told_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(**_: Any) -> None:
         raise OSError(errno.ENOSPC, "no room")
 
-    path = tmp_path / "drive.bag.zstd"
-    path.write_bytes(zstandard.compress(bag(tmp_path / "drive.bag").read_bytes()))
-    monkeypatch.setattr(tempfile, "NamedTemporaryFile", fails)
-    with pytest.raises(OutputError, match="no room"):
-        Log.open(path)
+    path = RECORDINGS["database alone"](tmp_path)
+    monkeypatch.setattr(tempfile, "TemporaryDirectory", fails)
+    with tempfile.TemporaryFile() as stream:
+        stream.write(path.read_bytes())
+        stream.flush()
+        file = InputFile(os.dup(stream.fileno()), "drive.db3")
+        with file, pytest.raises(OutputError, match="no room"), open_database(file, [], 1000, {}):
+            pass
 
 
 @pytest.mark.parametrize("change", ["timestamp = -1", "timestamp = 'soon'", "data = 'text'"])
@@ -283,4 +318,4 @@ def test_a_connection_whose_id_no_log_can_hold_gets_another(tmp_path: Path) -> N
 def test_more_topics_than_a_log_has_ids_for_are_refused() -> None:
     connections = range(0x10000)
     with pytest.raises(ValueError, match="it has 65536 topics, and a log has room for 65535"):
-        next(iter_schemas_and_channels(connections, None, {}))
+        next(iter_schemas_and_channels(connections, {}, None, {}))

@@ -197,11 +197,13 @@ def test_what_is_no_recording_is_refused(database: Path, statements: tuple[str, 
 
 
 def test_messages_that_unpack_to_too_much_are_refused(database: Path) -> None:
-    packed = zstandard.compress(bytes(40_000_000))
+    packed = zstandard.compress(bytes(2_000_000))
     with closing(sqlite3.connect(database)) as connection, connection:
         connection.execute("UPDATE messages SET data = ?", (packed,))
     with pytest.raises(InputError, match=r"its messages unpack to more than 0\.1 GB"):
         Log.open(database, max_pipe_bytes=100_000_000)
+    with pytest.raises(InputError, match=r"its messages unpack to more than 0\.00[0-9]+ GB"):
+        Log.open(database, max_ratio=10, max_chunk_bytes=3_000_000)
 
 
 def test_aliases_in_a_quality_of_service_cost_nothing(database: Path) -> None:

@@ -1,0 +1,87 @@
+"""Reads a remote file with a bound on the time in which nothing comes, whatever it waits for.
+
+A host's name that is not found, a server that accepts and says nothing, a header or a file that comes byte by byte:
+the library that reads the store may wait for each without end. So it reads in a thread, which is left behind where
+fewer than `MIN_BYTES_PER_WAIT` bytes come within the time.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+
+from cwcli.errors import InputError
+from cwcli.url import display_name_of_url
+
+MIN_BYTES_PER_WAIT = 1000
+"""A server that sends fewer bytes within the time counts as stalled. Chosen by hand: a modem sends that each second."""
+MAX_BLOCKS_AHEAD = 4
+"""Blocks that are read ahead of their use."""
+POLL_S = 0.5
+"""The time in seconds after which a thread looks whether it is still wanted."""
+
+Item = bytes | BaseException | None
+"""A block, the error that ended the reading, or its end."""
+
+
+def iter_without_stalls(blocks: Iterator[bytes], url: str, timeout_s: float) -> Iterator[bytes]:
+    """Yield the blocks of a remote file.
+
+    Args:
+        blocks: They are read in a thread.
+        url: The file, for messages.
+        timeout_s: Longest time in seconds until the first block, and in which `MIN_BYTES_PER_WAIT` bytes must come.
+
+    Raises:
+        InputError: It stalls.
+    """
+    items: queue.Queue[Item] = queue.Queue(MAX_BLOCKS_AHEAD)
+    is_left = threading.Event()
+    threading.Thread(target=_read_blocks, args=(blocks, items, is_left), daemon=True).start()
+    try:
+        deadline_s, n_bytes = time.monotonic() + timeout_s, 0
+        while True:
+            try:
+                item = items.get(timeout=max(deadline_s - time.monotonic(), 0))
+            except queue.Empty:
+                what = f"it can't be read: the server did not send {MIN_BYTES_PER_WAIT:,} bytes within {timeout_s:g} s"
+                raise InputError(
+                    what, where=display_name_of_url(url), hint="try again later, or wait longer with --timeout"
+                ) from None
+            if item is None:
+                return
+            if isinstance(item, BaseException):
+                raise item
+            n_bytes += len(item)
+            yield item
+            if n_bytes >= MIN_BYTES_PER_WAIT:
+                deadline_s, n_bytes = time.monotonic() + timeout_s, 0
+    finally:
+        is_left.set()
+
+
+def _read_blocks(blocks: Iterator[bytes], items: queue.Queue[Item], is_left: threading.Event) -> None:
+    """Put the blocks into a queue, until they end or nobody wants them."""
+
+    def put(item: Item) -> None:
+        while not is_left.is_set():
+            with suppress(queue.Full):
+                items.put(item, timeout=POLL_S)
+                return
+
+    try:
+        for block in blocks:
+            put(block)
+            if is_left.is_set():
+                return
+        put(None)
+    except BaseException as error:
+        put(error)
+    finally:
+        close = getattr(blocks, "close", None)
+        if close is not None:
+            with suppress(Exception):
+                close()

@@ -1,0 +1,283 @@
+"""Converts messages of ROS 1 to CDR, as ROS 2 writes it, by tables: no code is made from a definition.
+
+ROS 1 packs fields without gaps, little-endian, a text or a sequence behind its length in four bytes
+(http://wiki.ros.org/ROS/Technical%20Overview). CDR aligns each number to its size, counted from behind the first four
+bytes, and ends a text with a zero byte (OMG CORBA 3.3, part 2, 9.3). A message without fields takes one byte in ROS 2.
+"""
+
+from __future__ import annotations
+
+import struct
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, STRING_TYPE, MessageField
+from cwcli.logs.ros1.definitions import (
+    HEADER_TYPE,
+    SEQUENCE_FIELD,
+    Ros1Definition,
+    has_ros1_header,
+    is_plain_type,
+)
+
+CDR_HEADER = b"\x00\x01\x00\x00"
+"""The first bytes of a message: little-endian CDR (DDS-RTPS 2.3, 10.2)."""
+SIZE_OF_TYPE = {name: int(dtype[1:]) for name, dtype in PRIMITIVE_DTYPES.items()}
+"""Type of a number -> its size in bytes, which is its alignment, too."""
+LENGTH_BYTES = 4
+"""The size of a length in front of a text or a sequence."""
+MIN_ALLOWED_ELEMENTS = 1 << 16
+"""A message may hold this number of messages, however few bytes it has. Chosen by hand."""
+ALLOWED_ELEMENTS_PER_BYTE = 8
+"""A message may hold this number of messages more for each of its bytes, as they may be inside each other. Chosen by
+hand."""
+MAX_REPEATED_PIECES = 64
+"""Fixed arrays of messages up to this number of pieces are copied without a loop. Chosen by hand."""
+PADDING = tuple(bytes(n) for n in range(8))
+"""The gaps in front of aligned numbers, by their size."""
+_LENGTH = struct.Struct("<I")
+"""A length in front of a text or a sequence."""
+
+
+class ConversionError(ValueError):
+    """A message that does not fit its definition, or stands for too much."""
+
+
+class Kind(IntEnum):
+    """Kinds of steps of a conversion; what a step holds behind its kind is said in brackets."""
+
+    NUMBERS = 0
+    """Numbers of fixed count (bytes; pairs of alignment and bytes)."""
+    TEXT = 1
+    """One text ()."""
+    TEXTS = 2
+    """Texts (their number, or None where it is in the message)."""
+    SEQUENCE = 3
+    """Numbers whose count is in the message (alignment; bytes of one element)."""
+    MESSAGES = 4
+    """Messages (their layout; their number, or None where it is in the message)."""
+    DROPPED = 5
+    """Bytes that ROS 2 does not have (their number)."""
+    EMPTY = 6
+    """A message without fields ()."""
+
+
+class Layout(NamedTuple):
+    """How a message is converted.
+
+    Attributes:
+        steps: Tuples of a `Kind` and what it holds.
+        min_bytes: Least size of the message in ROS 1.
+        n_elements: Number of messages in every such message, itself among them.
+    """
+
+    steps: tuple[tuple[Any, ...], ...]
+    min_bytes: int
+    n_elements: int
+
+
+class Ros1Converter:
+    """Converts the messages of one type.
+
+    Args:
+        definition: The type.
+    """
+
+    def __init__(self, definition: Ros1Definition) -> None:
+        self._layouts: dict[str, Layout] = {}
+        self._definition = definition
+        self._drops_sequence = has_ros1_header(definition)
+        self._layout = self._layout_of(definition.root)
+
+    def convert(self, data: bytes) -> bytes:
+        """Return a message as CDR.
+
+        Raises:
+            ConversionError: It does not fit the definition, or holds too many messages.
+        """
+        conversion = _Conversion(data)
+        conversion.reserve(self._layout, 1)
+        conversion.run(self._layout)
+        if conversion.at != len(data):
+            raise ConversionError("the message is longer than its definition")
+        return bytes(conversion.out)
+
+    def _layout_of(self, name: str) -> Layout:
+        found = self._layouts.get(name)
+        if found is None:
+            fields = self._definition.fields[name]
+            steps: list[tuple[Any, ...]] = []
+            if self._drops_sequence and name == HEADER_TYPE:
+                steps.append((Kind.DROPPED, SIZE_OF_TYPE[SEQUENCE_FIELD.type]))
+                fields = fields[1:]
+            for field in fields:
+                _append_step(steps, self._step_of(field))
+            if not steps:
+                steps.append((Kind.EMPTY,))
+            found = self._layouts[name] = Layout(
+                tuple(steps), sum(map(_min_bytes, steps)), 1 + sum(map(_n_elements, steps))
+            )
+        return found
+
+    def _step_of(self, field: MessageField) -> tuple[Any, ...]:
+        """Return the step of one field."""
+        count = None if field.is_sequence else field.length
+        if field.type == STRING_TYPE:
+            return (Kind.TEXTS, count) if field.is_sequence or field.length is not None else (Kind.TEXT,)
+        if is_plain_type(field.type):
+            size = SIZE_OF_TYPE[field.type]
+            if field.is_sequence:
+                return Kind.SEQUENCE, size, size
+            n_bytes = size * (1 if field.length is None else field.length)
+            return Kind.NUMBERS, n_bytes, ((size, n_bytes),)
+        layout = self._layout_of(field.type)
+        only = layout.steps[0] if len(layout.steps) == 1 else (Kind.EMPTY,)
+        if only[0] == Kind.NUMBERS:  # a message of numbers alone is no more than its numbers
+            pieces = only[2]
+            if field.is_sequence and len(pieces) == 1:
+                return Kind.SEQUENCE, pieces[0][0], only[1]
+            n = 1 if field.length is None else field.length
+            if not field.is_sequence and (len(pieces) == 1 or n * len(pieces) <= MAX_REPEATED_PIECES):
+                repeated = ((pieces[0][0], n * only[1]),) if len(pieces) == 1 else pieces * n
+                return Kind.NUMBERS, n * only[1], repeated
+        return Kind.MESSAGES, layout, count if field.is_sequence or field.length is not None else 1
+
+
+def _append_step(steps: list[tuple[Any, ...]], step: tuple[Any, ...]) -> None:
+    """Append a step; numbers behind numbers become one step, and of one alignment one piece."""
+    if step[0] != Kind.NUMBERS or not steps or steps[-1][0] != Kind.NUMBERS:
+        steps.append(step)
+        return
+    _, n_bytes, pieces = steps.pop()
+    joined = list(pieces)
+    for size, length in step[2]:
+        if joined[-1][0] == size:
+            joined[-1] = size, joined[-1][1] + length
+        else:
+            joined.append((size, length))
+    steps.append((Kind.NUMBERS, n_bytes + step[1], tuple(joined)))
+
+
+def _min_bytes(step: tuple[Any, ...]) -> int:
+    """Return the least size in ROS 1 of what a step converts."""
+    kind = step[0]
+    if kind in (Kind.NUMBERS, Kind.DROPPED):
+        return int(step[1])
+    if kind == Kind.TEXTS:
+        return LENGTH_BYTES * (1 if step[1] is None else int(step[1]))
+    if kind == Kind.MESSAGES:
+        return LENGTH_BYTES if step[2] is None else int(step[2]) * int(step[1].min_bytes)
+    return 0 if kind == Kind.EMPTY else LENGTH_BYTES
+
+
+def _n_elements(step: tuple[Any, ...]) -> int:
+    """Return the number of messages, and of texts in arrays, that a step converts in every message."""
+    if step[0] == Kind.MESSAGES and step[2] is not None:
+        return int(step[2]) * int(step[1].n_elements)
+    return int(step[1] or 0) if step[0] == Kind.TEXTS else 0
+
+
+class _Conversion:
+    """One message on its way.
+
+    Attributes:
+        at: Bytes of the message that are converted.
+        out: The message as CDR.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._n_left = MIN_ALLOWED_ELEMENTS + ALLOWED_ELEMENTS_PER_BYTE * len(data)
+        self.at = 0
+        self.out = bytearray(CDR_HEADER)
+
+    def reserve(self, layout: Layout, n: int) -> None:
+        """Count `n` messages before any of them is converted.
+
+        Raises:
+            ConversionError: They are too many, or more than the rest of the bytes can hold.
+        """
+        self._need(n * layout.min_bytes)
+        self._n_left -= n * layout.n_elements
+        if self._n_left < 0:
+            raise ConversionError("the message holds too many messages")
+
+    def _need(self, n_bytes: int) -> None:
+        if n_bytes > len(self._data) - self.at:
+            raise ConversionError("the message is shorter than its definition")
+
+    def run(self, layout: Layout) -> None:
+        """Convert one message; its least size is there (`reserve`), but not what lies behind lengths in it."""
+        out = self.out
+        for step in layout.steps:
+            kind = step[0]
+            if kind == Kind.NUMBERS:
+                self._need(step[1])
+                at = self.at
+                for size, n_bytes in step[2]:
+                    gap = -len(out) & (size - 1) if size < 8 else 4 - len(out) & 7
+                    if gap:
+                        out += PADDING[gap]
+                    out += self._data[at : at + n_bytes]
+                    at += n_bytes
+                self.at = at
+            elif kind == Kind.TEXT:
+                self._text()
+            elif kind == Kind.MESSAGES:
+                self._messages(step[1], step[2])
+            elif kind == Kind.SEQUENCE:
+                self._sequence(step[1], step[2])
+            elif kind == Kind.TEXTS:
+                self._texts(step[1])
+            elif kind == Kind.DROPPED:
+                self._need(step[1])
+                self.at += step[1]
+            else:
+                out += PADDING[1]
+
+    def _length(self) -> int:
+        """Take a length from the message, and write it."""
+        self._need(LENGTH_BYTES)
+        (n,) = _LENGTH.unpack_from(self._data, self.at)
+        self.at += LENGTH_BYTES
+        self.out += PADDING[-len(self.out) & 3]
+        self.out += _LENGTH.pack(n)
+        return int(n)
+
+    def _text(self) -> None:
+        self._need(LENGTH_BYTES)
+        (n,) = _LENGTH.unpack_from(self._data, self.at)
+        start = self.at + LENGTH_BYTES
+        self.at = start
+        self._need(n)
+        self.at += n
+        out = self.out
+        gap = -len(out) & 3
+        if gap:
+            out += PADDING[gap]
+        out += _LENGTH.pack(n + 1)
+        out += self._data[start : start + n]
+        out += PADDING[1]
+
+    def _texts(self, count: int | None) -> None:
+        n = self._length() if count is None else count
+        self._need(n * LENGTH_BYTES)
+        for _ in range(n):
+            self._text()
+
+    def _sequence(self, size: int, n_element_bytes: int) -> None:
+        n_bytes = self._length() * n_element_bytes
+        self._need(n_bytes)
+        if n_bytes:
+            self.out += PADDING[4 - len(self.out) & (size - 1)]
+            self.out += self._data[self.at : self.at + n_bytes]
+            self.at += n_bytes
+
+    def _messages(self, layout: Layout, count: int | None) -> None:
+        if count is None:
+            n = self._length()
+            self.reserve(layout, n)
+        else:  # counted with the message around it
+            n = count
+        for _ in range(n):
+            self.run(layout)

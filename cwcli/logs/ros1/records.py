@@ -1,0 +1,224 @@
+"""Records of a ROS 1 bag, taken from a file or from the pieces of an unpacked chunk.
+
+A record is the length of its header, the header, the length of its data, the data; a header is a list of fields, each
+the length of `name=value` and that text (http://wiki.ros.org/Bags/Format/2.0, http://wiki.ros.org/Bags/Format/1.2).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cwcli.input import InputFile
+
+MAX_HEADER_BYTES = 1 << 20
+"""The greatest size of a record's header, 1 MiB; in version 1.2 it holds a definition. Chosen by hand."""
+MAX_HEADER_FIELDS = 64
+"""The greatest number of fields in a header. Chosen by hand: the format has eight at most."""
+NS_PER_S = 1_000_000_000
+"""Nanoseconds in a second."""
+READ_BYTES = 1 << 20
+"""Bytes of a file that are read at a time. Chosen by hand."""
+LENGTH = struct.Struct("<I")
+"""The length in front of a header, a field, or data."""
+TIME = struct.Struct("<II")
+"""A time: seconds and nanoseconds."""
+CHUNK_MARK = b"op=\x05"
+"""The field of a header that says that its record is a chunk."""
+
+Header = dict[bytes, bytes]
+
+
+class BagError(ValueError):
+    """Bytes that are no record, or a record that can't be used."""
+
+
+class EndOfRecordsError(BagError):
+    """The bytes end inside of a record."""
+
+
+class PieceSource:
+    """Bytes that come in pieces.
+
+    Args:
+        pieces: The pieces; they may raise `BagError`.
+    """
+
+    def __init__(self, pieces: Iterator[bytes]) -> None:
+        self._pieces = pieces
+        self._held = b""
+        self._at = 0
+
+    def is_at_end(self) -> bool:
+        """Tell whether no byte is left."""
+        return self._at == len(self._held) and not self._fill(1)
+
+    def take(self, n: int) -> bytes:
+        """Return the next `n` bytes.
+
+        Raises:
+            EndOfRecordsError: There are fewer.
+        """
+        at = self._at
+        if at + n > len(self._held):
+            if not self._fill(n):
+                raise EndOfRecordsError("the data end inside of a record")
+            at = self._at
+        self._at = at + n
+        return self._held[at : at + n]
+
+    def skip(self, n: int) -> None:
+        """Leave out the next `n` bytes; raise as `take` does."""
+        while n > len(self._held) - self._at:
+            n -= len(self._held) - self._at
+            self._held, self._at = next(self._pieces, b""), 0
+            if not self._held:
+                raise EndOfRecordsError("the data end inside of a record")
+        self._at += n
+
+    def _fill(self, n: int) -> bool:
+        """Hold at least `n` bytes; return whether there are so many."""
+        pieces = [self._held[self._at :]]
+        n_held = len(pieces[0])
+        while n_held < n:
+            piece = next(self._pieces, b"")
+            if not piece:
+                break
+            pieces.append(piece)
+            n_held += len(piece)
+        self._held, self._at = b"".join(pieces), 0
+        return n_held >= n
+
+
+def iter_file_pieces(file: InputFile, start: int, stop: int) -> Iterator[bytes]:
+    """Yield the bytes of a part of a file."""
+    for at in range(start, stop, READ_BYTES):
+        yield bytes(file[at : min(at + READ_BYTES, stop)])
+
+
+class RecordHead(NamedTuple):
+    """What stands in front of a record's data.
+
+    Attributes:
+        header: Fields of the header.
+        op: What kind of record it is.
+        n_bytes: Size of the data.
+    """
+
+    header: Header
+    op: int
+    n_bytes: int
+
+
+def take_record_head(source: PieceSource) -> RecordHead:
+    """Take a record up to its data.
+
+    Raises:
+        BagError: There is none.
+    """
+    header = parse_header(source.take(take_length(source, MAX_HEADER_BYTES)))
+    op = header.get(b"op", b"")
+    if len(op) != 1:
+        raise BagError("a record does not say what it is")
+    return RecordHead(header, op[0], take_length(source))
+
+
+def take_length(source: PieceSource, limit: int | None = None) -> int:
+    """Take a length.
+
+    Raises:
+        BagError: It exceeds the limit.
+    """
+    (n,) = LENGTH.unpack(source.take(LENGTH.size))
+    if limit is not None and n > limit:
+        raise BagError(f"a header has {n:,} bytes")
+    return int(n)
+
+
+def parse_header(data: bytes) -> Header:
+    """Return the fields of a header.
+
+    Raises:
+        BagError: It is none.
+    """
+    header: Header = {}
+    at = 0
+    while at < len(data):
+        if at + LENGTH.size > len(data):
+            raise BagError("a header is no list of fields")
+        (n,) = LENGTH.unpack_from(data, at)
+        at += LENGTH.size
+        name, equals, value = data[at : at + n].partition(b"=")
+        if not equals or at + n > len(data) or len(header) == MAX_HEADER_FIELDS:
+            raise BagError("a header is no list of fields")
+        header[name] = value
+        at += n
+    return header
+
+
+def header_number(header: Header, name: bytes, size: int = LENGTH.size) -> int:
+    """Return a number of a header.
+
+    Raises:
+        BagError: It is missing, or has another size in bytes.
+    """
+    value = header.get(name, b"")
+    if len(value) != size:
+        raise BagError(f"a record has no {name.decode()}")
+    return int.from_bytes(value, "little")
+
+
+def header_text(header: Header, name: bytes) -> str:
+    """Return a text of a header; raise as `header_number` does."""
+    if name not in header:
+        raise BagError(f"a record has no {name.decode()}")
+    return header[name].decode("utf-8", "replace")
+
+
+def time_ns(value: bytes) -> int:
+    """Return a time in ns.
+
+    Raises:
+        BagError: It is none.
+    """
+    if len(value) != TIME.size:
+        raise BagError("a record has no time")
+    seconds, nanoseconds = TIME.unpack(value)
+    return int(seconds) * NS_PER_S + int(nanoseconds)
+
+
+def find_next_chunk(file: InputFile, start: int) -> int | None:
+    """Return the place of the next record of a chunk at or behind `start`, by the look of its header; None if none."""
+    at = start
+    while at < len(file):
+        block = bytes(file[at : at + READ_BYTES])
+        mark = block.find(CHUNK_MARK)
+        while mark >= 0:
+            found = _chunk_record_around(file, at + mark, start)
+            if found is not None:
+                return found
+            mark = block.find(CHUNK_MARK, mark + 1)
+        at += max(len(block) - len(CHUNK_MARK) + 1, 1)
+    return None
+
+
+MAX_CHUNK_HEADER_BYTES = 128
+"""The greatest size of a chunk's header that is recognised. Chosen by hand: written ones have 40 to 50."""
+
+
+def _chunk_record_around(file: InputFile, mark: int, start: int) -> int | None:
+    """Return the place of the chunk whose header has its mark at a place."""
+    first = max(start, mark - MAX_CHUNK_HEADER_BYTES)
+    window = bytes(file[first : mark + MAX_CHUNK_HEADER_BYTES])
+    for at in range(mark - first - LENGTH.size, -1, -1):
+        (n,) = LENGTH.unpack_from(window, at)
+        end = at + LENGTH.size + n
+        if n <= MAX_CHUNK_HEADER_BYTES and mark - first < end <= len(window):
+            try:
+                header = parse_header(window[at + LENGTH.size : end])
+            except BagError:
+                continue
+            if header.keys() >= {b"op", b"compression", b"size"}:
+                return first + at
+    return None

@@ -1,0 +1,46 @@
+"""Pictures whose straight edges do not meet in one point: nothing is found, however much looks like paint."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cwcli.simulation.road.sets import render_set_frame
+from cwcli.vision.boundary_probability import probabilities_with_scene_votes
+from cwcli.vision.camera import Mounting, default_camera
+from cwcli.vision.lane_tracker import LaneTracker
+from cwcli.vision.method import LaneFit, LaneFrame
+
+CAMERA = default_camera(320, 240, Mounting())
+SCENES = [render_set_frame("good", index).grey for index in range(0, 24, 2)]
+N_FRAMES = 6
+
+
+def watched(grey: np.ndarray) -> LaneFit:
+    """What is found in the last of some equal frames."""
+    search = LaneTracker()
+    for k in range(N_FRAMES):
+        fit = search.step(LaneFrame(grey, CAMERA, k * 100_000_000, k))
+    return fit
+
+
+def test_a_picture_that_stands_on_its_head_has_no_lane() -> None:
+    for turned in (lambda grey: grey, lambda grey: np.ascontiguousarray(grey[::-1, ::-1])):
+        fits = [watched(turned(grey)) for grey in SCENES]
+        found = sum(fit.left.found + fit.right.found for fit in fits)
+        assert found == (2 * len(SCENES) if turned(SCENES[0]) is SCENES[0] else 0)
+
+
+@pytest.mark.parametrize(
+    ("votes", "expected"),
+    [
+        (0.6, (0.5, 0.9)),  # a road
+        (0.33, (0.5, 0.9)),
+        (0.29, (1.0 / (1.0 + math.e), 9.0 / (9.0 + math.e))),  # 0.04 less: one off the log-odds
+        (0.0, (2.6e-4, 2.35e-3)),  # 8.25 off: exp(-8.25) = 2.6e-4, and 9 times as much
+    ],
+)
+def test_few_votes_take_the_probability_off(votes: float, expected: tuple[float, float]) -> None:
+    assert probabilities_with_scene_votes((0.5, 0.9), votes) == pytest.approx(expected, rel=0.02)
