@@ -87,6 +87,15 @@ def test_static_errors_of_figures_14_and_16(
         assert errors[0] == pytest.approx(22.4, abs=0.1)
 
 
+def test_static_errors_of_figure_15() -> None:
+    """While the speed grows, the errors depend on whether the car turns with the bend, as in the paper, or against."""
+    found = {each.what: each.ours for each in simulated_run_part("fig 15").numbers}
+    errors = own.static_errors_of_figure_15()
+    assert errors[0] == pytest.approx(0.785, abs=0.005)
+    for k, name in enumerate(("v_y", "gamma")):
+        assert found[f"zhang2011: static error of {name}"] == pytest.approx(errors[k], abs=0.01)
+
+
 def test_the_worked_example_of_decoding() -> None:
     """Number 20."""
     found = {each.what: each.ours for each in printed_tables_part().numbers}

@@ -94,7 +94,9 @@ def test_a_run_as_a_table() -> None:
     assert len(table) == 51
     row = table.rows_as_dicts()[-1]
     assert row["zhang2011_yaw_rate_radps"] == pytest.approx(row["yaw_rate_radps"], rel=0.01)
-    assert row["yaw_rate_radps"] == pytest.approx(2.0 * 0.41463, abs=1e-3)  # twice the worked example's angle
+    assert row["yaw_rate_radps"] == pytest.approx(
+        -2.0 * 0.41463, abs=1e-3
+    )  # twice the worked example's angle, to the right
 
 
 def test_the_linear_runs_are_exact() -> None:
