@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from cwcli.pipeline.result import Cell, SummaryTable
-from cwcli.reproduction.classes import Finding
+from cwcli.reproduction.classes import NOT_IN_PAPER, Finding
 from cwcli.reproduction.expectations import PaperFigure
 from cwcli.reproduction.findings_report import (
     FINDING_COLUMNS,
@@ -43,12 +44,26 @@ def format_markdown_page(reproduction: Reproduction) -> str:
     for name, figure in expected.figures.items():
         findings = paper_findings(reproduction.findings, name)
         parts += _format_figure(name, figure, findings, reproduction)
-    for key in (*(key for key in ours if key.startswith("group_")), "fits", "assumptions", "reasons"):
+    parts += _format_groups(reproduction)
+    for key in ("fits", "assumptions", "reasons"):
         if ours[key].rows:
             parts += [f"\n## {ours[key].title}\n", _format_table(ours[key])]
     for section in sections_of_page(reproduction):
         parts += [f"\n## {section.title}\n", _format_table(section)]
     return "\n".join(parts) + "\n"
+
+
+def _format_groups(reproduction: Reproduction) -> list[str]:
+    """Format the groups that are counted apart; what the paper has no number for is in `cwcli reproduce` alone."""
+    parts = []
+    for section in reproduction.summary.sections:
+        if not section.key.startswith("group_"):
+            continue
+        at = section.columns.index("class")
+        rows = tuple(row for row in section.rows if row[at] != NOT_IN_PAPER)
+        if rows:
+            parts += [f"\n## {section.title}\n", _format_table(replace(section, rows=rows))]
+    return parts
 
 
 def sections_of_page(reproduction: Reproduction) -> list[SummaryTable]:

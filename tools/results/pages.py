@@ -17,6 +17,7 @@ MEASURED_SECTIONS: dict[str, tuple[str, ...]] = {
     "control.md": ("Measured",),
     "estimation.md": ("Accuracy of latencies",),
     "papers/song2016-choices.md": ("Table 1", "Figure 7", "Figures 9 and 11", "Traps", "Figures 12 to 15"),
+    "papers/xiang2019-filter.md": ("The paper's tracker on a log",),
     "papers/zhang2011-lanes.md": ("Results",),
     "papers/zhang2011-motion.md": ("Figures 14 to 16", "Figures 17 to 19"),
     "performance.md": (),

@@ -35,14 +35,11 @@ def more_of_reproduction(made: Reproduction, note: str) -> dict[str, Any]:
 
 def reproduction_from_file(result: ResultFile) -> Reproduction:
     """Return the reproduction of a result file, with plots that have titles only."""
-    numbers = tuple(
-        MeasuredNumber(
-            *key.split(KEY_SEPARATOR, 1),
-            *(math.nan if end is None else end for end in (value.value, value.low, value.high)),
-            text=value.text,
-        )
-        for key, value in result.values.items()
-    )
+    numbers = []
+    for key, value in result.values.items():
+        figure, what = key.split(KEY_SEPARATOR, 1)
+        ours, low, high = (math.nan if end is None else end for end in (value.value, value.low, value.high))
+        numbers.append(MeasuredNumber(figure, what, ours, low, high, value.text))
     plots = tuple(Plot(figure, title, "", "", ()) for figure, title in result.more["plots"].items())
     sections = [
         SummaryTable(each["key"], each["title"], tuple(each["columns"]), tuple(tuple(row) for row in each["rows"]))
@@ -50,7 +47,7 @@ def reproduction_from_file(result: ResultFile) -> Reproduction:
     ]
     notes = [f"measured on {result.date} with version {result.version}"]
     return assemble_reproduction(
-        result.name, [StudyPart(numbers, plots)], result.more["note"], sections=sections, notes=notes
+        result.name, [StudyPart(tuple(numbers), plots)], result.more["note"], sections=sections, notes=notes
     )
 
 

@@ -101,7 +101,8 @@ def faults_of_small_run(stored: ResultFile, now: Mapping[str, float | str | None
     would show. The stored number of the small set must also agree with that of the whole set.
     """
     faults = []
-    if lost := sorted(set(stored.values) - set(now)):
+    of_small_set = {key for key, value in stored.values.items() if value.small is not None or value.text}
+    if lost := sorted(of_small_set - set(now)):
         faults.append(f"{stored.name}: '{lost[0]}' is not measured any more")
     for key, value in stored.values.items():
         found = now.get(key)

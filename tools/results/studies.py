@@ -127,6 +127,19 @@ def _run_bundled(_: int) -> Measured:
     return Measured(values)
 
 
+def _run_walking_targets(_: int) -> Measured:
+    """The paper's tracker on the logs of xiang2019's four manoeuvres: mean square errors, in m^2."""
+    options = "--model cv --filter ukf --gate 1 --no-tune --causal --cartesian-below 0 --targets one --json"
+    values: dict[str, tuple[float, float, float] | str] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("line", "arc", "weave", "turn"):
+            _cwcli(folder, "simulate", f"xiang2019-{name}", "-o", f"{name}.mcap")
+            printed = _cwcli(folder, "track", f"{name}.mcap", *options.split())
+            (row,) = json.loads(printed)["stages"]["track"]["sections"]["errors"]
+            values |= {f"{name}: {axis}": (row[f"{axis}_m"] ** 2, *NOT_RANDOM) for axis in "xy"}
+    return Measured(values)
+
+
 def _cwcli(folder: str, *arguments: str) -> str:
     """Run cwcli in a folder; returns what it prints."""
     done = subprocess.run(
@@ -168,12 +181,13 @@ def _ends(samples: Any) -> tuple[float, float]:
 
 
 STUDIES: dict[str, Study] = {
-    "song2016": Study("cwcli reproduce song2016", _run_song2016, 100, 2),
+    "song2016": Study("cwcli reproduce song2016", _run_song2016, 100, 5),
     "xiang2019": Study("cwcli reproduce xiang2019", _run_xiang2019, 1000, 20),
     "zhang2011": Study("cwcli reproduce zhang2011", _run_zhang2011, 20, 2),
     "lead-profiles": Study("python -m tests.studies.lead_profiles", _run_lead_profiles, 100, 1),
     "true-states": Study("python -m tests.scenarios.song2016_moments rear-end", _run_true_states, 1, 1),
     "bundled": Study("cwcli simulate rear-end --seed 1 | cwcli run - --json", _run_bundled, 1, 1),
+    "walking-targets": Study("cwcli simulate xiang2019-turn | cwcli track", _run_walking_targets, 1, 1),
     "latency": Study("python -m tests.studies.latency --runs 40", _run_latency, 40, 2),
 }
 """Name of a result file -> its study."""

@@ -99,7 +99,7 @@ def _numbers_of_radar_scenes(table: Table) -> list[MeasuredNumber]:
     gain, low, high = (_table_column(table, f"gain{end}_pct") for end in ("", "_low", "_high"))
     return [
         MeasuredNumber(
-            "where", f"{scene}, {sigma:g} deg: the UKF is better by", *(float(each[k]) for each in (gain, low, high))
+            "where", f"{scene}, {sigma:g} deg: the UKF is better by", float(gain[k]), float(low[k]), float(high[k])
         )
         for k, (scene, sigma) in enumerate(zip(table["scene"], _table_column(table, "azimuth_sigma_deg"), strict=True))
     ]
@@ -112,7 +112,9 @@ def _numbers_of_looks(table: Table) -> list[MeasuredNumber]:
         MeasuredNumber(
             "where",
             f"4.90 m, {looks:g} looks of each: error of both together",
-            *(float(e[k]) for e in (value, low, high)),
+            float(value[k]),
+            float(low[k]),
+            float(high[k]),
         )
         for k, looks in enumerate(_table_column(table, "looks"))
     ]
