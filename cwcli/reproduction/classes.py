@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 
 from cwcli.lazy_dataclass import dataclass
 
@@ -70,7 +71,7 @@ class MeasuredNumber:
     ours: float
     low: float = math.nan
     high: float = math.nan
-    text: str = ""
+    text: str = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)

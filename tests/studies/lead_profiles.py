@@ -60,7 +60,7 @@ def moments_s(coast: tuple[float, float], brake: tuple[float, float, float]) -> 
         brake: Start in s, rate in m/s^3, deceleration in m/s^2.
     """
     lead = lead_states(coast, brake)
-    fine_s = np.arange(len(lead)) * FINE_STEP_S
+    fine_s: FloatArray = np.asarray(np.arange(len(lead)) * FINE_STEP_S, dtype=np.float64)
     host = np.zeros_like(lead)
     host[:, 0], host[:, 2] = SPEED_MPS * fine_s, SPEED_MPS
     step = round(SAMPLING_TIME_S / FINE_STEP_S)

@@ -25,7 +25,8 @@ def measure(name: str, today: str) -> ResultFile:
         if isinstance(found, str):
             values[key] = Value(None, text=found)
         else:
-            values[key] = Value(*(_finite(each) for each in found), small=_finite(_small_number(small, key)))
+            value, low, high = (_finite(each) for each in found)
+            values[key] = Value(value, low, high, _finite(_small_number(small, key)))
     _draw(name, whole)
     return ResultFile(
         name,

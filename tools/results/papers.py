@@ -39,7 +39,7 @@ def reproduction_from_file(result: ResultFile) -> Reproduction:
     for key, value in result.values.items():
         figure, what = key.split(KEY_SEPARATOR, 1)
         ours, low, high = (math.nan if end is None else end for end in (value.value, value.low, value.high))
-        numbers.append(MeasuredNumber(figure, what, ours, low, high, value.text))
+        numbers.append(MeasuredNumber(figure, what, ours, low, high, text=value.text))
     plots = tuple(Plot(figure, title, "", "", ()) for figure, title in result.more["plots"].items())
     sections = [
         SummaryTable(each["key"], each["title"], tuple(each["columns"]), tuple(tuple(row) for row in each["rows"]))

@@ -40,7 +40,7 @@ FIT_SPEED_MPS = 15.0
 """Speed at which the covariance is computed, m/s: that of figure 3's drive at its end. The speed only couples heading
 and position; from 10 to 20 m/s the fitted Q changes by 3 %."""
 FIRST_GUESS = np.array([0.03, 0.02, 0.001, 0.02, 0.0004])
-"""Where the search for Q begins, in the units of its result. Chosen by hand; not fitted."""
+"""The search for Q begins with these roots of its diagonal, in SI units. Chosen by hand; not fitted."""
 MAX_FIT_STEPS = 30
 """Largest number of Newton steps of the search. Chosen by hand; not fitted: five are enough."""
 SLOPE_WINDOWS = (2, 3)
