@@ -54,7 +54,8 @@ EXIT_CODES = {
 
 
 SIMILAR_SHARE = 0.1
-"""Two names are suggested if their likeness (`SequenceMatcher.ratio`, 0 to 1) to what was given differs by no more."""
+"""Greatest difference in likeness (`SequenceMatcher.ratio`, 0 to 1) from the most similar name at which a name is
+suggested, too. Chosen by hand."""
 
 
 def install_hint(extra: str) -> str:

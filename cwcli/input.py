@@ -32,7 +32,8 @@ MIN_READ_BYTES = 1 << 13
 HASH_BLOCK_BYTES = 1 << 20
 """Number of bytes that are hashed at a time, 1 MiB; chosen by hand."""
 CLOCK_TICK_NS = 10_000_000
-"""Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
+"""Time in ns within which two changes of a file may get the same time stamp: the kernel ticks a hundred times a
+second."""
 MAX_CHUNK_BYTES = 256_000_000
 """Greatest size of a chunk, stored or unpacked, that is read by default [bytes]; chosen by hand."""
 MAX_RATIO = 64.0
@@ -285,7 +286,7 @@ def remember_inputs() -> Iterator[None]:
         _RUN.reset(token)
 
 
-def note_input(name: str | Path) -> None:
+def remember_input_file(name: str | Path) -> None:
     """Remember a file that will be read, `-` for standard input, if it exists.
 
     Raises:
@@ -295,7 +296,7 @@ def note_input(name: str | Path) -> None:
         _remember_run_input(os.fstat(0) if str(name) == "-" else os.stat(name), str(name))  # noqa: PTH116 - a name may hold a zero byte
 
 
-def is_input(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
+def is_input_of_run(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
     """Return whether the file is an input of this run, or one of the files in `more`."""
     inputs = _RUN.get()
     place = _file_identity_size_and_time(found)[:2]

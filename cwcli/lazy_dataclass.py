@@ -26,7 +26,7 @@ else:
 
 
 MAX_FILLED = 64
-"""Instances of a class that are filled by a loop before its methods are compiled; chosen by hand: the loop takes some
+"""Number of instances of a class that a loop fills before its methods are compiled. Chosen by hand: the loop takes some
 microseconds an instance, and compiling as long as a hundred of them."""
 _COPIED = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "__init__")
 """Methods and attributes that are taken from the compiled class; `__init__` comes last, so that threads see all."""

@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 
 from cwcli.errors import OutputError, UsageError
-from cwcli.input import InputFile, check_unchanged, is_input, note_input
+from cwcli.input import InputFile, check_unchanged, is_input_of_run, remember_input_file
 from cwcli.output_stream import Bytes, OutputStream, translate_os_errors
 from cwcli.temporary import TemporaryFile
 
@@ -66,7 +66,7 @@ def check_targets(
         UsageError: Two are the same file, one is a URL, or standard output is a terminal.
     """
     for each in inputs:
-        note_input(each)
+        remember_input_file(each)
     places: set[object] = set()
     for check, targets in ((partial(check_target, force=force), files), (_check_folder, folders)):
         for target in targets:
@@ -141,7 +141,7 @@ def _check_file(path: Path, name: str, force: bool, inputs: Sequence[InputFile])
     """Refuse a path that must not be written; return whether it is a device, a pipe or a socket."""
     found = _stat_or_none(path)
     mode = None if found is None else found.st_mode
-    if found is not None and is_input(found, inputs):
+    if found is not None and is_input_of_run(found, inputs):
         raise OutputError("the output is the input itself", where=name, hint="name another file")
     if (mode is not None and stat.S_ISDIR(mode)) or name.endswith(os.sep):
         raise OutputError("the output is a directory", where=name, hint="name a file with -o")
@@ -318,7 +318,7 @@ def _stdout_descriptor(inputs: Sequence[InputFile] = ()) -> int:
         raise UsageError(
             "refusing to write binary data to the terminal", hint="name a file with -o, or send it into a pipe"
         )
-    if is_input(os.fstat(descriptor), inputs):
+    if is_input_of_run(os.fstat(descriptor), inputs):
         raise OutputError("the output goes into the input itself", where="<stdout>", hint="write to another file")
     return descriptor
 

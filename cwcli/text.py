@@ -102,6 +102,19 @@ def join_names(names: Sequence[str]) -> str:
     return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
+def split_distinct_names(text: str) -> tuple[str, ...]:
+    """Return the names in a list with commas, each once."""
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
+
+
+def parse_float_or_nan(text: str) -> float:
+    """Return the number that a text spells; NaN if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
 def display_width(text: str) -> int:
     """Number of terminal cells of a text: two for wide East Asian characters, none for combining marks."""
     if text.isascii():

@@ -38,9 +38,10 @@ SAS_NAMES = frozenset(
 DIGEST_ROUNDS = 50_000
 """Number of PBKDF2 rounds, 30 ms a URL: what each guess at a short secret in a parameter of an unknown name costs."""
 DIGEST_LENGTH = 8
-"""Hexadecimal digits; so few that many secrets have the same ones."""
+"""Number of hexadecimal digits of a digest; so few that many secrets have the same one. Chosen by hand."""
 MIN_SECRET_LENGTH = 3
-"""Shorter values are not looked for in the words of others: `t=1` would hide every 1."""
+"""Least number of characters of a value that is hidden in the words of others: `t=1` would hide every 1. Chosen by
+hand."""
 
 # plain strings, as `re` compiles them when the first URL comes: most runs have none
 _SCHEME_PATTERN = r"[A-Za-z][A-Za-z0-9+.\-]*://"
@@ -50,7 +51,7 @@ _URL_PATTERN = _SCHEME_PATTERN + r"[^\s<>\"`\\^{|}]*"
 _TRAILING_PUNCTUATION = "'),.;:]"
 """Characters at the end of a URL in a sentence that belong to the sentence."""
 _NAME_WITH_DIGEST_PATTERN = r"(?s)(.*\?\*\*\*(?:#\*\*\*)?)( \([0-9a-f]{8}\))"
-"""The name of a URL whose secrets are hidden, and the digest behind it (`name_url`)."""
+"""The name of a URL whose secrets are hidden, and the digest behind it (`display_name_of_url`)."""
 
 
 def redact_url(url: str) -> str:
@@ -90,7 +91,7 @@ def redact_urls(text: str, url: str = "") -> str:
 
 
 @lru_cache(maxsize=10_000)
-def name_url(url: str) -> str:
+def display_name_of_url(url: str) -> str:
     """What a log with this URL is called: the URL without its secrets, told apart from others that look alike then.
 
     Two signatures of one file are one name. Parameters that may say which file is meant (`?id=7`) give the name a

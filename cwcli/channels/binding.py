@@ -261,7 +261,7 @@ def _candidate_bindings(channels: Sequence[ChannelLike], role: str, ego_station:
     for channel in channels:
         if getattr(channel, "message_count", None) == 0 and role not in ROLES_THAT_MAY_BE_EMPTY:
             continue
-        rank = _candidate_rank(channel, role, ego_station)
+        rank = _rank_of_channel_for_role(channel, role, ego_station)
         if rank is not None:
             ranked.setdefault(channel.topic, (rank, _make_binding(channel, role)))
     lowest = min((rank for rank, each in ranked.values() if not is_additive_input(role, each.schema_name)), default=0)
@@ -269,7 +269,7 @@ def _candidate_bindings(channels: Sequence[ChannelLike], role: str, ego_station:
     return sorted(found, key=lambda each: is_additive_input(role, each.schema_name))
 
 
-def _candidate_rank(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:
+def _rank_of_channel_for_role(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:
     """The priority of a channel for a role, 0 first; None if the channel does not fill the role unless it is named."""
     if role in CHANNEL_OF_ROLE:
         own = (

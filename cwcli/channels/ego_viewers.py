@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.output import first_row_of_each_period, make_output_channel
+from cwcli.channels.output import first_row_of_each_vehicle_and_period, make_output_channel
 from cwcli.channels.published import EGO_FIX, EGO_POSE, EGO_STATE, TRANSFORMS, Channel
 from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, repeat_string
@@ -19,7 +19,7 @@ FIX_AND_POSE_RATE_HZ, TRANSFORM_RATE_HZ = 5.0, 10.0
 VARIANCE_BINARY_DIGITS = 8
 """Binary digits of the variances of a fix; chosen: viewers only draw an ellipse."""
 ORIENTATION_FRACTION_BITS = 20
-"""Components of the orientation quaternion are multiples of 2^-20; chosen by hand."""
+"""Number of binary digits after the point of the components of the orientation quaternion. Chosen by hand."""
 
 
 def write_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
@@ -30,8 +30,8 @@ def write_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tup
         local_map: Where the map lies on the earth; None leaves the fixes unknown.
     """
     published = write_vehicle_states(EGO_STATE, states, local_map)
-    placed = first_row_of_each_period(states.ids.codes, states.stamp_ns, TRANSFORM_RATE_HZ)
-    shown = first_row_of_each_period(states.ids.codes, states.stamp_ns, FIX_AND_POSE_RATE_HZ)
+    placed = first_row_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, TRANSFORM_RATE_HZ)
+    shown = first_row_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, FIX_AND_POSE_RATE_HZ)
     state = np.column_stack([np.asarray(published.fields[name]) for name in STATE_NAMES])
     transform: dict[str, Field] = {
         "timestamp": states.stamp_ns[placed],

@@ -77,7 +77,7 @@ class LaneFrames:
         horizon_px: Shape (n,): row in the search image, NaN where not known.
         camera_pitch_rad, camera_yaw_rad: Shape (n,): as used; nose down and counter-clockwise positive.
         fits: n rows.
-        roads: Shape (n, 2, 4): the boundaries as roads (`ground.image_curves_of_flat_road`).
+        roads: Shape (n, 2, 4): the boundaries as roads (`ground.image_hyperbolas_of_flat_road`).
         top_px: Shape (n,): row in the search image at which boundaries end.
         pinhole: Shape (n, 2): `BoundaryLines.pinhole`.
         geometry: n rows.
@@ -192,13 +192,13 @@ class LaneRows:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def least_yaw_sigma_rad(self) -> float:
+    def least_shared_yaw_sigma_rad(self) -> float:
         """Share of the camera's yaw error in the heading sigmas: the least value of all frames, 0 if unknown."""
         told_rad = self.camera_yaw_sigma_rad
         known = told_rad[np.isfinite(told_rad) & (told_rad >= 0.0)]
         return float(known.min(initial=math.pi)) if len(known) else 0.0
 
-    def valid_road_lines(self) -> FloatArray:
+    def plausible_road_lines(self) -> FloatArray:
         """Lateral offset, slope and curvature of the boundaries found, shape (n, 2, 3); NaN where implausible."""
         with np.errstate(invalid="ignore"):
             is_line = self.found & (np.abs(self.road) <= ROAD_LINE_LIMITS).all(axis=2)
@@ -211,7 +211,7 @@ class LaneRows:
         is_curve = np.isfinite(self.image_boundaries.roads).all(axis=2) & np.isfinite(
             self.image_boundaries.pinhole[:, :1]
         )
-        return np.where(is_curve[..., None], self.valid_road_lines(), np.nan)
+        return np.where(is_curve[..., None], self.plausible_road_lines(), np.nan)
 
     def boundaries_in_pixels(self, row: int, image_size: tuple[int, int]) -> list[FloatArray]:
         """The left and the right boundary of a frame in the pixels of an image of it, shape (k, 2) each.
@@ -345,7 +345,7 @@ def write_frames_with_lanes(frames: LaneFrames, topic: str, *, frame_id: str, im
     row_of = {index: row for row, index in enumerate(frames.index.tolist())}
 
     def paint(row: int, image: Image) -> Image:
-        points, is_in = _boundary_points(frames, slice(row, row + 1))
+        points, is_in = _boundary_points_and_visibility(frames, slice(row, row + 1))
         lines = [points[0, side][is_in[0, side]] for side in range(2)]
         return draw_boundaries(image, lines, boundary_labels(frames.fits[slice(row, row + 1)])[0])
 
@@ -362,14 +362,14 @@ def write_frames_with_lanes(frames: LaneFrames, topic: str, *, frame_id: str, im
 
 def _boundary_polylines(frames: LaneFrames, start: int, stop: int) -> list[tuple[FloatArray, FloatArray]]:
     """The visible points of the left and right boundary of each row, shape (k, 2) each: u, v in pixels."""
-    points, is_in = _boundary_points(frames, slice(start, stop))
+    points, is_in = _boundary_points_and_visibility(frames, slice(start, stop))
     flat = points[is_in]
     ends: list[int] = np.cumsum(np.count_nonzero(is_in, axis=2)).tolist()
     lines = [flat[first:last] for first, last in zip([0, *ends], ends, strict=False)]
     return list(zip(lines[::2], lines[1::2], strict=True))
 
 
-def _boundary_points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+def _boundary_points_and_visibility(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Points (m, 2, N_POINTS, 2) in pixels and their visibility (m, 2, N_POINTS), for rows of any image sizes."""
     sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
     points, is_in = np.zeros((len(sizes), 2, N_LINE_POINTS, 2)), np.zeros((len(sizes), 2, N_LINE_POINTS), np.bool_)

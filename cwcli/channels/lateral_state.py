@@ -11,7 +11,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, unusable_field_error
 from cwcli.signals.resample import resample
-from cwcli.signals.row_order import sort_rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp_without_repeats
 
 N_STATES = len(STATE_NAMES)
 """Number of states of the lateral observer."""
@@ -20,7 +20,7 @@ LANE_AHEAD_FIELDS = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
 TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *LANE_AHEAD_FIELDS)
 """Fields that are read from a channel of the lateral truth."""
 PREVIEW_MATCH_TOLERANCE_M = 1e-6
-"""Two preview distances that differ by less are the same, m; chosen: rounding errors only."""
+"""Greatest difference of two preview distances that count as equal, m. Chosen: rounding errors only."""
 STATUS_OFFSET = 1
 """Offset from `FrameStatus` to the enum of the message, where 0 means unspecified."""
 
@@ -93,14 +93,14 @@ def read_observed_drive(columns: Columns) -> ObservedDrive:
     return ObservedDrive(columns.log_time_ns[order], track)
 
 
-def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
+def read_lateral_truth_stamps_and_states(columns: Columns) -> tuple[Int64Array, FloatArray]:
     """Read stamps (n,), increasing, and states (n, 4) from a channel of the truth; unknown values are NaN.
 
     Args:
         columns: The channel; its fields `TRUTH_FIELDS` are enough.
     """
     stamp_ns, _ = read_integers(columns, "stamp_ns")
-    rows = sort_rows_by_stamp(stamp_ns)
+    rows = rows_by_stamp_without_repeats(stamp_ns)
     return stamp_ns[rows], np.column_stack([read_numbers(columns, name)[rows] for name in STATE_NAMES])
 
 
@@ -117,7 +117,7 @@ def true_deviations_at_preview(
         max_gap_s: Longest gap between messages that is interpolated.
     """
     stamp_ns, _ = read_integers(columns, "stamp_ns")
-    rows = sort_rows_by_stamp(stamp_ns)
+    rows = rows_by_stamp_without_repeats(stamp_ns)
     told_m = read_numbers(columns, "preview_distance_m")
     known_m = told_m[told_m > 0.0]
     own_m = float(known_m[0]) if len(known_m) else DEFAULT_PREVIEW_M

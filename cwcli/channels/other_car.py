@@ -18,7 +18,7 @@ MAD_TO_SIGMA = 1.4826
 GNSS_EPOCH_NS = 10 * NS_PER_MS
 """GNSS receivers measure at multiples of 10 ms, counted from the whole second (common receiver rates)."""
 MAX_EPOCH_PHASE_NS = 2 * NS_PER_MS
-"""Stamps of 95 % of the positions may differ from whole epochs by this much, ns; chosen by hand."""
+"""Greatest difference, ns, of the stamps of 95 % of the positions from whole epochs. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -85,14 +85,14 @@ def move_to_map_and_clock(
     )
 
 
-def merge_states_by_log_time(some: VehicleStates, more: VehicleStates) -> VehicleStates:
+def merge_states_by_log_time(first: VehicleStates, second: VehicleStates) -> VehicleStates:
     """Concatenate the states of several vehicles in the order of their log times."""
-    names = tuple(dict.fromkeys((*some.ids.values, *more.ids.values)))
+    names = tuple(dict.fromkeys((*first.ids.values, *second.ids.values)))
     codes = [
-        np.array([names.index(name) for name in each.ids.values], np.int32)[each.ids.codes] for each in (some, more)
+        np.array([names.index(name) for name in each.ids.values], np.int32)[each.ids.codes] for each in (first, second)
     ]
     columns = {
-        name: np.concatenate([np.asarray(getattr(some, name)), np.asarray(getattr(more, name))])
+        name: np.concatenate([np.asarray(getattr(first, name)), np.asarray(getattr(second, name))])
         for name in VehicleStates.__dataclass_fields__
         if name != "ids"
     }

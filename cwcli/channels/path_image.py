@@ -13,7 +13,7 @@ from cwcli.channels.published import OBSERVER_PATH_LINES
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array, StreamedChannel
-from cwcli.signals.row_order import Rows, sort_rows_by_stamp
+from cwcli.signals.row_order import Rows, rows_by_stamp_without_repeats
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 from cwcli.vision.overlay import draw_boundaries
@@ -77,9 +77,9 @@ class PathFrames:
             paths: m paths.
             stamp_ns, log_time_ns: Shape (m,): times of their starts.
         """
-        frames = sort_rows_by_stamp(lanes.stamp_ns)
+        frames = rows_by_stamp_without_repeats(lanes.stamp_ns)
         frames = frames[(lanes.image_size[frames] > 0).all(axis=1) & (lanes.search_size[frames] > 0).all(axis=1)]
-        starts = np.sort(sort_rows_by_stamp(stamp_ns))
+        starts = np.sort(rows_by_stamp_without_repeats(stamp_ns))
         _, mine, theirs = np.intersect1d(stamp_ns[starts], lanes.stamp_ns[frames], return_indices=True)
         order = np.argsort(mine)
         rows, lane_rows = starts[mine[order]], frames[theirs[order]]

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cwcli.channels.output import first_row_of_each_period, make_output_channel
+from cwcli.channels.output import first_row_of_each_vehicle_and_period, make_output_channel
 from cwcli.channels.published import Channel
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
@@ -181,7 +181,7 @@ def write_lazy_paths(channel: Channel, planned: LazyPaths, *, rate_hz: float) ->
         rate_hz: Rate of paths for each vehicle.
     """
     order = np.argsort(planned.log_time_ns, kind="stable")
-    chosen = order[first_row_of_each_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
+    chosen = order[first_row_of_each_vehicle_and_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
         own = chosen[start:stop]

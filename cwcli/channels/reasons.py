@@ -32,11 +32,11 @@ UNKNOWN_TYPE_TEXT = "no role takes this type"
 READABLE_REASONS = frozenset({UNKNOWN_TYPE_TEXT, OTHER_USES_OF_SCHEMAS["diagnostic_msgs/DiagnosticArray"]})
 """Reasons that the first messages of a channel may complete: by their fields, or by what they warn of."""
 MAX_NUMERIC_FIELDS = 2000
-"""Fields of a message at which the search for numbers stops; chosen by hand."""
+"""Greatest number of fields of a message that are searched for numbers. Chosen by hand."""
 MAX_NESTING = 8
-"""Nesting of a message at which the search for numbers stops; chosen by hand."""
+"""Greatest nesting of a message that is searched for numbers. Chosen by hand."""
 MAX_SUGGESTIONS = 2
-"""Options suggested for one channel; chosen by hand."""
+"""Greatest number of options that are suggested for one channel. Chosen by hand."""
 _WARNING_WORDS = frozenset(
     {"fcw", "aeb", "warning", "warnings", "warn", "alert", "alerts", "alarm", "collision", "icw", "eebl", "ldw"}
 )
@@ -162,10 +162,10 @@ def _explain_unknown_type(channel: ChannelWithDefinition, name: str) -> UnboundR
         )
     if name in OTHER_USES_OF_SCHEMAS:
         return UnboundReason(OTHER_USES_OF_SCHEMAS[name])
-    return explain_fields(channel.topic, dict(iter_field_kinds(channel)))
+    return explain_unknown_type_by_fields(channel.topic, dict(iter_field_kinds(channel)))
 
 
-def explain_fields(topic: str, kinds: Mapping[str, FieldKind]) -> UnboundReason:
+def explain_unknown_type_by_fields(topic: str, kinds: Mapping[str, FieldKind]) -> UnboundReason:
     """Explain a type that no role takes by the fields of its messages, and suggest what to do with them.
 
     Args:
@@ -195,10 +195,10 @@ def suggest_warning_conditions(topic: str, kinds: Mapping[str, FieldKind]) -> tu
         elif kind == "number" and words & _LEVEL_WORDS:
             found.append((1, f"{path}>=1"))
     best = [condition for _, condition in sorted(found, key=lambda each: each[0])][:1]
-    return tuple(line for condition in best for line in format_system_warning(topic, condition))
+    return tuple(line for condition in best for line in format_system_warning_command(topic, condition))
 
 
-def choose_diagnostic_status(trees: Sequence[object]) -> str:
+def warning_condition_of_diagnostics(trees: Sequence[object]) -> str:
     """Return the condition under which a `DiagnosticArray` warns: the level of the status that tells of warnings.
 
     Args:
@@ -212,7 +212,7 @@ def choose_diagnostic_status(trees: Sequence[object]) -> str:
     return f"status[name=='{named}'].level>=1"
 
 
-def format_system_warning(topic: str, condition: str) -> list[str]:
+def format_system_warning_command(topic: str, condition: str) -> list[str]:
     """Format the command that judges another system's warnings; [] where topic or condition can't be typed."""
     from cwcli.errors import UsageError
     from cwcli.signals.field_condition import parse_condition

@@ -23,7 +23,11 @@ from cwcli.signals.columns import (
 from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, read_texts, unusable_field_error
 from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.vehicle_state import ACCEL, BODY_FRAME, MAP_FRAME, N_STATES, YAW_RATE
-from cwcli.tracking.convert import MIN_HEADING_SPEED_MPS, target_rows_of_result, vehicle_states_of_target
+from cwcli.tracking.convert import (
+    MIN_HEADING_SPEED_MPS,
+    target_rows_of_result,
+    vehicle_states_and_covariances_of_target,
+)
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 
 TARGET_LIFETIME_NS = 1_000_000_000
@@ -190,7 +194,7 @@ def read_targets_as_states(columns: Columns) -> VehicleStates:
     state, full = np.zeros((n, N_STATES)), np.zeros((n, N_STATES, N_STATES))
     for _, unordered in iter_rows_by_id(ids):
         rows = unordered[np.argsort(stamp_ns[unordered], kind="stable")]
-        state[rows], full[rows] = vehicle_states_of_target(
+        state[rows], full[rows] = vehicle_states_and_covariances_of_target(
             given[rows], covariance[rows], looks_ahead=columns.topic != TARGETS_ONLINE.topic
         )
     for at, name, sigma_name in (

@@ -9,7 +9,12 @@ from cwcli.errors import UsageError
 from cwcli.estimation.config import LeverArms, is_lever_arm_on_car
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Strings
-from cwcli.signals.transforms import BODY_FRAME_NAMES, Transform, find_body_from_frame, find_carrying_body_frame
+from cwcli.signals.transforms import (
+    BODY_FRAME_NAMES,
+    Transform,
+    find_body_frame_and_transform,
+    find_carrying_body_frame_and_transform,
+)
 
 FRAME_FIELDS = ("header.frame_id", "frame_id")
 """Fields of a message that may name its frame of reference."""
@@ -52,7 +57,7 @@ def read_lever_arms(
     counts = tuple(fill_transform_tree(log, topic, tree) for topic in channels)
     found, notes = dict(given), []
     for topic, frame in _frame_of_each_topic(log, open_topics).items():
-        carried = find_carrying_body_frame(tree, frame)
+        carried = find_carrying_body_frame_and_transform(tree, frame)
         if carried is None:
             continue
         body, matrix = carried
@@ -78,7 +83,7 @@ def fill_transform_tree(log: Log, topic: str, tree: dict[str, Transform], frame:
         for each in new:
             tree.setdefault(each.child, each)
         used += bool(new)
-        found = find_body_from_frame(tree, frame) if new and frame else None
+        found = find_body_frame_and_transform(tree, frame) if new and frame else None
         if found is not None and found[0] == BODY_FRAME_NAMES[0]:
             break
     return TransformCount(topic, read, used, unreadable)

@@ -32,7 +32,7 @@ from cwcli.signals.leaf_fields import (
 )
 from cwcli.signals.packed_covariances import Covariances, PackedCovariances, pack_covariances
 from cwcli.signals.precision import round_to_binary_step
-from cwcli.signals.row_order import Rows, sort_rows_by_stamp
+from cwcli.signals.row_order import Rows, rows_by_stamp_without_repeats
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES, StateFlag
 
@@ -124,7 +124,7 @@ class VehicleStates:
 
     def sort_by_stamp(self) -> VehicleStates:
         """Sort the states of one vehicle by stamp, and keep the first of each stamp."""
-        return self.select_rows(sort_rows_by_stamp(self.stamp_ns))
+        return self.select_rows(rows_by_stamp_without_repeats(self.stamp_ns))
 
     def select_logged_within(self, start_ns: int | None, end_ns: int | None) -> VehicleStates:
         """Select the states whose log time is in [start_ns, end_ns); None is no bound."""

@@ -31,7 +31,7 @@ from cwcli.text import shorten_and_escape
 MAX_VALUE_CHARS = 60
 """Longest part of a wrong value that an error shows, in characters; chosen by hand."""
 MAX_OPTIONS_WITHOUT_HEADINGS = 15
-"""Commands with at most this many options list them without headings; chosen by hand."""
+"""Greatest number of options that the help of a command lists without headings. Chosen by hand."""
 
 
 class PlainCommand(typer.core.TyperCommand):

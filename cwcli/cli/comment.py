@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 MAX_COMMENT_CHARS = 60_000
 """Longest comment in characters. GitHub refuses a body of more than 65,536; the rest is for what a job adds."""
 MAX_ROWS_PER_LOG = 20
-"""Metrics of a log that its table lists; chosen by hand."""
+"""Greatest number of metrics that the table of one log lists. Chosen by hand."""
 MAX_NAMED_LOGS = 10
 """Logs that the last sentence names of those that are left out; chosen by hand."""
 MAX_NAME_CHARS = 200
@@ -34,7 +34,7 @@ def format_comment(summary: str, logs: Sequence[LogChange], n_pairs: int) -> str
         logs: The logs that differ, the worst first.
         n_pairs: Number of logs in both runs.
     """
-    text, is_cut = _cut_at_paragraph(summary.rstrip(), MAX_COMMENT_CHARS // 2)
+    text, is_cut = _cut_at_paragraph_and_tell_if_cut(summary.rstrip(), MAX_COMMENT_CHARS // 2)
     parts = [text]
     if is_cut:
         parts.append("The rest of this summary is left out; `cwcli compare --markdown` writes all of it.")
@@ -42,7 +42,7 @@ def format_comment(summary: str, logs: Sequence[LogChange], n_pairs: int) -> str
     parts.append(f"#### {format_count(len(logs), 'log')} with changes, {n_same} without")
     length = sum(len(part) + len(SEPARATOR) for part in parts)
     for k, log in enumerate(logs):
-        section = format_log(log)
+        section = format_changes_of_log(log)
         rest = _left_out_sentence(logs[k + 1 :])  # if this section is taken, this must fit behind it
         needed = len(section) + len(SEPARATOR) + len(rest) + len(SEPARATOR)
         if length + needed > MAX_COMMENT_CHARS:
@@ -53,18 +53,18 @@ def format_comment(summary: str, logs: Sequence[LogChange], n_pairs: int) -> str
     return SEPARATOR.join(parts) + "\n"
 
 
-def format_log(log: LogChange) -> str:
+def format_changes_of_log(log: LogChange) -> str:
     """Format what changed on one log."""
-    name = markdown.format_code(_shorten(log.id))
+    name = markdown.format_code(_shorten_name(log.id))
     if log.error:
-        return f"**{name}** failed: {markdown.format_code(_shorten(log.error))}"
+        return f"**{name}** failed: {markdown.format_code(_shorten_name(log.error))}"
     rows: list[tuple[str | float | None, ...]] = [
         (
             markdown.format_code(change.metric),
             markdown.format_code(change.unit) if change.unit else "",
             format_number(change.before),
             format_number(change.after),
-            _change_text(change.direction.value, change.worsening, change.before, change.after),
+            _format_change_with_direction(change.direction.value, change.worsening, change.before, change.after),
         )
         for change in log.changes[:MAX_ROWS_PER_LOG]
     ]
@@ -77,7 +77,7 @@ def format_log(log: LogChange) -> str:
     return "\n\n".join(parts)
 
 
-def _change_text(word: str, worsening: float, before: float, after: float) -> str:
+def _format_change_with_direction(word: str, worsening: float, before: float, after: float) -> str:
     """Return the direction with the change as a share of the value before, where there is one."""
     if not worsening or not before:
         return word
@@ -86,7 +86,7 @@ def _change_text(word: str, worsening: float, before: float, after: float) -> st
 
 def _left_out_sentence(logs: Sequence[LogChange]) -> str:
     """Return the last sentence of a comment that is cut."""
-    names = [markdown.format_code(_shorten(log.id)) for log in logs[:MAX_NAMED_LOGS]]
+    names = [markdown.format_code(_shorten_name(log.id)) for log in logs[:MAX_NAMED_LOGS]]
     more = len(logs) - len(names)
     named = join_names([*names, *([f"{more} more"] if more else [])])
     verb = "is" if len(logs) == 1 else "are"
@@ -96,13 +96,13 @@ def _left_out_sentence(logs: Sequence[LogChange]) -> str:
     )
 
 
-def _cut_at_paragraph(text: str, limit: int) -> tuple[str, bool]:
+def _cut_at_paragraph_and_tell_if_cut(text: str, limit: int) -> tuple[str, bool]:
     """Cut a text behind its last whole paragraph within a length; whether it was cut."""
     if len(text) <= limit:
         return text, False
     return text[: max(text.rfind("\n\n", 0, limit), 0)], True
 
 
-def _shorten(text: str) -> str:
+def _shorten_name(text: str) -> str:
     """Cut a long name."""
     return text if len(text) <= MAX_NAME_CHARS else f"{text[:MAX_NAME_CHARS]}..."

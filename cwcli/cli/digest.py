@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cwcli.pipeline.execute import RunOutcome
 
 MAX_COMMAND_CHARACTERS = 73
-"""Longest command that is suggested, in characters; a line without its label."""
+"""Longest command that is suggested, in characters; a line without its label. Chosen by hand; not fitted."""
 MAX_NAMED_FILES = 3
 """Greatest number of written files that are named; chosen by hand."""
 MAX_NAME_WIDTH = 40
@@ -47,12 +47,12 @@ def print_digest(console: Console, command: str, digest: Digest, run: RunOutcome
         Block("made", (_written_files_sentence(run.written),), 2),
         Block("next", (*filter(None, (next_step,)), f"(--details: tables{notes})")),
     )
-    console.print_heading(_title(command, run))
+    console.print_heading(_digest_title(command, run))
     for line in format_blocks(blocks, width=terminal_width() or DEFAULT_WIDTH, max_lines=MAX_LINES - 1):
         console.print_summary(line)
 
 
-def _title(command: str, run: RunOutcome) -> str:
+def _digest_title(command: str, run: RunOutcome) -> str:
     """Format `run drive.mcap: estimate, predict`."""
     from cwcli.digest.lines import shorten_path
 

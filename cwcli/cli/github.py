@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from cwcli.metrics.gates import GateResult
 
 MAX_ANNOTATIONS = 10
-"""Annotations of one kind that GitHub shows of a step; further ones are lost (GitHub's limits of annotations)."""
+"""Greatest number of annotations of one kind that GitHub shows of a step; further ones are lost (GitHub's limits of
+annotations)."""
 MAX_LISTED_CHECKS = 20
-"""Failed checks that the message of one annotation lists; chosen by hand."""
+"""Greatest number of failed checks that the message of one annotation lists. Chosen by hand."""
 MAX_MESSAGE_CHARS = 4000
 """Longest message in characters; GitHub cuts what is longer than 4096 bytes in places. Chosen by hand."""
 

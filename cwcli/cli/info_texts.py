@@ -12,9 +12,9 @@ MAX_NAME_CHARACTERS = 120
 """Greatest length of a topic's name in the line on health, in characters; chosen by hand: no recorder writes longer
 ones."""
 MAX_NAMED_TOPICS = 3
-"""Topics that one line names before the others are counted; chosen by hand."""
+"""Greatest number of topics that one line names before the others are counted. Chosen by hand."""
 MAX_NAMED_FIELDS = 8
-"""Fields of a message that one line names before the others are counted; chosen by hand."""
+"""Greatest number of message fields that one line names before the others are counted. Chosen by hand."""
 
 
 def health_verdict(document: Document) -> str:

@@ -162,9 +162,9 @@ def _imported_source(source: Source) -> Source | InputFile:
         return source
     if not is_importable_head(head):
         return source
-    from cwcli.importing.temporary_log import import_if_no_log
+    from cwcli.importing.temporary_log import import_to_temporary_log
 
-    return import_if_no_log(source) or source
+    return import_to_temporary_log(source) or source
 
 
 def _console_for_job(job: Job) -> Console:

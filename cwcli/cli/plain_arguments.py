@@ -73,7 +73,10 @@ def parse_plain_arguments(function: Callable[..., Any], arguments: Sequence[str]
         if not is_list and len(words) > 1:
             return None
         texts[positional[0]] = words if is_list else words[0]
-    values = {name: _value(parameter, texts.get(name, parameter.default)) for name, parameter in parameters.items()}
+    values = {
+        name: _value_or_not_plain(parameter, texts.get(name, parameter.default))
+        for name, parameter in parameters.items()
+    }
     return None if any(value is NOT_PLAIN for value in values.values()) else values
 
 
@@ -110,7 +113,7 @@ def _split_arguments(
     return texts, words
 
 
-def _value(parameter: inspect.Parameter, given: Any) -> Any:
+def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
     """The value of a parameter; `NOT_PLAIN` where Typer has to find it, or to say what is wrong."""
     declaration = declaration_of(parameter.annotation)
     kind = get_args(parameter.annotation)[0]

@@ -35,11 +35,11 @@ def format_root_help() -> str | None:
     """The help, with a line feed at its end; None where a narrow terminal needs Typer's own."""
     if _terminal_columns() < WIDTH + 2:
         return None
-    lines = ["Usage: cwcli [OPTIONS] COMMAND [ARGS]...", "", *_wrap(ABOUT, "  "), ""]
+    lines = ["Usage: cwcli [OPTIONS] COMMAND [ARGS]...", "", *_wrap_with_indent(ABOUT, "  "), ""]
     for heading, rows in {"Options": OPTIONS, "Commands": COMMANDS}.items():
-        lines += [f"{heading}:", *_table(rows), ""]
+        lines += [f"{heading}:", *_format_name_and_help_lines(rows), ""]
     wrapped, _, verbatim = EPILOG.partition("\b\n")
-    lines += [*_wrap(wrapped.strip(), "  "), "", *(f"  {line}" for line in verbatim.rstrip().splitlines())]
+    lines += [*_wrap_with_indent(wrapped.strip(), "  "), "", *(f"  {line}" for line in verbatim.rstrip().splitlines())]
     return "\n".join(lines) + "\n"
 
 
@@ -55,16 +55,16 @@ def _terminal_columns() -> int:
         return WIDTH + 2
 
 
-def _table(rows: Mapping[str, str]) -> Sequence[str]:
+def _format_name_and_help_lines(rows: Mapping[str, str]) -> Sequence[str]:
     first = max(map(len, rows)) + 4
     lines = []
     for name, text in rows.items():
-        wrapped = _wrap(text, " " * first)
+        wrapped = _wrap_with_indent(text, " " * first)
         lines += [f"  {name}".ljust(first) + wrapped[0][first:], *wrapped[1:]]
     return lines
 
 
-def _wrap(text: str, indent: str) -> list[str]:
+def _wrap_with_indent(text: str, indent: str) -> list[str]:
     """Wrap a text at its spaces."""
     lines = [""]
     for word in text.split():

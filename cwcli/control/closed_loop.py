@@ -97,12 +97,12 @@ PedalPolicy = Callable[[PedalSituation], tuple[FloatArray, FloatArray]]
 each."""
 
 
-def fuzzy_controller_pedals(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
+def fuzzy_controller_throttle_and_pressure(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of the fuzzy controller (song2016, section 4)."""
     return fuzzy_throttle_and_pressure(situation.ttc_s, situation.speed_difference_mps)
 
 
-def braking_driver_pedals(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
+def braking_driver_throttle_and_pressure(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of a driver who brakes hard and steadily 1.5 s after the warning."""
     braking = situation.since_warning_s >= DRIVER_REACTION_TIME_S
     return np.zeros(len(braking)), np.where(braking, DRIVER_BRAKE_PRESSURE_MPA, 0.0)

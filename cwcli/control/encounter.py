@@ -15,8 +15,8 @@ from cwcli.control.closed_loop import (
     PedalSituation,
     RecordedMotion,
     ReplayedRuns,
-    braking_driver_pedals,
-    fuzzy_controller_pedals,
+    braking_driver_throttle_and_pressure,
+    fuzzy_controller_throttle_and_pressure,
     replay_with_policy,
 )
 from cwcli.lazy_dataclass import dataclass
@@ -130,7 +130,7 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
     host_motion = cut_motion(host_motion, start_s, end_s)
     other_motion = cut_motion(other_motion, start_s, end_s)
     warnings_s = np.array([np.inf, 0.0, 0.0])
-    outcome = replay_with_policy(host_motion, other_motion, warnings_s - 1e-6, _pedals_of_all_policies)
+    outcome = replay_with_policy(host_motion, other_motion, warnings_s - 1e-6, _throttle_and_pressure_of_all_policies)
     known_jerk = np.interp(outcome.time_s, motions[0].time_s, jerks[0], right=0.0)
     return _summarise_replayed_runs(outcome, other_motion.resample_at(outcome.time_s), min(ends_s), known_jerk)
 
@@ -198,10 +198,10 @@ def _recorded_motion_of_rows(track: RecordedTrack, rows: slice, warning_ns: int)
     )
 
 
-def _pedals_of_all_policies(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
+def _throttle_and_pressure_of_all_policies(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of all policies, one row each; shape (3,) each."""
     throttle, pressure = np.zeros(len(POLICIES)), np.zeros(len(POLICIES))
-    for row, policy in ((1, fuzzy_controller_pedals), (2, braking_driver_pedals)):
+    for row, policy in ((1, fuzzy_controller_throttle_and_pressure), (2, braking_driver_throttle_and_pressure)):
         opening, brake = policy(situation)
         throttle[row], pressure[row] = opening[row], brake[row]
     return throttle, pressure

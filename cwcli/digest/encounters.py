@@ -17,21 +17,21 @@ from cwcli.measures.gap import MEASURE as GAP
 from cwcli.measures.pair import ActualTrack, Pair, interpolate_track
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.row_order import sort_rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.pair import STANDSTILL_SPEED_MPS
 
 MAX_DETAILED_OTHERS = 400
-"""The distance to the ego is computed for this many others: those warned of, then the longest tracks.
-Chosen by hand; not fitted."""
+"""Greatest number of others whose distance to the ego is computed: those warned of, then the longest tracks. Chosen by
+hand; not fitted."""
 SAME_DIRECTION_RAD = math.radians(45.0)
-"""Headings that differ less, in rad, are the same direction; those within it of pi are opposite.
+"""Greatest difference of two headings, rad, that count as the same direction; within it of pi they count as opposite.
 Chosen by hand; not fitted."""
 AHEAD_BEARING_RAD = math.radians(60.0)
-"""Bearings below it, in rad, are ahead; those within it of pi are behind; others are beside.
-Chosen by hand; not fitted."""
+"""Greatest bearing, rad, that counts as ahead; bearings within it of pi count as behind, others as beside. Chosen by
+hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def find_encounters(drive: Drive) -> DriveEncounters:
     alerts = [] if drive.warnings is None else warning_events(drive.warnings)
     if drive.ego is None:
         return DriveEncounters(tuple(_encounter_from_channel(drive, alert) for alert in alerts), (), None, 0)
-    rows = sort_rows_by_stamp(drive.ego.stamp_ns)
+    rows = rows_by_stamp_without_repeats(drive.ego.stamp_ns)
     host = ActualTrack(drive.ego.stamp_ns[rows], drive.ego.state[rows])
     warned = {entry.other_id for entry in alerts}
     ranked = sorted(drive.others, key=lambda other: (other.id not in warned, -len(other.track.stamp_ns)))
@@ -248,7 +248,7 @@ def _direction_phrase(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_
     return f"coming from the {'right' if turned > 0.0 else 'left'}"
 
 
-def rows_of_moving_pair(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
+def rows_of_moving_pair_and_if_always_standing(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
     """Return the rows at which both are known and one moves; all known rows and True if both always stood."""
     is_known = np.isfinite(pair.distance_m)
     moves = np.abs(pair.host.state[:, SPEED]) > STANDSTILL_SPEED_MPS
@@ -262,7 +262,7 @@ def _find_nearest_moving_approach(others: Sequence[OtherTrack], pairs: dict[int,
     found = []
     for other in others:
         pair = pairs[id(other)]
-        rows, is_parked = rows_of_moving_pair(pair)
+        rows, is_parked = rows_of_moving_pair_and_if_always_standing(pair)
         if len(rows):
             row = int(rows[pair.distance_m[rows].argmin()])
             found.append(NearestApproach(other, float(pair.distance_m[row]), int(pair.stamp_ns[row]), pair, is_parked))

@@ -90,17 +90,19 @@ def format_fleet_lines(logs: Sequence[LogLine], *, next_step: str, width: int = 
     ordered = sorted(logs, key=lambda log: log.sort_key)
     n_shown = MAX_LINES - N_OTHER_LINES
     shown = ordered if len(ordered) <= n_shown + 1 else ordered[:n_shown]
-    names = [_cut(log.id, MAX_ID_WIDTH) for log in shown]
+    names = [_cut_to_cell_width(log.id, MAX_ID_WIDTH) for log in shown]
     column = max(map(display_width, (*names, "next")), default=0) + 2
     rows = [(name, log.text, column) for name, log in zip(names, shown, strict=True)]
     if len(shown) < len(ordered):
         rows.append(("", f"and {format_count(len(ordered) - len(shown), 'more log')}", column))
     # long names of logs leave too little room for these two
-    rows += [("all", _sentence_on_all(logs), LABEL_COLUMN), ("next", next_step, LABEL_COLUMN)]
-    return [f"{name}{' ' * (at - display_width(name))}{_cut(text, width - at)}" for name, text, at in rows]
+    rows += [("all", _fleet_totals_sentence(logs), LABEL_COLUMN), ("next", next_step, LABEL_COLUMN)]
+    return [
+        f"{name}{' ' * (at - display_width(name))}{_cut_to_cell_width(text, width - at)}" for name, text, at in rows
+    ]
 
 
-def _sentence_on_all(logs: Sequence[LogLine]) -> str:
+def _fleet_totals_sentence(logs: Sequence[LogLine]) -> str:
     """Count the logs by status, their warnings, and those that are doubtful."""
     statuses = [log.status for log in logs]
     facts = [f"{statuses.count(name)} {name}" for name in ("done", "unchanged", "failed") if name in statuses]
@@ -110,7 +112,7 @@ def _sentence_on_all(logs: Sequence[LogLine]) -> str:
     return ", ".join(facts)
 
 
-def _cut(text: str, width: int) -> str:
+def _cut_to_cell_width(text: str, width: int) -> str:
     """Cut a text to a width in cells."""
     shown = shorten_and_escape(text, MAX_CHARACTERS)
     if display_width(shown) <= width:

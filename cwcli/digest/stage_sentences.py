@@ -51,7 +51,7 @@ def _track_sentence(summary: RecordedSummary, tables: Tables) -> str:
     rows = summary.column_cells("targets", "for [s]", "max speed [m/s]")
     if not rows:
         return "No target was tracked."
-    spans, speeds = ([_number(row[k]) for row in rows] for k in (0, 1))
+    spans, speeds = ([_cell_to_float_or_nan(row[k]) for row in rows] for k in (0, 1))
     text, longest, fastest = (
         tracked_targets_text(len(rows)),
         f"{max(spans):.0f} s",
@@ -73,7 +73,9 @@ def _lanes_sentence(summary: RecordedSummary, tables: Tables) -> str:
 def _observe_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Say how fast the car turned and slid in its lane."""
     found = {str(name): value for name, value in summary.column_cells("observer", "quantity", "value")}
-    turn, slide = (_number(found.get(name)) for name in ("largest yaw rate (deg/s)", "largest lateral speed (m/s)"))
+    turn, slide = (
+        _cell_to_float_or_nan(found.get(name)) for name in ("largest yaw rate (deg/s)", "largest lateral speed (m/s)")
+    )
     if not math.isfinite(turn + slide):
         return "The lateral motion in the lane was observed."
     return (
@@ -85,9 +87,9 @@ def _observe_sentence(summary: RecordedSummary, tables: Tables) -> str:
 def _predict_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Say how far the predicted paths lie from what was driven, by the model that chooses among the others."""
     errors = [
-        f"{_number(mean):.1f} m for {'the car' if vehicle == EGO_ID else 'the others'}"
+        f"{_cell_to_float_or_nan(mean):.1f} m for {'the car' if vehicle == EGO_ID else 'the others'}"
         for vehicle, model, mean in summary.column_cells("prediction", "vehicle", "model", "mean [m]")
-        if model == "auto" and math.isfinite(_number(mean))
+        if model == "auto" and math.isfinite(_cell_to_float_or_nan(mean))
     ]
     title = next((section.title for section in summary.sections if section.key == "prediction"), "")
     ahead = _HORIZON_PATTERN.search(title)
@@ -106,15 +108,17 @@ def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
     if not rows:
         return "No other vehicle came near enough to be measured."
     vehicle, gap_m, ttc_s = rows[0]
-    if _number(gap_m) < 0.0:
+    if _cell_to_float_or_nan(gap_m) < 0.0:
         told = ": their outlines overlap"
     else:
-        facts = [f"gap {_number(gap_m):.1f} m"] * math.isfinite(_number(gap_m))
-        facts += [f"time to collision {_number(ttc_s):.1f} s"] * math.isfinite(_number(ttc_s))
+        facts = [f"gap {_cell_to_float_or_nan(gap_m):.1f} m"] * math.isfinite(_cell_to_float_or_nan(gap_m))
+        facts += [f"time to collision {_cell_to_float_or_nan(ttc_s):.1f} s"] * math.isfinite(
+            _cell_to_float_or_nan(ttc_s)
+        )
         told = f": least {' and least '.join(facts)}" if facts else ""
     if len(rows) == 1:
-        return f"The car encountered vehicle {_name(vehicle)}{told}."
-    return f"Of {len(rows)} encounters the one with vehicle {_name(vehicle)} was the most critical{told}."
+        return f"The car encountered vehicle {_cell_to_name(vehicle)}{told}."
+    return f"Of {len(rows)} encounters the one with vehicle {_cell_to_name(vehicle)} was the most critical{told}."
 
 
 def _control_sentence(summary: RecordedSummary, tables: Tables) -> str:
@@ -122,7 +126,7 @@ def _control_sentence(summary: RecordedSummary, tables: Tables) -> str:
     rows = summary.column_cells("control", "policy", "crash")
     hits: dict[str, list[bool]] = {}
     for policy, hit in rows:
-        hits.setdefault(_name(policy), []).append(hit in ("yes", True))
+        hits.setdefault(_cell_to_name(policy), []).append(hit in ("yes", True))
     texts = [f"{sum(each)} of {len(each)} with {POLICY_PHRASES.get(policy, policy)}" for policy, each in hits.items()]
     return (
         f"Warned encounters that end in a crash: {join_names(texts)}." if texts else "There was no warning to replay."
@@ -142,17 +146,17 @@ _SENTENCES: dict[str, Callable[[RecordedSummary, Tables], str]] = {
 """Stage -> the function that describes what it made; what the warning stages made is in the story of the drive."""
 
 
-def _number(cell: Cell) -> float:
+def _cell_to_float_or_nan(cell: Cell) -> float:
     """Return a cell as a number; NaN if it is none."""
     return float(cell) if isinstance(cell, int | float) and not isinstance(cell, bool) else float("nan")
 
 
-def _name(cell: Cell) -> str:
+def _cell_to_name(cell: Cell) -> str:
     return shorten_and_escape(str(cell), MAX_NAME_CHARACTERS)
 
 
 def _join_few(names: list[str]) -> str:
     """Join names, at most `MAX_NAMED` of them."""
-    shown = [_name(name) for name in names[:MAX_NAMED]]
+    shown = [_cell_to_name(name) for name in names[:MAX_NAMED]]
     more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
     return join_names([*shown, *more])

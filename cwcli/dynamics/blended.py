@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.matrix_exponential import discretise_held_input, discretise_noise_covariance
+from cwcli.dynamics.matrix_exponential import discretise_noise_covariance, transition_and_input_matrices
 from cwcli.dynamics.riccati import steady_kalman_gain
 from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, ScalarSamples, count_frame_statuses
 from cwcli.dynamics.signs import is_sign_opposite, opposite_sign_note, yaw_rate_from_vision_radps
@@ -81,7 +81,7 @@ def _design_bank_cached(key: tuple[float, ...], is_continuous: bool) -> Observer
     designs = []
     for kmh in OBSERVER_SPEEDS_KMH:
         a, b = preview_state_matrices(vehicle, kmh * MPS_PER_KMH, preview_m)
-        phi, gamma = discretise_held_input(a, b, period_s)
+        phi, gamma = transition_and_input_matrices(a, b, period_s)
         noise = discretise_noise_covariance(a, r1 * np.eye(4), period_s) if is_continuous else r1 * np.eye(4)
         designs.append((phi, gamma, steady_kalman_gain(phi, OUTPUT_MATRIX, noise, r2 * np.eye(2))))
     return ObserverBank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*designs, strict=True)))
@@ -96,7 +96,7 @@ def lower_speed_index_and_upper_weight(speed_mps: FloatArray) -> tuple[npt.NDArr
     return low, (kmh - OBSERVER_SPEEDS_KMH[low]) / SPEED_GRID_STEP_KMH
 
 
-def observe_blended(
+def observe_with_blended_bank(
     lanes: LaneSamples,
     speed: ScalarSamples,
     vehicle: Vehicle,

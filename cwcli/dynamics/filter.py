@@ -111,7 +111,7 @@ def _start_sigmas(noise: FilterNoise, with_load: bool) -> list[float]:
     ]
 
 
-def observe_filter(
+def observe_with_kalman_filter(
     lanes: LaneSamples,
     speed: ScalarSamples,
     vehicle: Vehicle,

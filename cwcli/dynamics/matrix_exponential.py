@@ -36,7 +36,7 @@ def matrix_exponential(matrix: FloatArray) -> FloatArray:
     return np.asarray(result)
 
 
-def discretise_held_input(a: FloatArray, b: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
+def transition_and_input_matrices(a: FloatArray, b: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
     """Discretise dx/dt = A x + B u exactly for an input u that is held for dt_s: x(t + dt) = Phi x + Gamma u.
 
     Args:

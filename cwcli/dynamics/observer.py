@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from cwcli.dynamics.blended import observe_blended
+from cwcli.dynamics.blended import observe_with_blended_bank
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.filter import observe_filter
+from cwcli.dynamics.filter import observe_with_kalman_filter
 from cwcli.dynamics.samples import LaneSamples, LateralTrack, ScalarSamples
 from cwcli.dynamics.steering import RATE_METHODS
 from cwcli.dynamics.vehicle import Vehicle
@@ -30,7 +30,10 @@ class ObserverMethod(Protocol):
     ) -> LateralTrack: ...
 
 
-OBSERVER_METHODS: dict[str, ObserverMethod] = {"cwcli": observe_filter, "zhang2011": observe_blended}
+OBSERVER_METHODS: dict[str, ObserverMethod] = {
+    "cwcli": observe_with_kalman_filter,
+    "zhang2011": observe_with_blended_bank,
+}
 """The registered observers by the name that `--method` takes."""
 DEFAULT_OBSERVER_METHOD = "cwcli"
 """Name of the observer that runs if none is named."""

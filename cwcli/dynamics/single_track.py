@@ -44,7 +44,7 @@ def lateral_state_matrices(vehicle: Vehicle, speed_mps: float) -> tuple[FloatArr
     return a, share * np.array([[kf / m], [lf * kf / inertia]])
 
 
-def lateral_state_derivatives(
+def lateral_acceleration_and_yaw_acceleration(
     vehicle: Vehicle,
     speed_mps: FloatArray | float,
     lateral_mps: FloatArray,
@@ -107,7 +107,7 @@ def steady_lateral_speed_per_yaw_rate_m(vehicle: Vehicle, speed_mps: FloatArray 
     return vehicle.rear_axle_m - slip * v**2
 
 
-def steady_turn_state(vehicle: Vehicle, speed_mps: float, steer_rad: float) -> tuple[float, float]:
+def steady_lateral_speed_and_yaw_rate(vehicle: Vehicle, speed_mps: float, steer_rad: float) -> tuple[float, float]:
     """The lateral speed v_y (m/s) and the yaw rate gamma (rad/s) of a steady turn."""
     yaw_rate = float(steady_yaw_gain(vehicle, speed_mps)) * steer_rad
     return float(steady_lateral_speed_per_yaw_rate_m(vehicle, speed_mps)) * yaw_rate, yaw_rate

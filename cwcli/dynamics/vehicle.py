@@ -108,7 +108,7 @@ def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = Non
         UsageError: The file's content is wrong, or there is no such car or load.
         InputError: The file can't be read.
     """
-    text, where = _read_vehicle_text(source)
+    text, where = _read_vehicle_text_and_name(source)
     try:
         table = parse_toml(text)
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
@@ -149,7 +149,7 @@ def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
     )
 
 
-def _read_vehicle_text(source: str | Path) -> tuple[str, str]:
+def _read_vehicle_text_and_name(source: str | Path) -> tuple[str, str]:
     """Read the text of a shipped or other vehicle file; also return its name for messages."""
     if str(source) in vehicle_names():
         name = f"{source}{VEHICLE_FILE_SUFFIX}"

@@ -30,7 +30,7 @@ FOUND_LATENCY_STATUSES = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
 """Statuses of latencies for which the search found a value in the log."""
 
 
-def check_calibration_knows_sources(
+def require_known_sources_and_note_unknown(
     calibration: Calibration, measurements: Sequence[Measurements], *, causal: bool
 ) -> list[str]:
     """Check that a calibration knows the sources of a log; returns notes on the sources that it does not know.
@@ -63,7 +63,7 @@ def check_calibration_knows_sources(
 def calibrated_imu_mountings(calibration: Calibration) -> dict[str, ImuMounting]:
     """Return the IMU mountings of a calibration by source, of those that it knows."""
     angles = {
-        source: [calibration.find_constant(source, "imu", name) for name in ("nose_up_rad", "left_up_rad")]
+        source: [calibration.find_constant_or_unknown(source, "imu", name) for name in ("nose_up_rad", "left_up_rad")]
         for source in calibration.sensors
     }
     return {
@@ -73,7 +73,9 @@ def calibrated_imu_mountings(calibration: Calibration) -> dict[str, ImuMounting]
     }
 
 
-def keep_only_calibrated_series(prepared: Sequence[PreparedSeries], calibration: Calibration) -> list[PreparedSeries]:
+def apply_calibrated_noise_and_empty_unknown(
+    prepared: Sequence[PreparedSeries], calibration: Calibration
+) -> list[PreparedSeries]:
     """Return the series with the noise of the calibration; series that it does not know become empty.
 
     If it knows no position source, positions keep the noise of their messages, because every state needs a position.
@@ -82,7 +84,7 @@ def keep_only_calibrated_series(prepared: Sequence[PreparedSeries], calibration:
         p.series.kind is Kind.POSITION and calibration.has_quantity(p.series.source, p.series.kind) for p in prepared
     )
     return [
-        replace(p, series=with_calibrated_noise(p.series, calibration))
+        replace(p, series=with_calibrated_noise_and_stamp_error(p.series, calibration))
         if calibration.has_quantity(p.series.source, p.series.kind)
         else p
         if p.series.kind is Kind.POSITION and not has_position
@@ -91,12 +93,14 @@ def keep_only_calibrated_series(prepared: Sequence[PreparedSeries], calibration:
     ]
 
 
-def with_calibrated_noise(s: SensorSeries, calibration: Calibration) -> SensorSeries:
+def with_calibrated_noise_and_stamp_error(s: SensorSeries, calibration: Calibration) -> SensorSeries:
     """Return a series with the noise, the stamp error and the row interval of the calibration."""
-    sigma, scale = (calibration.find_constant(s.source, s.kind, name) for name in ("noise_sigma", "noise_scale"))
-    interval_s = calibration.find_constant(s.source, s.kind, "interval_s").value
+    sigma, scale = (
+        calibration.find_constant_or_unknown(s.source, s.kind, name) for name in ("noise_sigma", "noise_scale")
+    )
+    interval_s = calibration.find_constant_or_unknown(s.source, s.kind, "interval_s").value
     s = replace(s, interval_s=interval_s if interval_s > 0.0 else s.interval_s)
-    stamps = calibration.find_constant(s.source, s.kind, "stamp_sigma_s")
+    stamps = calibration.find_constant_or_unknown(s.source, s.kind, "stamp_sigma_s")
     if stamps.has_value:
         s = replace(s, stamp_error=Parameter(stamps.value, stamps.sigma_in_another_drive, ParameterStatus.GIVEN))
     if scale.has_value:
@@ -124,22 +128,24 @@ def sensor_model_from_calibration(series: Sequence[SensorSeries], calibration: C
     slow: dict[int, GaussMarkovError] = {}
     follows, scaled, levered, ahead = set(), set(), set(), set()
     for i, s in enumerate(series):
-        sigma, time_s = (calibration.find_constant(s.source, s.kind, name) for name in ("slow_sigma", "slow_time_s"))
+        sigma, time_s = (
+            calibration.find_constant_or_unknown(s.source, s.kind, name) for name in ("slow_sigma", "slow_time_s")
+        )
         if sigma.has_value and time_s.has_value and sigma.value > 0.0 and time_s.value > 0.0:
             slow[i] = GaussMarkovError(sigma.value, time_s.value)
             if s.pitch_rate is not None:
                 follows.add(i)
-        if s.kind is Kind.SPEED and calibration.find_constant(s.source, s.kind, "scale").has_value:
+        if s.kind is Kind.SPEED and calibration.find_constant_or_unknown(s.source, s.kind, "scale").has_value:
             scaled.add(i)
-        if s.kind is Kind.SPEED and calibration.find_constant(s.source, s.kind, "lever_arm_m").has_value:
+        if s.kind is Kind.SPEED and calibration.find_constant_or_unknown(s.source, s.kind, "lever_arm_m").has_value:
             levered.add(i)
-        if s.place_m is None and calibration.find_constant(s.source, s.kind, "ahead_m").has_value:
+        if s.place_m is None and calibration.find_constant_or_unknown(s.source, s.kind, "ahead_m").has_value:
             ahead.add(i)
     model = SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered), frozenset(ahead))
     return FoundSensorModel(model, dict.fromkeys(model.modelled_errors, ParameterStatus.GIVEN))
 
 
-def parameter_priors_from_calibration(
+def prior_means_and_variances_from_calibration(
     series: Sequence[SensorSeries], prior: FloatArray, calibration: Calibration
 ) -> tuple[FloatArray, FloatArray]:
     """Return prior means and variances (n,) of parameter states: biases, scales and lever arms of the calibration."""
@@ -149,7 +155,7 @@ def parameter_priors_from_calibration(
             ("bias", s.bias_state, 0.0), ("scale", s.scale_state, 1.0), ("lever_arm_m", s.lever_state, 0.0),
             ("ahead_m", s.ahead_state, 0.0),
         ):  # fmt: skip
-            known = calibration.find_constant(s.source, s.kind, name) if state >= 0 else UNKNOWN_CONSTANT
+            known = calibration.find_constant_or_unknown(s.source, s.kind, name) if state >= 0 else UNKNOWN_CONSTANT
             if known.has_value:
                 mean[state] = known.value - none
                 prior[state] = max(known.sigma_in_another_drive, 1e-9) ** 2
@@ -169,15 +175,15 @@ def fuse_latencies_with_calibration(
     """
     reference = next(
         (
-            calibration.find_constant(s.source, s.kind, "latency_s")
+            calibration.find_constant_or_unknown(s.source, s.kind, "latency_s")
             for s, is_reference in zip(series, is_reference_of_each_series(series), strict=True)
-            if is_reference and calibration.find_constant(s.source, s.kind, "latency_s").has_value
+            if is_reference and calibration.find_constant_or_unknown(s.source, s.kind, "latency_s").has_value
         ),
         Constant(value=0.0, sigma=0.0),
     )
     latencies, notes = [], []
     for s, latency in zip(series, latencies_of_log, strict=True):
-        constant = calibration.find_constant(s.source, s.kind, "latency_s")
+        constant = calibration.find_constant_or_unknown(s.source, s.kind, "latency_s")
         if latency.status in (LatencyStatus.GIVEN, LatencyStatus.OFF):
             latencies.append(latency)
             continue
@@ -228,7 +234,7 @@ def _disagreeing_drives_note(s: SensorSeries, constant: Constant, calibration: C
 
 def bias_contradiction_notes(s: SensorSeries, bias: float, sigma: float, calibration: Calibration) -> list[str]:
     """Return a note if the bias found in the log differs significantly from that of the calibration."""
-    constant = calibration.find_constant(s.source, s.kind, "bias")
+    constant = calibration.find_constant_or_unknown(s.source, s.kind, "bias")
     allowed = (
         SIGNIFICANT_SIGMAS * math.hypot(sigma, constant.sigma_in_another_drive) if constant.has_value else math.inf
     )

@@ -25,7 +25,7 @@ from cwcli.errors import InputError, UsageError
 from cwcli.estimation.measurements import Kind
 from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.student import student_factor
+from cwcli.metrics.student import student_to_normal_quantile_ratio
 from cwcli.text import replace_surrogates
 from cwcli.toml_text import parse_toml
 
@@ -138,7 +138,9 @@ class Constant:
         drives the spread is uncertain, so Student's quantile with one degree of freedom less than drives is used.
         """
         both = math.hypot(self.sigma, self.spread)
-        return both * student_factor(self.n_logs - 1) if self.spread > 0.0 and self.n_logs > 1 else both
+        return (
+            both * student_to_normal_quantile_ratio(self.n_logs - 1) if self.spread > 0.0 and self.n_logs > 1 else both
+        )
 
     @property
     def is_usable_in_any_drive(self) -> bool:
@@ -159,7 +161,7 @@ class Constant:
         return max(0.0, 1.0 - 1.0 / self.chi_square) if self.chi_square > 0.0 else self.chi_square
 
     @property
-    def interval_95(self) -> tuple[float, float]:
+    def interval_of_95_percent_of_drives(self) -> tuple[float, float]:
         """Lower and upper bound of the value in 95 % of other drives."""
         return self.value - 1.96 * self.sigma_in_another_drive, self.value + 1.96 * self.sigma_in_another_drive
 
@@ -189,7 +191,7 @@ class Calibration:
     minutes: float = 0.0
     evidence: Mapping[str, float] = field(default_factory=dict)
 
-    def find_constant(self, source: str, kind: Kind | str, name: str) -> Constant:
+    def find_constant_or_unknown(self, source: str, kind: Kind | str, name: str) -> Constant:
         """Return a constant of a quantity of a source; `UNKNOWN` where there is none."""
         quantity = kind if isinstance(kind, str) else kind.name.lower()
         return self.sensors.get(source, {}).get(quantity, {}).get(name, UNKNOWN_CONSTANT)
@@ -355,7 +357,7 @@ def _format_constant_lines(constants: Constants) -> list[str]:
 def _format_constant_entries(constant: Constant) -> Sequence[str]:
     entries = [f'status = "{constant.status.value}"']
     if constant.has_value:
-        low, high = constant.interval_95
+        low, high = constant.interval_of_95_percent_of_drives
         entries += [
             f"value = {_format_toml_float(constant.value)}",
             f"sigma = {_format_toml_float(constant.sigma)}",

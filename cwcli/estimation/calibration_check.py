@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.estimation.calibrated import calibrated_imu_mountings, keep_only_calibrated_series
+from cwcli.estimation.calibrated import apply_calibrated_noise_and_empty_unknown, calibrated_imu_mountings
 from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES, SIGNIFICANT_SIGMAS, Latency, LatencyStatus
@@ -15,13 +15,13 @@ from cwcli.estimation.lever_arms import set_given_lever_arms
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, run_filter_pass
-from cwcli.estimation.prepare import PreparedSeries, clean_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.score import GATE_PROBABILITY, is_prediction_clearly_better, row_log_likelihoods
-from cwcli.estimation.source_judgement import correct_impossible_values
+from cwcli.estimation.source_judgement import correct_and_list_impossible_imu_values
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.chi_square import gate_nis
+from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
 
 MIN_LOG_LIKELIHOOD_LOSS_PER_ROW = 0.02
@@ -32,7 +32,7 @@ with the right calibration less than 0.002; noise that is wrong by 14 % costs as
 MAX_LISTED_CONTRADICTIONS = 2
 """Greatest number of contradictions that a note lists; chosen for short notes."""
 MIN_LISTED_NOISE_RATIO = 1.25
-"""A note lists a noise sigma if it differs from that of the calibration by more than this factor; chosen by hand."""
+"""Least ratio of a noise sigma to that of the calibration, or its inverse, that a note lists. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ def notes_on_worse_prediction(measurements: Sequence[Measurements], config: Esti
     own = _predict_log(
         _empty_series_unknown_to_calibration(_prepare_series(measurements, config, None), calibration), own_config
     )
-    of_car = keep_only_calibrated_series(_prepare_series(measurements, config, calibration), calibration)
+    of_car = apply_calibrated_noise_and_empty_unknown(_prepare_series(measurements, config, calibration), calibration)
     calibrated = _predict_log(of_car, replace(config, causal=True, blind=True))
-    gains = _row_gains_by_source(own, calibrated)
+    gains = _row_log_likelihood_gains_by_source(own, calibrated)
     worse = [
         (source, kind)
         for (source, kind), gain in gains.items()
@@ -83,8 +83,8 @@ def _prepare_series(
     measurements: Sequence[Measurements], config: EstimatorConfig, calibration: Calibration | None
 ) -> list[PreparedSeries]:
     mountings = {} if calibration is None else calibrated_imu_mountings(calibration)
-    prepared, _ = clean_measurements(
-        correct_impossible_values(measurements)[0], earliest_stamp_ns(measurements), mountings
+    prepared, _ = clean_and_sort_measurements(
+        correct_and_list_impossible_imu_values(measurements)[0], earliest_stamp_ns(measurements), mountings
     )
     return set_given_lever_arms(prepared, config.lever_arms)
 
@@ -92,14 +92,14 @@ def _prepare_series(
 def _empty_series_unknown_to_calibration(
     prepared: Sequence[PreparedSeries], calibration: Calibration
 ) -> list[PreparedSeries]:
-    """Return the series with their own noise; those that `keep_only_calibrated_series` leaves out become empty."""
-    kept = keep_only_calibrated_series(prepared, calibration)
+    """Return the series with their own noise; those that the calibration does not know become empty."""
+    kept = apply_calibrated_noise_and_empty_unknown(prepared, calibration)
     return [own if len(known.series) else known for own, known in zip(prepared, kept, strict=True)]
 
 
 def _predict_log(prepared: Sequence[PreparedSeries], config: EstimatorConfig) -> _PredictedLog:
     tuned = tune_latencies_and_noise(prepared, config, MotionParameters())
-    series = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)) for s in tuned.series]
+    series = [replace(s, gate_nis=nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row)) for s in tuned.series]
     start = find_start_with_parameter_states(series, tuned.prior, causal=True)
     start.state[N_MOTION_STATES:] = tuned.mean[N_MOTION_STATES:]
     result = run_filter_pass(series, start, tuned.motion, np.zeros(0), smooth=False, reset_after=config.reset_after)
@@ -111,7 +111,9 @@ def _predict_log(prepared: Sequence[PreparedSeries], config: EstimatorConfig) ->
     return _PredictedLog(tuned, scores)
 
 
-def _row_gains_by_source(own: _PredictedLog, calibrated: _PredictedLog) -> dict[tuple[str, Kind], FloatArray]:
+def _row_log_likelihood_gains_by_source(
+    own: _PredictedLog, calibrated: _PredictedLog
+) -> dict[tuple[str, Kind], FloatArray]:
     """Return the log-likelihood that the log's own constants gain per row, by source and kind."""
     gains = {}
     for key, score in own.scores.items():
@@ -129,7 +131,7 @@ def _contradiction_texts(own: _PredictedLog, calibrated: _PredictedLog, calibrat
     for s, found, used in pairs:
         if not len(s) or used.status not in CORRECTED_LATENCY_STATUSES:
             continue
-        known = calibration.find_constant(s.source, s.kind, "latency_s")
+        known = calibration.find_constant_or_unknown(s.source, s.kind, "latency_s")
         own_s, sigma_s = _found_latency_and_sigma_s(found)
         off = abs(own_s - used.applied_s) / max(float(np.hypot(sigma_s, known.sigma)), 1e-3)
         text = (
@@ -139,7 +141,7 @@ def _contradiction_texts(own: _PredictedLog, calibrated: _PredictedLog, calibrat
         differences.append((off, text))
     told = [text for off, text in sorted(differences, reverse=True) if off > SIGNIFICANT_SIGMAS]
     for found_series, used_series in zip(own.tuned.series, calibrated.tuned.series, strict=True):
-        sigma, of_car = _root_mean_noise_variance(found_series), _root_mean_noise_variance(used_series)
+        sigma, of_car = _root_mean_square_noise_sigma(found_series), _root_mean_square_noise_sigma(used_series)
         if (
             found_series.kind not in RATE_KINDS
             and not 1.0 / MIN_LISTED_NOISE_RATIO < sigma / of_car < MIN_LISTED_NOISE_RATIO
@@ -151,7 +153,7 @@ def _contradiction_texts(own: _PredictedLog, calibrated: _PredictedLog, calibrat
     return told[:MAX_LISTED_CONTRADICTIONS]
 
 
-def _root_mean_noise_variance(s: SensorSeries) -> float:
+def _root_mean_square_noise_sigma(s: SensorSeries) -> float:
     """Return the root of the mean variance of a series' first axis; 1 for an empty one."""
     return float(np.sqrt(s.noise[:, 0].mean())) if len(s) else 1.0
 

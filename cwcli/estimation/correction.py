@@ -43,7 +43,7 @@ class Correction:
         return f"{self.who} {self.fault}: {self.action} ({self.evidence}; --trust {self.who.source} keeps it as it is)"
 
 
-def correction_of(m: Measurements, hypothesis: Hypothesis, evidence: str) -> Correction:
+def correction_of_all_rows(m: Measurements, hypothesis: Hypothesis, evidence: str) -> Correction:
     """Return the correction of all rows of a source; evidence is "" where the user said it."""
     who = SourceQuantity(m.source, m.kind)
     return Correction(who, hypothesis.name, hypothesis.fault, hypothesis.action, evidence, n_rows=len(m))

@@ -65,7 +65,7 @@ def unknown_delay_sigma_s(latency: Latency) -> float:
     return math.hypot(share * found_s, math.sqrt(share) * sigma_s)
 
 
-def combine_delay_sigmas(
+def delay_sigmas_of_best_known_sources(
     series: Sequence[SensorSeries], latencies: Sequence[Latency], clock_sigma_s: float = 0.0
 ) -> DelaySigmas:
     """Return what is not known of the delays of each quantity, by its best known source."""

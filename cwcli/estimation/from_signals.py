@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import Senders
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.signals.bsm_sender import is_latched_heading, undo_low_pass_filter
+from cwcli.signals.bsm_sender import latched_heading_mask, undo_low_pass_filter_and_noise_gain
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -82,7 +82,7 @@ def ego_signal_to_measurements(signal: EgoSignal, local_map: LocalMap | None) ->
             return [Measurements(signal.source, Kind.IMU, stamp_ns, values, variances, log_ns)]
 
 
-def drop_stretches_without_position(
+def drop_stretches_without_position_and_note(
     measurements: Sequence[Measurements], max_pause_s: float
 ) -> tuple[list[Measurements], list[str]]:
     """Drop rows that a long pause separates from every position; returns the measurements and notes.
@@ -163,8 +163,8 @@ def remote_station_to_measurements(
     covariance = _unpack_symmetric_2x2(remote.position_covariance_m2[rows])
     heading, accel, gain = remote.heading_rad[rows], remote.accel_mps2[rows], np.ones(len(rows))
     if senders == "j2945" and np.isfinite(remote.message_count[rows]).all():  # a CAM counts no messages
-        heading = np.where(is_latched_heading(heading, remote.speed_mps[rows]), np.nan, heading)
-        accel, gain = undo_low_pass_filter((stamp_ns - stamp_ns[0]) / NS_PER_S, accel)
+        heading = np.where(latched_heading_mask(heading, remote.speed_mps[rows]), np.nan, heading)
+        accel, gain = undo_low_pass_filter_and_noise_gain((stamp_ns - stamp_ns[0]) / NS_PER_S, accel)
     return [
         Measurements(
             remote.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance, log_ns, remote.is_exact

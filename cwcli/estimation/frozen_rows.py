@@ -14,15 +14,16 @@ from cwcli.signals.columns import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 MIN_MOVING_SPEED_MPS = 3.0
-"""Least mean speed by the fixes at which a repeated zero or heading is a fault and no standstill, m/s."""
+"""Least mean speed in m/s, by the fixes, of a car that surely moves, so that a repeated zero is a fault. Chosen by
+hand."""
 MIN_SATURATED_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
 MAX_SMOOTH_BEND_SHARE = 0.5
 """Greatest ratio of the second to the first differences of a signal without noise; of white noise it is 1.5. Chosen
 by hand; not fitted."""
 MAX_SMOOTH_CHANGE_RATIO = 3.0
-"""A signal without noise that changes after a repetition by more than this times its greatest usual change was stuck.
-Chosen by hand; not fitted."""
+"""Greatest change of a noiseless signal after a repetition, relative to its greatest usual change; beyond it the signal
+was stuck. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray, fixes: F
         if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATED_ROW_SHARE:
             return stuck_row_mask(kind, time_s, values)
         frozen = np.zeros(len(time_s), np.bool_)
-        for begin, end in _runs(zero, MIN_STUCK_ROWS):
+        for begin, end in _true_stretches_of_at_least(zero, MIN_STUCK_ROWS):
             is_long = time_s[end - 1] - time_s[begin] >= MIN_STUCK_DURATION_S
             if is_long and fixes.mean_speed_mps(time_s[begin], time_s[end - 1]) > MIN_MOVING_SPEED_MPS:
                 frozen[begin:end] = True
@@ -79,10 +80,10 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray, fixes: F
     return np.zeros(len(time_s), np.bool_)
 
 
-def _runs(mask: BoolArray, least: int) -> list[tuple[int, int]]:
+def _true_stretches_of_at_least(mask: BoolArray, min_rows: int) -> list[tuple[int, int]]:
     """Return begin and end (exclusive) of the stretches of True in a mask (n,) that have at least so many rows."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return [(int(b), int(e)) for b, e in zip(edges[::2], edges[1::2], strict=True) if e - b >= least]
+    return [(int(b), int(e)) for b, e in zip(edges[::2], edges[1::2], strict=True) if e - b >= min_rows]
 
 
 def _repeated_row_mask(time_s: FloatArray, values: FloatArray, is_fault: Callable[[float, float], bool]) -> BoolArray:
@@ -97,19 +98,19 @@ def _repeated_row_mask(time_s: FloatArray, values: FloatArray, is_fault: Callabl
     if not same.any():
         return frozen
     long = np.zeros(len(time_s), np.bool_)
-    for begin, end in _runs(same, MIN_STUCK_ROWS):  # rows begin .. end are one number
+    for begin, end in _true_stretches_of_at_least(same, MIN_STUCK_ROWS):  # rows begin .. end are one number
         if time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             long[begin + 1 : end + 1] = True
             if is_fault(time_s[begin], time_s[end]):
                 frozen[begin + 1 : end + 1] = True
     elsewhere = same[~long[1:]]
     is_usual = not len(elsewhere) or elsewhere.mean() >= MAX_REPEATED_ROW_SHARE
-    if is_usual or _moves_on_smoothly(values, long):
+    if is_usual or _continues_smoothly_after_repetitions(values, long):
         return np.zeros(len(time_s), np.bool_)
     return frozen
 
 
-def _moves_on_smoothly(values: FloatArray, long: BoolArray) -> bool:
+def _continues_smoothly_after_repetitions(values: FloatArray, is_long_repetition: BoolArray) -> bool:
     """Whether a signal (n, d) without noise goes on after its repetitions (n,) as it usually changes.
 
     A simulated sensor without noise repeats its value while the car stands or drives on evenly. One that was stuck
@@ -117,11 +118,11 @@ def _moves_on_smoothly(values: FloatArray, long: BoolArray) -> bool:
     """
     change = np.abs(np.diff(values, axis=0))
     bend = np.abs(np.diff(values, 2, axis=0))
-    usual = ~(long[1:] | long[:-1])
+    usual = ~(is_long_repetition[1:] | is_long_repetition[:-1])
     both = usual[1:] & usual[:-1]
     most = change[usual].max(axis=0, initial=0.0)
     is_smooth = (bend[both].sum(axis=0) <= MAX_SMOOTH_BEND_SHARE * change[usual].sum(axis=0)).all()
-    after = change[long[:-1] & ~long[1:]]
+    after = change[is_long_repetition[:-1] & ~is_long_repetition[1:]]
     return bool(is_smooth and most.any() and (after <= MAX_SMOOTH_CHANGE_RATIO * most).all())
 
 
@@ -134,6 +135,6 @@ def _saturated_gyroscope_mask(values: FloatArray) -> BoolArray:
         for limit in (column.max(), column.min()):
             at_end = column == limit
             if MIN_SATURATED_ROWS <= at_end.sum() < 0.5 * len(column):
-                for begin, end in _runs(at_end, MIN_SATURATED_ROWS):
+                for begin, end in _true_stretches_of_at_least(at_end, MIN_SATURATED_ROWS):
                     saturated[begin:end] = True
     return saturated

@@ -16,9 +16,10 @@ MAX_TIME_WITHOUT_HEADING_S = 5.0
 
 Chosen: a car may turn by half a radian in it (`start.UNMEASURED_TURN_SIGMA_RADPS`)."""
 MAX_GYROSCOPE_GAP_S = 0.5
-"""A longer gap of a gyroscope counts as not measured, s. Chosen by hand; not fitted."""
+"""Longest gap of a gyroscope, s, in which the yaw rate counts as measured. Chosen by hand; not fitted."""
 MIN_MOVEMENT_SIGMAS = 5.0
-"""The car has moved across a gap if its positions differ by more than this many sigmas. Chosen by hand; not fitted."""
+"""Least difference of the positions across a gap, in sigmas, at which the car counts as moved. Chosen by hand; not
+fitted."""
 HEADING_EVIDENCE_KINDS = (Kind.POSITION, Kind.VELOCITY, Kind.HEADING)
 """Kinds from which the filter learns the heading."""
 

@@ -32,7 +32,7 @@ class GeodeticFault:
     action: str
     correct: Callable[[PositionSignal], PositionSignal]
 
-    def can_explain(self, signal: PositionSignal) -> bool:
+    def gives_places_on_earth(self, signal: PositionSignal) -> bool:
         """Whether the corrected fixes are places on the earth."""
         latitude_deg = self.correct(signal).latitude_deg
         return bool((np.abs(latitude_deg[np.isfinite(latitude_deg)]) <= MAX_LATITUDE_DEG).all())
@@ -80,6 +80,6 @@ def is_position_doubted(track: Track, topic: str) -> bool:
     )
 
 
-def sources_in_doubt(track: Track) -> set[str]:
+def topics_corrected_or_blamed(track: Track) -> set[str]:
     """Return the topics that were corrected or blamed."""
     return {each.who.source for each in track.contradictions} | {each.who.source for each in track.corrections}

@@ -13,7 +13,13 @@ from itertools import product
 import numpy as np
 
 from cwcli.estimation.hypotheses.base import Hypothesis
-from cwcli.estimation.hypotheses.imu import ACCEL_UNITS, GYRO_UNITS, SIGN_HYPOTHESES, axes_hypothesis, rotations
+from cwcli.estimation.hypotheses.imu import (
+    ACCEL_UNITS,
+    GYRO_UNITS,
+    SIGN_HYPOTHESES,
+    axes_hypothesis,
+    signed_axis_rotations,
+)
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.estimation.passes import SensorSeries
@@ -22,7 +28,7 @@ from cwcli.estimation.source_hypotheses import (
     MAX_UNIT_ERROR,
     MIN_GAIN,
     MIN_MARGIN,
-    evidence_motions,
+    step_motions_and_edges_for_evidence,
 )
 from cwcli.estimation.step_evidence import (
     MIN_COMPARED_STEPS,
@@ -38,15 +44,18 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 GRAVITY_NORM_RANGE = (0.8, 1.2)
-"""Range of the mean specific force relative to gravity in the right unit: bends and slopes change it by less."""
+"""Range of the mean specific force relative to gravity in the right unit: bends and slopes change it by less. Chosen by
+hand; not fitted."""
 GRAVITY_SHARE_SIGMA = 0.05
-"""One sigma of the mean specific force relative to gravity: bends, and an accelerometer's scale of 3 %."""
+"""One sigma of the mean specific force relative to gravity: bends, and an accelerometer's scale of 3 %. Chosen by hand;
+not fitted."""
 MAX_REMOVED_GRAVITY_SHARE = 0.3
 """Greatest mean specific force relative to gravity where gravity was removed. Chosen by hand; not fitted."""
 TILT_SIGMA_RAD = math.radians(20.0)
 """One sigma of the tilt of an IMU against the axes of the car: phones in a holder. Chosen by hand; not fitted."""
 MIN_GRAVITY_LOG_LIKELIHOOD = -30.0
-"""Least log-likelihood of gravity: an impossible one, but no more than thirty clear steps of motion can outweigh."""
+"""Least log-likelihood of gravity: an impossible one, but no more than thirty clear steps of motion can outweigh.
+Chosen by hand; not fitted."""
 REMOVED_GRAVITY_LOG_LIKELIHOOD = -15.0
 """Log-likelihood that gravity was removed. Chosen between an upright IMU (0) and an impossible one: with gravity in one
 unit, another unit in which it were removed is unlikely."""
@@ -90,12 +99,12 @@ class _ImuFault:
     total: float
 
     @property
-    def yaw_key(self) -> tuple[int, int]:
+    def signed_yaw_axis_and_unit(self) -> tuple[int, int]:
         """What the yaw rate is read from."""
         return self.axes[2] * self.gyro_sign, self.gyro_unit
 
     @property
-    def forward_key(self) -> tuple[int, int]:
+    def signed_forward_axis_and_unit(self) -> tuple[int, int]:
         """What the forward acceleration is read from."""
         return self.axes[0] * self.accel_sign, self.accel_unit
 
@@ -122,7 +131,7 @@ def find_imu_hypothesis(time_s: FloatArray, values: FloatArray, others: Sequence
         values: Shape (n, 6): accelerometer and gyroscope.
         others: Series of the other sources, at least one a position.
     """
-    motions, edges_s = evidence_motions(others)
+    motions, edges_s = step_motions_and_edges_for_evidence(others)
     if len(edges_s) < MIN_COMPARED_STEPS or len(time_s) < 2:
         return None
     known = covered_step_mask(time_s, edges_s)
@@ -133,13 +142,19 @@ def find_imu_hypothesis(time_s: FloatArray, values: FloatArray, others: Sequence
     change = np.diff(integral, axis=0)
     gyro_units = [1.0, *(each.matrix[3][3] for each in GYRO_UNITS)]
     accel_units = [1.0, *(each.matrix[0][0] for each in ACCEL_UNITS)]
-    yaw = _axis_gains(change[:, 3:], gyro_units, 3, [m.turn_rad for m in motions], MIN_TURN_SIGMA_RAD, is_angle=True)
-    forward = _axis_gains(
+    yaw = _log_likelihood_gains_by_axis_and_unit(
+        change[:, 3:], gyro_units, 3, [m.turn_rad for m in motions], MIN_TURN_SIGMA_RAD, is_angle=True
+    )
+    forward = _log_likelihood_gains_by_axis_and_unit(
         change[:, :3], accel_units, 1, [m.speed_change_mps for m in motions], MIN_SPEED_CHANGE_SIGMA_MPS
     )
     step_s = float(edges_s[1] - edges_s[0])
-    lateral = _axis_gains(
-        rate[1:-1, :3], accel_units, 2, [_lateral_acceleration(m, step_s) for m in motions], MIN_LATERAL_SIGMA_MPS2
+    lateral = _log_likelihood_gains_by_axis_and_unit(
+        rate[1:-1, :3],
+        accel_units,
+        2,
+        [_speed_times_turn_rate_mps2(m, step_s) for m in motions],
+        MIN_LATERAL_SIGMA_MPS2,
     )
     force = values[:, :3].mean(axis=0)
     gravity = {
@@ -157,36 +172,46 @@ def find_imu_hypothesis(time_s: FloatArray, values: FloatArray, others: Sequence
             - COST_OF_A_FAULT
             * ((axes != (1, 2, 3)) + (accel_sign < 0) + (gyro_sign < 0) + bool(accel_unit) + bool(gyro_unit)),
         )
-        for axes, accel_sign, gyro_sign, accel_unit, gyro_unit in _combinations(len(accel_units), len(gyro_units))
+        for axes, accel_sign, gyro_sign, accel_unit, gyro_unit in _iter_axes_signs_and_units(
+            len(accel_units), len(gyro_units)
+        )
     ]  # fmt: skip
     best = max(faults, key=lambda each: each.total)
     hypothesis = best.to_hypothesis()
     if hypothesis is None or best.total < MIN_GAIN:
         return None
-    yaw_rival = max(each.total for each in faults if each.yaw_key != best.yaw_key)
+    yaw_rival = max(each.total for each in faults if each.signed_yaw_axis_and_unit != best.signed_yaw_axis_and_unit)
     forward_rival = max(each.total for each in faults if not _has_same_forward_axis(each, best, accel_units))
     if best.total - yaw_rival < MIN_MARGIN:
         return None
     # A mirrored map makes both the turns and the lateral acceleration of a right IMU seem reversed.
-    is_mirrored = best.yaw_key == (-3, 0) and best.axes[1] * best.accel_sign == -2
+    is_mirrored = best.signed_yaw_axis_and_unit == (-3, 0) and best.axes[1] * best.accel_sign == -2
     if is_mirrored and not any(m.kind in (Kind.HEADING, Kind.VELOCITY) for m in motions):
         return None
     return ImuFinding(
-        hypothesis, best.total, best.total - forward_rival >= MIN_MARGIN, changes_yaw_rate=best.yaw_key != (3, 0)
+        hypothesis,
+        best.total,
+        best.total - forward_rival >= MIN_MARGIN,
+        changes_yaw_rate=best.signed_yaw_axis_and_unit != (3, 0),
     )
 
 
 def _has_same_forward_axis(one: _ImuFault, other: _ImuFault, units: Sequence[float]) -> bool:
     """Whether two combinations read nearly the same forward acceleration; 1 mg and 1 cm/s^2 differ by 2 %."""
     ratio = units[one.accel_unit] / units[other.accel_unit]
-    return one.forward_key[0] == other.forward_key[0] and abs(ratio - 1.0) < MAX_UNIT_ERROR
+    return (
+        one.signed_forward_axis_and_unit[0] == other.signed_forward_axis_and_unit[0]
+        and abs(ratio - 1.0) < MAX_UNIT_ERROR
+    )
 
 
-def _combinations(n_accel_units: int, n_gyro_units: int) -> Iterator[tuple[tuple[int, int, int], int, int, int, int]]:
-    yield from product(rotations(), (1, -1), (1, -1), range(n_accel_units), range(n_gyro_units))
+def _iter_axes_signs_and_units(
+    n_accel_units: int, n_gyro_units: int
+) -> Iterator[tuple[tuple[int, int, int], int, int, int, int]]:
+    yield from product(signed_axis_rotations(), (1, -1), (1, -1), range(n_accel_units), range(n_gyro_units))
 
 
-def _axis_gains(
+def _log_likelihood_gains_by_axis_and_unit(
     columns: FloatArray,
     units: Sequence[float],
     right_axis: int,
@@ -225,7 +250,7 @@ def _axis_gains(
     return dict(zip(keys, gains, strict=True))
 
 
-def _lateral_acceleration(m: StepMotion, step_s: float) -> FloatArray:
+def _speed_times_turn_rate_mps2(m: StepMotion, step_s: float) -> FloatArray:
     """Return speed times turn rate in each step but the first and last, (n - 2,); NaN where a source has not both."""
     turn = m.turn_rad
     return np.asarray(m.speed_mps[1:-1] * (turn[:-1] + turn[1:]) / (2.0 * step_s))

@@ -10,12 +10,13 @@ import numpy as np
 from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.median import median
 from cwcli.estimation.passes import SensorSeries
-from cwcli.estimation.source_hypotheses import evidence_motions
+from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
 from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_between_edges
 from cwcli.signals.columns import FloatArray
 
 MIN_YAW_RAD = math.radians(15.0)
-"""Least angle that is corrected: less changes the forward acceleration by 4 % and adds a quarter of the lateral one."""
+"""Least angle that is corrected: less changes the forward acceleration by 4 % and adds a quarter of the lateral one.
+Chosen by hand; not fitted."""
 MIN_STEPS = 10
 """Least number of steps. Chosen by hand; not fitted."""
 MIN_CORRELATION = 0.8
@@ -23,10 +24,11 @@ MIN_CORRELATION = 0.8
 N_SIGMAS = 5.0
 """Least distance of the angle from MIN_YAW_RAD / 2 in its sigmas. Chosen by hand: neighbouring steps share fixes."""
 MIN_LATERAL_MPS2 = 0.5
-"""Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows."""
+"""Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows. Chosen
+by hand; not fitted."""
 
 
-def find_imu_yaw(
+def find_imu_yaw_hypothesis_and_evidence(
     time_s: FloatArray, values: FloatArray, others: Sequence[SensorSeries]
 ) -> tuple[Hypothesis, str] | None:
     """Return the turn of a level IMU about the vertical and what shows it, or None.
@@ -40,12 +42,12 @@ def find_imu_yaw(
         values: Shape (n, 6): accelerometer and gyroscope, levelled.
         others: Series of the other sources, positions first.
     """
-    motions, edges_s = evidence_motions(others[:1])
+    motions, edges_s = step_motions_and_edges_for_evidence(others[:1])
     if len(edges_s) < MIN_STEPS + 3 or len(time_s) < MIN_STEPS:
         return None
     measured = np.column_stack([means_between_edges(time_s, column, edges_s) for column in values[:, :2].T])
     measured[~covered_step_mask(time_s, edges_s)] = np.nan
-    reference = _accelerations(motions[0], float(edges_s[1] - edges_s[0]))
+    reference = _forward_and_left_accelerations_mps2(motions[0], float(edges_s[1] - edges_s[0]))
     measured = measured[1:-1]
     rows = np.isfinite(measured).all(axis=1) & np.isfinite(reference).all(axis=1)
     n = int(rows.sum())
@@ -71,7 +73,7 @@ def find_imu_yaw(
     return hypothesis, evidence
 
 
-def _accelerations(m: StepMotion, step_s: float) -> FloatArray:
+def _forward_and_left_accelerations_mps2(m: StepMotion, step_s: float) -> FloatArray:
     """Return forward and left acceleration in each step but the first and last, (n - 2, 2)."""
     turn = m.turn_rad
     forward = (m.speed_mps[2:] - m.speed_mps[:-2]) / (2.0 * step_s)

@@ -18,7 +18,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 SIGNIFICANT_SIGMAS = 3.0
-"""A value is significant if it is more than this many sigmas from zero. Chosen by hand; not fitted."""
+"""Least distance from zero, in sigmas, of a value that counts as significant. Chosen by hand; not fitted."""
 MAX_DRIFT_REACH_S = 150.0
 """Time from the middle up to which a drift is extrapolated, s: half of the window of the search."""
 
@@ -102,7 +102,7 @@ class Latency:
         return np.asarray(self.drift * np.clip(time_s - self.middle_s, -MAX_DRIFT_REACH_S, MAX_DRIFT_REACH_S))
 
 
-def reject_latency_beyond_limits(latency: Latency) -> Latency:
+def mark_latency_beyond_limits(latency: Latency) -> Latency:
     """Return the latency, marked as a contradiction and not corrected where no sensor can be so late."""
     found = latency.status in (LatencyStatus.APPLIED, LatencyStatus.DRIFTS)
     if not found or LATENCY_RANGE.contains(latency.found_s):
@@ -128,7 +128,7 @@ def latency_given_by_user(series: SensorSeries, config: EstimatorConfig) -> Late
     return None if named is None else Latency(LatencyStatus.GIVEN, float(named))
 
 
-def predetermine_latencies(series: Sequence[SensorSeries], config: EstimatorConfig) -> list[Latency | None]:
+def latencies_known_without_search(series: Sequence[SensorSeries], config: EstimatorConfig) -> list[Latency | None]:
     """Return for each series its latency if it is the reference, given or not observable; None if it is to be found."""
     if config.latency == "none":
         return [NO_LATENCY for _ in series]

@@ -33,7 +33,9 @@ class SourceLatency:
     latency: Latency
 
 
-def shift_latencies_to_agreed_clock(source_latencies: Sequence[SourceLatency]) -> tuple[list[Latency], list[str]]:
+def shift_latencies_to_agreed_clock_and_note(
+    source_latencies: Sequence[SourceLatency],
+) -> tuple[list[Latency], list[str]]:
     """Move latencies to the clock on which the sources agree.
 
     Nothing is moved where the user gives a latency, because that names a clock.
@@ -53,35 +55,39 @@ def shift_latencies_to_agreed_clock(source_latencies: Sequence[SourceLatency]) -
     ]
     groups = [[other for other in early if _do_latencies_agree(other.latency, each.latency)] for each in early]
     group = max(groups, key=_count_source_votes, default=[])
-    others = [each for each in source_latencies if each.is_reference or _agrees_with_reference(each.latency, group)]
+    others = [
+        each
+        for each in source_latencies
+        if each.is_reference or _agrees_with_reference_but_not_group(each.latency, group)
+    ]
     if _count_source_votes(group) < len({each.source for each in others}):
         return latencies, []
-    return _shift_latencies_to_group_mean(source_latencies, group)
+    return _shift_latencies_to_mean_clock_and_note(source_latencies, group)
 
 
-def disputed_clock_sigma_s(told: Sequence[SourceLatency], moved: Sequence[Latency]) -> float:
+def disputed_clock_sigma_s(source_latencies: Sequence[SourceLatency], shifted_latencies: Sequence[Latency]) -> float:
     """Return one sigma of the clock of the states where one source alone is ahead of the reference, s; else 0.
 
     Either that source's stamps are early, or the reference is late: the log does not tell.
 
     Args:
         told: Latencies relative to the reference.
-        moved: The same after `shift_latencies_to_agreed_clock`.
+        moved: The same after `shift_latencies_to_agreed_clock_and_note`.
     """
     late_s = [
         latency.applied_s
-        for each, latency in zip(told, moved, strict=True)
+        for each, latency in zip(source_latencies, shifted_latencies, strict=True)
         if each.is_reference and latency.status is LatencyStatus.APPLIED
     ]
-    ahead = {each.source for each, latency in zip(told, moved, strict=True)
+    ahead = {each.source for each, latency in zip(source_latencies, shifted_latencies, strict=True)
              if latency.status is LatencyStatus.REFERENCE and not each.is_reference}  # fmt: skip
     return late_s[0] if late_s and len(ahead) == 1 else 0.0
 
 
-def _shift_latencies_to_group_mean(
+def _shift_latencies_to_mean_clock_and_note(
     source_latencies: Sequence[SourceLatency], group: Sequence[SourceLatency]
 ) -> tuple[list[Latency], list[str]]:
-    """Shift latencies to the mean clock of a group of sources that agree; see `shift_latencies_to_agreed_clock`."""
+    """Shift latencies to the mean clock of a group of sources that agree."""
     weight = np.array([each.latency.sigma_s**-2.0 for each in group])
     early_s = float(weight @ [each.latency.found_s for each in group] / weight.sum())
     sigma_s = float(weight.sum() ** -0.5)
@@ -113,7 +119,7 @@ def _do_latencies_agree(one: Latency, other: Latency) -> bool:
     return abs(one.found_s - other.found_s) <= SIGNIFICANT_SIGMAS * float(np.hypot(one.sigma_s, other.sigma_s))
 
 
-def _agrees_with_reference(latency: Latency, group: Sequence[SourceLatency]) -> bool:
+def _agrees_with_reference_but_not_group(latency: Latency, group: Sequence[SourceLatency]) -> bool:
     """Whether a latency differs significantly from the group but not from the reference."""
     return latency.status is LatencyStatus.NOT_SIGNIFICANT and not any(
         _do_latencies_agree(latency, one.latency) for one in group

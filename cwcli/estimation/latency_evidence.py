@@ -47,7 +47,13 @@ class LatencyEvidence:
 
     @classmethod
     def from_three_passes(
-        cls, time_s: FloatArray, centre_s: float, probe_s: float, less: FloatArray, just: FloatArray, more: FloatArray
+        cls,
+        time_s: FloatArray,
+        centre_s: float,
+        probe_s: float,
+        nll_at_earlier: FloatArray,
+        nll_at_centre: FloatArray,
+        nll_at_later: FloatArray,
     ) -> LatencyEvidence:
         """Lay the parabolas through three passes; rows that are not finite in one of them are left out.
 
@@ -57,10 +63,13 @@ class LatencyEvidence:
             less, just, more: Shape (k,): negative log-likelihoods with the latencies centre - probe, centre and
                 centre + probe.
         """
-        slope, bend = (more - less) / (2.0 * probe_s), (more - 2.0 * just + less) / probe_s**2
+        slope, bend = (
+            (nll_at_later - nll_at_earlier) / (2.0 * probe_s),
+            (nll_at_later - 2.0 * nll_at_centre + nll_at_earlier) / probe_s**2,
+        )
         order = np.argsort(time_s, kind="stable")
         order = order[np.isfinite(bend[order])]
-        return cls(time_s[order], centre_s, just[order], slope[order], bend[order])
+        return cls(time_s[order], centre_s, nll_at_centre[order], slope[order], bend[order])
 
     @property
     def likeliest_latency_s(self) -> float:
@@ -123,12 +132,12 @@ class LatencyEvidence:
         away_s = middle_s - about_s
         gain, first = 0.0, np.arange(n_blocks) // 2 % 2 == 0
         for found, judged in ((first, ~first), (~first, first)):
-            offset_s, rate = _fit_line_offset_and_rate(away_s[found], slope[found], told[found])
+            offset_s, rate = _fit_drift_offset_and_rate(away_s[found], slope[found], told[found])
             constant_s = _parabola_vertex_s(0.0, float(slope[found].sum()), float(told[found].sum()))
             gain += _sum_of_parabolas(constant_s, slope[judged], told[judged])
             gain -= _sum_of_parabolas(offset_s + rate * away_s[judged], slope[judged], told[judged])
         return (
-            (_fit_line_offset_and_rate(away_s, slope, told)[1], about_s) if gain > MIN_DRIFT_LIKELIHOOD_GAIN else None
+            (_fit_drift_offset_and_rate(away_s, slope, told)[1], about_s) if gain > MIN_DRIFT_LIKELIHOOD_GAIN else None
         )
 
     def cross_validated_neg_log_likelihood(self) -> float:
@@ -154,7 +163,7 @@ def _student_to_normal_quantile_ratio(dof: float) -> float:
     return 1.0 + (1.210 + (1.440 + 1.304 / dof) / dof) / dof
 
 
-def _fit_line_offset_and_rate(away_s: FloatArray, slope: FloatArray, bend: FloatArray) -> tuple[float, float]:
+def _fit_drift_offset_and_rate(away_s: FloatArray, slope: FloatArray, bend: FloatArray) -> tuple[float, float]:
     """Offset and rate of the likeliest line through blocks with these slopes and bends; NaN where there is none."""
     total, first, second = float(bend.sum()), float(bend @ away_s), float(bend @ away_s**2)
     determinant = total * second - first**2

@@ -52,7 +52,7 @@ class _Way:
     velocity: ComplexArray
     way: ComplexArray
 
-    def interpolate(self, time_s: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    def interpolate_way_and_velocity(self, time_s: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Interpolate way and velocity at times (m,), s."""
         return np.interp(time_s, self.time_s, self.way), np.interp(time_s, self.time_s, self.velocity)
 
@@ -70,7 +70,7 @@ def refine_position_latencies(series: Sequence[SensorSeries], latencies: Sequenc
         for i, (s, latency) in enumerate(zip(series, latencies, strict=True))
         if s.kind is Kind.POSITION and latency.status in (LatencyStatus.NOT_OBSERVABLE, LatencyStatus.NOT_SIGNIFICANT)
     ]
-    speed, yaw_rate = (_best_index(series, kind) for kind in (Kind.SPEED, Kind.YAW_RATE))
+    speed, yaw_rate = (_index_of_longest_series(series, kind) for kind in (Kind.SPEED, Kind.YAW_RATE))
     if not unclear or speed is None or yaw_rate is None:
         return refined
     odometry, sigmas_s = [], []
@@ -91,7 +91,7 @@ def refine_position_latencies(series: Sequence[SensorSeries], latencies: Sequenc
     return refined
 
 
-def _best_index(series: Sequence[SensorSeries], kind: Kind) -> int | None:
+def _index_of_longest_series(series: Sequence[SensorSeries], kind: Kind) -> int | None:
     """Return the index of the series of a kind with the most rows; None without one."""
     found = [i for i, s in enumerate(series) if s.kind is kind and len(s) and not s.is_exact]
     return max(found, key=lambda i: len(series[i]), default=None)
@@ -109,12 +109,14 @@ def find_delay_against_odometry(
     if min(len(position), len(speed), len(yaw_rate)) < MIN_WINDOWS * MIN_ROWS_PER_WINDOW:
         return None
     time_s, place = position.time_s, position.values[:, 0] + 1j * position.values[:, 1]
-    windows = _usable_windows(time_s, speed.time_s - speed.latency_s, yaw_rate.time_s - yaw_rate.latency_s)
+    windows = _row_slices_of_usable_windows(
+        time_s, speed.time_s - speed.latency_s, yaw_rate.time_s - yaw_rate.latency_s
+    )
     if len(windows) < MIN_WINDOWS:
         return None
     way, delay_s = _integrate_way(speed, yaw_rate), 0.0
     for _ in range(N_ITERATIONS):
-        rows = [_slopes_of_window(time_s[w], place[w], way, delay_s) for w in windows]
+        rows = [_residuals_and_delay_derivatives(time_s[w], place[w], way, delay_s) for w in windows]
         residual, push = np.concatenate([r for r, _ in rows]), np.concatenate([p for _, p in rows])
         bend = float((push.real**2 + push.imag**2).sum())
         if not bend > 0.0:
@@ -165,7 +167,7 @@ def _integrate_way(speed: SensorSeries, yaw_rate: SensorSeries) -> _Way:
     return _Way(time_s, velocity, way)
 
 
-def _usable_windows(time_s: FloatArray, *odometry_s: FloatArray) -> list[slice]:
+def _row_slices_of_usable_windows(time_s: FloatArray, *odometry_s: FloatArray) -> list[slice]:
     """Return the rows of each window with enough fixes and no pause of the odometry."""
     first_s = max(float(time_s[0]), *(float(each[0]) for each in odometry_s)) + MAX_DELAY_S
     last_s = min(float(time_s[-1]), *(float(each[-1]) for each in odometry_s)) - MAX_DELAY_S
@@ -179,14 +181,14 @@ def _usable_windows(time_s: FloatArray, *odometry_s: FloatArray) -> list[slice]:
     return found
 
 
-def _slopes_of_window(
+def _residuals_and_delay_derivatives(
     time_s: FloatArray, place: ComplexArray, way: _Way, delay_s: float
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return what the fixes (n,) leave of c + A D(t - delay), and what a second of delay adds, both complex (n,).
 
     Both without what another place, rotation or scale of the window would explain.
     """
-    passed, velocity = way.interpolate(time_s - delay_s)
+    passed, velocity = way.interpolate_way_and_velocity(time_s - delay_s)
     centred, target = passed - passed.mean(), place - place.mean()
     power = float((centred.real**2 + centred.imag**2).sum())
     if power <= 0.0:

@@ -59,9 +59,10 @@ PROBE_OFFSETS_S = (0.05, 0.1, 0.2, 0.4)
 LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * SIGNIFICANT_SIGMAS**2
 """Fall of the log-likelihood at three sigma from its top."""
 MAX_OBSERVABLE_SIGMA_S = 0.05
-"""A latency with a larger bound is reported only if it is significant, s. Chosen by hand; not fitted."""
+"""Greatest bound of a latency, s, that is reported although the latency is not significant. Chosen by hand; not
+fitted."""
 MAX_REPORTED_SIGMA_S = 0.1
-"""A latency with a larger bound is not reported, s. Chosen by hand; not fitted."""
+"""Greatest bound of a latency, s, that is reported at all. Chosen by hand; not fitted."""
 IMU_AVERAGING_HZ = 25.0
 """Rate to which an IMU is averaged, Hz. Chosen for speed; not fitted."""
 COARSE_SEARCH_HZ = 10.0
@@ -95,7 +96,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
 
     Args:
         layout: All series, bias states set, with the motion model.
-        predetermined: Parallel to the series, see `predetermine_latencies`.
+        predetermined: Parallel to the series, see `latencies_known_without_search`.
     """
     decided = [role for role in predetermined if role is not None]
     if len(decided) == len(predetermined):
@@ -192,11 +193,11 @@ class _LatencySearch:
         search = self._move_to_likeliest_latency(profile)._drop_outliers()
         if not search._has_enough_rows:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        weighed = search._refine_latency_evidence()
+        weighed = search._refine_noise_and_latency_evidence()
         slow = None if weighed is None else replace(search, target=weighed[0])._add_slow_error_if_likelier()
         if slow is not None:
             profile = slow._scan_latency_grid()
-            weighed = slow._move_to_likeliest_latency(profile)._refine_latency_evidence()
+            weighed = slow._move_to_likeliest_latency(profile)._refine_noise_and_latency_evidence()
         if weighed is None:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
         return (slow or search)._decide_latency_status(*weighed, profile)
@@ -240,11 +241,11 @@ class _LatencySearch:
 
     def _drop_outliers(self) -> _LatencySearch:
         """The same search with the rows that the filter believes."""
-        gated = self._trial_of(gate_outliers(self.target))
+        gated = self._trial_layout_of_target(gate_outliers(self.target))
         status = self.trials.run_filter(gated).status
         if all((was == UpdateStatus.USED).all() for was in status):
             # The reference keeps its gate in both.
-            self.trials.remember_equal(self._trial_of(self.target), gated)
+            self.trials.reuse_pass_of_known_trial(self._trial_layout_of_target(self.target), gated)
             return self
         series = [self.target, *self.reference]
         kept, *reference = (s.select_rows(was >= UpdateStatus.USED) for s, was in zip(series, status, strict=True))
@@ -315,7 +316,7 @@ class _LatencySearch:
         line = Latency(LatencyStatus.DRIFTS, drift=rate, middle_s=about_s + evidence.likeliest_latency_s)
         weighed = replace(
             self, target=self._match_noise_to_innovations(remove_latency_drift(target, line))
-        )._refine_latency_evidence()
+        )._refine_noise_and_latency_evidence()
         if weighed is None:
             return None
         straight, found = weighed
@@ -330,7 +331,7 @@ class _LatencySearch:
         sigma_s = max(found.block_scatter_sigma_s, profile.sigma_covering_possible_latencies_s(found))
         return replace(line, found_s=found.likeliest_latency_s, sigma_s=sigma_s, bound_s=found.formal_sigma_s)
 
-    def _refine_latency_evidence(self) -> tuple[SensorSeries, LatencyEvidence] | None:
+    def _refine_noise_and_latency_evidence(self) -> tuple[SensorSeries, LatencyEvidence] | None:
         """Weigh the evidence about the likeliest latency until it and the noise stay; None where nothing stays.
 
         The probes lie as far from it as it takes to see the likelihood fall by three sigma. Nearer it is rugged, as
@@ -346,7 +347,7 @@ class _LatencySearch:
                     for latency_s in (centre_s - probe_s, centre_s, centre_s + probe_s)
                 )
                 weighed = LatencyEvidence.from_three_passes(
-                    self._informative_row_times_s(target), centre_s, probe_s, less, just, more
+                    self._scored_row_times_s(target), centre_s, probe_s, less, just, more
                 )
                 move_s = weighed.likeliest_latency_s - centre_s
                 if not np.isfinite(move_s):
@@ -379,7 +380,7 @@ class _LatencySearch:
         """
         return [(0, target), *((i, s) for i, s in enumerate(self.reference, 1) if s.bias_state < 0)]
 
-    def _informative_row_times_s(self, target: SensorSeries) -> FloatArray:
+    def _scored_row_times_s(self, target: SensorSeries) -> FloatArray:
         """Return when the scored rows were measured, s since the epoch."""
         return np.concatenate([s.time_s - s.latency_s for _, s in self._scored_series(target)])
 
@@ -392,9 +393,9 @@ class _LatencySearch:
         return np.concatenate([-row_log_likelihoods(s, nis[i]) for i, s in self._scored_series(target)])
 
     def _run_filter(self, target: SensorSeries) -> PassResult:
-        return self.trials.run_filter(self._trial_of(target))
+        return self.trials.run_filter(self._trial_layout_of_target(target))
 
-    def _trial_of(self, target: SensorSeries) -> StateLayout:
+    def _trial_layout_of_target(self, target: SensorSeries) -> StateLayout:
         """The trial of a target beside the reference."""
         return replace(self.layout, series=[target, *self.reference])
 

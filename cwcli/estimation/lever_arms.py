@@ -23,7 +23,7 @@ def set_given_lever_arms(prepared: Sequence[PreparedSeries], lever_arms: LeverAr
     ]
 
 
-def move_states_to_antenna(
+def move_states_and_covariances_to_antenna(
     series: Sequence[SensorSeries], state: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return motion states and covariances at the point that the position source measures.

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
+from cwcli.estimation.fix_scatter import is_noise_beyond_scatter
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.parameter import Parameter, ParameterStatus
@@ -23,6 +24,9 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 CAR_MOTION_TEXT = "how a car moves"
 """Text for what a source contradicts if there is no other source."""
+LARGE_BIAS_SHARE = 0.5
+"""Least bias of an inertial sensor, as a share of its limit, that is blamed for errors that last: the worst of the data
+sheets, of which the limit is twice. Not fitted."""
 
 
 def find_values_beyond_sensor_limits(
@@ -41,15 +45,44 @@ def find_values_beyond_sensor_limits(
         words = next(iter(_iter_texts_on_exceeded_limits(report)), None)
         if words is not None and who not in told:
             found.append(Contradiction(who, _quantity_compared_with(report, reports), words))
+        elif who not in told and report.noise_origin != "message":
+            found += _find_lasting_errors(report, reports)
     return tuple(found)
+
+
+def _find_lasting_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -> list[Contradiction]:
+    """Return a contradiction where the noise of fixes is large only because another source has another motion.
+
+    An inertial sensor with a bias near its limit is blamed first: a wrong scale is taken for a bias in a single bend.
+    """
+    if not is_noise_beyond_scatter(fixes.sigma, fixes.scatter_m):
+        return []
+    who = SourceQuantity(fixes.source, fixes.kind)
+    what = f"lie {fixes.sigma:.1f} m beside the motion for long, and scatter by only {fixes.scatter_m:.2f} m"
+    most = max((r for r in reports if r.kind in RATE_KINDS and r.n_used), key=_bias_share, default=None)
+    if most is None or _bias_share(most) < LARGE_BIAS_SHARE:
+        return [Contradiction(who, _quantity_compared_with(fixes, reports), f"its fixes {what}")]
+    return [Contradiction(SourceQuantity(most.source, most.kind), who, f"with it the fixes {what}")]
+
+
+def _bias_share(report: SourceReport) -> float:
+    """Return the bias of an inertial sensor as a share of its limit, or 0 where none was found."""
+    limit = YAW_RATE_BIAS_RANGE if report.kind is Kind.YAW_RATE else ACCEL_BIAS_RANGE
+    share = abs(_bias_without_gravity(report)) / limit.high
+    return share if math.isfinite(share) else 0.0
 
 
 def is_bias_within_sensor_limits(report: SourceReport) -> bool:
     """Whether a sensor can have the bias that was found; gravity through the mounting is subtracted first."""
-    if report.kind is Kind.YAW_RATE:
-        return YAW_RATE_BIAS_RANGE.contains(report.bias)
-    mounted = 0.0 if report.mounting is None else STANDARD_GRAVITY_MPS2 * math.sin(report.mounting.nose_up_rad)
-    return ACCEL_BIAS_RANGE.contains(report.bias - mounted)
+    limit = YAW_RATE_BIAS_RANGE if report.kind is Kind.YAW_RATE else ACCEL_BIAS_RANGE
+    return limit.contains(_bias_without_gravity(report))
+
+
+def _bias_without_gravity(report: SourceReport) -> float:
+    """Return the bias of an inertial sensor without gravity through its mounting; NaN where none was found."""
+    if report.kind is Kind.YAW_RATE or report.mounting is None:
+        return report.bias
+    return report.bias - STANDARD_GRAVITY_MPS2 * math.sin(report.mounting.nose_up_rad)
 
 
 def _iter_texts_on_exceeded_limits(report: SourceReport) -> Iterator[str]:

@@ -39,9 +39,8 @@ N_MATCHING_ROUNDS = 2
 SETTLED_NOISE_FACTOR = 1.05
 """The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
 FIRST_POSITION_LEAD_IN_S = 2.5
-"""Rows earlier than this before the first position are not used, s.
-
-Chosen as the longest latency of the search and a little more."""
+"""Time in s before the first position from which rows are used. Chosen as the longest latency of the search and a
+little more."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def _refit_noise_and_motion(trials: FilterTrials, layout: StateLayout, fit: Nois
     fit = _match_noise_to_innovations(fit, result)
     base = trials.log_likelihood(_layout_of_fit(layout, fit))
     for name in MANOEUVRE_SIGMA_LIMITS:
-        fit, base = _refit_manoeuvre_sigma(trials, layout, fit, name, base)
+        fit, base = _refit_manoeuvre_sigma_and_get_likelihood(trials, layout, fit, name, base)
     return fit
 
 
@@ -179,7 +178,7 @@ def _match_noise_to_innovations(fit: NoiseFit, result: PassResult) -> NoiseFit:
     return replace(fit, series=tuple(series), factors=factors)
 
 
-def _refit_manoeuvre_sigma(
+def _refit_manoeuvre_sigma_and_get_likelihood(
     trials: FilterTrials, layout: StateLayout, fit: NoiseFit, name: str, base: float
 ) -> tuple[NoiseFit, float]:
     """Move one sigma of the motion towards the largest likelihood; returns the fit and its likelihood.

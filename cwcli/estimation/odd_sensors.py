@@ -48,18 +48,18 @@ def find_impossible_imu_values(values: FloatArray) -> list[tuple[Hypothesis, str
     force = values[:, :3].mean(axis=0)
     norm = float(np.linalg.norm(force))
     if GRAVITY_RANGE_IN_G[0] < norm < GRAVITY_RANGE_IN_G[1] and abs(force[2]) > MIN_VERTICAL_SHARE * norm:
-        found.append((_imu_hypothesis("g"), f"gravity reads {norm:.2f}"))
+        found.append((_imu_hypothesis_by_name("g"), f"gravity reads {norm:.2f}"))
         norm *= GRAVITY_MPS2
     if norm > 0.5 * GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * float(np.linalg.norm(force)):
-        found.append((_imu_hypothesis("x,-y,-z"), "gravity points upward"))
+        found.append((_imu_hypothesis_by_name("x,-y,-z"), "gravity points upward"))
     fast = float(np.quantile(np.abs(values[:, 5]), 0.99))
     if fast > MAX_YAW_RATE_RADPS:
         name = "degrees/s" if np.radians(fast) <= MAX_YAW_RATE_RADPS else "milliradians/s"
-        found.append((_imu_hypothesis(name), f"yaw rates reach {fast:.0f}"))
+        found.append((_imu_hypothesis_by_name(name), f"yaw rates reach {fast:.0f}"))
     return found
 
 
-def find_tilt(values: FloatArray) -> tuple[Hypothesis, str] | None:
+def find_tilt_and_evidence(values: FloatArray) -> tuple[Hypothesis, str] | None:
     """Return the tilt of an IMU in SI units whose z axis is clearly not vertical, but nearer to it than another axis.
 
     Args:
@@ -81,7 +81,7 @@ def find_tilt(values: FloatArray) -> tuple[Hypothesis, str] | None:
     return tilt_hypothesis(force), f"gravity reads {across:.1f} m/s^2 across its vertical axis"
 
 
-def _imu_hypothesis(name: str) -> Hypothesis:
+def _imu_hypothesis_by_name(name: str) -> Hypothesis:
     return next(each for each in IMU if each.name == name)
 
 

@@ -17,7 +17,8 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 STAMP_ROUNDING_SLACK_NS = 1_000
-"""A state may use a row that is later than it by at most this, ns, because the filter computes in float seconds."""
+"""Time in ns by which a row may be later than the state that uses it, because the filter computes in seconds as floats.
+Chosen by hand."""
 NEVER_AVAILABLE_NS = np.iinfo(np.int64).max
 """Time of what is never available, ns."""
 ALWAYS_AVAILABLE_NS = np.iinfo(np.int64).min
@@ -54,7 +55,7 @@ class OnlineAvailability:
         """Number of states."""
         return len(self.stamp_ns)
 
-    def delay_quantiles_s(self) -> tuple[float, ...]:
+    def delay_median_p95_and_max_s(self) -> tuple[float, ...]:
         """Return median, 95 % quantile and maximum of the delay from stamp to availability, s; NaN without states."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
         return tuple(np.quantile(after_s, [0.5, 0.95, 1.0]).tolist()) if self.n_states else (np.nan,) * 3
@@ -74,7 +75,7 @@ class OnlineAvailability:
         ]
 
 
-def states_available_at_ns(
+def available_times_of_states_ns(
     measurements: Sequence[Measurements],
     sources: Sequence[SourceReport],
     stamp_ns: Int64Array,
@@ -86,7 +87,7 @@ def states_available_at_ns(
 
     A state at time s uses all rows measured by s (corrected for latency). It exists only after a row at or after s has
     been received and its stretch has a position (see `from_signals.ego_output_stamps_ns`,
-    `drop_stretches_without_position`). Later rows of the log change neither the state nor this time.
+    `drop_stretches_without_position_and_note`). Later rows of the log change neither the state nor this time.
 
     Args:
         measurements: Measurements of one vehicle, positions first; each in stamp order.

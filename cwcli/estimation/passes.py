@@ -20,17 +20,20 @@ from cwcli.signals.columns import FloatArray
 N_MOTION_STATES = 8
 """Number of motion states; parameter states follow them."""
 START_TOLERANCE_S = 1e-9
-"""A row that is earlier than the start by at most this is used, s: rounding of stamps to floating point."""
+"""Time in s by which a row may be earlier than the start of the filter and is still used: rounding of stamps to
+floats."""
 MAX_PREDICTION_STEP_S = 0.1
 """Longest prediction step, s; chosen because the transition is a first-order expansion in the heading."""
 MAX_STEPS_PER_GAP = 600
 """Greatest number of steps across a gap: a longer gap counts as a minute, so that no covariance overflows."""
 MAX_RATE_REJECTIONS = 2
-"""Rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre and no spike."""
+"""Number of rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre. Chosen
+by hand."""
 MAX_REJECTION_TIME_S = 3.0
 """Time of rejections after which a slow source is used again, s. Chosen by hand; not fitted."""
 MAX_PITCH_RATE_GAP_S = 0.2
-"""The pitch rate is taken as zero in a longer gap of the gyroscope, s. Chosen by hand; not fitted."""
+"""Longest gap of the gyroscope, s, across which the pitch rate is interpolated; in a longer one it is zero. Chosen by
+hand; not fitted."""
 WHOLE_MESSAGE_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
 """Kinds that a message of another vehicle holds when it tells the whole motion in the plane."""
 ROW_BEFORE_START = -1
@@ -79,7 +82,7 @@ class SensorSeries:
         place_m: Given lever arm, ahead and to the left of the estimated point, or None.
         ahead_state: Index of the correction of the lever arm ahead (POSITION, VELOCITY and ACCEL), or -1.
         pitch_rate: An IMU's, at its ACCEL; at a SPEED with a lever arm the one that goes with it. None: unknown.
-        gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
+        gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.nis_gate_limit`.
         floor: Least sigma of noise that is found from the log.
         interval_s: Usual time between two rows from other drives; NaN: take it from the rows; infinite: unknown,
             because later rows must not be used.
@@ -304,7 +307,7 @@ def build_pass_input(
         place_m=np.array([s.place_m or (0.0, 0.0) for s in series], np.float64).reshape(-1, 2),
         gate_nis=np.array([s.gate_nis for s in series], np.float64),
         patience=order_of.patience,
-        sender=_sender_numbers(series),
+        sender=_sender_number_of_each_series(series),
     )
     events = ekf.Events(
         time_s=order_of.time_s,
@@ -318,7 +321,7 @@ def build_pass_input(
     return PassInput(events, sources, len(output_s), order_of, again)
 
 
-def _sender_numbers(series: Sequence[SensorSeries]) -> IntArray:
+def _sender_number_of_each_series(series: Sequence[SensorSeries]) -> IntArray:
     """Return the number of the sender of each series, (S,), whose messages hold position, speed and heading; -1: none.
 
     A message is known by its time, so all three must have the same latency.

@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.latency import Latency, LatencyStatus
-from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock_and_note
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
 from cwcli.estimation.parameter import Parameter, ParameterStatus
@@ -33,7 +33,7 @@ SPREAD_PROBABILITY = 0.95
 
 Chosen low, because Cochran's test has little power with few drives, and a false spread costs less than a missed one."""
 MAX_LATENCY_SIGMA_S = 0.05
-"""A pooled latency with a larger sigma counts as not observable, s; the same as in the search for latencies."""
+"""Greatest sigma of a pooled latency, s, that counts as observable; the same as in the search for latencies."""
 FITTED_RELATIVE_SIGMA = 0.1
 """Relative sigma of a fitted sigma of the motion and of a row interval. Chosen by hand; not fitted."""
 SECONDS_PER_MINUTE = 60.0
@@ -177,7 +177,7 @@ def _iter_bias(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive
         yield ConstantOfDrive(report.bias, report.bias_sigma, minutes)
 
 
-def _make_parameter_reader(
+def _make_iterator_of_used_parameter(
     select_parameter: Callable[[SourceReport], Parameter],
 ) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
     def iter_parameter(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
@@ -188,7 +188,7 @@ def _make_parameter_reader(
     return iter_parameter
 
 
-def _make_slow_error_reader(field_name: str) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
+def _make_iterator_of_slow_error_field(field_name: str) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
     def iter_slow_error(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
         value, time_s = getattr(report.slow_error, field_name), report.slow_error.time_s
         if report.slow_error.status is ParameterStatus.USED:
@@ -204,14 +204,14 @@ def _make_slow_error_reader(field_name: str) -> Callable[[SourceReport, float], 
 CONSTANT_READERS: dict[str, Callable[[SourceReport, float], Iterator[ConstantOfDrive]]] = {
     "noise_sigma": _iter_noise_sigma,
     "noise_scale": _iter_noise_scale,
-    "stamp_sigma_s": _make_parameter_reader(lambda report: report.stamp_error),
+    "stamp_sigma_s": _make_iterator_of_used_parameter(lambda report: report.stamp_error),
     "interval_s": _iter_row_interval,
-    "slow_sigma": _make_slow_error_reader("sigma"),
-    "slow_time_s": _make_slow_error_reader("time_s"),
+    "slow_sigma": _make_iterator_of_slow_error_field("sigma"),
+    "slow_time_s": _make_iterator_of_slow_error_field("time_s"),
     "bias": _iter_bias,
-    "scale": _make_parameter_reader(lambda report: report.scale),
-    "lever_arm_m": _make_parameter_reader(lambda report: report.lever_arm_m),
-    "ahead_m": _make_parameter_reader(lambda report: report.ahead_m),
+    "scale": _make_iterator_of_used_parameter(lambda report: report.scale),
+    "lever_arm_m": _make_iterator_of_used_parameter(lambda report: report.lever_arm_m),
+    "ahead_m": _make_iterator_of_used_parameter(lambda report: report.ahead_m),
 }
 """Name of a constant -> function that yields its value from the report of a source, if there is one."""
 
@@ -242,7 +242,7 @@ def _pool_latencies(
         told.append(
             SourceLatency(*key, is_reference=is_reference, latency=_constant_to_latency(constant, is_reference))
         )
-    moved, _ = shift_latencies_to_agreed_clock(told)
+    moved, _ = shift_latencies_to_agreed_clock_and_note(told)
     for each, latency in zip(told, moved, strict=True):
         key = (each.source, each.kind)
         if latency == each.latency or not found[key].has_value:

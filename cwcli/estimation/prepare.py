@@ -24,8 +24,8 @@ MIN_ROWS_OF_CONSTANT_FIELD = 50
 MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
 """Least number of short gaps in a burst, and the part of the usual gap below which one is short. Chosen by hand."""
 MIN_NOISE_TO_ROUGHNESS_RATIO = 0.5
-"""The noise that is fitted to an IMU is never below this share of the noise that its second differences show.
-Chosen by hand; not fitted."""
+"""Least noise that is fitted to an IMU, as a share of the noise that its second differences show. Chosen by hand; not
+fitted."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def seconds_since_epoch(stamp_ns: Int64Array, epoch: int) -> FloatArray:
     return (stamp_ns - epoch) / NS_PER_S
 
 
-def clean_measurements(
+def clean_and_sort_measurements(
     measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting] = NO_KNOWN_MOUNTINGS
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Clean, sort and split the measurements.
@@ -90,8 +90,8 @@ def clean_measurements(
         stale = NO_STALE_ROWS if m.is_exact else find_stale_rows(m.kind, time, values)
         if stale.n_rows:
             notes += stale.notes(m.source, m.kind)
-            time, values = time[~stale.is_stale], values[~stale.is_stale]
-            covariance = None if covariance is None else covariance[~stale.is_stale]
+            time, values = time[~stale.stale_row_mask], values[~stale.stale_row_mask]
+            covariance = None if covariance is None else covariance[~stale.stale_row_mask]
         stuck = stuck_row_mask(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
             told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one value for long (stuck sensor), left out"

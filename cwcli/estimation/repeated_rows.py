@@ -26,7 +26,7 @@ second repeat every tenth value."""
 MIN_CHANGE_PER_ROW = 3.0
 """Least change per repeated row, in steps of the resolution, that shows a repetition. Chosen: rounding hides one."""
 MIN_RESOLUTION_SHARE = 0.01
-"""Changes below this share of a kind's least noise (`QUANTITIES`) are rounding errors of the arithmetic. By hand."""
+"""Change, as a share of a kind's least noise (`QUANTITIES`), below which it is a rounding error. Chosen by hand."""
 MIN_RESOLVED_CHANGES = 8
 """Least number of small changes from which a resolution is read off. Chosen: eight changes without a resolution look
 like whole multiples of the least one in 1 of 15,000 cases."""
@@ -34,14 +34,14 @@ RESOLUTION_STEPS, RESOLUTION_TOLERANCE, MIN_WHOLE_SHARE = 10.5, 0.15, 0.9
 """Changes up to so many steps are whole multiples of a resolution, within this tolerance in steps, in at least this
 share. Chosen: of changes without a resolution 30 % lie within the tolerance."""
 MAX_JUMP_RATIO = 3.0
-"""A value that is held for several periods and then jumps by more than this times the usual change was no standing car.
+"""Greatest jump after a value that is held for several periods, relative to the usual change, of a car that stood.
 Chosen by hand; not fitted."""
 CHORD_TOLERANCE_IN_FLOORS = 0.24
 """Greatest distance of interpolated rows from their line, in least noises of the kind: 1.2 cm of a position, which is
 one step of a ten millionth of a degree."""
 MIN_BEND_IN_TOLERANCES = 3.0
-"""Least distance from the line, in tolerances, by which a car that changes its motion smoothly would leave it. By
-hand."""
+"""Least distance from the line, in tolerances, by which a car that changes its motion smoothly would leave it. Chosen
+by hand."""
 KNOT_FACTOR = 5.0
 """Least ratio of a knot's second difference to the median one. Chosen by hand; not fitted."""
 MIN_KNOTS, MIN_ROWS_PER_KNOT = 12, 2.5
@@ -82,7 +82,7 @@ class StaleRows:
         return self.n_repeated + self.n_interpolated
 
     @property
-    def is_stale(self) -> npt.NDArray[np.bool_]:
+    def stale_row_mask(self) -> npt.NDArray[np.bool_]:
         """Shape (n,): the row holds no new measurement."""
         return self.is_repetition | self.is_interpolated
 
@@ -116,16 +116,18 @@ def find_stale_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> Stale
     none = np.zeros(len(time_s), np.bool_)
     if len(time_s) < 2 * MIN_REPETITIONS:
         return StaleRows(none, none)
-    is_repetition, period_s = _find_repeated_rows(kind, time_s, values)
+    is_repetition, period_s = _repeated_row_mask_and_period_s(kind, time_s, values)
     if is_repetition.any():
         return StaleRows(is_repetition, none, period_s)
     if kind in (Kind.POSITION, Kind.VELOCITY, Kind.SPEED, Kind.HEADING):
-        is_interpolated, period_s = _find_interpolated_rows(kind, time_s, values)
+        is_interpolated, period_s = _interpolated_row_mask_and_period_s(kind, time_s, values)
         return StaleRows(none, is_interpolated, period_s)
     return StaleRows(none, none)
 
 
-def _find_repeated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> tuple[npt.NDArray[np.bool_], float]:
+def _repeated_row_mask_and_period_s(
+    kind: Kind, time_s: FloatArray, values: FloatArray
+) -> tuple[npt.NDArray[np.bool_], float]:
     """Find the rows that repeat the value before them; returns a mask (n,) and the time between two measurements, s."""
     n, none = len(time_s), np.zeros(len(time_s), np.bool_)
     is_new = np.ones(n, np.bool_)
@@ -135,8 +137,8 @@ def _find_repeated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> t
     first = np.flatnonzero(is_new)  # of each run of one value
     length = np.diff(first)  # the last run has no change behind it
     change = np.abs(np.diff(values[first], axis=0))
-    floor = MIN_RESOLUTION_SHARE * _least_noise(kind)
-    step = np.array([_resolution(change[:, k], floor) for k in range(values.shape[1])])
+    floor = MIN_RESOLUTION_SHARE * _least_noise_sigma_of_kind(kind)
+    step = np.array([_quantisation_step(change[:, k], floor) for k in range(values.shape[1])])
     per_row = change / length[:, None]
     should_change = (per_row > np.maximum(MIN_CHANGE_PER_ROW * step, floor)).any(axis=1)
     is_held = should_change & (length > 1)
@@ -160,7 +162,7 @@ def _find_repeated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> t
     return ~is_new & ~(begins_period & (is_long & (size <= MAX_JUMP_RATIO * usual))[run]), period_s
 
 
-def _resolution(change: FloatArray, floor: float) -> float:
+def _quantisation_step(change: FloatArray, floor: float) -> float:
     """Return the step of which the small changes (k,) of a column are whole multiples.
 
     It is 0 where there is none, and infinite where too few changes are there to tell.
@@ -176,14 +178,16 @@ def _resolution(change: FloatArray, floor: float) -> float:
     return least if float(is_whole.mean()) >= MIN_WHOLE_SHARE else 0.0
 
 
-def _find_interpolated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> tuple[npt.NDArray[np.bool_], float]:
+def _interpolated_row_mask_and_period_s(
+    kind: Kind, time_s: FloatArray, values: FloatArray
+) -> tuple[npt.NDArray[np.bool_], float]:
     """Find the rows on straight lines between measurements; returns a mask (n,) and the time between two, s.
 
     The knots of the lines come at regular times; between them every row lies on its line, although the lines bend at
     the knots by more than a car that changes its motion smoothly would leave a line.
     """
     n, none = len(time_s), (np.zeros(len(time_s), np.bool_), float("nan"))
-    tolerance = CHORD_TOLERANCE_IN_FLOORS * _least_noise(kind)
+    tolerance = CHORD_TOLERANCE_IN_FLOORS * _least_noise_sigma_of_kind(kind)
     step_s = np.diff(time_s)
     if not (step_s > 0.0).all():
         return none
@@ -220,6 +224,6 @@ def _find_interpolated_rows(kind: Kind, time_s: FloatArray, values: FloatArray) 
     return ~is_knot & ~(begins_period & ~near_end), period_s
 
 
-def _least_noise(kind: Kind) -> float:
+def _least_noise_sigma_of_kind(kind: Kind) -> float:
     """Return the least noise sigma of a kind; of an IMU that of the yaw rate, the finer one of its two quantities."""
     return QUANTITIES[Kind.YAW_RATE if kind is Kind.IMU else kind].floor_sigma

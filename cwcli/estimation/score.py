@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.measurements import RATE_KINDS
 from cwcli.estimation.passes import PassResult, SensorSeries
-from cwcli.metrics.chi_square import gate_nis
+from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
 
 GATE_PROBABILITY = 1.0 - 1e-5
@@ -33,12 +33,12 @@ def prediction_log_likelihood(series: Sequence[SensorSeries], result: PassResult
 
 def row_log_likelihoods(s: SensorSeries, nis: FloatArray) -> FloatArray:
     """Return the log-likelihood (n,) of each row of a series, without constants; NaN before the start."""
-    limit = gate_nis(GATE_PROBABILITY, s.n_values_per_row)
+    limit = nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row)
     return np.asarray(-0.5 * (np.minimum(nis[:, 0], limit) + np.log(nis[:, 3])))
 
 
 def is_prediction_clearly_better(gain: FloatArray, min_gain: float) -> bool:
-    """Whether rows are predicted better by more than `least` in both halves, and in the whole by three sigma more.
+    """Whether rows are predicted better by more than `min_gain` in both halves, and in the whole by three sigma more.
 
     The sigma is that of the scatter between rows, because with errors that last a few rows may prefer a wrong model by
     chance. A real gain shows in both halves.

@@ -36,13 +36,14 @@ AVERAGING_WINDOW_S = 2.0
 MIN_MOMENTS = 3
 """Least number of moments over which the offset of a sender is averaged. Chosen by hand; not fitted."""
 MIN_SQUARED_DISTANCE_ADVANTAGE = 13.8
-"""Least excess of the squared distance to another car: a likelihood ratio of 1000, as for joined ids."""
+"""Least excess of the squared distance to another car: a likelihood ratio of 1000, as for joined ids. Chosen by hand;
+not fitted."""
 MAX_SQUARED_DISTANCE = 13.8
 """Greatest squared distance from the sender: the chi-square quantile of 0.999 with two degrees of freedom."""
 MIN_CAR_CLEARANCE_M = 0.5
 """Least distance between two cars beside each other, m; people may touch. Chosen by hand; not fitted."""
 MIN_CAR_WIDTH_M = 1.0
-"""Road users narrower than this are no cars and need no clearance, m. Chosen by hand; not fitted."""
+"""Least width in m of a road user that counts as a car and needs clearance. Chosen by hand; not fitted."""
 DEFAULT_ROAD_USER_SIZE_M = 0.5
 """Length and width of a road user without a stated size, m. Chosen as a person's."""
 MIN_POSITION_VARIANCE_M2 = 1e-4
@@ -54,9 +55,9 @@ SENDER_ACCELERATION_SIGMA_MPS2 = 2.0
 MAX_MOTION_DIFFERENCE_SIGMAS = 3.0
 """Greatest difference of the speeds and of the headings, in sigmas. Chosen by hand; not fitted."""
 MIN_SPEED_FOR_HEADING_MPS = 1.0
-"""Headings are not compared below this speed, m/s. Chosen by hand; not fitted."""
+"""Least speed in m/s at which headings are compared. Chosen by hand; not fitted."""
 MAX_COMPARED_DISTANCE_M = 50.0
-"""Objects farther than this from every position of a sender are not compared with it, m. Chosen for speed."""
+"""Greatest distance in m of an object from a position of a sender with which it is compared. Chosen for speed."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def drop_senders_seen_by_others(
     for said in (rows for rows in senders if len(rows)):
         for k in _object_indices_near_sender(ranges, _place_and_time_bounds(x_m, y_m, signal.stamp_ns, [said])):
             at = _compare_object_with_sender(signal, x_m, y_m, said, objects[k])
-            is_same, own, is_inside = _judge_object_is_sender(at, signal.stamp_ns, signal.log_time_ns)
+            is_same, own, is_inside = _sender_and_overlap_masks_with_distance(at, signal.stamp_ns, signal.log_time_ns)
             is_nearer = own < nearest[at.rows]
             next_nearest[at.rows] = np.where(is_nearer, nearest[at.rows], np.minimum(next_nearest[at.rows], own))
             nearest[at.rows] = np.where(is_nearer, own, nearest[at.rows])
@@ -202,7 +203,7 @@ def _compare_object_with_sender(
     )
 
 
-def _judge_object_is_sender(
+def _sender_and_overlap_masks_with_distance(
     compared: _ObjectComparedWithSender, stamp_ns: Int64Array, log_time_ns: Int64Array
 ) -> tuple[BoolArray, FloatArray, BoolArray]:
     """Decide from the last moments whether an object is a sender; all results (n,).

@@ -54,7 +54,7 @@ YAW_RATE_BIAS_RANGE = ParameterRange(
     "rad/s",
     "zero-rate offset of a phone's MEMS gyroscope (Bosch BMI160): 3 degrees/s, 0.05 rad/s; twice that",
 )
-"""Range of the bias of a gyroscope."""
+"""Range of the bias of a gyroscope, rad/s; its field `source` gives the reason."""
 SLOW_POSITION_SIGMA_RANGE = ParameterRange(
     0.0,
     10.0,
@@ -62,11 +62,11 @@ SLOW_POSITION_SIGMA_RANGE = ParameterRange(
     "GPS Standard Positioning Service (2020), section 3.8: 15 m in 95 % at the worst site, 6 m on each axis; the rest "
     "is room for reflections between houses",
 )
-"""Range of the sigma of a slow error of positions, per axis."""
+"""Range of the sigma of a slow error of positions, m, per axis; its field `source` gives the reason."""
 GRADE_SIGMA_RANGE = ParameterRange(
     0.0, 1.2, "m/s^2", "gravity through a road whose grade scatters by 12 %: the steepest roads of a hilly town"
 )
-"""Range of the sigma of gravity through the grade of the road."""
+"""Range of the sigma of gravity through the grade of the road, m/s^2; its field `source` gives the reason."""
 LATENCY_RANGE = ParameterRange(
     -0.5,
     1.25,
@@ -74,7 +74,7 @@ LATENCY_RANGE = ParameterRange(
     "a receiver that reports and smooths once a second is 1.0 s late (balzer-dresden-2014-03-26, velocity); nothing is "
     "early by more than the period of half a second that slow buses have",
 )
-"""Range of a latency; positive is late."""
+"""Range of a latency, s; positive is late; its field `source` gives the reason."""
 UNKNOWN_DELAY_SIGMA_S = 0.05
 """One sigma of the delay of a source of which nothing is known, s: a receiver with ten fixes a second computes for 30
 to 100 ms before it sends, a car's bus and an operating system delay by 5 to 50 ms. Chosen as a round number of
@@ -82,13 +82,13 @@ these."""
 STAMP_SIGMA_RANGE = ParameterRange(
     0.0, 0.2, "s", "twice the interval of fixes ten times a second: more than that are fixes that are repeated or stall"
 )
-"""Range of the sigma of stamp errors."""
+"""Range of the sigma of stamp errors, s; its field `source` gives the reason."""
 SPEED_LEVER_ARM_RANGE = ParameterRange(-3.0, 3.0, "m", "from the road to the roof of a van")
-"""Range of the height of the estimated point above the point of a speed."""
+"""Range of the height, m, of the estimated point above the point of a speed; its field `source` gives the reason."""
 AHEAD_RANGE = ParameterRange(
     -6.0, 6.0, "m", "from the rear axle to the front of a van; a longer vehicle needs --lever-arm"
 )
-"""Range of the lever arm ahead."""
+"""Range of the lever arm ahead, m; its field `source` gives the reason."""
 WHITE_NOISE_RANGES: Mapping[Kind, ParameterRange] = {
     Kind.POSITION: ParameterRange(
         0.0, 30.0, "m", "a phone's fix by cells and wireless networks; GNSS alone has 1 to 5 m"

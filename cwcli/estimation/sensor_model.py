@@ -89,7 +89,7 @@ class SensorModel:
         ]
 
     @property
-    def key(self) -> Hashable:
+    def lookup_key(self) -> Hashable:
         """What equal models have in common; unlike the models themselves it can be looked up."""
         return tuple(sorted(self.slow.items())), self.pitch_compensated, self.scaled, self.levered, self.ahead
 

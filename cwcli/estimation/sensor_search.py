@@ -75,7 +75,7 @@ MIN_AHEAD_SIGMAS = 3.0
 MAX_CLIMB_TRIALS = 9
 """Greatest number of trials in the climb of one slow error. Chosen for speed; not fitted."""
 MAX_OBSERVED_SIGMA_TO_PRIOR = 0.5
-"""A parameter is not observable if its sigma exceeds this share of its prior. Chosen by hand; not fitted."""
+"""Greatest sigma of an observable parameter, as a share of its prior's. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -114,18 +114,18 @@ def find_sensor_model(
         remaining_latency_sigma_s: Parallel to the series: one sigma of what the stamps may still be late by; None: 0.
             A car that turns while its fixes are late by tau looks like one whose antenna stands by v tau behind.
     """
-    slack_m = _ahead_sigma_from_latency_m(
+    slack_m = _forward_arm_sigma_from_latency_m(
         base.series, [0.0] * len(base.series) if remaining_latency_sigma_s is None else remaining_latency_sigma_s
     )
     whole = _model_with_all_possible_errors(base.series, SensorModel() if before is None else before.model, slack_m)
     if not may_show_sensor_errors(base.series) or not whole.modelled_errors:
         return FoundSensorModel()
     trials = _SensorModelTrials(base, slack_m)
-    trial = trials.score_model(whole)
+    trial = trials.run_model_trial(whole)
     for i in whole.slow:
         trial = trials.climb_slow_error(trial, i)
     if whole.pitch_compensated:
-        still = trials.score_model(replace(trial.model, pitch_compensated=frozenset()), trial)
+        still = trials.run_model_trial(replace(trial.model, pitch_compensated=frozenset()), trial)
         trial = max(trial, still, key=lambda t: t.score)
     found = _drop_useless_errors(trials, trial)
     known = {} if before is None else before.status
@@ -170,7 +170,8 @@ def _model_with_all_possible_errors(
             slow[i] = known.slow.get(
                 i,
                 GaussMarkovError(
-                    max(_root_mean_noise_variance(s), QUANTITIES[s.kind].floor_sigma), INITIAL_POSITION_TIME_CONSTANT_S
+                    max(_root_mean_square_noise_sigma(s), QUANTITIES[s.kind].floor_sigma),
+                    INITIAL_POSITION_TIME_CONSTANT_S,
                 ),
             )
         elif s.kind is Kind.SPEED:
@@ -181,7 +182,7 @@ def _model_with_all_possible_errors(
     return SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered), frozenset(ahead))
 
 
-def _ahead_sigma_from_latency_m(
+def _forward_arm_sigma_from_latency_m(
     series: Sequence[SensorSeries], remaining_latency_sigma_s: Sequence[float]
 ) -> list[float]:
     """Return one sigma (m) of the error of each lever arm ahead that the remaining latency may cause."""
@@ -208,7 +209,7 @@ def _heading_range_rad(series: Sequence[SensorSeries]) -> float:
     return turned
 
 
-def _root_mean_noise_variance(s: SensorSeries) -> float:
+def _root_mean_square_noise_sigma(s: SensorSeries) -> float:
     variance = s.noise[:, 0] if s.n_values_per_row == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
     return float(np.sqrt(variance.mean()))
 
@@ -252,14 +253,14 @@ class _SensorModelTrials:
         ]
         self.base = replace(self.base, series=kept)
 
-    def score_model(self, model: SensorModel, near: _SensorModelTrial | None = None) -> _SensorModelTrial:
+    def run_model_trial(self, model: SensorModel, near: _SensorModelTrial | None = None) -> _SensorModelTrial:
         """Run the filter until the noise agrees with the innovations; a trial that was made before is returned.
 
         Args:
             model: The model.
             near: A trial whose noise is a good first guess.
         """
-        key = model.key, None if near is None else near.factors
+        key = model.lookup_key, None if near is None else near.factors
         if key not in self._scored:
             self._scored[key] = self._run_until_noise_settles(model, near)
         return self._scored[key]
@@ -295,7 +296,7 @@ class _SensorModelTrials:
                     if slow is None or left <= 0:
                         continue
                     left -= 1
-                    other = self.score_model(replace(trial.model, slow={**trial.model.slow, i: slow}), trial)
+                    other = self.run_model_trial(replace(trial.model, slow={**trial.model.slow, i: slow}), trial)
                     if other.score > trial.score:
                         trial, moved = other, True
                         break
@@ -310,14 +311,14 @@ class _SensorModelTrials:
         ]
         known = [top, *(slow for slow in slows if slow is not None)]
         models = [replace(trial.model, slow={**trial.model.slow, i: slow}) for slow in known]
-        score = np.array([trial.score, *(self.score_model(model, trial).score for model in models[1:])])
+        score = np.array([trial.score, *(self.run_model_trial(model, trial).score for model in models[1:])])
         weight = np.exp(score - score.max())
         longer = float(weight @ [slow.time_s / top.time_s for slow in known] / weight.sum())
         said = self.base.series[i]
         if said.noise_origin == "message":  # of the whole error: what the innovations show is a part of it
-            longer = max(longer, (_root_mean_noise_variance(said) / top.sigma) ** 2)
+            longer = max(longer, (_root_mean_square_noise_sigma(said) / top.sigma) ** 2)
         mean = GaussMarkovError(top.sigma * longer**0.5, top.time_s * longer)
-        return self.score_model(replace(trial.model, slow={**trial.model.slow, i: mean}), trial)
+        return self.run_model_trial(replace(trial.model, slow={**trial.model.slow, i: mean}), trial)
 
     def _scale_slow_error(
         self, kind: Kind, slow: GaussMarkovError, wider: float, longer: float
@@ -359,9 +360,9 @@ def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -
     status = {part: _observability_of_error(trial, part) for part in trial.model.modelled_errors}
     for part, verdict in status.items():
         if verdict is ParameterStatus.NOT_OBSERVABLE:
-            trial = trials.score_model(trial.model.without_error(part), trial)
+            trial = trials.run_model_trial(trial.model.without_error(part), trial)
     while parts := trial.model.modelled_errors:
-        others = [trials.score_model(trial.model.without_error(part), trial) for part in parts]
+        others = [trials.run_model_trial(trial.model.without_error(part), trial) for part in parts]
         loss = [
             trial.score - other.score - MIN_LIKELIHOOD_GAIN_PER_PARAMETER * N_FITTED_PARAMETERS[part[1]]
             for part, other in zip(parts, others, strict=True)
@@ -370,18 +371,18 @@ def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -
         if loss[least] > 0.0:
             unclear = [
                 parts.index((i, "ahead"))
-                for i in _series_with_unclear_ahead(_ahead_and_sigma_by_series_m(trial), trials.slack_m)
+                for i in _series_with_unclear_forward_arm(_forward_arm_and_sigma_by_series_m(trial), trials.slack_m)
             ]
             if not unclear:
                 break
             least = unclear[0]
         status[parts[least]], trial = ParameterStatus.NOT_BETTER, others[least]
-    trial, beyond = _drop_errors_beyond_limits(trials, trial)
+    trial, beyond = _drop_errors_beyond_limits_and_list_them(trials, trial)
     status.update(dict.fromkeys(beyond, ParameterStatus.CONTRADICTS))
-    return FoundSensorModel(trial.model, status, _ahead_and_sigma_by_series_m(trial), beyond)
+    return FoundSensorModel(trial.model, status, _forward_arm_and_sigma_by_series_m(trial), beyond)
 
 
-def _drop_errors_beyond_limits(
+def _drop_errors_beyond_limits_and_list_them(
     trials: _SensorModelTrials, trial: _SensorModelTrial
 ) -> tuple[_SensorModelTrial, dict[Part, float]]:
     """Leave out every error that is beyond what such a sensor can have, until none is; returns what they were."""
@@ -397,7 +398,7 @@ def _drop_errors_beyond_limits(
         model = trial.model
         for part in found:
             model = model.without_error(part)
-        trial = trials.score_model(model, trial)
+        trial = trials.run_model_trial(model, trial)
     return trial, beyond
 
 
@@ -423,28 +424,28 @@ def _observability_of_error(trial: _SensorModelTrial, part: Part) -> ParameterSt
     return ParameterStatus.USED
 
 
-def _ahead_and_sigma_by_series_m(trial: _SensorModelTrial) -> dict[int, tuple[float, float]]:
+def _forward_arm_and_sigma_by_series_m(trial: _SensorModelTrial) -> dict[int, tuple[float, float]]:
     states = {i: trial.layout.series[i].ahead_state for i in sorted(trial.model.ahead)}
     return {i: (float(trial.state[k]), float(trial.sigma[k])) for i, k in states.items()}
 
 
-def _series_with_unclear_ahead(ahead_m: Mapping[int, tuple[float, float]], slack_m: Sequence[float]) -> list[int]:
+def _series_with_unclear_forward_arm(ahead_m: Mapping[int, tuple[float, float]], slack_m: Sequence[float]) -> list[int]:
     """Return the series whose lever arm ahead is not significant against its sigma and that of the latency."""
     return [
         i for i, (value, sigma) in ahead_m.items() if not abs(value) > MIN_AHEAD_SIGMAS * np.hypot(sigma, slack_m[i])
     ]
 
 
-def series_whose_ahead_may_be_latency(
+def series_whose_forward_arm_may_be_latency(
     found: FoundSensorModel, series: Sequence[SensorSeries], remaining_latency_sigma_s: Sequence[float]
 ) -> list[int]:
     """Return the series whose lever arm ahead may as well be a latency.
 
     `remaining_latency_sigma_s` is that of `find_sensor_model`.
     """
-    return _series_with_unclear_ahead(
+    return _series_with_unclear_forward_arm(
         {i: at for i, at in found.ahead_m.items() if i in found.model.ahead},
-        _ahead_sigma_from_latency_m(series, remaining_latency_sigma_s),
+        _forward_arm_sigma_from_latency_m(series, remaining_latency_sigma_s),
     )
 
 

@@ -18,18 +18,18 @@ from cwcli.estimation.latency import NO_LATENCY, latency_given_by_user
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, notes_on_rows_before_start, run_filter_pass
 from cwcli.estimation.prepare import (
-    clean_measurements,
+    clean_and_sort_measurements,
     earliest_stamp_ns,
     prepare_without_looking_ahead,
     seconds_since_epoch,
 )
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.source_judgement import correct_as_user_says, correct_impossible_values
+from cwcli.estimation.source_judgement import correct_and_list_impossible_imu_values, correct_and_list_what_user_says
 from cwcli.estimation.start import (
     UNKNOWN_STATE_SIGMAS,
     find_filter_start,
-    hold_position_before_start,
     move_infinite_start_behind_rows,
+    set_states_before_start_in_place,
 )
 from cwcli.estimation.state_flags import compute_state_flags
 from cwcli.kernels import ekf
@@ -39,7 +39,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_RATE
 
 SAMPLING_TIME_S = 0.05
-"""Sampling time dT of eq. 2, s."""
+"""Sampling time dT of eq. 2, s; song2016 samples at 20 Hz."""
 JERK_ROOT_SPECTRAL_DENSITY = 0.2
 """Root of the jerk's spectral density, m/s^3 per root Hz. Chosen: see `process_noise`."""
 YAW_ACCEL_ROOT_SPECTRAL_DENSITY = 0.02
@@ -50,7 +50,8 @@ DERIVATIVE_SAMPLES = 8
 The paper says that they are "computed from the measured" values, not how. Chosen on the paper's drives: with 0.2 s the
 models with jerk are the worse ones, and a longer window sees a manoeuvre too late for fig. 9."""
 MAX_PAUSE_S = 60.0
-"""Longer pauses of all measurements have no steps, s, because the filter counts such a pause as a minute."""
+"""Longest pause of all measurements, s, through which steps are made; the filter counts a longer one as a minute.
+Chosen by hand."""
 DIFFERENTIATED_STATES = slice(ACCEL, YAW_RATE + 1)
 """Slice of the states whose slopes are appended: acceleration and yaw rate."""
 
@@ -98,14 +99,16 @@ def estimate_track_with_song2016(
     does not do.
     """
     epoch = earliest_stamp_ns(measurements)
-    measurements, corrections = correct_as_user_says(measurements, config.source_units)
+    measurements, corrections = correct_and_list_what_user_says(measurements, config.source_units)
     if not config.blind:
-        measurements, found = correct_impossible_values(measurements, {*config.trusted_sources, *config.source_units})
+        measurements, found = correct_and_list_impossible_imu_values(
+            measurements, {*config.trusted_sources, *config.source_units}
+        )
         corrections += found
     prepared, notes = (
         (prepare_without_looking_ahead(measurements, epoch, {}), [])
         if config.blind
-        else clean_measurements(measurements, epoch)
+        else clean_and_sort_measurements(measurements, epoch)
     )
     latencies = [latency_given_by_user(p.series, config) or NO_LATENCY for p in prepared]
     step = config.song2016_step_s
@@ -131,9 +134,9 @@ def estimate_track_with_song2016(
     all_states, all_covariances = append_jerk_and_yaw_acceleration(result.state, result.covariance, steps, step)
     row = np.searchsorted(steps, wanted_step)
     state, covariance = all_states[row], all_covariances[row]
-    _extrapolate_states(state, np.maximum(wanted - steps[row] * step, 0.0))
+    _extrapolate_states_in_place(state, np.maximum(wanted - steps[row] * step, 0.0))
     if config.causal:
-        hold_position_before_start(
+        set_states_before_start_in_place(
             state, covariance, series, start_s=begin, output_s=wanted, prior=np.zeros(N_MOTION_STATES)
         )
         notes += notes_on_rows_before_start(series, result)
@@ -201,7 +204,7 @@ def trailing_slope(
     return slope
 
 
-def filter_measurement_matrix(
+def filtered_states_and_covariances_of_matrix(
     z: FloatArray,
     sigma: Sequence[float],
     *,
@@ -280,7 +283,7 @@ def _last_row_of_each_step(s: SensorSeries, step: float) -> SensorSeries:
     )
 
 
-def _extrapolate_states(state: FloatArray, dt: FloatArray) -> None:
+def _extrapolate_states_in_place(state: FloatArray, dt: FloatArray) -> None:
     """Carry states forward by less than a step with eq. 2 (in place)."""
     distance = state[:, 2] * dt + 0.5 * state[:, 4] * dt**2
     state[:, 0] += distance * np.cos(state[:, 3])

@@ -19,11 +19,10 @@ import numpy as np
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
 from cwcli.estimation.step_motion import (
-    MEDIAN_ABSOLUTE_TO_SIGMA,
     MIN_CHORD_M,
     StepMotion,
     compute_step_motion,
@@ -34,7 +33,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)
-"""Lengths of the steps, s: as long as a manoeuvre takes, and longer than sensors are late."""
+"""Lengths of the compared steps, s: as long as a manoeuvre takes, and longer than sensors are late. Chosen by hand."""
 MIN_STEPS_OF_ONE_LENGTH = 4
 """Least number of clear steps of one length. Chosen: three agree by chance."""
 MIN_STEPS_OF_ALL_LENGTHS = 8
@@ -52,34 +51,38 @@ STUDENT_99_QUANTILES: Mapping[int, float] = {
 }
 """Number of values -> half the width of the 99 % interval in sigma of the mean (Student, two-sided); more: 2.86."""
 MEDIAN_TO_MEAN_SIGMA_RATIO = 1.2533
-"""Sigma of a median of normal values over that of their mean."""
+"""Sigma of the median of normal values divided by that of their mean: the square root of pi / 2."""
 MIN_ROWS = 20
 """Least number of rows of a source that is compared. Chosen by hand; not fitted."""
 TURN_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "a MEMS gyroscope's scale errs by 3 %; the rest is room for latencies and for courses of short ways"
 )
-"""Range of the ratio of two changes of heading."""
+"""Range of the ratio of two changes of heading that agree; the value itself names its source."""
 SPEED_CHANGE_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "an accelerometer's scale errs by 3 %; the rest is room for slopes, latencies and the noise of fixes"
 )
-"""Range of the ratio of two changes of speed."""
+"""Range of the ratio of two changes of speed that agree; the value itself names its source."""
 HEADING_OFFSET_RANGE = ParameterRange(
     -math.pi / 6.0, math.pi / 6.0, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"
 )
-"""Range of the difference of two headings or courses."""
+"""Range in rad of the difference of two headings or courses that agree; the value itself names its source."""
 MIN_TURN_RAD = 0.25
-"""Change of heading from one step to the next that is a turn and not a lane's curve or noise, rad."""
+"""Least change of heading from one step to the next, rad, that counts as a turn: more than a lane bends or noise makes.
+Chosen by hand."""
 MIN_COURSE_TURN_RAD = 0.5
 """Change of heading from one step to the next that is a turn where one of the two sources is a course by fixes, rad.
 Chosen by hand, well above the 0.2 by which the chord of a step is off when the car brakes and turns."""
 MIN_CHANGE_SIGMAS = 4.0
 """Least turn or change of speed in sigmas of the noise of fixes. Chosen by hand; not fitted."""
 MIN_SPEED_CHANGE_MPS = 2.0
-"""Change of mean speed from one step to the next that is braking or accelerating and not a slope, m/s."""
+"""Least change of the mean speed from one step to the next, m/s, that counts as braking or accelerating. Chosen by
+hand."""
 MAX_TURN_RAD = 2.5
-"""A larger change of heading from one step to the next may have gone round the other way, rad."""
+"""Largest change of heading from one step to the next, rad, that is compared; a larger one may have gone round the
+other way. Chosen by hand."""
 MIN_COURSE_SPEED_MPS = 4.0
-"""Slower, a car may drive backwards for long, m/s; 14 km/h."""
+"""Least speed in m/s (14 km/h) at which courses are compared; a slower car may drive backwards for long. Chosen by
+hand."""
 FIX_KINDS = (Kind.POSITION, Kind.VELOCITY)
 """Kinds that come from fixes."""
 BIAS_CHECKS = (SourceComparisonCheck.YAW_RATE_BIAS, SourceComparisonCheck.ACCEL_BIAS)
@@ -212,15 +215,17 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
         edges_s = step_edges_s(usable, step_s)
         if len(edges_s) > MIN_STEPS_OF_ONE_LENGTH + 1:
             motions = [compute_step_motion(s, edges_s) for s in usable]
-            by_length.append((step_s, turn_fixes_while_reversing(motions)))
+            by_length.append((step_s, reverse_fix_courses_while_reversing(motions)))
     found = []
     for j, i in combinations(range(len(usable)), 2):
         one, other = (SourceQuantity(usable[k].source, usable[k].kind) for k in (i, j))
         for check, measure in _COMPARE_FUNCTIONS.items():
             measured = [measure(motions[i], motions[j], step_s) for step_s, motions in by_length]
-            judgement, number = judge_all_step_lengths(measured)
+            judgement, number = judgement_and_number_of_all_step_lengths(measured)
             if check is SourceComparisonCheck.TURN and judgement is Judgement.UNKNOWN:
-                judgement, number = _judge_regressed_turns([(motions[i], motions[j]) for _, motions in by_length])
+                judgement, number = _judgement_and_ratio_of_regressed_turns(
+                    [(motions[i], motions[j]) for _, motions in by_length]
+                )
             if judgement is Judgement.UNKNOWN or (check in BIAS_CHECKS and judgement is Judgement.AGREE):
                 continue
             found.append(SourceComparison(check, one, other, judgement, number))
@@ -232,7 +237,7 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
     return found
 
 
-def judge_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgement, float]:
+def judgement_and_number_of_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgement, float]:
     """Judge steps of all lengths together; returns the judgement and the most precise number.
 
     They contradict where one length does, every other length shows an impossible number too, and there are enough steps
@@ -249,7 +254,7 @@ def judge_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgemen
     return Judgement.AGREE if agrees else Judgement.UNKNOWN, min(known, key=lambda each: each.half).number
 
 
-def _judge_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tuple[Judgement, float]:
+def _judgement_and_ratio_of_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tuple[Judgement, float]:
     """Judge the turns of a pair by a line through those of all steps; see `turn_regression`.
 
     Args:
@@ -257,12 +262,12 @@ def _judge_regressed_turns(pairs: Sequence[tuple[StepMotion, StepMotion]]) -> tu
     """
     ratios = [regressed_turn_ratio(*pair) for pair in pairs[1:]]  # not of those in steps of 1 s
     intervals = [MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios]
-    return judge_all_step_lengths(
+    return judgement_and_number_of_all_step_lengths(
         [StepComparison.from_median_interval(interval, TURN_RATIO_RANGE) for interval in intervals]
     )
 
 
-def turn_fixes_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
+def reverse_fix_courses_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
     """Reverse course and distance of fixes in steps in which the car drives backwards.
 
     There a speed is negative and a heading points against the course; one of both alone is a wrong sensor.
@@ -287,24 +292,26 @@ def turn_fixes_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion
     return found
 
 
-def _median_ratio(
-    one: FloatArray, other: FloatArray, least: FloatArray | float, most: float, limit: ParameterRange
+def _compare_median_ratio_with_range(
+    one: FloatArray, other: FloatArray, min_other: FloatArray | float, max_other: float, limit: ParameterRange
 ) -> StepComparison:
     """Compare the median of one / other, over steps in which the other one clearly differs from zero, with a range."""
     with np.errstate(invalid="ignore"):
-        rows = (np.abs(other) > least) & (np.abs(other) < most) & np.isfinite(one)
+        rows = (np.abs(other) > min_other) & (np.abs(other) < max_other) & np.isfinite(one)
     return StepComparison.from_median_interval(MedianInterval.from_values(one[rows] / other[rows]), limit)
 
 
-def _median_ratio_in_both_directions(
+def _compare_median_ratio_both_ways(
     one: FloatArray, other: FloatArray, least: Sequence[FloatArray | float], most: float, limit: ParameterRange
 ) -> StepComparison:
     """Compare one / other with a range, over steps in which the other clearly moves and those in which the one does.
 
     A sensor that never reacts shows only in steps that are chosen by the other one.
     """
-    forth = _median_ratio(one, other, least[1], most, limit)
-    back = _median_ratio(other, one, least[0], most, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", ""))
+    forth = _compare_median_ratio_with_range(one, other, least[1], most, limit)
+    back = _compare_median_ratio_with_range(
+        other, one, least[0], most, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", "")
+    )
     if math.isnan(back.number) or forth.judgement is back.judgement:
         return forth
     if math.isnan(forth.number):
@@ -319,14 +326,14 @@ def _compare_distances(one: StepMotion, other: StepMotion, step_s: float) -> Ste
     limit = SPEED_SCALE_RANGE
     if one.kind in FIX_KINDS and other.kind is Kind.SPEED:
         limit = ParameterRange(1.0 / SPEED_SCALE_RANGE.high, 1.0 / SPEED_SCALE_RANGE.low, "", "")
-    return _median_ratio(one.distance_m, other.distance_m, MIN_CHORD_M, math.inf, limit)
+    return _compare_median_ratio_with_range(one.distance_m, other.distance_m, MIN_CHORD_M, math.inf, limit)
 
 
 def _compare_turns(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     by_course = one.kind in FIX_KINDS or other.kind in FIX_KINDS
     least_rad = MIN_COURSE_TURN_RAD if by_course else MIN_TURN_RAD
     least = [np.fmax(least_rad, MIN_CHANGE_SIGMAS * m.turn_sigma_rad) for m in (one, other)]
-    return _median_ratio_in_both_directions(one.turn_rad, other.turn_rad, least, MAX_TURN_RAD, TURN_RATIO_RANGE)
+    return _compare_median_ratio_both_ways(one.turn_rad, other.turn_rad, least, MAX_TURN_RAD, TURN_RATIO_RANGE)
 
 
 def _compare_yaw_rates_going_straight(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
@@ -361,7 +368,7 @@ def _judge_median_course_difference(one: StepMotion, other: StepMotion, step_s: 
     )
 
 
-def _speed_changes_beside_the_median(one: StepMotion, other: StepMotion) -> tuple[FloatArray, FloatArray]:
+def _speed_changes_minus_median(one: StepMotion, other: StepMotion) -> tuple[FloatArray, FloatArray]:
     """Return the changes of speed of two sources, each without its median over the steps that both have.
 
     The median of an accelerometer's changes is its bias and that of the car. So it is subtracted from both: a car that
@@ -378,8 +385,8 @@ def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) ->
     if Kind.ACCEL not in (one.kind, other.kind):
         return UNKNOWN_STEP_COMPARISON
     least = [max(MIN_SPEED_CHANGE_MPS, MIN_CHANGE_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
-    return _median_ratio_in_both_directions(
-        *_speed_changes_beside_the_median(one, other),
+    return _compare_median_ratio_both_ways(
+        *_speed_changes_minus_median(one, other),
         least,
         math.inf,
         SPEED_CHANGE_RATIO_RANGE,

@@ -17,11 +17,11 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.noise import estimate_noise_and_manoeuvres
-from cwcli.estimation.prepare import clean_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.score import prediction_log_likelihood
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import FilterTrials, gate_outliers
-from cwcli.estimation.tune import add_bias_states
+from cwcli.estimation.tune import add_bias_states_and_their_variances
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -32,14 +32,14 @@ MIN_STEP_ROWS, MIN_STEP_SPAN_S = 10, 3.0
 """Least number of rows and least time (s) on either side of a step for which a delay has to last. Chosen: a recorder
 that stalls catches up sooner."""
 MAX_DELAY_S = 30.0
-"""A delay beyond this, s, is no transmission but another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
+"""Longest delay of a transmission, s; a longer one is another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
 ALWAYS_NS = int(np.iinfo(np.int64).min)
-"""Log time before all others, ns."""
+"""Log time in ns that is earlier than all others: the least int64."""
 MIN_LIKELIHOOD_GAIN = 25.0
 """Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
 WHOLE_SECONDS_TOLERANCE_S = 0.2
-"""An offset so close to whole seconds is one of whole seconds (time zones, leap seconds), s. Chosen above usual
-delays."""
+"""Greatest distance in s of an offset from whole seconds (time zones, leap seconds) that counts as whole. Chosen above
+usual delays."""
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,13 @@ class SourceClock:
     steps: tuple[ClockStep, ...]
 
     @property
-    def pieces(self) -> list[slice]:
+    def row_slices_between_steps(self) -> list[slice]:
         """Rows between two steps of the stamps."""
         edges = np.searchsorted(self.log_ns, [step.log_ns for step in self.steps if step.is_of_stamps])
         return [slice(i, j) for i, j in zip([0, *edges.tolist()], [*edges.tolist(), len(self.log_ns)], strict=True)]
 
 
-def align_source_clocks(
+def align_source_clocks_and_note(
     measurements: Sequence[Measurements], *, corrects: bool = True, trusted: Sequence[str] = ()
 ) -> tuple[list[Measurements], list[str]]:
     """Correct the stamps of sources whose clock steps or is off by more than a link can delay.
@@ -101,14 +101,18 @@ def align_source_clocks(
     notes: list[str] = []
     for source in [s for s in clocks if s not in trusted]:
         found = [
-            *_shifts_at_own_steps(source, clocks, notes),
+            *_shifts_at_own_clock_steps(source, clocks, notes),
             *_shifts_at_steps_of_log_clock(source, clocks, notes),
         ]
         if found:
             shifts_s[source] = found
     stepped = [_shift_stamps(m, shifts_s[m.source]) if m.source in shifts_s else m for m in measurements]
-    delays_s = {source: _typical_delay_s(clock, shifts_s.get(source, [])) for source, clock in clocks.items()}
-    offsets_s = {s: o for s in delays_s if s not in trusted and (o := _constant_offset_s(s, delays_s, stepped, notes))}
+    delays_s = {
+        source: _median_delay_after_shifts_s(clock, shifts_s.get(source, [])) for source, clock in clocks.items()
+    }
+    offsets_s = {
+        s: o for s in delays_s if s not in trusted and (o := _offset_from_other_clocks_s(s, delays_s, stepped, notes))
+    }
     if not corrects:
         return list(measurements), [f"{note}; not corrected, because the stamps are trusted" for note in notes]
     return [
@@ -137,10 +141,10 @@ def _source_clock(own: Sequence[Measurements]) -> SourceClock | None:
     order = np.argsort(m.received_ns, kind="stable")
     log_ns, stamp_ns = m.received_ns[order], m.stamp_ns[order]
     delay_s = (log_ns - stamp_ns) / NS_PER_S
-    return SourceClock(log_ns, stamp_ns, delay_s, tuple(_find_steps(log_ns, stamp_ns, delay_s)))
+    return SourceClock(log_ns, stamp_ns, delay_s, tuple(_find_clock_steps(log_ns, stamp_ns, delay_s)))
 
 
-def _find_steps(log_ns: Int64Array, stamp_ns: Int64Array, delay_s: FloatArray) -> list[ClockStep]:
+def _find_clock_steps(log_ns: Int64Array, stamp_ns: Int64Array, delay_s: FloatArray) -> list[ClockStep]:
     """Find the rows at which the delay changes for good."""
     jumps = np.flatnonzero(np.abs(np.diff(delay_s)) > MIN_CLOCK_STEP_S) + 1
     if not len(jumps):
@@ -162,20 +166,22 @@ def _find_steps(log_ns: Int64Array, stamp_ns: Int64Array, delay_s: FloatArray) -
     return found
 
 
-def _shifts_at_own_steps(source: str, clocks: dict[str, SourceClock], notes: list[str]) -> list[tuple[int, float]]:
+def _shifts_at_own_clock_steps(
+    source: str, clocks: dict[str, SourceClock], notes: list[str]
+) -> list[tuple[int, float]]:
     """Return from which log time on the stamps of a source move by how many seconds, for steps that it alone has."""
     clock = clocks[source]
     own = [step for step in clock.steps if step.is_of_stamps]
     if not own:
         return []
-    pieces_s = [median(clock.delay_s[piece]) for piece in clock.pieces]
+    pieces_s = [median(clock.delay_s[piece]) for piece in clock.row_slices_between_steps]
     others_s = [median(other.delay_s) for name, other in clocks.items() if name != source and not other.steps]
     if others_s:
         right_s = min(pieces_s, key=lambda each: abs(each - median(np.array(others_s))))
     else:
-        right_s = pieces_s[int(np.argmax([piece.stop - piece.start for piece in clock.pieces]))]
+        right_s = pieces_s[int(np.argmax([piece.stop - piece.start for piece in clock.row_slices_between_steps]))]
     shifts, so_far_s = [], 0.0
-    for piece, delay_s in zip(clock.pieces, pieces_s, strict=True):
+    for piece, delay_s in zip(clock.row_slices_between_steps, pieces_s, strict=True):
         shift_s = delay_s - right_s if abs(delay_s - right_s) > 0.5 * MIN_CLOCK_STEP_S else 0.0
         if shift_s != so_far_s:
             shifts.append((int(clock.log_ns[piece.start]), shift_s - so_far_s))
@@ -218,7 +224,7 @@ def _shifts_at_steps_of_log_clock(
     return shifts
 
 
-def _typical_delay_s(clock: SourceClock, shifts: Sequence[tuple[int, float]]) -> float:
+def _median_delay_after_shifts_s(clock: SourceClock, shifts: Sequence[tuple[int, float]]) -> float:
     """Return the median delay of a source after its stamps are shifted, s."""
     delay_s = clock.delay_s
     for log_ns, shift_s in shifts:
@@ -226,7 +232,7 @@ def _typical_delay_s(clock: SourceClock, shifts: Sequence[tuple[int, float]]) ->
     return median(delay_s)
 
 
-def _constant_offset_s(
+def _offset_from_other_clocks_s(
     source: str, delays_s: dict[str, float], measurements: Sequence[Measurements], notes: list[str]
 ) -> float:
     """Return by how much all stamps of a source move, s; 0 where its clock is that of the others, or may be."""
@@ -260,8 +266,8 @@ def is_motion_likelier_when_shifted(
 
 def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
     """Return the log-likelihood of the rows after all before them, with the noise that goes with them."""
-    prepared, _ = clean_measurements(measurements, earliest_stamp_ns(measurements))
-    series, walk, prior = add_bias_states(prepared, MotionParameters())
+    prepared, _ = clean_and_sort_measurements(measurements, earliest_stamp_ns(measurements))
+    series, walk, prior = add_bias_states_and_their_variances(prepared, MotionParameters())
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
         return float("nan")
     layout = estimate_noise_and_manoeuvres(StateLayout(series, MotionParameters(), walk, prior), every_row=False)

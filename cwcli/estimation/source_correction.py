@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.estimation.contradiction import SourceQuantity
-from cwcli.estimation.correction import Correction, correction_of
+from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.imu_hypotheses import find_imu_hypothesis
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
-from cwcli.estimation.odd_sensors import find_tilt
+from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison
-from cwcli.estimation.source_hypotheses import MIN_MARGIN, Finding, find_hypothesis, judges_if_explained
+from cwcli.estimation.source_hypotheses import MIN_MARGIN, Finding, find_hypothesis, sources_agreeing_after_correction
 from cwcli.estimation.source_vote import (
     compare_prepared_sources,
     find_tilted_imus,
@@ -27,7 +27,7 @@ Prepare = Callable[[Sequence[Measurements]], tuple[list[PreparedSeries], list[st
 """A function that cleans measurements; returns the series and notes."""
 MAX_IMU_RATIO_ERROR = 0.35
 """Greatest relative difference from 1 of an IMU's turns and changes of speed after a correction: an IMU that is tilted
-by 30 degrees shows 0.87 of both, and slopes and latencies change more."""
+by 30 degrees shows 0.87 of both, and slopes and latencies change more. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,9 @@ def correct_one_source(
     }
     suspects = {who for who in suspects if who.source not in trusted}
     imus = {m.source: m for m in measurements if m.kind is Kind.IMU}
-    suspected_imus = dict.fromkeys(m for m in imus if any(who.source == m and _is_of_imu(who) for who in suspects))
+    suspected_imus = dict.fromkeys(
+        m for m in imus if any(who.source == m and _is_imu_quantity(who) for who in suspects)
+    )
     tilted = {each.who.source for each in find_tilted_imus(prepared)}
     level = [s for s in usable if not (s.kind in RATE_KINDS and s.source in tilted)]
     if not any(s.kind is Kind.POSITION for s in level):
@@ -80,9 +82,9 @@ def correct_one_source(
         and not (s.kind in RATE_KINDS and s.source in imus)
         and (found := find_hypothesis(level, i)) is not None
     ]
-    attempts = [(found.gain, found.who, _attempt(measurements, found, prepare)) for found in findings]
+    attempts = [(found.gain, found.who, _apply_finding(measurements, found, prepare)) for found in findings]
     for source in suspected_imus:
-        tried = attempt_with_imu(imus[source], measurements, level, prepare)
+        tried = gain_and_attempt_of_imu_correction(imus[source], measurements, level, prepare)
         if tried is not None:
             attempts.append((tried[0], SourceQuantity(source, Kind.IMU), tried[1]))
     # A wrong position shows on a map; so it is corrected only where nothing else explains the contradiction.
@@ -98,7 +100,7 @@ def correct_one_source(
     return None
 
 
-def _is_of_imu(who: SourceQuantity) -> bool:
+def _is_imu_quantity(who: SourceQuantity) -> bool:
     return who.kind in (*RATE_KINDS, Kind.IMU)
 
 
@@ -106,7 +108,7 @@ def _contradict_each_other(contrary: Sequence[SourceComparison], who: SourceQuan
     """Whether two sources contradict each other; quantities of one IMU count together."""
 
     def is_same(one: SourceQuantity, two: SourceQuantity) -> bool:
-        return one == two or (one.source == two.source and _is_of_imu(one) and _is_of_imu(two))
+        return one == two or (one.source == two.source and _is_imu_quantity(one) and _is_imu_quantity(two))
 
     return not is_same(who, other) and any(
         (is_same(each.one, who) and is_same(each.other, other))
@@ -115,21 +117,23 @@ def _contradict_each_other(contrary: Sequence[SourceComparison], who: SourceQuan
     )
 
 
-def _attempt(measurements: Sequence[Measurements], found: Finding, prepare: Prepare) -> CorrectionAttempt:
+def _apply_finding(measurements: Sequence[Measurements], found: Finding, prepare: Prepare) -> CorrectionAttempt:
     """Return the measurements with a finding applied."""
     corrected = [
         found.hypothesis.correct_measurements(m) if SourceQuantity(m.source, m.kind) == found.who else m
         for m in measurements
     ]
     own = next(m for m in measurements if SourceQuantity(m.source, m.kind) == found.who)
-    return CorrectionAttempt(corrected, *prepare(corrected), correction_of(own, found.hypothesis, found.evidence))
+    return CorrectionAttempt(
+        corrected, *prepare(corrected), correction_of_all_rows(own, found.hypothesis, found.evidence_text)
+    )
 
 
-def attempt_with_imu(
-    imu: Measurements, measurements: Sequence[Measurements], level: Sequence[SensorSeries], prepare: Prepare
+def gain_and_attempt_of_imu_correction(
+    imu: Measurements, measurements: Sequence[Measurements], levelled_series: Sequence[SensorSeries], prepare: Prepare
 ) -> tuple[float, CorrectionAttempt] | None:
     """Return gain and measurements with units, signs and axes of an IMU corrected; None where none clearly wins."""
-    others = [s for s in level if s.source != imu.source]
+    others = [s for s in levelled_series if s.source != imu.source]
     if not any(s.kind is Kind.POSITION for s in others):
         return None
     rows = np.flatnonzero(np.isfinite(imu.values).all(axis=1))
@@ -139,7 +143,7 @@ def attempt_with_imu(
     if found is None:
         return None
     hypothesis = found.hypothesis
-    tilt = find_tilt(hypothesis.correct_values(imu.values))
+    tilt = find_tilt_and_evidence(hypothesis.correct_values(imu.values))
     if tilt is not None:
         hypothesis = tilt[0].combine_after(hypothesis)
     corrected = [hypothesis.correct_measurements(m) if m is imu else m for m in measurements]
@@ -148,18 +152,18 @@ def attempt_with_imu(
         return None
     comparisons = compare_prepared_sources(prepared)
     accel, yaw_rate = (SourceQuantity(imu.source, kind) for kind in RATE_KINDS)
-    by_turns = judges_if_explained(comparisons, yaw_rate, MAX_IMU_RATIO_ERROR)
-    by_speed = judges_if_explained(comparisons, accel, MAX_IMU_RATIO_ERROR)
+    by_turns = sources_agreeing_after_correction(comparisons, yaw_rate, MAX_IMU_RATIO_ERROR)
+    by_speed = sources_agreeing_after_correction(comparisons, accel, MAX_IMU_RATIO_ERROR)
     is_contrary = any(c.judgement is Judgement.CONTRADICT and c.involves(yaw_rate) for c in comparisons)
     if is_contrary or not (by_turns or by_speed):
         return None
     judges = ", ".join(dict.fromkeys(each.source for each in (*by_turns, *by_speed)))
-    correction = correction_of(imu, hypothesis, f"log-likelihood ratio {found.gain:.0f} by {judges}")
+    correction = correction_of_all_rows(imu, hypothesis, f"log-likelihood ratio {found.gain:.0f} by {judges}")
     unused: tuple[SourceQuantity, ...] = ()
     if not found.is_forward_clear or any(
         c.judgement is Judgement.CONTRADICT and c.involves(accel) for c in comparisons
     ):
-        if not found.changes_yaw_rate:
+        if not found.changes_yaw_rate and not find_impossible_imu_values(imu.values):
             return None
         unused = (accel,)
         correction = replace(

@@ -18,14 +18,14 @@ from collections.abc import Sequence
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.hypotheses import HYPOTHESES
-from cwcli.estimation.hypotheses.base import Hypothesis, with_combinations
+from cwcli.estimation.hypotheses.base import Hypothesis, with_pairwise_combinations
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.source_checks import (
     Judgement,
     SourceComparison,
     compare_all_source_pairs,
-    turn_fixes_while_reversing,
+    reverse_fix_courses_while_reversing,
 )
 from cwcli.estimation.step_evidence import StepResiduals, log_likelihood_gains, pair_residuals
 from cwcli.estimation.step_motion import StepMotion, compute_step_motion, step_edges_s
@@ -41,15 +41,16 @@ COST_OF_A_FAULT = 3.0
 """Log-likelihood that a second fault of a source must gain: odds of 20 to 1. Chosen by hand; not fitted."""
 MAX_UNIT_ERROR = 0.05
 """Greatest relative difference from 1 of the ratio of ways after a correction: worn tyres and noise; the steps from
-feet/s to km/h and from knots to miles/h are twice as large."""
+feet/s to km/h and from knots to miles/h are twice as large. Chosen by hand; not fitted."""
 MAX_RATE_ERROR = 0.15
-"""The same of the ratio of turns and of changes of speed, which latencies and slopes change. Chosen by hand."""
+"""Greatest relative difference from 1 of the ratio of turns, or of changes of speed, after a correction. Chosen by
+hand: latencies and slopes change it."""
 EVIDENCE_STEP_S = 2.0
 """Length of the steps, s: longer than sensors are late and shorter than a turn. Chosen by hand."""
 MAX_CHORD_SPEED_SIGMA_MPS = 0.7
 """Greatest sigma of a speed by two fixes; with noisier fixes the steps are longer. Chosen by hand; not fitted."""
 MAX_EVIDENCE_STEP_S = 8.0
-"""Greatest length of the steps, s."""
+"""Greatest length of the steps, s. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +70,13 @@ class Finding:
     judges: tuple[SourceQuantity, ...]
 
     @property
-    def evidence(self) -> str:
+    def evidence_text(self) -> str:
         """Text on what shows it."""
         judges = ", ".join(dict.fromkeys(each.source for each in self.judges))
         return f"log-likelihood ratio {self.gain:.0f} by {judges}"
 
 
-def evidence_motions(series: Sequence[SensorSeries]) -> tuple[list[StepMotion], FloatArray]:
+def step_motions_and_edges_for_evidence(series: Sequence[SensorSeries]) -> tuple[list[StepMotion], FloatArray]:
     """Return the motions of the series in steps for the likelihood, and the edges (n + 1,) of the steps, s.
 
     Args:
@@ -89,7 +90,7 @@ def evidence_motions(series: Sequence[SensorSeries]) -> tuple[list[StepMotion], 
         motions = [compute_step_motion(s, edges_s) for s in series]
         best = min(m.speed_sigma_mps for m in motions if m.kind is Kind.POSITION)
         if best <= MAX_CHORD_SPEED_SIGMA_MPS or step_s >= MAX_EVIDENCE_STEP_S:
-            return turn_fixes_while_reversing(motions), edges_s
+            return reverse_fix_courses_while_reversing(motions), edges_s
         step_s *= 2.0
 
 
@@ -102,10 +103,10 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int) -> Finding | N
     """
     own = series[suspect]
     who = SourceQuantity(own.source, own.kind)
-    hypotheses = with_combinations(HYPOTHESES.get(own.kind, ()))
+    hypotheses = with_pairwise_combinations(HYPOTHESES.get(own.kind, ()))
     if not hypotheses:
         return None
-    motions, edges_s = evidence_motions(series)
+    motions, edges_s = step_motions_and_edges_for_evidence(series)
     if not motions:
         return None
     others = [m for i, m in enumerate(motions) if i != suspect]
@@ -124,11 +125,11 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int) -> Finding | N
     if gain < MIN_GAIN or (len(ranked) > 1 and gain - ranked[1][1] < MIN_MARGIN):
         return None
     corrected = [*series[:suspect], best.correct_series(own), *series[suspect + 1 :]]
-    judges = judges_if_explained(compare_all_source_pairs(corrected), who)
+    judges = sources_agreeing_after_correction(compare_all_source_pairs(corrected), who)
     return Finding(who, best, gain, judges) if judges else None
 
 
-def judges_if_explained(
+def sources_agreeing_after_correction(
     comparisons: Sequence[SourceComparison], who: SourceQuantity, max_rate_error: float = MAX_RATE_ERROR
 ) -> tuple[SourceQuantity, ...]:
     """Return the sources that agree with a corrected source; () if one still contradicts it or its ratio is off.

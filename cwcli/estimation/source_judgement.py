@@ -14,21 +14,27 @@ import numpy as np
 
 from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
-from cwcli.estimation.correction import Correction, correction_of
+from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.hypotheses import HYPOTHESES
-from cwcli.estimation.hypotheses.base import compose_by_name
-from cwcli.estimation.imu_yaw import find_imu_yaw
+from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
+from cwcli.estimation.imu_yaw import find_imu_yaw_hypothesis_and_evidence
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt
+from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.source_checks import MIN_ROWS
-from cwcli.estimation.source_correction import CorrectionAttempt, Prepare, attempt_with_imu, correct_one_source
+from cwcli.estimation.source_correction import (
+    CorrectionAttempt,
+    Prepare,
+    correct_one_source,
+    gain_and_attempt_of_imu_correction,
+)
 from cwcli.estimation.source_vote import (
-    empty_series,
     leave_out_outvoted_sources,
+    quantity_of_series,
+    without_any_rows,
 )
 from cwcli.estimation.standstill_heading import has_heading_jumps
-from cwcli.estimation.wrong_rows import set_wrong_rows_aside
+from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
 from cwcli.lazy_dataclass import dataclass
 
 SourceUnits = Mapping[str, str]
@@ -69,7 +75,7 @@ def judge_sources(
         prepared, notes = prepare(measurements)
         found = leave_out_outvoted_sources(prepared, trusted).contradictions
         return JudgedSources(prepared, notes, (), tuple(each.with_left_out() for each in found))
-    current, corrections = set_wrong_rows_aside(measurements, trusted)
+    current, corrections = set_wrong_rows_aside_and_list_them(measurements, trusted)
     prepared, notes = prepare(current)
     unused: set[SourceQuantity] = set()
 
@@ -79,17 +85,18 @@ def judge_sources(
         unused.update(attempt.unused)
         current, notes = attempt.measurements, attempt.notes
         prepared = [
-            replace(p, series=empty_series(p.series)) if _quantity(p) in unused else p for p in attempt.prepared
+            replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p
+            for p in attempt.prepared
         ]
 
     for m in current:
         if m.kind is Kind.IMU and m.source not in trusted and find_impossible_imu_values(m.values):
             others = [p.series for p in prepared if p.series.source != m.source and len(p.series) >= MIN_ROWS]
-            tried = attempt_with_imu(m, current, others, prepare)
+            tried = gain_and_attempt_of_imu_correction(m, current, others, prepare)
             if tried is not None:
                 take(tried[1])
     # Where the other sources cannot tell, size and direction of the values still do.
-    current, impossible = correct_impossible_values(current, trusted)
+    current, impossible = correct_and_list_impossible_imu_values(current, trusted)
     if impossible:
         corrections += impossible
         prepared, notes = prepare(current)
@@ -101,12 +108,13 @@ def judge_sources(
         if attempt is None:
             break
         take(attempt)
-    current, turned = correct_turned_imus(current, voted.prepared, trusted)
+    current, turned = correct_and_list_turned_imus(current, voted.prepared, trusted)
     if turned:
         corrections += turned
         prepared, notes = prepare(current)
         voted = leave_out_outvoted_sources(
-            [replace(p, series=empty_series(p.series)) if _quantity(p) in unused else p for p in prepared], trusted
+            [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p for p in prepared],
+            trusted,
         )
     return JudgedSources(voted.prepared, notes, tuple(corrections), voted.contradictions)
 
@@ -117,7 +125,7 @@ def _any_heading_jumps(prepared: Sequence[PreparedSeries]) -> bool:
     )
 
 
-def correct_as_user_says(
+def correct_and_list_what_user_says(
     measurements: Sequence[Measurements], units: SourceUnits
 ) -> tuple[list[Measurements], list[Correction]]:
     """Return the measurements with what the user says of them corrected.
@@ -130,10 +138,10 @@ def correct_as_user_says(
     used = set()
     for m in measurements:
         name = units.get(m.source)
-        hypothesis = None if name is None else compose_by_name(m.kind, HYPOTHESES.get(m.kind, ()), name)
+        hypothesis = None if name is None else compose_hypothesis_by_name(m.kind, HYPOTHESES.get(m.kind, ()), name)
         if hypothesis is not None:
             used.add(m.source)
-            corrections.append(correction_of(m, hypothesis, ""))
+            corrections.append(correction_of_all_rows(m, hypothesis, ""))
         corrected.append(m if hypothesis is None else hypothesis.correct_measurements(m))
     for source, name in units.items():
         kinds = [m.kind for m in measurements if m.source == source]
@@ -145,7 +153,7 @@ def correct_as_user_says(
     return corrected, corrections
 
 
-def correct_impossible_values(
+def correct_and_list_impossible_imu_values(
     measurements: Sequence[Measurements], trusted: Collection[str] = ()
 ) -> tuple[list[Measurements], list[Correction]]:
     """Return the measurements with IMUs in SI units and level where their values show it by themselves."""
@@ -156,16 +164,16 @@ def correct_impossible_values(
         if m.kind is Kind.IMU and m.source not in trusted:
             for hypothesis, evidence in find_impossible_imu_values(m.values):
                 own = hypothesis.correct_measurements(own)
-                corrections.append(correction_of(m, hypothesis, evidence))
-            tilt = find_tilt(own.values)
+                corrections.append(correction_of_all_rows(m, hypothesis, evidence))
+            tilt = find_tilt_and_evidence(own.values)
             if tilt is not None:
                 own = tilt[0].correct_measurements(own)
-                corrections.append(correction_of(m, *tilt))
+                corrections.append(correction_of_all_rows(m, *tilt))
         corrected.append(own)
     return corrected, corrections
 
 
-def correct_turned_imus(
+def correct_and_list_turned_imus(
     measurements: Sequence[Measurements], prepared: Sequence[PreparedSeries], trusted: Collection[str] = ()
 ) -> tuple[list[Measurements], list[Correction]]:
     """Return the measurements with level IMUs that are turned about the vertical turned back; see `imu_yaw`.
@@ -185,12 +193,8 @@ def correct_turned_imus(
             rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
             rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
             time_s = seconds_since_epoch(m.stamp_ns[rows], earliest_stamp_ns(measurements))
-            found = find_imu_yaw(time_s, m.values[rows], fixes)
+            found = find_imu_yaw_hypothesis_and_evidence(time_s, m.values[rows], fixes)
         if found is not None:
-            corrections.append(correction_of(m, *found))
+            corrections.append(correction_of_all_rows(m, *found))
         corrected.append(m if found is None else found[0].correct_measurements(m))
     return corrected, corrections
-
-
-def _quantity(p: PreparedSeries) -> SourceQuantity:
-    return SourceQuantity(p.series.source, p.series.kind)

@@ -58,7 +58,7 @@ def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries], trusted: Coll
     voted = find_contradicting_sources(compared, trusted)
     out = {SourceQuantity(each.who.source, kind) for each in tilted if each.left_out for kind in RATE_KINDS}
     out |= {quantity for each in voted for quantity in each.left_out}
-    kept = [replace(p, series=empty_series(p.series)) if _quantity_of_series(p) in out else p for p in prepared]
+    kept = [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in out else p for p in prepared]
     return SourceVoteResult(kept, (*tilted, *voted), tuple(compared))
 
 
@@ -68,10 +68,10 @@ def compare_prepared_sources(
     """Compare all pairs of sources but those of IMUs that are not level; for the arguments see above."""
     tilted = [each for each in find_tilted_imus(prepared) if each.who.source not in trusted]
     out = {SourceQuantity(each.who.source, kind) for each in tilted for kind in RATE_KINDS}
-    upright = [p for p in prepared if _quantity_of_series(p) not in out]
+    upright = [p for p in prepared if quantity_of_series(p) not in out]
     compared = compare_all_source_pairs([p.series for p in upright])
     # Where gravity shows how the IMU is mounted, a bias is mostly gravity, and no fault.
-    level = {_quantity_of_series(p) for p in prepared if p.mounting is not None}
+    level = {quantity_of_series(p) for p in prepared if p.mounting is not None}
     return [c for c in compared if not (c.check is SourceComparisonCheck.ACCEL_BIAS and {c.one, c.other} & level)]
 
 
@@ -117,17 +117,17 @@ def _contradiction_and_votes_against(
     """Return the main contradiction of a source, with allies if it is outvoted, and the votes against it."""
     contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT and each.involves(who)]
     main = min(contrary, key=lambda each: each.other_source(who).kind is not Kind.POSITION)
-    votes = _count_votes_against(comparisons, who)
+    votes = _votes_against_minus_votes_for(comparisons, who)
     allies = _sources_agreeing_against(comparisons, who, main.other_source(who), contrary) if votes > 0 else ()
     return replace(main.to_contradiction(who), allies=allies), votes
 
 
-def empty_series(s: SensorSeries) -> SensorSeries:
+def without_any_rows(s: SensorSeries) -> SensorSeries:
     """Return the series without its rows: it stays in the tables but is not used."""
     return s.select_rows(np.zeros(len(s), np.bool_))
 
 
-def _count_votes_against(comparisons: Sequence[SourceComparison], who: SourceQuantity) -> int:
+def _votes_against_minus_votes_for(comparisons: Sequence[SourceComparison], who: SourceQuantity) -> int:
     """Return the number of other topics that contradict a source minus the number that agree with it."""
     contrary, agreeing = (
         {each.other_source(who).source for each in comparisons if each.involves(who) and each.judgement is judgement}
@@ -173,5 +173,6 @@ def find_tilted_imus(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
     return found
 
 
-def _quantity_of_series(p: PreparedSeries) -> SourceQuantity:
+def quantity_of_series(p: PreparedSeries) -> SourceQuantity:
+    """Return source and kind of a series."""
     return SourceQuantity(p.series.source, p.series.kind)

@@ -32,7 +32,7 @@ from cwcli.estimation.score import (
 from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
 from cwcli.estimation.trial import gate_outliers
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.chi_square import gate_nis
+from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
 
 STAMP_SIGMA_AT_STEP_ZERO_S = 0.005
@@ -87,7 +87,7 @@ def may_have_stamp_errors(s: SensorSeries, nis: FloatArray) -> bool:
         or np.ptp(s.time_s) < 2.0 * SPEED_SAMPLING_S
     ):
         return False
-    limit = gate_nis(GATE_PROBABILITY, s.n_values_per_row)
+    limit = nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row)
     slope = nis[:, 4] * limit / np.maximum(nis[:, 0], limit)
     return bool(np.nansum(slope) > MIN_GAIN_SIGMAS * np.sqrt(np.nansum(slope**2)))
 
@@ -218,30 +218,34 @@ class _StampErrorSearch:
 
     def _log_likelihood_at(self, point: Point) -> float:
         if point not in self._scores:
-            self._scores[point] = self._score_at(point)[0]
+            self._scores[point] = self._total_and_row_log_likelihoods_at(point)[0]
         return self._scores[point]
 
     def _row_log_likelihoods_at(self, point: Point) -> FloatArray:
-        return self._score_at(point)[1]
+        return self._total_and_row_log_likelihoods_at(point)[1]
 
-    def _score_at(self, point: Point) -> tuple[float, FloatArray]:
+    def _total_and_row_log_likelihoods_at(self, point: Point) -> tuple[float, FloatArray]:
         error = (
             NO_STAMP_ERROR
             if point[0] is None
             else Parameter(STAMP_SIGMA_AT_STEP_ZERO_S * 2.0 ** (point[0] / GRID_STEPS_PER_OCTAVE))
         )
-        return self._total_and_row_log_likelihoods(point, error, self._white_noise_variance_factor(point, error))
+        return self._total_and_row_log_likelihoods_with_white(
+            point, error, self._white_noise_variance_factor(point, error)
+        )
 
     def _log_likelihood_with_white_noise(self, point: Point, error: Parameter, white: float) -> float:
-        return self._total_and_row_log_likelihoods(point, error, white)[0]
+        return self._total_and_row_log_likelihoods_with_white(point, error, white)[0]
 
-    def _total_and_row_log_likelihoods(self, point: Point, error: Parameter, white: float) -> tuple[float, FloatArray]:
+    def _total_and_row_log_likelihoods_with_white(
+        self, point: Point, error: Parameter, white: float
+    ) -> tuple[float, FloatArray]:
         """Return the log-likelihood of all rows, and that of each row of the position.
 
         Points whose numbers are the same, because a limit holds them, share a pass.
         """
         fit = self._noise_fit_at(point, error, white)
-        key = error.value, white, fit.parameters.key
+        key = error.value, white, fit.parameters.lookup_key
         if key not in self._passes:
             gated = [gate_outliers(s) for s in fit.series]
             result = self._run(gated, fit.parameters)

@@ -10,11 +10,12 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray
 
 JUMP_RAD = math.pi / 2.0
-"""Change between two neighbouring rows that no car turns, rad."""
+"""Least change of heading between two neighbouring rows, rad, that no car makes: a quarter of a turn."""
 MAX_JUMP_GAP_S = 1.0
-"""Longest time between two rows whose change is a jump, s: a car turns by 0.6 rad/s at most."""
+"""Longest time in s between two rows whose change counts as a jump: a car turns by 0.6 rad/s at most. Chosen by
+hand."""
 MAX_STANDING_SPEED_MPS = 1.0
-"""Greatest speed of a car that stands, m/s: the noise of fixes and wheel speeds."""
+"""Greatest measured speed of a car that stands, m/s: the noise of fixes and wheel speeds. Chosen by hand."""
 MIN_MOVING_SPEED_MPS = 2.0
 """Least speed at which a heading is taken for right, m/s. Chosen by hand; not fitted."""
 

@@ -26,7 +26,7 @@ UNMEASURED_TURN_SIGMA_RADPS = 0.1
 GYROSCOPE_BIAS_SIGMA_RADPS = 0.01
 """One sigma of a gyroscope's bias before it is estimated, rad/s. Chosen by hand; not fitted."""
 MAX_GYROSCOPE_GAP_S = 0.5
-"""A longer gap of a gyroscope counts as not measured, s. Chosen by hand; not fitted."""
+"""Longest gap of a gyroscope, s, in which the yaw rate counts as measured. Chosen by hand; not fitted."""
 UNKNOWN_SPEED_SIGMA_MPS = 10.0
 """One sigma of an unknown speed, m/s. Chosen by hand; not fitted."""
 UNKNOWN_STATE_SIGMAS = (0.0, 0.0, UNKNOWN_SPEED_SIGMA_MPS, UNKNOWN_HEADING_SIGMA_RAD, 2.0, 0.3, 1.0, 0.2)
@@ -120,7 +120,7 @@ def _heading_candidates(
                     )
                 )
         elif s.kind is Kind.POSITION:
-            displacement = _first_significant_displacement(s)
+            displacement = _heading_candidate_from_first_displacement(s)
             if displacement is not None:
                 candidates.append(_heading_candidate_from_course(series, *displacement))
     return candidates
@@ -141,7 +141,7 @@ def _heading_candidate_from_course(
     return when, course, course_sigma, speed_mps, speed_sigma
 
 
-def _first_significant_displacement(s: SensorSeries) -> tuple[float, float, float, float, float] | None:
+def _heading_candidate_from_first_displacement(s: SensorSeries) -> tuple[float, float, float, float, float] | None:
     """Return the first displacement that is clear of the noise, from a point that may itself lie later.
 
     The noise is that of the rows so far, so that later rows do not change when a heading becomes known. The share of
@@ -300,7 +300,7 @@ def move_infinite_start_behind_rows(
     return replace(start, time_s=max([*ends, *output_s[-1:].tolist()]) + 1.0)
 
 
-def hold_position_before_start(
+def set_states_before_start_in_place(
     state: FloatArray,
     covariance: FloatArray,
     series: Sequence[SensorSeries],

@@ -18,11 +18,10 @@ from cwcli.signals.vehicle_state import HEADING, SPEED, StateFlag, X, Y
 SETTLING_TIME_S = 2.0
 """Time for which states are flagged after a start or reset, s: two time constants of the jerk."""
 MAX_PART_AGE_S = 1.0
-"""Position, speed and heading that are at most this old at the start make a whole state, s: slow senders' period."""
+"""Greatest age in s of position, speed and heading at the start that still make a whole state: the period of slow
+senders. Chosen by hand."""
 MIN_COURSE_SIGMAS = 10.0
-"""A velocity tells the heading from this many of its sigmas on. Chosen: the course is then good to 0.1 rad."""
-MIN_REJECTING_ROWS = 2
-"""Number of rejected rows in a row from which online states are flagged: a single one is an outlier."""
+"""Least size of a velocity, in its sigmas, that tells the heading. Chosen: the course is then good to 0.1 rad."""
 MIN_REJECTING_S = 0.3
 """Time after a rejected row from which online states are flagged, too, s. Chosen: three periods of usual messages."""
 REJECTED_ROW_SHARE = 0.5
@@ -66,7 +65,7 @@ def compute_state_flags(
     flags = np.zeros(len(output_s), np.uint8)
 
     def mark(flag: StateFlag, begin_s: FloatArray, end_s: FloatArray) -> None:
-        flags[_inside_any_interval(output_s, begin_s, end_s)] |= np.uint8(flag)
+        flags[_inside_any_interval_mask(output_s, begin_s, end_s)] |= np.uint8(flag)
 
     shown_s = start.time_s if causal else max(start.time_s, first_heading_time_s(series))
     restart_s = np.array([each.time_s for each in restarts])
@@ -83,8 +82,8 @@ def compute_state_flags(
         mark(StateFlag.AFTER_RESET, time[begins], time[rows] + SETTLING_TIME_S)
     if causal:
         for s, found in zip(series, status, strict=True):
-            mark(StateFlag.REJECTING, *find_rejecting_spans_s(s, found)[:2])
-    mark(StateFlag.BRIDGED, *_find_position_gaps_s(series, status, causal=causal))
+            mark(StateFlag.REJECTING, *rejecting_spans_and_their_rows(s, found)[:2])
+    mark(StateFlag.BRIDGED, *_begins_and_ends_of_position_gaps_s(series, status, causal=causal))
     return flags
 
 
@@ -121,7 +120,7 @@ def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> F
     return np.minimum(ends_s, whole_s)
 
 
-def find_rejecting_spans_s(
+def rejecting_spans_and_their_rows(
     s: SensorSeries, status: npt.NDArray[np.int8]
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
     """Find the spans in which a source is rejected, from what is known in them.
@@ -164,7 +163,7 @@ def add_variance_of_rejected_rows(
     grown = covariance
     for s, found, status in zip(series, result.nis, result.status, strict=True):
         states = WIDENED_STATES.get(s.kind)
-        begins, ends, rows = find_rejecting_spans_s(s, status)
+        begins, ends, rows = rejecting_spans_and_their_rows(s, status)
         if states is None or not len(rows):
             continue
         grown = covariance.copy() if grown is covariance else grown
@@ -178,7 +177,7 @@ def add_variance_of_rejected_rows(
     return grown
 
 
-def _inside_any_interval(time_s: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> npt.NDArray[np.bool_]:
+def _inside_any_interval_mask(time_s: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> npt.NDArray[np.bool_]:
     """Return which times (n,), increasing, lie in one of the intervals [begin_s, end_s), (k,) each."""
     first, last = np.searchsorted(time_s, begin_s), np.searchsorted(time_s, end_s)
     is_some = last > first
@@ -188,7 +187,7 @@ def _inside_any_interval(time_s: FloatArray, begin_s: FloatArray, end_s: FloatAr
     return inside
 
 
-def _find_position_gaps_s(
+def _begins_and_ends_of_position_gaps_s(
     series: Sequence[SensorSeries], status: Sequence[npt.NDArray[np.int8]], *, causal: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return begins and ends (k,), s, of the gaps in the used positions, and of the time after the last one."""

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
-from cwcli.estimation.step_motion import MEDIAN_ABSOLUTE_TO_SIGMA, StepMotion
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
+from cwcli.estimation.step_motion import StepMotion
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
@@ -34,7 +34,8 @@ MIN_COMPARED_STEPS = 4
 UNKNOWN_RESIDUAL_SCALES = 6.0
 """Residual, in scales, of a step in which one hypothesis has motion and another none. Chosen: clearly an outlier."""
 MIN_COURSE_SPEED_MPS = 4.0
-"""Slower, a car may drive backward for long, m/s, as in `source_checks`."""
+"""Least speed in m/s at which courses are compared, as in `source_checks`; a slower car may drive backwards for
+long."""
 FIX_KINDS = (Kind.POSITION, Kind.VELOCITY)
 """Kinds that come from fixes."""
 
@@ -73,7 +74,7 @@ def log_likelihood_gains(none: Sequence[StepResiduals], candidates: Sequence[Seq
             if 2 * count >= max(counts)
         )
         scale = max(own.floor, MEDIAN_ABSOLUTE_TO_SIGMA * scatter)
-        values = [_log_likelihood(column, scale) for column in columns]
+        values = [_log_likelihood_of_residuals(column, scale) for column in columns]
         for i in range(len(candidates)):
             gains[i] += values[i + 1] - values[0]
     return gains
@@ -99,7 +100,7 @@ def pair_residuals(one: StepMotion, other: StepMotion) -> list[StepResiduals]:
     return found
 
 
-def _log_likelihood(residuals: FloatArray, scale: float) -> float:
+def _log_likelihood_of_residuals(residuals: FloatArray, scale: float) -> float:
     """Return the log-likelihood of residuals (n,) up to a constant; NaN counts as UNKNOWN_RESIDUAL_SCALES."""
     in_scales = np.where(np.isfinite(residuals), residuals / scale, UNKNOWN_RESIDUAL_SCALES)
     nu = DEGREES_OF_FREEDOM

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.estimation.fix_scatter import scatter_about_neighbours_m
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.estimation.passes import SensorSeries
@@ -33,8 +34,6 @@ VELOCITY_COURSE_SIGMA_RAD = 0.05
 """One sigma of the course of a GNSS velocity over a step of at least LEAST_CHORD_M, rad: 0.1 m/s of some 2 m/s."""
 MIN_CHORD_M = 5.0
 """Least distance between two fixes that gives a speed and a course, m. Chosen: a car's length, to exclude parking."""
-MEDIAN_ABSOLUTE_TO_SIGMA = 1.4826
-"""Factor from the median of the absolute values of normal errors to their standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     if s.kind in (Kind.POSITION, Kind.VELOCITY):
         if s.kind is Kind.POSITION:
             moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
-            chord_sigma_m = math.sqrt(2.0) * _white_noise_sigma_m(s)
+            chord_sigma_m = math.sqrt(2.0) * np.fmax(scatter_about_neighbours_m(s), MIN_POSITION_SIGMA_M)
             least_m = max(MIN_CHORD_M, MIN_CHORD_SIGMAS * chord_sigma_m)
         else:
             moved = np.column_stack([means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
@@ -155,11 +154,3 @@ def covered_step_mask(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
     np.add.at(change, np.clip(np.searchsorted(edges_s, time_s[pauses + 1], side="left"), 0, n), -1)
     inside = (edges_s[:-1] >= time_s[0]) & (edges_s[1:] <= time_s[-1])
     return np.asarray(inside & (np.cumsum(change)[:n] == 0))
-
-
-def _white_noise_sigma_m(s: SensorSeries) -> float:
-    """Return the white noise sigma (m) of positions per axis, from second differences, which motion hardly affects."""
-    if len(s) < 3:
-        return MIN_POSITION_SIGMA_M
-    rough = s.values[2:] - 2.0 * s.values[1:-1] + s.values[:-2]
-    return max(MIN_POSITION_SIGMA_M, MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(rough).ravel()) / math.sqrt(6.0))

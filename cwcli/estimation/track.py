@@ -13,10 +13,10 @@ import numpy as np
 from cwcli.array_memory import bound_array_memory
 from cwcli.errors import DataError
 from cwcli.estimation.calibrated import (
+    apply_calibrated_noise_and_empty_unknown,
     bias_contradiction_notes,
     calibrated_imu_mountings,
-    check_calibration_knows_sources,
-    keep_only_calibrated_series,
+    require_known_sources_and_note_unknown,
 )
 from cwcli.estimation.calibration_check import notes_on_worse_prediction
 from cwcli.estimation.config import EstimatorConfig
@@ -24,8 +24,9 @@ from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_delays
+from cwcli.estimation.fix_scatter import scatter_about_neighbours_m
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
-from cwcli.estimation.lever_arms import move_states_to_antenna, set_given_lever_arms
+from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
 from cwcli.estimation.median import median
@@ -44,7 +45,7 @@ from cwcli.estimation.passes import (
 )
 from cwcli.estimation.prepare import (
     PreparedSeries,
-    clean_measurements,
+    clean_and_sort_measurements,
     earliest_stamp_ns,
     prepare_without_looking_ahead,
     seconds_since_epoch,
@@ -53,23 +54,24 @@ from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.estimation.song2016 import estimate_track_with_song2016
-from cwcli.estimation.source_clocks import align_source_clocks, notes_on_hidden_clock_steps
+from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from cwcli.estimation.source_judgement import (
     JudgedSources,
-    correct_as_user_says,
-    correct_impossible_values,
+    correct_and_list_impossible_imu_values,
+    correct_and_list_what_user_says,
     judge_sources,
 )
+from cwcli.estimation.standstill_error import covariance_from_standstill_errors, find_standstill_errors
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
-    hold_position_before_start,
     move_infinite_start_behind_rows,
+    set_states_before_start_in_place,
 )
 from cwcli.estimation.state_flags import add_variance_of_rejected_rows, compute_state_flags
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.chi_square import chi_square_mean_bounds, gate_nis
+from cwcli.metrics.chi_square import chi_square_mean_bounds, nis_gate_limit
 from cwcli.signals.columns import Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
@@ -184,7 +186,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         raise DataError("no finite position among the measurements")
     clock_notes: list[str] = []
     if config.compares_sources:
-        measurements, clock_notes = align_source_clocks(
+        measurements, clock_notes = align_source_clocks_and_note(
             measurements,
             corrects=not (config.blind or config.takes_no_online_parameter_from_log),
             trusted=config.sources_with_trusted_clock,
@@ -195,18 +197,20 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     )  # a row that comes later may be of an earlier time
 
     def prepare(current: Sequence[Measurements]) -> tuple[list[PreparedSeries], list[str]]:
-        prepared, notes = _prepare_series(current, epoch, config)
+        prepared, notes = _prepare_series_and_notes(current, epoch, config)
         return set_given_lever_arms(prepared, config.lever_arms), notes
 
     aligned = measurements
-    measurements, by_user = correct_as_user_says(measurements, config.source_units)
+    measurements, by_user = correct_and_list_what_user_says(measurements, config.source_units)
     trusted = {*config.trusted_sources, *config.source_units}
     # Where no state may depend on what the whole log shows, it is told, and nothing is changed.
     looks_ahead = not (config.blind or (config.causal and config.calibration is not None))
     if config.compares_sources:
         judged = judge_sources(measurements, prepare, trusted=trusted, looks_ahead=looks_ahead)
     else:
-        corrected, found = correct_impossible_values(measurements, trusted) if looks_ahead else (measurements, [])
+        corrected, found = (
+            correct_and_list_impossible_imu_values(measurements, trusted) if looks_ahead else (measurements, [])
+        )
         judged = JudgedSources(*prepare(corrected), tuple(found), ())
     corrections = (*by_user, *judged.corrections)
     notes = (
@@ -237,7 +241,7 @@ def _filter_and_smooth(
         restarts=restarts,
     )  # fmt: skip
     if config.causal:
-        hold_position_before_start(
+        set_states_before_start_in_place(
             result.state, result.covariance, tuned.series, start_s=start.time_s, output_s=output_s, prior=tuned.prior
         )
         notes += notes_on_rows_before_start(tuned.series, result)
@@ -259,13 +263,18 @@ def _filter_and_smooth(
             notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
     jumped = [r.source for r in reports if r.n_resets and r.kind is Kind.POSITION]
     notes += notes_on_hidden_clock_steps(tuned_measurements.measurements, jumped)
-    state, covariance = move_states_to_antenna(tuned.series, result.state, result.covariance)
+    state, covariance = move_states_and_covariances_to_antenna(tuned.series, result.state, result.covariance)
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
+    covariance = covariance + covariance_from_delays(state, tuned.delay_sigmas)
+    if not config.blind and not (config.causal and config.calibration is not None):
+        without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
+        errors = find_standstill_errors(without_model, output_s, state, covariance)
+        covariance = covariance + covariance_from_standstill_errors(state, errors)
     return Track(
         output_stamp_ns,
         state,
-        covariance + covariance_from_delays(state, tuned.delay_sigmas),
+        covariance,
         flags,
         reports,
         result.log_likelihood,
@@ -287,18 +296,18 @@ def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, prob
     time_s = np.concatenate([s.time_s[own] for s, own in zip(tuned.series, rows, strict=True)])
     nis = np.concatenate([found[own, 0] for found, own in zip(result.nis, rows, strict=True)])
     code = np.repeat(np.arange(len(rows), dtype=np.int32), counts)
-    bound = np.array([gate_nis(probability, s.n_values_per_row) for s in tuned.series])[code]
+    bound = np.array([nis_gate_limit(probability, s.n_values_per_row) for s in tuned.series])[code]
     order = np.argsort(time_s, kind="stable")
     return GatedMeasurements(
         epoch + np.rint(time_s[order] * NS_PER_S).astype(np.int64),
-        Strings(code[order], tuple(s.source for s in tuned.series)).merge_equal(),
-        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)).merge_equal(),
+        Strings(code[order], tuple(s.source for s in tuned.series)).merge_equal_values(),
+        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)).merge_equal_values(),
         nis[order],
         bound[order],
     )
 
 
-def _prepare_series(
+def _prepare_series_and_notes(
     measurements: Sequence[Measurements], epoch: int, config: EstimatorConfig
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Return the series and notes, with the calibration if there is one, and without looking ahead where required."""
@@ -307,15 +316,17 @@ def _prepare_series(
         return (
             (prepare_without_looking_ahead(measurements, epoch, {}), [])
             if config.blind
-            else clean_measurements(measurements, epoch)
+            else clean_and_sort_measurements(measurements, epoch)
         )
-    unknown = check_calibration_knows_sources(calibration, measurements, causal=config.causal and not config.blind)
+    unknown = require_known_sources_and_note_unknown(
+        calibration, measurements, causal=config.causal and not config.blind
+    )
     mountings = calibrated_imu_mountings(calibration)
     if config.causal:
-        return keep_only_calibrated_series(
+        return apply_calibrated_noise_and_empty_unknown(
             prepare_without_looking_ahead(measurements, epoch, mountings), calibration
         ), unknown
-    prepared, notes = clean_measurements(measurements, epoch, mountings)
+    prepared, notes = clean_and_sort_measurements(measurements, epoch, mountings)
     return prepared, [*unknown, *notes]
 
 
@@ -388,6 +399,7 @@ def _build_source_report(
         nis_bounds=bounds,
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
+        scatter_m=scatter_about_neighbours_m(s) if s.kind is Kind.POSITION else float("nan"),
         noise_origin=s.noise_origin,
         noise_scale=_noise_variance_ratio(prepared_series.series, s),
         stamp_error=s.stamp_error,

@@ -30,7 +30,7 @@ from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.chi_square import gate_nis
+from cwcli.metrics.chi_square import nis_gate_limit
 
 N_REMEMBERED_PASSES = 6
 """Number of passes whose results are kept. Chosen: a search returns to one of its last three trials or to none."""
@@ -54,7 +54,7 @@ class _RecentValues(Generic[Key, Value]):
         self._n_kept = n_kept
         self._values: dict[Key, tuple[Value, Sequence[SensorSeries]]] = {}
 
-    def find(self, key: Key) -> Value | None:
+    def find_value(self, key: Key) -> Value | None:
         """Return the value, which then counts as the newest; None where it is not remembered."""
         known = self._values.pop(key, None)
         if known is None:
@@ -107,30 +107,30 @@ class FilterTrials:
         """Return the log-likelihood of the rows that the filter uses."""
         return self._find_or_run(trial).found.log_likelihood
 
-    def remember_equal(self, trial: StateLayout, known: StateLayout) -> None:
+    def reuse_pass_of_known_trial(self, trial: StateLayout, known: StateLayout) -> None:
         """Answer a trial with the pass of a known one, because its gate rejected nothing and is all that differs."""
         self._passes.remember(trial_key(trial), self._find_or_run(known), trial.series)
 
     def _find_or_run(self, trial: StateLayout) -> _TrialPass:
         key = trial_key(trial)
-        if (known := self._passes.find(key)) is not None:
+        if (known := self._passes.find_value(key)) is not None:
             return known
-        start, prepared = self._prepare(trial)
+        start, prepared = self._find_start_and_build_pass_input(trial)
         motion = trial.parameters.to_process_model(trial.walk)
         found = _TrialPass(prepared, prepared.run_filter(start, motion, smooth=False))
         self._passes.remember(key, found, trial.series)
         return found
 
-    def _prepare(self, trial: StateLayout) -> tuple[FilterStart, PassInput]:
+    def _find_start_and_build_pass_input(self, trial: StateLayout) -> tuple[FilterStart, PassInput]:
         key = *_series_keys(trial.series), trial.prior.tobytes()
-        if (known := self._inputs.find(key)) is not None:
+        if (known := self._inputs.find_value(key)) is not None:
             return known
         start = self._start or find_start_with_parameter_states(trial.series, trial.prior, causal=False)
         if self._start_position_sigma_m is not None:
             start.covariance[0, 0] = start.covariance[1, 1] = self._start_position_sigma_m**2
         times = *((id(s.time_s), s.latency_s, s.kind, s.interval_s) for s in trial.series), start.time_s
         prepared = build_pass_input(
-            trial.series, start.time_s, np.zeros(0), reset_after=RESET_AFTER, time_order=self._orders.find(times)
+            trial.series, start.time_s, np.zeros(0), reset_after=RESET_AFTER, time_order=self._orders.find_value(times)
         )
         self._orders.remember(times, prepared.time_order, trial.series)
         self._inputs.remember(key, (start, prepared), trial.series)
@@ -139,7 +139,7 @@ class FilterTrials:
 
 def trial_key(trial: StateLayout) -> Hashable:
     """Return what two equal trials have in common; it holds while the arrays of the trial live."""
-    return *_series_keys(trial.series), trial.parameters.key, trial.walk.tobytes(), trial.prior.tobytes()
+    return *_series_keys(trial.series), trial.parameters.lookup_key, trial.walk.tobytes(), trial.prior.tobytes()
 
 
 def _series_keys(series: Sequence[SensorSeries]) -> tuple[Hashable, ...]:
@@ -156,7 +156,7 @@ def _series_keys(series: Sequence[SensorSeries]) -> tuple[Hashable, ...]:
 
 def gate_outliers(s: SensorSeries) -> SensorSeries:
     """Return the series with the gate of a search, which rejects only what no noise explains."""
-    return replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row))
+    return replace(s, gate_nis=nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row))
 
 
 def cut_to_window(s: SensorSeries, begin_s: float, end_s: float) -> SensorSeries:

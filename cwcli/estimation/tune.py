@@ -11,21 +11,25 @@ import numpy as np
 from cwcli.estimation.calibrated import (
     fuse_latencies_with_calibration,
     motion_with_calibrated_manoeuvres,
-    parameter_priors_from_calibration,
+    prior_means_and_variances_from_calibration,
     sensor_model_from_calibration,
 )
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.delay_variance import DelaySigmas, combine_delay_sigmas
+from cwcli.estimation.delay_variance import DelaySigmas, delay_sigmas_of_best_known_sources
 from cwcli.estimation.latency import (
     SIGNIFICANT_SIGMAS,
     Latency,
     LatencyStatus,
     is_reference_of_each_series,
-    predetermine_latencies,
-    reject_latency_beyond_limits,
+    latencies_known_without_search,
+    mark_latency_beyond_limits,
     remove_latency_drift,
 )
-from cwcli.estimation.latency_clock import SourceLatency, disputed_clock_sigma_s, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_clock import (
+    SourceLatency,
+    disputed_clock_sigma_s,
+    shift_latencies_to_agreed_clock_and_note,
+)
 from cwcli.estimation.latency_odometry import refine_position_latencies
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
@@ -39,11 +43,11 @@ from cwcli.estimation.sensor_search import (
     find_sensor_model,
     keep_model_if_better,
     may_show_sensor_errors,
-    series_whose_ahead_may_be_latency,
+    series_whose_forward_arm_may_be_latency,
 )
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.chi_square import gate_nis
+from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
 
 ACCEL_BIAS_PRIOR_SIGMA_MPS2 = 3.0
@@ -91,13 +95,13 @@ def tune_latencies_and_noise(
         config: Settings.
         parameters: Motion model to begin with.
     """
-    series, walk, prior = add_bias_states(prepared, parameters)
+    series, walk, prior = add_bias_states_and_their_variances(prepared, parameters)
     search = _ParameterSearch(StateLayout(series, parameters, walk, prior), config)
     (compared, latencies, moved, clock_sigma_s), sensors = search.find_latencies_and_sensor_errors()
     layout = search.layout_with(latencies, sensors.model)
     mean, prior = np.zeros_like(layout.prior), layout.prior
     if config.calibration is not None:
-        mean, prior = parameter_priors_from_calibration(layout.series, prior, config.calibration)
+        mean, prior = prior_means_and_variances_from_calibration(layout.series, prior, config.calibration)
     if layout.series and all(s.is_exact for s in layout.series):
         series, parameters = layout.series, motion_of_simulated_vehicle(layout.parameters)
     elif config.calibration is not None and config.causal:
@@ -108,10 +112,11 @@ def tune_latencies_and_noise(
         settled = estimate_noise_and_manoeuvres(layout, known=search.window_fits)
         series, parameters = settled.series, settled.parameters
     gated = tuple(
-        s if s.is_exact else replace(s, gate_nis=gate_nis(config.gate_probability, s.n_values_per_row)) for s in series
+        s if s.is_exact else replace(s, gate_nis=nis_gate_limit(config.gate_probability, s.n_values_per_row))
+        for s in series
     )
     unknown = (
-        f"{s.source}: the latency of {s.kind.name.lower()} is not observable{_latency_reach_text(latency)} "
+        f"{s.source}: the latency of {s.kind.name.lower()} is not observable{_possible_latency_range_text(latency)} "
         "and not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s) and not config.blind
@@ -133,11 +138,11 @@ def tune_latencies_and_noise(
         parameters,
         sensors,
         (*moved, *unknown, *drifting),
-        combine_delay_sigmas(series, latencies, clock_sigma_s),
+        delay_sigmas_of_best_known_sources(series, latencies, clock_sigma_s),
     )
 
 
-def _latency_reach_text(latency: Latency) -> str:
+def _possible_latency_range_text(latency: Latency) -> str:
     """Return what a latency may be that is not observable: three sigma, by the scatter over the log."""
     reach_ms = 1e3 * SIGNIFICANT_SIGMAS * latency.reach_s
     return f" (it may be up to {reach_ms:.0f} ms)" if np.isfinite(reach_ms) else ""
@@ -176,7 +181,7 @@ class _ParameterSearch:
     def __init__(self, base: StateLayout, config: EstimatorConfig) -> None:
         """Begin with the series with their biases alone; stamps as they are."""
         self._base, self._config = base, config
-        self._predetermined = predetermine_latencies(base.series, config)
+        self._predetermined = latencies_known_without_search(base.series, config)
         self.window_fits: WindowFits = {}
         self._layouts: list[tuple[Sequence[Latency], SensorModel, StateLayout]] = []
 
@@ -198,7 +203,7 @@ class _ParameterSearch:
         if found.model.modelled_errors and None in self._predetermined:
             told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
             remaining_s = [each.remaining_sigma_s for each in told.applied]
-            unclear = series_whose_ahead_may_be_latency(found, base.series, remaining_s)
+            unclear = series_whose_forward_arm_may_be_latency(found, base.series, remaining_s)
             if unclear:  # a latency or a place: of the two the latency is the likelier
                 found = found.mark_forward_arms_unobservable(unclear)
                 told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
@@ -242,19 +247,19 @@ class _ParameterSearch:
             compared = find_latencies(replace(layout, series=series), predetermined)
         if config.calibration is None and not config.blind:
             compared = refine_position_latencies(series, compared)
-        found = [reject_latency_beyond_limits(each) for each in compared]
+        found = [mark_latency_beyond_limits(each) for each in compared]
         compared = [
             Latency(LatencyStatus.NOT_OBSERVABLE) if each.status is LatencyStatus.CONTRADICTS else each
             for each in found
         ]
         if config.calibration is None:
             told = _pair_latencies_with_sources(series, found)
-            latencies, notes = shift_latencies_to_agreed_clock(told)
+            latencies, notes = shift_latencies_to_agreed_clock_and_note(told)
             clock_sigma_s = disputed_clock_sigma_s(told, latencies)
         else:
             clock_sigma_s = 0.0
             latencies, notes = fuse_latencies_with_calibration(series, found, config.calibration, causal=config.causal)
-        applied = [reject_latency_beyond_limits(each) for each in latencies]
+        applied = [mark_latency_beyond_limits(each) for each in latencies]
         return _FoundLatencies(compared, applied, notes, clock_sigma_s)
 
 
@@ -273,7 +278,7 @@ def _correct_stamps(layout: StateLayout, latencies: Sequence[Latency], *, likeli
     return replace(layout, series=series)
 
 
-def add_bias_states(
+def add_bias_states_and_their_variances(
     prepared: Sequence[PreparedSeries], parameters: MotionParameters
 ) -> tuple[list[SensorSeries], FloatArray, FloatArray]:
     """Give every IMU series a bias state. Returns series, random walk variances and prior variances, both (n,)."""

@@ -11,19 +11,22 @@ import math
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
-from cwcli.estimation.step_motion import MEDIAN_ABSOLUTE_TO_SIGMA, StepMotion
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
+from cwcli.estimation.step_motion import StepMotion
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
 MIN_REGRESSED_STEPS = 6
-"""Least number of steps through whose turns a regression line is laid. Chosen by hand; not fitted."""
+"""Least number of pairs of neighbouring time steps whose turns are regressed against those of another source. Chosen by
+hand."""
 MIN_SPREAD_RAD = 0.15
 """Least standard deviation of the turns of the steps, rad: a bend and a straight in 4 s each. Chosen by hand."""
 N_SIGMAS = 4.0
-"""Half the width of the interval of the ratio in sigmas: neighbouring steps share a fix, and are not independent."""
+"""Half the width of the interval of the ratio in sigmas: neighbouring steps share a fix, and are not independent.
+Chosen by hand; not fitted."""
 MAX_RESIDUAL_SIGMAS = 4.0
-"""Residuals beyond this many of their scatters are left out in a second pass: a jump of the fixes."""
+"""Largest residual, in scatters of the residuals, that the second pass of the regression uses; jumps of fixes lie
+beyond. Chosen by hand."""
 MIN_SCATTER_RAD = 0.01
 """Least scatter of the residuals of the regression line, rad. Chosen by hand: the bias of a gyroscope drifts by so much
 in a step."""
@@ -56,7 +59,7 @@ def regressed_turn_ratio(one: StepMotion, other: StepMotion) -> TurnRatio:
         power = float(np.einsum("i,i", dx, dx))
         if math.sqrt(power / n) < MIN_SPREAD_RAD:
             noise_rad = float((other if is_one_quiet else one).turn_sigma_rad[rows].mean())
-            return _ratio_of_a_still_source(dx, dy, noise_rad, is_one_quiet=is_one_quiet)
+            return _turn_ratio_of_nearly_still_source(dx, dy, noise_rad, is_one_quiet=is_one_quiet)
         slope = float(np.einsum("i,i", dx, dy)) / power
         rest = np.full(len(x), np.inf)
         rest[rows] = np.abs(dy - slope * dx)
@@ -71,7 +74,7 @@ def regressed_turn_ratio(one: StepMotion, other: StepMotion) -> TurnRatio:
     return TurnRatio(1.0 / slope, 1.0 / high, 1.0 / low, n)
 
 
-def _ratio_of_a_still_source(
+def _turn_ratio_of_nearly_still_source(
     still: FloatArray, turning: FloatArray, noise_rad: float, *, is_one_quiet: bool
 ) -> TurnRatio:
     """Return the ratio where the source of less noise hardly turns and the other one clearly does.

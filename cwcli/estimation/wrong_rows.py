@@ -18,15 +18,15 @@ from cwcli.estimation.standstill_heading import has_heading_jumps, standstill_fl
 from cwcli.signals.columns import FloatArray
 
 SPEED_STEP_S = 2.0
-"""Time over which fixes show whether the car stands, s."""
+"""Time in s over which the fixes show whether the car stands. Chosen by hand."""
 
 
-def set_wrong_rows_aside(
+def set_wrong_rows_aside_and_list_them(
     measurements: Sequence[Measurements], trusted: Collection[str]
 ) -> tuple[list[Measurements], list[Correction]]:
     """Return the measurements without stuck rows and without headings that are turned round while the car stands."""
     epoch = earliest_stamp_ns(measurements)
-    fixes = _fix_motion(measurements, epoch)
+    fixes = _motion_of_first_position_source(measurements, epoch)
     corrected: list[Measurements] = []
     corrections: list[Correction] = []
     for m in measurements:
@@ -37,29 +37,31 @@ def set_wrong_rows_aside(
             time_s, values = seconds_since_epoch(m.stamp_ns[rows], epoch), m.values[rows]
             frozen = frozen_row_mask(m.kind, time_s, values, fixes)
             if frozen.any():
-                kept = _without_rows(kept, rows[frozen])
+                kept = _without_measurement_rows(kept, rows[frozen])
                 what = "repeats one value for long, as a sensor that is stuck or saturated"
-                corrections.append(_rows_set_aside(m, "stuck", what, frozen, time_s))
+                corrections.append(_correction_of_rows_set_aside(m, "stuck", what, frozen, time_s))
             if m.kind is Kind.HEADING and has_heading_jumps(time_s, values[:, 0]):
-                flipped = standstill_flip_mask(time_s, values[:, 0], _speed_at(time_s, measurements, fixes, epoch))
+                flipped = standstill_flip_mask(
+                    time_s, values[:, 0], _absolute_speed_at_mps(time_s, measurements, fixes, epoch)
+                )
                 flipped &= ~frozen  # no row is set aside twice
                 rest = ~(flipped | frozen)
                 if flipped.any() and not has_heading_jumps(time_s[rest], values[rest, 0]):
-                    kept = _without_rows(kept, rows[flipped])
+                    kept = _without_measurement_rows(kept, rows[flipped])
                     what = "is turned round while the car stands"
-                    corrections.append(_rows_set_aside(m, "standstill", what, flipped, time_s))
+                    corrections.append(_correction_of_rows_set_aside(m, "standstill", what, flipped, time_s))
         corrected.append(kept)
     return corrected, corrections
 
 
-def _without_rows(m: Measurements, rows: npt.NDArray[np.intp]) -> Measurements:
+def _without_measurement_rows(m: Measurements, rows: npt.NDArray[np.intp]) -> Measurements:
     """Return the measurements with rows that count as not measured."""
     values = m.values.copy()
     values[rows] = np.nan
     return replace(m, values=values)
 
 
-def _rows_set_aside(
+def _correction_of_rows_set_aside(
     m: Measurements, name: str, fault: str, mask: npt.NDArray[np.bool_], time_s: FloatArray
 ) -> Correction:
     n, first_s = int(mask.sum()), float(time_s[int(np.argmax(mask))])
@@ -73,7 +75,7 @@ def _rows_set_aside(
     )
 
 
-def _fix_motion(measurements: Sequence[Measurements], epoch: int) -> FixMotion:
+def _motion_of_first_position_source(measurements: Sequence[Measurements], epoch: int) -> FixMotion:
     """Return the positions of the first source of positions."""
     m = next(m for m in measurements if m.kind is Kind.POSITION)
     rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
@@ -81,7 +83,9 @@ def _fix_motion(measurements: Sequence[Measurements], epoch: int) -> FixMotion:
     return FixMotion(seconds_since_epoch(m.stamp_ns[rows], epoch), m.values[rows])
 
 
-def _speed_at(time_s: FloatArray, measurements: Sequence[Measurements], fixes: FixMotion, epoch: int) -> FloatArray:
+def _absolute_speed_at_mps(
+    time_s: FloatArray, measurements: Sequence[Measurements], fixes: FixMotion, epoch: int
+) -> FloatArray:
     """Return the absolute speed (n,) at times by a wheel speed, else by the fixes smoothed over SPEED_STEP_S."""
     for m in measurements:
         rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))

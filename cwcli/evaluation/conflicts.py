@@ -118,7 +118,7 @@ def judge_warning(
 ) -> WarningVerdict:
     """Judge a warning that was raised at `raised_ns` and held until `last_ns`."""
     max_lead_ns = round(config.max_lead_s * NS_PER_S)
-    closest_ns, closest_m = _closest_approach(pair, raised_ns, raised_ns + max_lead_ns)
+    closest_ns, closest_m = _stamp_and_distance_of_closest_approach(pair, raised_ns, raised_ns + max_lead_ns)
     for index, conflict in enumerate(conflicts):
         if conflict.end_ns < raised_ns:
             continue
@@ -132,7 +132,7 @@ def judge_warning(
     return WarningVerdict(VERDICT_FALSE if decided else VERDICT_UNDECIDED, -1, float("nan"), closest_ns, closest_m)
 
 
-def _closest_approach(pair: Pair, begin_ns: int, end_ns: int) -> tuple[int, float]:
+def _stamp_and_distance_of_closest_approach(pair: Pair, begin_ns: int, end_ns: int) -> tuple[int, float]:
     rows = np.flatnonzero((pair.stamp_ns >= begin_ns) & (pair.stamp_ns <= end_ns) & np.isfinite(pair.distance_m))
     if not len(rows):
         return -1, float("nan")

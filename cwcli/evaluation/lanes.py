@@ -25,7 +25,7 @@ from cwcli.vision.rectify import in_image_mask, lowest_visible_row_px, map_recti
 MAX_STAMP_DIFFERENCE_NS = 5_000_000
 """A label and a frame belong to one image if their stamps differ by at most this, ns. Chosen by hand; not fitted."""
 PREVIEW_DISTANCE_TOLERANCE_M = 1e-6
-"""Two preview distances that differ by at most this are the same, m."""
+"""Greatest difference of two preview distances that count as equal, m: rounding."""
 MAX_RECTIFIED_ROWS = 4096
 """Greatest number of image rows at which a boundary is sampled. Chosen to bound the work; not fitted."""
 
@@ -36,7 +36,7 @@ PREVIEW_METRICS = (
 )
 """Metric of each quantity at the preview point, with the factor from the quantity's unit to that of the metric."""
 EVALUATED_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
-"""Distances ahead at which boundaries are compared with the truth of a rendered road, m."""
+"""Distances ahead, m, at which boundaries are compared with the truth of a rendered road. Chosen by hand."""
 
 Image = tuple[float, float, float, float]
 """Width and height of the searched image, then of the camera's image, px."""
@@ -70,7 +70,7 @@ def _add_errors_against_truth(headline: HeadlineCollector, log: Log, channel: Ch
     """Compare with a truth channel, if it is one of lanes and the first of its kind."""
     names = {row[1] for row in headline.rows}
     if channel.schema_name == LANES.schema and "lanes.lateral_deviation_rmse_m" not in names:
-        error = _preview_errors(lanes, read_lanes(log.columns(channel.topic)))
+        error = _errors_at_equal_preview_points(lanes, read_lanes(log.columns(channel.topic)))
         for k, (name, scale) in enumerate(PREVIEW_METRICS):
             headline.add_errors(name, scale * error[:, k])
     if channel.message_encoding == "json" and "lanes.truth_accuracy" not in names:
@@ -82,7 +82,7 @@ def _add_errors_against_truth(headline: HeadlineCollector, log: Log, channel: Ch
             _add_boundary_position_errors(headline, lanes, truth, *matched)
 
 
-def _preview_errors(lanes: LaneRows, truth: LaneRows) -> FloatArray:
+def _errors_at_equal_preview_points(lanes: LaneRows, truth: LaneRows) -> FloatArray:
     """Return quantities minus truth (n, 3) at the frames that both have; NaN where the preview distances differ."""
     mine, other = _match_rows_by_stamp(lanes.stamp_ns, truth.stamp_ns)
     is_same_point = np.abs(lanes.preview_m[mine] - truth.preview_m[other]) <= PREVIEW_DISTANCE_TOLERANCE_M

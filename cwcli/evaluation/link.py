@@ -91,7 +91,7 @@ class RadioLinkSummary:
         sections = [
             SummaryTable(
                 "link",
-                "Radio link",
+                "Radio link from each station",
                 LINK_HEADINGS,
                 tuple(map(_station_row, self.stations)),
                 names=tuple(LINK_TABLE_COLUMNS),
@@ -112,7 +112,9 @@ class RadioLinkSummary:
             )
             columns = ("distance [m]", "sent", "received", "packet error ratio")
             names = (*columns[:3], "loss_share")
-            sections.append(SummaryTable("reception", "Reception by distance", columns, rows, names=names))
+            sections.append(
+                SummaryTable("reception", "Reception by distance of sender and ego", columns, rows, names=names)
+            )
         return tuple(sections)
 
     def build_tables(self) -> dict[str, Table]:

@@ -7,7 +7,11 @@ import math
 import numpy as np
 
 from cwcli.channels.binding import bind_roles
-from cwcli.channels.lateral_state import read_lateral_truth, read_observed_drive, true_deviations_at_preview
+from cwcli.channels.lateral_state import (
+    read_lateral_truth_stamps_and_states,
+    read_observed_drive,
+    true_deviations_at_preview,
+)
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
 from cwcli.evaluation.evaluation_context import EvaluationContext
@@ -23,7 +27,7 @@ from cwcli.stages.observe import ObserveConfig, ObserverEvidence
 MAX_TRUTH_GAP_S = 0.5
 """Longest gap of the truth that is interpolated, s. Chosen by hand; not fitted."""
 SETTLING_TIME_S = 2.0
-"""Frames up to this time after each start of the observer are not evaluated, s. Chosen by hand; not fitted."""
+"""Time in s after each start of the observer whose frames are not evaluated. Chosen by hand; not fitted."""
 Z_90 = 1.6448536269514722
 """Half-width of the central 90 % of a normal distribution, in sigmas."""
 METRIC_OF_STATE: dict[str, tuple[str, float]] = {
@@ -34,7 +38,7 @@ METRIC_OF_STATE: dict[str, tuple[str, float]] = {
 }
 """State -> metric, with the factor from the state's unit to that of the metric."""
 PREVIEW_STATES = ("lateral_deviation_m", "heading_deviation_rad")
-"""States that are compared at the preview point; they are the last ones of a row."""
+"""Names of the observed states that are compared at the preview point; they are the last columns of a row."""
 
 
 def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
@@ -73,7 +77,7 @@ def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
     Deviations from the lane are compared at the observer's preview point; frames without a truth there are left out and
     counted.
     """
-    true_ns, true_state = read_lateral_truth(truth)
+    true_ns, true_state = read_lateral_truth_stamps_and_states(truth)
     settled = _settled_frame_mask(track)
     true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_TRUTH_GAP_S)
     at_preview = true_deviations_at_preview(truth, track.stamp_ns, track.preview_m, MAX_TRUTH_GAP_S)

@@ -18,7 +18,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.metrics.table import Table, TableColumn
-from cwcli.pipeline.paths import path_starts_from_states, replanned_or_logged_paths
+from cwcli.pipeline.paths import path_starts_from_states, replanned_or_logged_paths_and_notes
 from cwcli.pipeline.records import parse_json_entry_or_empty, read_run_records
 from cwcli.pipeline.result import Cell, StageResult, SummaryTable
 from cwcli.prediction.calibrate import initial_log_scale_of_each_row
@@ -79,10 +79,10 @@ def add_metrics(context: EvaluationContext) -> None:
     if EGO_PATH.topic not in topics or ego.states is None:
         return
     states = {"ego": ego.states}
-    paths = {"ego": replanned_or_logged_paths(log, EGO_PATH.topic, EGO_STATE.role)[0]}
+    paths = {"ego": replanned_or_logged_paths_and_notes(log, EGO_PATH.topic, EGO_STATE.role)[0]}
     if REMOTE_STATE.topic in topics and REMOTE_PATH.topic in topics:
         states["remote"] = read_vehicle_states(log.columns(REMOTE_STATE.topic))
-        paths["remote"], _ = replanned_or_logged_paths(log, REMOTE_PATH.topic, REMOTE_STATE.role)
+        paths["remote"], _ = replanned_or_logged_paths_and_notes(log, REMOTE_PATH.topic, REMOTE_STATE.role)
     for who, published in paths.items():
         with headline.label_rows_with_states(comparison_label(knows, outcome)):
             _add_published_path_errors(headline, who, published, states[who])
@@ -286,7 +286,7 @@ def _build_prediction_section(records: list[dict[str, Any]], horizon_s: float) -
                     100.0 * _mean_weighted_by_starts(own, "inside_90"),
                 )
             )
-    title = f"Position error {horizon_s:g} s ahead, against the vehicle's own track"
+    title = f"Position error {horizon_s:g} s ahead, against where the vehicle then was (cv: constant velocity)"
     columns = ("vehicle", "model", "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
     return SummaryTable("prediction", title, columns, tuple(rows))
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.channels.lateral_state import ObservedDrive, read_lateral_truth
+from cwcli.channels.lateral_state import ObservedDrive, read_lateral_truth_stamps_and_states
 from cwcli.channels.published import EGO_STATE
 from cwcli.evaluation.predict import MAX_TRACK_GAP_S, error_horizons_s
 from cwcli.logs.read.reader import Log
@@ -54,7 +54,7 @@ def _truth_poses(
     if schema == COURSE_SCHEMA:
         lateral_mps = observed.track.state[:, 0]
         if lateral is not None and len(lateral):
-            true_ns, true_state = read_lateral_truth(lateral)
+            true_ns, true_state = read_lateral_truth_stamps_and_states(lateral)
             lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_TRACK_GAP_S)
         yaw_rad = yaw_rad - side_slip_rad(lateral_mps, observed.track.speed_mps)
     return VehiclePoses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)

@@ -152,12 +152,12 @@ def score_warnings(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | 
     n_crashes = sum(gap_m <= 0.0 for pair in pairs for gap_m in pair.least_gaps_m)
     return ScoredWarnings(
         rows=found.rows,
-        events=_add_verdict_columns(found.events, [verdicts[number] for number in sorted(verdicts)]),
+        events=_add_verdict_columns(found.events_table, [verdicts[number] for number in sorted(verdicts)]),
         conflicts=_build_conflicts_table(pairs, ids, host_id=host.id),
         pairs=_build_pairs_table(pairs, host_id=host.id),
-        series=found.series,
+        series=found.evaluation_series_table_of_pairs,
         scores=_build_scores_table(scores, found.config.rule, found.n_withheld, n_crashes=n_crashes),
-        counts=found.evaluation_counts,
+        counts=found.evaluation_counts_by_outcome,
     )
 
 

@@ -32,7 +32,7 @@ QUANTITY_LABELS = {"position": "position on one axis"}
 DOF_OF_QUANTITY = {"position": 2, "speed": 1, "heading": 1}
 """Degrees of freedom of each quantity with a NEES."""
 FIRST_STATE_OF_QUANTITY = {"position": X, "speed": SPEED, "heading": HEADING}
-"""Index of the first state of each quantity with a NEES."""
+"""Quantity with a NEES -> index of the first of its states in the order of `STATE_NAMES`."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def build_nees_section(errors: TruthErrors) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = [
         (each.name, each.per_dof, bounds_cell(*each.bounds), NIS_CELLS[each.is_within_bounds]) for each in errors.nees
     ]
-    title = "Consistency of the errors (NEES, 1 per degree of freedom expected)"
+    title = "Errors against their covariance (NEES: 1 per degree of freedom is expected)"
     columns = ("error of", "NEES/dof", "95 % bounds", "inside")
     return SummaryTable("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
 

@@ -76,7 +76,9 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
             rows=rows,
             names=(*(events.names or events.columns), "verdict", "lead [s]", "closest [m]", "crash"),
         ),
-        SummaryTable("scores", "Against what really happened", ("measure", "value"), cells),
+        SummaryTable(
+            "scores", "Warnings and conflicts, compared with what really happened", ("measure", "value"), cells
+        ),
         *others,
     )
     return replace(outcome, tables=scored.tables, sections=sections)

@@ -36,7 +36,7 @@ from cwcli.signals.vehicle_state import ACCEL, YAW_RATE
 from cwcli.text import join_names
 
 MAX_NAMED_VEHICLES = 10
-"""Vehicles that an error names; chosen by hand."""
+"""Greatest number of vehicles that an error names. Chosen by hand."""
 EGO_AND_OTHERS = ("ego", "remote", "targets")
 """Contents that a format for all vehicles takes together, if the log has them."""
 
@@ -70,7 +70,7 @@ EXPORT_CONTENTS = {
 """Name of a content, as `--what` spells it -> its channel."""
 
 
-def names_of_ego_and_others(log: Log) -> list[str]:
+def content_names_of_ego_and_others(log: Log) -> list[str]:
     """Names of the contents of the ego and of all other vehicles that the log holds; at least the ego's."""
     there = {channel.topic for channel in log.channels if channel.message_count}
     return [what for what in EGO_AND_OTHERS if EXPORT_CONTENTS[what].channel.topic in there] or [EGO_AND_OTHERS[0]]

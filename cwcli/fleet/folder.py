@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from cwcli import __version__
 from cwcli.errors import InputError, OutputError
-from cwcli.input import note_input
+from cwcli.input import remember_input_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import make_folder, open_output
 
@@ -90,7 +90,7 @@ class LogFolder:
 
     def note_entry_as_input(self) -> None:
         """Register the entry as an input of this run, so that no output overwrites it."""
-        note_input(self._entry_path)
+        remember_input_file(self._entry_path)
 
     def is_done(self, entry: Document | None, key: str) -> bool:
         """Whether the log was done with this key and all its files still have their sizes."""
@@ -105,7 +105,7 @@ class LogFolder:
         write_json_object(whole, self._entry_path)
         return whole
 
-    def remove_all_files(self) -> None:
+    def remove_outputs_of_log(self) -> None:
         """Remove all files of the log.
 
         Raises:
@@ -184,7 +184,7 @@ def read_output_folder(out: Path) -> RecordedRun | None:
     Raises:
         InputError: The manifest is of another format.
     """
-    note_input(out / MANIFEST_NAME)
+    remember_input_file(out / MANIFEST_NAME)
     manifest = read_json_object(out / MANIFEST_NAME) or {}
     if what := format_mismatch_text(manifest):
         raise InputError(what, where=str(out / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)

@@ -20,7 +20,7 @@ from cwcli.logs.read.remote import (
 )
 from cwcli.logs.read.remote_errors import unreadable_url_error
 from cwcli.logs.read.source import iter_within_size_limit
-from cwcli.url import name_url, path_of_url
+from cwcli.url import display_name_of_url, path_of_url
 
 
 def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> list[tuple[str, str]]:
@@ -47,7 +47,7 @@ def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> lis
         if not outside:
             raise UsageError("the log lies in the output folder", where=argument, hint="name another folder with -d")
         for source, path in outside.items():
-            name = name_url(source) if is_remote_url(source) else source
+            name = display_name_of_url(source) if is_remote_url(source) else source
             found.setdefault(name if is_remote_url(source) else path, (name, path))
     return list(found.values())
 
@@ -143,7 +143,7 @@ def temporary_local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Pat
     copy = Path(name)
     try:
         with os.fdopen(descriptor, "wb") as target:
-            for block in iter_within_size_limit(max_bytes, iter_remote_blocks(url), name_url(url)):
+            for block in iter_within_size_limit(max_bytes, iter_remote_blocks(url), display_name_of_url(url)):
                 try:
                     target.write(block)
                 except OSError as error:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from cwcli.fleet.worker_call import PipeWorker
 
 MAX_ATTEMPTS = 2
-"""Attempts at a log whose worker dies; chosen: one repetition, because another process may have caused it."""
+"""Greatest number of attempts at a log whose worker dies. Chosen: one repetition, because another process may have
+caused it."""
 
 LOGS_PER_WORKER = 500
 """Logs after which a worker is replaced, so that memory that libraries keep does not add up; chosen by hand."""

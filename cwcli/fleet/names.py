@@ -96,7 +96,7 @@ def unique_log_ids(sources: Sequence[str]) -> list[str]:
 def _folders_and_stem(source: str) -> list[str]:
     """Split a source into its folders and stem, without empty parts and hidden secrets."""
     digest = ""
-    if "://" in source:  # as `name_url` shows it: user and signature are no part of the name
+    if "://" in source:  # as `display_name_of_url` shows it: user and signature are no part of the name
         source, _, rest = source.replace(f"{HIDDEN}@", "").replace(f"#{HIDDEN}", "").partition(f"?{HIDDEN}")
         digest = f"-{rest[2:-1]}" if rest else ""
     *folders, name = source.replace("\\", "/").rstrip("/").split("/")

@@ -24,7 +24,7 @@ from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.headline import METRICS_TABLE_COLUMNS, OPTIONAL_COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, metric_rows_by_name, notes_from_metadata
 from cwcli.metrics.table import Table
-from cwcli.url import name_url
+from cwcli.url import display_name_of_url
 
 if TYPE_CHECKING:
     from cwcli.evaluation.system_topics import OtherSystemTopics
@@ -99,7 +99,7 @@ def read_run_metrics(
         if system is not None:
             raise UsageError("--topic needs the annotated logs, not their table of metrics", where=source)
         return RunMetrics(source, tuple(_metrics_of_table(path)))
-    name = name_url(source)
+    name = display_name_of_url(source)
     step(f"evaluating {name}")
     log = _score_log(source, Path(name).name if source != STDIN_NAME else "<stdin>", how)
     return RunMetrics(name, (replace(log, source=source),), is_one_log=True)

@@ -42,12 +42,12 @@ from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
 from cwcli.fleet.names import unique_log_ids
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
-from cwcli.input import names_of_inputs_in_folder, note_input, remember_inputs
+from cwcli.input import names_of_inputs_in_folder, remember_input_file, remember_inputs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import check_targets, make_folder
 from cwcli.pipeline.selection import check_selection_options
-from cwcli.url import name_url
+from cwcli.url import display_name_of_url
 
 Report = Callable[[LogTask, str, int, int], None]
 RUN_FOLDERS = (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER, SCRATCH_FOLDER)
@@ -187,7 +187,7 @@ def _refuse_inputs_in_output_folder(out: Path, tasks: Iterable[LogTask]) -> None
     """Refuse an output folder in which an input would be overwritten or removed."""
     for task in tasks:
         if not is_remote_url(task.path):
-            note_input(task.path)
+            remember_input_file(task.path)
     check_targets([out / MANIFEST_NAME, out / RUN_TIMES_NAME], force=True)
     for part in RUN_FOLDERS:
         for name in names_of_inputs_in_folder(out / part):
@@ -215,8 +215,10 @@ def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], *, force: bool) 
         if known in by_id:
             continue
         entry = LogFolder(out, known).read_entry()
-        if entry is None or name_url(str(entry.get("source"))) in sources:  # it was interrupted, or has another id now
-            LogFolder(out, known).remove_all_files()
+        if (
+            entry is None or display_name_of_url(str(entry.get("source"))) in sources
+        ):  # it was interrupted, or has another id now
+            LogFolder(out, known).remove_outputs_of_log()
         else:
             others.append(known)
     if others:

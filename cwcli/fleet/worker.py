@@ -91,7 +91,7 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState 
                         {**before, "source": task.source}, [folder.out / name for name in before["outputs"]]
                     )
                 return "unchanged", state
-            folder.remove_all_files()
+            folder.remove_outputs_of_log()
             make_folder(folder.annotated_log_path.parent, parents=True)
             with Log.open(
                 file, recover=plan.recover, max_chunk_bytes=plan.max_chunk_bytes, max_ratio=plan.max_ratio
@@ -115,7 +115,7 @@ def write_log_entry(folder: LogFolder, entry: Document, outputs: list[Path]) -> 
         OutputError: It can't be written.
     """
     if entry["status"] == "failed":
-        folder.remove_all_files()
+        folder.remove_outputs_of_log()
         make_folder(folder.annotated_log_path.parent, parents=True)
     folder.write_entry(entry, outputs)
 

@@ -24,7 +24,7 @@ def check_answers(answers: Answers, tables: Sequence[SourceTable | Recording]) -
     Raises:
         UsageError: An answer has a unit that its quantity can't have, or names a table or a column that there is not.
     """
-    names = {name for table in tables for name in _names_of_table(table)}
+    names = {name for table in tables for name in _accepted_names_of_table(table)}
     columns = [column for table in tables if isinstance(table, SourceTable) for column in table.columns]
     checked = {}
     for (table, quantity), (column, unit) in answers.columns.items():
@@ -43,7 +43,7 @@ def check_answers(answers: Answers, tables: Sequence[SourceTable | Recording]) -
     return replace(answers, columns=checked)
 
 
-def _names_of_table(table: SourceTable | Recording) -> tuple[str, ...]:
+def _accepted_names_of_table(table: SourceTable | Recording) -> tuple[str, ...]:
     if not isinstance(table, SourceTable):
         return table.name, PurePath(table.name).name
     return table.name, PurePath(table.file).name, *([table.part] if table.part else [])

@@ -24,10 +24,10 @@ _INSTANT_PATTERN = r"^(?P<sign>[+-]?)(?P<whole>\d{1,19})(?:[.](?P<part>\d*))?$"
 _HEMISPHERE_PATTERN = r"^(?P<a>[NSEWnsew]?)\s*(?P<number>[+-]?\d+[.]?\d*)\s*°?\s*(?P<b>[NSEWnsew]?)$"
 """A latitude or longitude with a hemisphere before or behind it."""
 N_DECIMALS = 9
-"""Decimals of a time that are kept."""
+"""Number of decimals of a time that are kept: nanoseconds."""
 
 
-def is_text(array: Any) -> bool:
+def is_text_column(array: Any) -> bool:
     """Tell whether a column of a batch holds text."""
     import pyarrow as pa
 
@@ -37,7 +37,7 @@ def is_text(array: Any) -> bool:
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
-def trimmed_texts(array: Any) -> Any:
+def trimmed_texts_or_null(array: Any) -> Any:
     """Return the texts of a batch without spaces around them; null where a cell is empty."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -47,7 +47,7 @@ def trimmed_texts(array: Any) -> Any:
     return pc.if_else(empty, pa.scalar(None, texts.type), texts)
 
 
-def read_number_cells(array: Any, decimal: str) -> tuple[FloatArray, int]:
+def read_number_cells_and_count_bad(array: Any, decimal: str) -> tuple[FloatArray, int]:
     """Return the cells (n,) as numbers, and how many are neither a number nor empty.
 
     Args:
@@ -61,24 +61,24 @@ def read_number_cells(array: Any, decimal: str) -> tuple[FloatArray, int]:
         return array.astype(np.float64), 0
     if pa.types.is_dictionary(array.type):
         array = array.dictionary_decode()
-    if not is_text(array):
-        return _typed_numbers(array)
-    texts = trimmed_texts(array)
+    if not is_text_column(array):
+        return _typed_numbers_and_bad_count(array)
+    texts = trimmed_texts_or_null(array)
     if decimal == ",":
         texts = pc.if_else(
             pc.match_substring_regex(texts, COMMA_NUMBER_PATTERN), pc.replace_substring(texts, ",", "."), texts
         )
     try:
-        return _floats(texts.cast(pa.float64())), 0
+        return _arrow_numbers_to_floats(texts.cast(pa.float64())), 0
     except pa.ArrowInvalid:
         pass
     is_number = pc.match_substring_regex(texts, NUMBER_PATTERN)
     numbers = pc.if_else(is_number, texts, pa.scalar(None, texts.type))
     bad = int(pc.sum(pc.invert(pc.fill_null(is_number, True))).as_py() or 0)
-    return _floats(numbers.cast(pa.float64())), bad
+    return _arrow_numbers_to_floats(numbers.cast(pa.float64())), bad
 
 
-def _typed_numbers(array: Any) -> tuple[FloatArray, int]:
+def _typed_numbers_and_bad_count(array: Any) -> tuple[FloatArray, int]:
     """Return the cells of an Arrow column that holds no text as numbers, and how many are none."""
     import pyarrow as pa
 
@@ -88,23 +88,23 @@ def _typed_numbers(array: Any) -> tuple[FloatArray, int]:
     if any(
         test(kind) for test in (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal)
     ):
-        return _floats(array.cast(pa.float64())), 0
+        return _arrow_numbers_to_floats(array.cast(pa.float64())), 0
     return np.full(len(array), np.nan), len(array)
 
 
-def read_place_cells(array: Any, decimal: str) -> tuple[FloatArray, int]:
+def read_degree_cells_and_count_bad(array: Any, decimal: str) -> tuple[FloatArray, int]:
     """Return latitudes or longitudes (n,) in the file's unit, south and west negative, and how many are none."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    values, bad = read_number_cells(array, decimal)
-    if not bad or not is_text(array):
+    values, bad = read_number_cells_and_count_bad(array, decimal)
+    if not bad or not is_text_column(array):
         return values, bad
-    texts = trimmed_texts(array)
+    texts = trimmed_texts_or_null(array)
     if decimal == ",":
         texts = pc.replace_substring(texts, ",", ".")
     parts = pc.extract_regex(texts, _HEMISPHERE_PATTERN)
-    number = _floats(pc.struct_field(parts, "number").cast(pa.float64()))
+    number = _arrow_numbers_to_floats(pc.struct_field(parts, "number").cast(pa.float64()))
     half = pc.utf8_upper(pc.binary_join_element_wise(pc.struct_field(parts, "a"), pc.struct_field(parts, "b"), ""))
     names = np.array(half.fill_null("").to_pylist(), dtype=object)
     is_one = np.isin(names, ["N", "S", "E", "W", ""])
@@ -113,7 +113,9 @@ def read_place_cells(array: Any, decimal: str) -> tuple[FloatArray, int]:
     return number, int(np.count_nonzero(is_given & ~np.isfinite(number)))
 
 
-def read_instant_cells(array: Any, decimal: str) -> tuple[Int64Array, FloatArray, npt.NDArray[np.bool_]]:
+def read_whole_units_fraction_and_validity(
+    array: Any, decimal: str
+) -> tuple[Int64Array, FloatArray, npt.NDArray[np.bool_]]:
     """Return whole units, the fraction beyond them (0 to 1) and whether there is a number, each (n,).
 
     Times since 1970 have more digits than a double holds, so that they are read as two numbers.
@@ -127,10 +129,10 @@ def read_instant_cells(array: Any, decimal: str) -> tuple[Int64Array, FloatArray
         return whole.astype(np.int64), np.zeros(len(whole)), valid
     if isinstance(array, np.ndarray) and np.issubdtype(array.dtype, np.integer):
         return array.astype(np.int64), np.zeros(len(array)), np.ones(len(array), np.bool_)
-    if not is_text(array):
-        values, _ = read_number_cells(array, decimal)
-        return _split_floats(values)
-    texts = trimmed_texts(array)
+    if not is_text_column(array):
+        values, _ = read_number_cells_and_count_bad(array, decimal)
+        return _split_floats_into_units_and_fraction(values)
+    texts = trimmed_texts_or_null(array)
     if decimal == ",":
         texts = pc.replace_substring(texts, ",", ".")
     parts = pc.extract_regex(texts, _INSTANT_PATTERN)
@@ -139,8 +141,8 @@ def read_instant_cells(array: Any, decimal: str) -> tuple[Int64Array, FloatArray
     try:
         whole = np.asarray(whole_text.fill_null("0").cast(pa.int64())).astype(np.int64)
     except pa.ArrowInvalid:
-        values, _ = read_number_cells(array, decimal)
-        return _split_floats(values)
+        values, _ = read_number_cells_and_count_bad(array, decimal)
+        return _split_floats_into_units_and_fraction(values)
     part = pc.utf8_slice_codeunits(
         pc.utf8_rpad(pc.struct_field(parts, "part").fill_null(""), N_DECIMALS, "0"), 0, N_DECIMALS
     )
@@ -149,32 +151,32 @@ def read_instant_cells(array: Any, decimal: str) -> tuple[Int64Array, FloatArray
     whole, fraction = np.where(negative, -whole, whole), np.where(negative, -fraction, fraction)
     rest = ~valid & ~np.asarray(pc.is_null(texts))
     if rest.any():  # 1.7e9
-        values, _ = read_number_cells(array, decimal)
-        more = _split_floats(values)
+        values, _ = read_number_cells_and_count_bad(array, decimal)
+        more = _split_floats_into_units_and_fraction(values)
         whole, fraction = np.where(rest, more[0], whole), np.where(rest, more[1], fraction)
         valid |= rest & more[2]
     return whole, fraction, valid
 
 
-def _split_floats(values: FloatArray) -> tuple[Int64Array, FloatArray, npt.NDArray[np.bool_]]:
+def _split_floats_into_units_and_fraction(values: FloatArray) -> tuple[Int64Array, FloatArray, npt.NDArray[np.bool_]]:
     valid = np.isfinite(values) & (np.abs(values) < 9e18)
     safe = np.where(valid, values, 0.0)
     whole = np.floor(safe)
     return whole.astype(np.int64), safe - whole, valid
 
 
-def _floats(array: Any) -> FloatArray:
+def _arrow_numbers_to_floats(array: Any) -> FloatArray:
     """Return an Arrow array of numbers as (n,), NaN where null or infinite."""
     values = np.array(array.to_numpy(zero_copy_only=False), dtype=np.float64)
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def encode_name_cells(array: Any) -> tuple[list[str], Int64Array]:
+def distinct_names_and_row_indices(array: Any) -> tuple[list[str], Int64Array]:
     """Return the names in a batch, each once ("" for an empty cell), and the index of the name of each row."""
     import pyarrow as pa
 
     if isinstance(array, np.ndarray):
         array = pa.array(array)
-    texts = array if is_text(array) else array.cast(pa.string())
-    coded = trimmed_texts(texts).fill_null("").dictionary_encode()
+    texts = array if is_text_column(array) else array.cast(pa.string())
+    coded = trimmed_texts_or_null(texts).fill_null("").dictionary_encode()
     return coded.dictionary.to_pylist(), np.asarray(coded.indices).astype(np.int64)

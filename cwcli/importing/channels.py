@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.places import rows_of_new_positions
+from cwcli.importing.places import new_position_mask
 from cwcli.signals.columns import FloatArray, OutputChannel, OutputField, Strings
 
 FIX_TOPIC, POSE_TOPIC = "/gps/fix", "/pose"
@@ -22,14 +22,14 @@ def channels_of_table(meaning: Meaning) -> list[OutputChannel]:
     values = meaning.values
     found = []
     if "latitude" in values:
-        found.append(_fix_channel(meaning))
+        found.append(_build_fix_channel(meaning))
     elif "x" in values:
-        found.append(_pose_channel(meaning))
-    found += _motion_channels(meaning)
+        found.append(_build_pose_channel(meaning))
+    found += _build_velocity_or_speed_channels(meaning)
     if "heading" in values and "x" not in values:
-        found.append(_heading_channel(meaning))
+        found.append(_build_heading_channel(meaning))
     if "accel_x" in values or "gyro_x" in values:
-        found.append(_imu_channel(meaning))
+        found.append(_build_imu_channel(meaning))
     if "steering" in values:
         rows = np.isfinite(values["steering"])
         fields: dict[str, OutputField] = {
@@ -42,7 +42,7 @@ def channels_of_table(meaning: Meaning) -> list[OutputChannel]:
     return [channel for channel in found if len(channel)]
 
 
-def _channel(
+def _build_quantity_channel(
     meaning: Meaning, topic: str, schema: str, rows: np.ndarray, frame: str, fields: dict[str, FloatArray]
 ) -> OutputChannel:
     stamp_ns = meaning.stamp_ns[rows]
@@ -55,24 +55,24 @@ def _channel(
     return OutputChannel(topic, schema, stamp_ns, made)
 
 
-def _nothing(meaning: Meaning) -> FloatArray:
+def _nan_column(meaning: Meaning) -> FloatArray:
     return np.full(len(meaning.stamp_ns), np.nan)
 
 
-def _fix_channel(meaning: Meaning) -> OutputChannel:
+def _build_fix_channel(meaning: Meaning) -> OutputChannel:
     values = meaning.values
-    rows = rows_of_new_positions(meaning, ("latitude", "longitude"))
+    rows = new_position_mask(meaning, ("latitude", "longitude"))
     fields = {
         "latitude": values["latitude"],
         "longitude": values["longitude"],
-        "altitude": values.get("altitude", _nothing(meaning)),
+        "altitude": values.get("altitude", _nan_column(meaning)),
     }
-    return _channel(meaning, FIX_TOPIC, "sensor_msgs/msg/NavSatFix", rows, BODY_FRAME_ID, fields)
+    return _build_quantity_channel(meaning, FIX_TOPIC, "sensor_msgs/msg/NavSatFix", rows, BODY_FRAME_ID, fields)
 
 
-def _pose_channel(meaning: Meaning) -> OutputChannel:
+def _build_pose_channel(meaning: Meaning) -> OutputChannel:
     values = meaning.values
-    rows = rows_of_new_positions(meaning, ("x", "y"))
+    rows = new_position_mask(meaning, ("x", "y"))
     nothing = np.zeros(len(meaning.stamp_ns))
     fields = {
         "pose.position.x": values["x"],
@@ -88,13 +88,13 @@ def _pose_channel(meaning: Meaning) -> OutputChannel:
         rows = rows & np.isfinite(half)
     else:
         fields["pose.orientation.w"] = nothing + 1.0
-    return _channel(meaning, POSE_TOPIC, "geometry_msgs/msg/PoseStamped", rows, MAP_FRAME_ID, fields)
+    return _build_quantity_channel(meaning, POSE_TOPIC, "geometry_msgs/msg/PoseStamped", rows, MAP_FRAME_ID, fields)
 
 
-def _motion_channels(meaning: Meaning) -> list[OutputChannel]:
+def _build_velocity_or_speed_channels(meaning: Meaning) -> list[OutputChannel]:
     """Return the velocity over ground, where a course comes with the speed; else the speed and the yaw rate."""
     values = meaning.values
-    nothing = _nothing(meaning)
+    nothing = _nan_column(meaning)
     east, north = values.get("velocity_east"), values.get("velocity_north")
     speed, course = values.get("speed"), values.get("course")
     if east is None and speed is not None and course is not None:
@@ -104,9 +104,13 @@ def _motion_channels(meaning: Meaning) -> list[OutputChannel]:
     if east is not None and north is not None:
         rows = np.isfinite(east) & np.isfinite(north)
         if "latitude" in values:
-            rows &= rows_of_new_positions(meaning, ("latitude", "longitude"))
+            rows &= new_position_mask(meaning, ("latitude", "longitude"))
         fields = {"twist.linear.x": east, "twist.linear.y": north, "twist.angular.z": nothing}
-        channels.append(_channel(meaning, VELOCITY_TOPIC, "geometry_msgs/msg/TwistStamped", rows, MAP_FRAME_ID, fields))
+        channels.append(
+            _build_quantity_channel(
+                meaning, VELOCITY_TOPIC, "geometry_msgs/msg/TwistStamped", rows, MAP_FRAME_ID, fields
+            )
+        )
     if speed is not None and (course is None or "yaw_rate" in values):
         fields = {
             "twist.linear.x": speed,
@@ -114,39 +118,41 @@ def _motion_channels(meaning: Meaning) -> list[OutputChannel]:
             "twist.angular.z": values.get("yaw_rate", nothing),
         }
         rows = np.isfinite(speed)
-        channels.append(_channel(meaning, SPEED_TOPIC, "geometry_msgs/msg/TwistStamped", rows, BODY_FRAME_ID, fields))
+        channels.append(
+            _build_quantity_channel(meaning, SPEED_TOPIC, "geometry_msgs/msg/TwistStamped", rows, BODY_FRAME_ID, fields)
+        )
     elif "yaw_rate" in values and "gyro_z" not in values:
-        channels.append(_yaw_rate_channel(meaning))
+        channels.append(_build_yaw_rate_channel(meaning))
     return channels
 
 
-def _yaw_rate_channel(meaning: Meaning) -> OutputChannel:
+def _build_yaw_rate_channel(meaning: Meaning) -> OutputChannel:
     """Return a yaw rate without a speed as an IMU of which only the turn rate about the vertical is measured."""
     rows = np.isfinite(meaning.values["yaw_rate"])
     n = len(meaning.stamp_ns)
     fields = {
-        "orientation_covariance": _covariance(n, is_measured=False),
+        "orientation_covariance": _imu_covariances(n, is_measured=False),
         "angular_velocity.z": meaning.values["yaw_rate"],
-        "linear_acceleration_covariance": _covariance(n, is_measured=False),
+        "linear_acceleration_covariance": _imu_covariances(n, is_measured=False),
     }
-    return _channel(meaning, IMU_TOPIC, "sensor_msgs/msg/Imu", rows, BODY_FRAME_ID, fields)
+    return _build_quantity_channel(meaning, IMU_TOPIC, "sensor_msgs/msg/Imu", rows, BODY_FRAME_ID, fields)
 
 
-def _heading_channel(meaning: Meaning) -> OutputChannel:
+def _build_heading_channel(meaning: Meaning) -> OutputChannel:
     half = 0.5 * meaning.values["heading"]
     fields = {"quaternion.z": np.sin(half), "quaternion.w": np.cos(half)}
-    return _channel(
+    return _build_quantity_channel(
         meaning, HEADING_TOPIC, "geometry_msgs/msg/QuaternionStamped", np.isfinite(half), MAP_FRAME_ID, fields
     )
 
 
-def _imu_channel(meaning: Meaning) -> OutputChannel:
+def _build_imu_channel(meaning: Meaning) -> OutputChannel:
     values = meaning.values
     n = len(meaning.stamp_ns)
     rows = np.ones(n, np.bool_)
     fields: dict[str, FloatArray] = {
         "orientation.w": np.ones(n),
-        "orientation_covariance": _covariance(n, is_measured=False),
+        "orientation_covariance": _imu_covariances(n, is_measured=False),
     }
     for name, path in (("accel", "linear_acceleration"), ("gyro", "angular_velocity")):
         if f"{name}_x" in values:
@@ -154,11 +160,11 @@ def _imu_channel(meaning: Meaning) -> OutputChannel:
                 fields[f"{path}.{axis}"] = values[f"{name}_{axis}"]
                 rows &= np.isfinite(values[f"{name}_{axis}"])
         else:
-            fields[f"{path}_covariance"] = _covariance(n, is_measured=False)
-    return _channel(meaning, IMU_TOPIC, "sensor_msgs/msg/Imu", rows, BODY_FRAME_ID, fields)
+            fields[f"{path}_covariance"] = _imu_covariances(n, is_measured=False)
+    return _build_quantity_channel(meaning, IMU_TOPIC, "sensor_msgs/msg/Imu", rows, BODY_FRAME_ID, fields)
 
 
-def _covariance(n: int, *, is_measured: bool) -> FloatArray:
+def _imu_covariances(n: int, *, is_measured: bool) -> FloatArray:
     covariance = np.zeros((n, 9))
     covariance[:, 0] = 0.0 if is_measured else NOT_MEASURED
     return covariance

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import Track, mean_over_spans, turn_ratio
+from cwcli.importing.motion import Track, mean_over_spans, turn_rate_units_per_radps_and_correlation
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
@@ -20,20 +20,24 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 
 MAX_GRAVITY_ERROR = 0.2
-"""Largest relative deviation of the mean acceleration from gravity in a unit."""
+"""Largest relative deviation of the mean acceleration from 9.81 m/s^2 at which a unit is accepted. Chosen by hand; not
+fitted."""
 FASTEST_TURN_RADPS = 1.5
-"""No car turns faster (86 deg/s): larger numbers are degrees."""
+"""Greatest turn rate of a car, rad/s (86 degrees/s); larger numbers are degrees. Chosen by hand."""
 MIN_CORRELATION = 0.5
-"""Least correlation that shows the sense of a turn rate, or forward."""
+"""Least correlation that shows the sense of a turn rate, or forward. Chosen by hand; not fitted."""
 UPRIGHT_COS = 0.94
-"""Least share of gravity along an axis that stands upright: 20 degrees."""
+"""Least cosine between gravity and an axis of the sensor that counts as vertical: that of 20 degrees. Chosen by
+hand."""
 MAX_GAP_S = 0.25
-"""Longest time between two accelerations that is bridged to the stamps of the turn rates."""
+"""Longest time in s between two accelerations across which they are interpolated to the stamps of the turn rates.
+Chosen by hand."""
 MIN_TURNED_RAD = 0.44
-"""25 degrees: an IMU that is turned about its vertical by more is turned back."""
+"""Least angle in rad, 25 degrees, by which an IMU is turned about its vertical for the turn to be corrected. Chosen by
+hand."""
 
 
-def find_inertial(meaning: Meaning, track: Track | None, other: Meaning | None = None) -> None:
+def find_accelerations_and_turn_rates(meaning: Meaning, track: Track | None, other: Meaning | None = None) -> None:
     """Find accelerations and turn rates in m/s^2 and rad/s, and turn them into the axes of the car.
 
     Args:
@@ -46,19 +50,23 @@ def find_inertial(meaning: Meaning, track: Track | None, other: Meaning | None =
     if other is not None and force is None and turn is not None:
         force = _read_vector(other, "accel", track)
         if force is not None:
-            force = _at_stamps(meaning, other, force)
+            force = _accelerations_at_turn_rate_stamps(meaning, other, force)
     if meaning.questions or (force is None and turn is None):
         return
-    _into_car_axes(meaning, force, turn, track)
+    _rotate_into_car_axes_and_store(meaning, force, turn, track)
 
 
-def pair_tables(meanings: Sequence[Meaning]) -> dict[str, Meaning]:
+def acceleration_table_by_turn_rate_table(meanings: Sequence[Meaning]) -> dict[str, Meaning]:
     """Return by name of a table with turn rates alone the table with the accelerations of the same device.
 
     Phones write a table each. Where there is one of each kind, they belong together.
     """
     lonely = {
-        name: [each for each in meanings if each.candidates(f"{name}_x") and not each.candidates(f"{without}_x")]
+        name: [
+            each
+            for each in meanings
+            if each.candidate_columns(f"{name}_x") and not each.candidate_columns(f"{without}_x")
+        ]
         for name, without in (("accel", "gyro"), ("gyro", "accel"))
     }
     if any(len(tables) != 1 for tables in lonely.values()):
@@ -69,36 +77,44 @@ def pair_tables(meanings: Sequence[Meaning]) -> dict[str, Meaning]:
 
 def _read_vector(meaning: Meaning, name: str, track: Track | None) -> FloatArray | None:
     """Return accelerations or turn rates in SI and the sensor's axes (n, 3); None without, or behind a question."""
-    columns = _choose_axes(meaning, name)
+    columns = _choose_axis_columns(meaning, name)
     if columns is None or meaning.questions:
         return None
-    values = np.stack([meaning.raw(column) for column in columns], axis=1)
+    values = np.stack([meaning.unscaled_numbers(column) for column in columns], axis=1)
     if name == "accel":
-        values = _in_si(meaning, columns, values, "acceleration", _accel_unit(meaning, columns, values))
+        values = _convert_to_si_and_record_guess(
+            meaning, columns, values, "acceleration", _choose_accel_unit_and_reason(meaning, columns, values)
+        )
     else:
-        values = _in_si(meaning, columns, values, "turn rate", _gyro_unit(meaning, columns, values, track))
+        values = _convert_to_si_and_record_guess(
+            meaning, columns, values, "turn rate", _choose_gyro_unit_and_reason(meaning, columns, values, track)
+        )
     return None if meaning.questions else values
 
 
-def _at_stamps(meaning: Meaning, other: Meaning, force: FloatArray) -> FloatArray:
+def _accelerations_at_turn_rate_stamps(meaning: Meaning, other: Meaning, force: FloatArray) -> FloatArray:
     """Return accelerations at the stamps of the turn rates: straight lines between rows, NaN in gaps."""
     meaning.notes.append(f"accelerations of {other.name} are interpolated to its stamps")
     return resample(other.stamp_ns, force, meaning.stamp_ns, max_gap_s=MAX_GAP_S)
 
 
-def _choose_axes(meaning: Meaning, name: str) -> list[str] | None:
+def _choose_axis_columns(meaning: Meaning, name: str) -> list[str] | None:
     """Return the columns of x, y and z; raw accelerations where those without gravity are there, too."""
     quantities = [f"{name}_{axis}" for axis in "xyz"]
     for quantity in quantities:
-        columns = meaning.candidates(quantity)
-        if len(columns) > 1 and not meaning.is_given(quantity):
-            whole = [column for column in columns if not {"linear", "user", "calibrated"} & set(meaning.words(column))]
+        columns = meaning.candidate_columns(quantity)
+        if len(columns) > 1 and not meaning.is_decided_by_user(quantity):
+            whole = [
+                column
+                for column in columns
+                if not {"linear", "user", "calibrated"} & set(meaning.words_of_column_name(column))
+            ]
             meaning.table.candidates[quantity] = whole or columns
-    chosen = [meaning.choose(quantity) for quantity in quantities]
+    chosen = [meaning.choose_column_or_ask(quantity) for quantity in quantities]
     return [column for column in chosen if column is not None] if all(chosen) else None
 
 
-def _in_si(
+def _convert_to_si_and_record_guess(
     meaning: Meaning, columns: list[str], values: FloatArray, kind: str, said: tuple[str, str, str]
 ) -> FloatArray:
     unit, confidence, why = said
@@ -111,8 +127,8 @@ def _in_si(
     return values * FACTORS[kind][unit]
 
 
-def _accel_unit(meaning: Meaning, columns: list[str], values: FloatArray) -> tuple[str, str, str]:
-    unit, confidence, why = meaning.stated_unit("accel_x", columns[0])
+def _choose_accel_unit_and_reason(meaning: Meaning, columns: list[str], values: FloatArray) -> tuple[str, str, str]:
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("accel_x", columns[0])
     norm = float(np.nanmedian(np.sqrt((values**2).sum(axis=1))))
     fitting = [
         each
@@ -121,7 +137,7 @@ def _accel_unit(meaning: Meaning, columns: list[str], values: FloatArray) -> tup
     ]
     if unit:
         if fitting and unit not in fitting and confidence != "given":
-            meaning.ask(
+            meaning.add_question(
                 f"{columns[0]!r}: the header says {unit}, but gravity is {norm:.3g}, as in {fitting[0]}",
                 " ".join(
                     f"--column accel_{axis}='{column}*{fitting[0]}'"
@@ -132,7 +148,7 @@ def _accel_unit(meaning: Meaning, columns: list[str], values: FloatArray) -> tup
         return unit, confidence, why
     if fitting:
         return fitting[0], "likely", f"gravity is {norm:.3g} of it"
-    meaning.ask(
+    meaning.add_question(
         f"{columns[0]!r} has no unit, and its size ({norm:.3g}) is not that of gravity",
         " ".join(f"--column accel_{axis}='{column}*mps2'" for axis, column in zip("xyz", columns, strict=True))
         + ", or *g",
@@ -140,19 +156,24 @@ def _accel_unit(meaning: Meaning, columns: list[str], values: FloatArray) -> tup
     return "", "", ""
 
 
-def _gyro_unit(meaning: Meaning, columns: list[str], values: FloatArray, track: Track | None) -> tuple[str, str, str]:
-    unit, confidence, why = meaning.stated_unit("gyro_x", columns[0])
+def _choose_gyro_unit_and_reason(
+    meaning: Meaning, columns: list[str], values: FloatArray, track: Track | None
+) -> tuple[str, str, str]:
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("gyro_x", columns[0])
     if unit:
         return unit, confidence, why
     size = float(np.nanpercentile(np.abs(values), 99.9))
     if size > FASTEST_TURN_RADPS:
         return "degps", "likely", f"values up to {size:.3g} are beyond any car in rad/s"
-    best = max((turn_ratio(track, meaning.stamp_ns, values[:, k]) for k in range(3)), key=lambda each: abs(each[1]))
+    best = max(
+        (turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values[:, k]) for k in range(3)),
+        key=lambda each: abs(each[1]),
+    )
     if abs(best[1]) > MIN_CORRELATION:
         for each in ("radps", "degps"):
             if 0.6 < abs(best[0]) * FACTORS["turn rate"][each] < 1.6:
                 return each, "likely", f"{abs(best[0]):.3g} of it make 1 rad/s of the course"
-    meaning.ask(
+    meaning.add_question(
         f"{columns[0]!r} has no unit, and its size ({size:.3g}) fits rad/s and deg/s",
         " ".join(f"--column gyro_{axis}='{column}*degps'" for axis, column in zip("xyz", columns, strict=True))
         + ", or *radps",
@@ -160,19 +181,23 @@ def _gyro_unit(meaning: Meaning, columns: list[str], values: FloatArray, track: 
     return "", "", ""
 
 
-def _into_car_axes(meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: Track | None) -> None:
+def _rotate_into_car_axes_and_store(
+    meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: Track | None
+) -> None:
     """Turn both vectors into x forward, y left, z up; leave out what can't be turned."""
-    rotation = given_rotation(meaning)
+    rotation = rotation_given_by_user(meaning)
     if rotation is None:
-        level = _levelling_rotation(meaning, force)
+        level = _levelling_rotation_and_if_x_is_forward(meaning, force)
         if level is None:
             return
         rotation, knows_forward = level
         if turn is not None:
-            rotation = _with_sense_of_turn(meaning, rotation, turn, track)
+            rotation = _turn_over_if_course_turns_other_way(meaning, rotation, turn, track)
             if meaning.questions:
                 return
-        rotation, knows_forward = _turned_forward(meaning, rotation, (force, turn), track, knows_forward)
+        rotation, knows_forward = _turn_forward_by_track_and_tell_if_done(
+            meaning, rotation, (force, turn), track, knows_forward
+        )
         if not knows_forward and force is not None:
             meaning.notes.append(
                 "accelerations are left out: nothing shows which way the device points (--axes FORWARD,UP)"
@@ -182,27 +207,29 @@ def _into_car_axes(meaning: Meaning, force: FloatArray | None, turn: FloatArray 
                 turn = turn @ rotation.T
                 turn = turn * np.array([0.0, 0.0, 1.0])
                 meaning.notes.append("of the turn rates only the one about the vertical is used")
-                _store(meaning, None, turn)
+                _store_imu_quantities(meaning, None, turn)
             return
-    _store(meaning, None if force is None else force @ rotation.T, None if turn is None else turn @ rotation.T)
+    _store_imu_quantities(
+        meaning, None if force is None else force @ rotation.T, None if turn is None else turn @ rotation.T
+    )
 
 
-def _store(meaning: Meaning, force: FloatArray | None, turn: FloatArray | None) -> None:
+def _store_imu_quantities(meaning: Meaning, force: FloatArray | None, turn: FloatArray | None) -> None:
     for name, values in (("accel", force), ("gyro", turn)):
         for k, axis in enumerate("xyz") if values is not None else ():
             assert values is not None
             meaning.values[f"{name}_{axis}"] = values[:, k]
 
 
-def given_rotation(meaning: Meaning) -> FloatArray | None:
+def rotation_given_by_user(meaning: Meaning) -> FloatArray | None:
     """Return the rotation of `--axes FORWARD,UP`; None where it is not given."""
     text = meaning.answers.axes
     if not text:
         return None
     forward, _, up = text.partition(",")
-    rows = [_axis(forward.strip()), _axis(up.strip())]
+    rows = [_parse_axis_vector(forward.strip()), _parse_axis_vector(up.strip())]
     if any(row is None for row in rows) or abs(float(rows[0] @ rows[1])) > 0.5:  # type: ignore[operator]
-        meaning.ask(
+        meaning.add_question(
             f"--axes {text}: it is no pair of axes", "--axes x,z or --axes -y,z: the sensor's axes forward and up"
         )
         return None
@@ -212,13 +239,15 @@ def given_rotation(meaning: Meaning) -> FloatArray | None:
     return np.stack([ahead, np.cross(upward, ahead), upward])
 
 
-def _axis(text: str) -> FloatArray | None:
+def _parse_axis_vector(text: str) -> FloatArray | None:
     sign = -1.0 if text.startswith("-") else 1.0
     name = text.lstrip("+-")
     return sign * np.eye(3)["xyz".index(name)] if name in {"x", "y", "z"} else None
 
 
-def _levelling_rotation(meaning: Meaning, force: FloatArray | None) -> tuple[FloatArray, bool] | None:
+def _levelling_rotation_and_if_x_is_forward(
+    meaning: Meaning, force: FloatArray | None
+) -> tuple[FloatArray, bool] | None:
     """Return the rotation that makes gravity point along z, and whether x is then forward; None if neither is known."""
     is_device = meaning.table.source.is_device_frame
     if force is None and is_device:
@@ -235,10 +264,10 @@ def _levelling_rotation(meaning: Meaning, force: FloatArray | None) -> tuple[Flo
         meaning.notes.append("the accelerations are without gravity; the axes are taken as x forward, z up")
         return np.eye(3), True
     upward = mean / size
-    return _upright_or_levelled(meaning, upward)
+    return _gravity_rotation_and_if_x_is_forward(meaning, upward)
 
 
-def _upright_or_levelled(meaning: Meaning, upward: FloatArray) -> tuple[FloatArray, bool]:
+def _gravity_rotation_and_if_x_is_forward(meaning: Meaning, upward: FloatArray) -> tuple[FloatArray, bool]:
     """Return the rotation for a unit vector of gravity, and whether x is then forward."""
     if abs(upward[2]) <= UPRIGHT_COS or meaning.table.source.is_device_frame:
         return _rotation_to_z(upward), False
@@ -258,26 +287,28 @@ def _rotation_to_z(upward: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + cosine))
 
 
-def _with_sense_of_turn(meaning: Meaning, rotation: FloatArray, turn: FloatArray, track: Track | None) -> FloatArray:
+def _turn_over_if_course_turns_other_way(
+    meaning: Meaning, rotation: FloatArray, turn: FloatArray, track: Track | None
+) -> FloatArray:
     """Return the rotation with the vertical turned over where the course turns the other way.
 
     Phones of one maker report gravity with the other sign: their vertical is known, and not which end is up.
     """
-    ratio, correlation = turn_ratio(track, meaning.stamp_ns, turn @ rotation[2])
+    ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn @ rotation[2])
     if abs(correlation) > MIN_CORRELATION:
         if ratio < 0:
             meaning.notes.append("the course turns the other way than the axes say: up and down are exchanged")
             return np.diag([1.0, -1.0, -1.0]) @ rotation
         return rotation
     if rotation[2, 2] < 0 and not np.allclose(rotation, np.eye(3)):
-        meaning.ask(
+        meaning.add_question(
             "gravity points up along z, and no turn of the course tells which end of the sensor is up",
             "--axes x,-z if z is down, --axes x,z if z is up",
         )
     return rotation
 
 
-def _turned_forward(
+def _turn_forward_by_track_and_tell_if_done(
     meaning: Meaning,
     rotation: FloatArray,
     measured: tuple[FloatArray | None, FloatArray | None],
@@ -286,11 +317,11 @@ def _turned_forward(
 ) -> tuple[FloatArray, bool]:
     """Return the rotation turned about the vertical as the changes of speed and course show, and whether they do."""
     force, _ = measured
-    if force is None or track is None or not track.is_long_enough:
+    if force is None or track is None or not track.can_show_units_and_directions:
         return rotation, knows_forward
     level = force @ rotation.T
     along = _accelerations_of_track(track)
-    middle = track.middle_ns
+    middle = track.span_middles_ns
     spans = Track(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
     seen = mean_over_spans(spans, meaning.stamp_ns, level[:, 0]) + 1j * mean_over_spans(
         spans, meaning.stamp_ns, level[:, 1]
@@ -317,9 +348,9 @@ def _turned_forward(
 def _accelerations_of_track(track: Track) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
     """Return acceleration forward (real) and to the left (imaginary) between neighbouring spans, NaN elsewhere."""
     speed, course = track.speed_mps, track.course_rad
-    step_s = np.diff(track.middle_ns) / NS_PER_S
+    step_s = np.diff(track.span_middles_ns) / NS_PER_S
     turn = np.angle(np.exp(1j * np.diff(course)))
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
     found = (np.diff(speed) + 1j * mean_speed * turn) / step_s
-    sound = (track.start_ns[1:] == track.end_ns[:-1]) & track.is_moving[1:] & track.is_moving[:-1]
+    sound = (track.start_ns[1:] == track.end_ns[:-1]) & track.moving_span_mask[1:] & track.moving_span_mask[:-1]
     return np.where(sound, found, np.nan + 0j)

@@ -11,22 +11,22 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.importing.cells import (
     COMMA_NUMBER_PATTERN,
-    encode_name_cells,
-    is_text,
-    read_instant_cells,
-    read_number_cells,
-    read_place_cells,
-    trimmed_texts,
+    distinct_names_and_row_indices,
+    is_text_column,
+    read_degree_cells_and_count_bad,
+    read_number_cells_and_count_bad,
+    read_whole_units_fraction_and_validity,
+    trimmed_texts_or_null,
 )
 from cwcli.importing.names import QUANTITIES, quantities_of_name
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ask
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
 from cwcli.importing.times import (
     Instants,
     TextTimes,
-    clock_of_digits,
     join_text_times,
     parse_short_dates,
     parse_text_times,
+    times_of_day_from_digits,
 )
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -69,7 +69,7 @@ def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[
     found: dict[str, list[str]] = {}
     taken: dict[str, str] = {}
     for quantity in QUANTITIES:
-        given = answers.column_for(table, quantity)
+        given = answers.column_and_unit_for(table, quantity)
         if given is not None:
             if given[0] and given[0] not in table.columns:
                 raise DataError(
@@ -87,17 +87,17 @@ def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[
         preset = table.presets.get(column)
         names = [preset.quantity] if preset is not None else quantities_of_name(column)
         for quantity in names:
-            if quantity in QUANTITIES and answers.column_for(table, quantity) is None:
+            if quantity in QUANTITIES and answers.column_and_unit_for(table, quantity) is None:
                 found.setdefault(quantity, []).append(column)
     for quantity, columns in found.items():  # what the format fixes leaves no other candidate
         fixed = [column for column in columns if column in table.presets]
         if fixed and len(fixed) < len(columns):
             found[quantity] = fixed
-    _drop_lonely_axes(found)
+    _drop_incomplete_axes(found)
     return {quantity: columns for quantity, columns in found.items() if columns}
 
 
-def _drop_lonely_axes(found: dict[str, list[str]]) -> None:
+def _drop_incomplete_axes(found: dict[str, list[str]]) -> None:
     """Leave out axes without their companions: `gx` alone, `x` without `y`."""
     for names in (
         [f"gyro_{axis}" for axis in "xyz"],
@@ -132,17 +132,17 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
     for batch in table.read_batches(wanted):
         n = len(next(iter(batch.values())))
         if n and not loaded.n_rows and not answers.decimal:
-            _check_thousands(batch, table)
+            _ask_about_thousands_separators(batch, table)
         loaded.n_rows += n
         for column in wanted:
             array = batch[column]
             if column not in how and n:
-                decimals[column] = answers.decimal or _decimal_mark(array, table, column)
-                how[column] = _how_to_read(array, of_column[column])
+                decimals[column] = answers.decimal or _decimal_mark_of_column(array, table, column)
+                how[column] = _reading_method_of_column(array, of_column[column])
             if n:
-                bad[column] += _append_cells(pieces[column], array, how[column], decimals[column])
+                bad[column] += _append_cells_and_count_bad(pieces[column], array, how[column], decimals[column])
     for column in wanted:
-        _finish_column(loaded, column, how.get(column, "numbers"), pieces[column])
+        _store_finished_column(loaded, column, how.get(column, "numbers"), pieces[column])
     _read_clocks_of_digits(loaded)
     _drop_text_columns(loaded, bad, answers)
     return loaded
@@ -152,31 +152,31 @@ def _read_clocks_of_digits(loaded: LoadedTable) -> None:
     """Read times of day that are written as numbers (hhmmss) beside a column of dates."""
     has_dates = any(times.has_date and not times.has_clock for times in loaded.text_times.values())
     for column in list(loaded.instants) if has_dates else ():
-        clock = clock_of_digits(loaded.instants[column])
+        clock = times_of_day_from_digits(loaded.instants[column])
         if clock is not None and column in loaded.candidates.get("time", ()):
             loaded.text_times[column] = clock
             del loaded.instants[column]
 
 
-def _how_to_read(array: Any, quantities: list[str]) -> str:
+def _reading_method_of_column(array: Any, quantities: list[str]) -> str:
     if any(QUANTITIES[quantity].kind == "text" for quantity in quantities) and quantities != ["date"]:
         return "texts"
     if quantities[0] in {"time", "date"}:
-        if is_text(array) and parse_text_times(array) is not None:
+        if is_text_column(array) and parse_text_times(array) is not None:
             return "text times"
-        if is_text(array) and quantities == ["date"] and parse_short_dates(array) is not None:
+        if is_text_column(array) and quantities == ["date"] and parse_short_dates(array) is not None:
             return "short dates"
         return "instants"
     return "places" if any(quantity in {"latitude", "longitude"} for quantity in quantities) else "numbers"
 
 
-def _append_cells(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
+def _append_cells_and_count_bad(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
     """Append the cells of a batch; returns how many are neither a value nor empty."""
     if how == "texts":
-        pieces.append(encode_name_cells(array))
+        pieces.append(distinct_names_and_row_indices(array))
         return 0
     if how == "instants":
-        pieces.append(read_instant_cells(array, decimal))
+        pieces.append(read_whole_units_fraction_and_validity(array, decimal))
         return 0
     if how in {"text times", "short dates"}:
         times = parse_text_times(array) if how == "text times" else parse_short_dates(array)
@@ -188,12 +188,14 @@ def _append_cells(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
             )
         )
         return 0
-    values, n_bad = (read_place_cells if how == "places" else read_number_cells)(array, decimal)
+    values, n_bad = (read_degree_cells_and_count_bad if how == "places" else read_number_cells_and_count_bad)(
+        array, decimal
+    )
     pieces.append(values)
     return n_bad
 
 
-def _finish_column(loaded: LoadedTable, column: str, how: str, pieces: list[Any]) -> None:
+def _store_finished_column(loaded: LoadedTable, column: str, how: str, pieces: list[Any]) -> None:
     if how == "texts":
         names: dict[str, int] = {}
         codes = [np.array([names.setdefault(name, len(names)) for name in own], np.int64)[rows] for own, rows in pieces]
@@ -217,7 +219,7 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Ans
             loaded.source.notes.append(f"{column}: {n_bad} cells are no numbers and are left out")
             continue
         quantities = [quantity for quantity, columns in loaded.candidates.items() if column in columns]
-        given = [name for name in quantities if answers.column_for(loaded.source, name)]
+        given = [name for name in quantities if answers.column_and_unit_for(loaded.source, name)]
         if given:
             raise DataError(
                 f"{n_bad} of {n_given} cells of {column!r} are no numbers",
@@ -236,7 +238,7 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Ans
         loaded.unused = (*loaded.unused, column)
 
 
-def _count_marks(texts: Any) -> tuple[int, int, int]:
+def _count_decimal_marks(texts: Any) -> tuple[int, int, int]:
     """Count the texts with a decimal comma, with a decimal point, and with a comma before each three digits."""
     import pyarrow.compute as pc
 
@@ -247,36 +249,42 @@ def _count_marks(texts: Any) -> tuple[int, int, int]:
     return n_comma, n_point, n_thousands
 
 
-def _check_thousands(batch: Batch, table: SourceTable) -> None:
+def _ask_about_thousands_separators(batch: Batch, table: SourceTable) -> None:
     """Ask where commas stand before three digits in one column, and another column has decimal points.
 
     Raises:
         AmbiguousError: They may stand before thousands.
     """
-    counts = {column: _count_marks(trimmed_texts(array)) for column, array in batch.items() if is_text(array)}
+    counts = {
+        column: _count_decimal_marks(trimmed_texts_or_null(array))
+        for column, array in batch.items()
+        if is_text_column(array)
+    }
     pointed = next((column for column, (n_comma, n_point, _) in counts.items() if n_point and not n_comma), None)
     for column, (n_comma, n_point, n_thousands) in counts.items():
         if pointed is not None and n_comma and not n_point and n_thousands == n_comma:
             what = f"{column!r}: its commas may stand before thousands, because {pointed!r} has decimal points"
-            raise ask([Question(table.name, what, "--decimal , or remove the commas")])
+            raise ambiguity_error_of_questions([Question(table.name, what, "--decimal , or remove the commas")])
 
 
-def _decimal_mark(array: Any, table: SourceTable, column: str) -> str:
+def _decimal_mark_of_column(array: Any, table: SourceTable, column: str) -> str:
     """Return the decimal mark of a column by its first cells.
 
     Raises:
         AmbiguousError: Both marks are there, or commas may stand before thousands.
     """
-    if not is_text(array):
+    if not is_text_column(array):
         return "."
-    texts = trimmed_texts(array)
-    n_comma, n_point, n_thousands = _count_marks(texts)
+    texts = trimmed_texts_or_null(array)
+    n_comma, n_point, n_thousands = _count_decimal_marks(texts)
     if not n_comma:
         return "."
     if n_point:
         what = f"{column!r} has numbers with a comma and numbers with a point"
-        raise ask([Question(table.name, what, "--decimal . or --decimal , (the others are then left out)")])
+        raise ambiguity_error_of_questions(
+            [Question(table.name, what, "--decimal . or --decimal , (the others are then left out)")]
+        )
     if n_thousands == n_comma and n_comma < len(texts) - texts.null_count:
         what = f"{column!r}: the commas may be decimal marks or stand before thousands"
-        raise ask([Question(table.name, what, "--decimal , or remove the commas")])
+        raise ambiguity_error_of_questions([Question(table.name, what, "--decimal , or remove the commas")])
     return ","

@@ -31,7 +31,7 @@ CHOICES = {"date_order": ("dmy", "mdy", "ymd"), "decimal": (".", ",")}
 _TEXT_ANSWERS = tuple(field.name for field in fields(Answers) if field.name not in {"columns", "dbc"})
 
 
-def parse_column_option(text: str) -> tuple[tuple[str, str], tuple[str, str]]:
+def parse_table_quantity_and_column_unit(text: str) -> tuple[tuple[str, str], tuple[str, str]]:
     """Return (table or "", quantity) and (column, unit) of `QUANTITY=COLUMN*UNIT` or `QUANTITY@TABLE=COLUMN*UNIT`.
 
     Raises:
@@ -83,11 +83,11 @@ def read_mapping(path: str) -> Answers:
             )
     columns: dict[tuple[str, str], tuple[str, str]] = {}
     for table in tables:
-        columns.update(_columns_of_table(table, path))
+        columns.update(_parse_columns_table(table, path))
     return Answers(columns, **values)
 
 
-def _columns_of_table(table: Any, path: str) -> dict[tuple[str, str], tuple[str, str]]:
+def _parse_columns_table(table: Any, path: str) -> dict[tuple[str, str], tuple[str, str]]:
     if not isinstance(table, dict) or not isinstance(table.get("name"), str):
         raise UsageError("a [[table]] without a name", where=path)
     found = {}
@@ -146,7 +146,7 @@ def _toml_string(text: str) -> str:
     return json.dumps(text, ensure_ascii=True).replace("\\/", "/")
 
 
-def mapping_name(target: str) -> str:
+def mapping_file_name(target: str) -> str:
     """Return the name of the mapping file beside a log."""
     path = Path(target)
     return str(path.with_name(f"{path.name.removesuffix('.mcap')}.import.toml"))

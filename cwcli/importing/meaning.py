@@ -16,7 +16,8 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 
 EQUAL_SHARE = 1e-4
-"""Largest relative difference of two columns that say the same."""
+"""Largest relative difference of two columns that count as the same quantity. Chosen by hand: rounding of a text
+changes less."""
 
 
 @dataclass
@@ -52,17 +53,17 @@ class Meaning:
         """Name of the table."""
         return self.table.source.name
 
-    def raw(self, column: str) -> FloatArray:
+    def unscaled_numbers(self, column: str) -> FloatArray:
         """Return a column of numbers in the file's unit, (n,)."""
         if column in self.table.numbers:
             return self.table.numbers[column][self.rows]
         return self.table.instants[column].values()[self.rows]
 
-    def ask(self, what: str, option: str) -> None:
+    def add_question(self, what: str, option: str) -> None:
         """Add a question."""
         self.questions.append(Question(self.name, what, option))
 
-    def candidates(self, quantity: str) -> list[str]:
+    def candidate_columns(self, quantity: str) -> list[str]:
         """Return the columns that can be a quantity and hold any number."""
         return [
             column
@@ -70,27 +71,27 @@ class Meaning:
             if column in self.table.numbers and np.isfinite(self.table.numbers[column]).any()
         ]
 
-    def choose(self, quantity: str) -> str | None:
+    def choose_column_or_ask(self, quantity: str) -> str | None:
         """Return the column of a quantity; None where there is none, or where a question is asked."""
-        columns = [column for column in self.candidates(quantity) if column not in self.chosen.values()]
+        columns = [column for column in self.candidate_columns(quantity) if column not in self.chosen.values()]
         if not columns:
             return None
         if len(columns) > 1:
-            first = self.raw(columns[0])
-            if not all(_say_the_same(first, self.raw(column)) for column in columns[1:]):
-                self.ask(
-                    f"{_join_columns(columns)} can each be the {quantity.replace('_', ' ')}",
+            first = self.unscaled_numbers(columns[0])
+            if not all(_hold_same_values(first, self.unscaled_numbers(column)) for column in columns[1:]):
+                self.add_question(
+                    f"{_join_column_names(columns)} can each be the {quantity.replace('_', ' ')}",
                     " or ".join(f"--column {quantity}='{column}'" for column in columns[:4]),
                 )
                 return None
-            self.notes.append(f"{_join_columns(columns)} hold the same {quantity}: the first one is read")
+            self.notes.append(f"{_join_column_names(columns)} hold the same {quantity}: the first one is read")
         self.chosen[quantity] = columns[0]
         return columns[0]
 
-    def stated_unit(self, quantity: str, column: str) -> tuple[str, str, str]:
+    def stated_unit_confidence_and_reason(self, quantity: str, column: str) -> tuple[str, str, str]:
         """Return unit, confidence and reason of a column; the unit is "" where nothing states it."""
         kind = QUANTITIES[quantity].kind
-        given = self.answers.column_for(self.table.source, quantity)
+        given = self.answers.column_and_unit_for(self.table.source, quantity)
         if given is not None and given[0] == column:
             unit = given[1] or unit_of_name(column, kind) or find_unit(self.table.source.units.get(column, ""), kind)
             return unit, "given" if given[1] else "certain", "as you said" if given[1] else "the header says it"
@@ -100,27 +101,27 @@ class Meaning:
         unit = find_unit(self.table.source.units.get(column, ""), kind) or unit_of_name(column, kind)
         return unit, "certain", "the header says it"
 
-    def add(self, quantity: str, values: FloatArray, guess: Guess) -> None:
+    def add_quantity(self, quantity: str, values: FloatArray, guess: Guess) -> None:
         """Add a quantity with its guess."""
         self.values[quantity] = values
         self.guesses.append(guess)
 
-    def add_scaled(self, quantity: str, column: str, unit: str, confidence: str, why: str) -> None:
+    def add_scaled_quantity(self, quantity: str, column: str, unit: str, confidence: str, why: str) -> None:
         """Add a quantity whose unit is a factor."""
         factor = FACTORS[QUANTITIES[quantity].kind][unit]
-        values = self.raw(column) if factor == 1.0 else self.raw(column) * factor
-        self.add(quantity, values, Guess(quantity, column, unit, confidence, why))
+        values = self.unscaled_numbers(column) if factor == 1.0 else self.unscaled_numbers(column) * factor
+        self.add_quantity(quantity, values, Guess(quantity, column, unit, confidence, why))
 
-    def is_given(self, quantity: str) -> bool:
+    def is_decided_by_user(self, quantity: str) -> bool:
         """Tell whether the user decided about a quantity."""
-        return self.answers.column_for(self.table.source, quantity) is not None
+        return self.answers.column_and_unit_for(self.table.source, quantity) is not None
 
-    def words(self, column: str) -> tuple[str, ...]:
+    def words_of_column_name(self, column: str) -> tuple[str, ...]:
         """Return the words of a column's name."""
         return split_name(column).words
 
 
-def _say_the_same(first: FloatArray, second: FloatArray) -> bool:
+def _hold_same_values(first: FloatArray, second: FloatArray) -> bool:
     both = np.isfinite(first) & np.isfinite(second)
     if not both.any():
         return False
@@ -128,7 +129,7 @@ def _say_the_same(first: FloatArray, second: FloatArray) -> bool:
     return bool(np.abs(first[both] - second[both]).max() <= EQUAL_SHARE * scale)
 
 
-def _join_columns(columns: Sequence[str]) -> str:
+def _join_column_names(columns: Sequence[str]) -> str:
     return " and ".join(repr(column) for column in columns[:6]) + (
         f" and {len(columns) - 6} more" if len(columns) > 6 else ""
     )

@@ -16,13 +16,14 @@ METERS_PER_DEGREE = 111_195.0
 MIN_SPAN_S = 1.0
 """Shortest time over which a way is measured."""
 MAX_SPAN_S = 5.0
-"""Longest time between two positions that is a way; behind a gap the way is not known."""
+"""Longest time in s between two positions from which a speed and a direction are computed. Chosen by hand."""
 MIN_WAY_M = 100.0
-"""Least way of a track that can show a unit or a direction."""
+"""Least length in m of a track that can show the unit of a speed or the sense of a heading. Chosen by hand."""
 MIN_SPEED_MPS = 2.0
-"""Slower spans show no direction: walking pace."""
+"""Least speed in m/s at which the direction between two positions is used: walking pace. Chosen by hand."""
 RATIO_TOLERANCE = 0.06
-"""Largest deviation of the logarithm of a ratio of speeds: mph and knots differ by 0.14."""
+"""Largest deviation of the natural logarithm of a ratio of two speeds from that of a unit; mph and knots differ by
+0.14."""
 
 
 @dataclass(frozen=True)
@@ -40,34 +41,34 @@ class Track:
     north_m: FloatArray
 
     @property
-    def span_s(self) -> FloatArray:
+    def span_durations_s(self) -> FloatArray:
         """Length of the spans in s."""
         return (self.end_ns - self.start_ns) / NS_PER_S
 
     @property
-    def way_m(self) -> FloatArray:
+    def span_lengths_m(self) -> FloatArray:
         """Way of the spans."""
         return np.hypot(self.east_m, self.north_m)
 
     @property
     def speed_mps(self) -> FloatArray:
         """Speed over ground of the spans."""
-        return self.way_m / self.span_s
+        return self.span_lengths_m / self.span_durations_s
 
     @property
-    def middle_ns(self) -> Int64Array:
+    def span_middles_ns(self) -> Int64Array:
         """Times in the middle of the spans."""
         return self.start_ns + (self.end_ns - self.start_ns) // 2
 
     @property
-    def is_moving(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def moving_span_mask(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Whether a span shows a direction."""
         return np.asarray(self.speed_mps > MIN_SPEED_MPS)
 
     @property
-    def is_long_enough(self) -> bool:
+    def can_show_units_and_directions(self) -> bool:
         """Whether the track can show units and directions."""
-        return bool(self.way_m[self.is_moving].sum() >= MIN_WAY_M)
+        return bool(self.span_lengths_m[self.moving_span_mask].sum() >= MIN_WAY_M)
 
     @property
     def course_rad(self) -> FloatArray:
@@ -75,7 +76,9 @@ class Track:
         return np.arctan2(self.north_m, self.east_m)
 
 
-def track_of_places(stamp_ns: Int64Array, latitude_deg: FloatArray, longitude_deg: FloatArray) -> Track | None:
+def track_of_geographic_places(
+    stamp_ns: Int64Array, latitude_deg: FloatArray, longitude_deg: FloatArray
+) -> Track | None:
     """Return the spans between places, by stamp; None for too few."""
     keep = np.isfinite(latitude_deg) & np.isfinite(longitude_deg) & ((latitude_deg != 0) | (longitude_deg != 0))
     if np.count_nonzero(keep) < 3:
@@ -142,59 +145,61 @@ def mean_over_spans(track: Track, stamp_ns: Int64Array, values: FloatArray) -> F
     return np.where(outside, np.nan, mean)
 
 
-def ratio_to_way(track: Track | None, stamp_ns: Int64Array, values: FloatArray) -> float:
+def speed_units_per_mps(track: Track | None, stamp_ns: Int64Array, values: FloatArray) -> float:
     """Return how many units of a column of speeds make 1 m/s over ground; NaN where the track can't tell."""
-    if track is None or not track.is_long_enough:
+    if track is None or not track.can_show_units_and_directions:
         return float("nan")
     mean = mean_over_spans(track, stamp_ns, np.abs(values))
-    use = track.is_moving & np.isfinite(mean) & (mean > 0)
+    use = track.moving_span_mask & np.isfinite(mean) & (mean > 0)
     if np.count_nonzero(use) < 5:
         return float("nan")
     return float(np.median(mean[use] / track.speed_mps[use]))
 
 
-def ratio_spread(track: Track, stamp_ns: Int64Array, values: FloatArray) -> float:
+def speed_ratio_spread(track: Track, stamp_ns: Int64Array, values: FloatArray) -> float:
     """Return half the width of the middle 80 % of the logarithm of a speed by the way; NaN if unknown."""
     mean = mean_over_spans(track, stamp_ns, np.abs(values))
-    use = track.is_moving & np.isfinite(mean) & (mean > 0)
+    use = track.moving_span_mask & np.isfinite(mean) & (mean > 0)
     if np.count_nonzero(use) < 10:
         return float("nan")
     low, high = np.percentile(np.log(mean[use] / track.speed_mps[use]), [10, 90])
     return float(high - low) / 2.0
 
 
-def angle_errors(track: Track, stamp_ns: Int64Array, heading_rad: FloatArray) -> FloatArray:
+def heading_minus_course_rad(track: Track, stamp_ns: Int64Array, heading_rad: FloatArray) -> FloatArray:
     """Return heading minus course, (k,), wrapped, of the spans in motion that have a heading."""
     finite = np.isfinite(heading_rad)
     if np.count_nonzero(finite) < 2:
         return np.zeros(0)
     order = np.argsort(stamp_ns[finite], kind="stable")
     stamps, heading = stamp_ns[finite][order], heading_rad[finite][order]
-    at = track.middle_ns[track.is_moving]
+    at = track.span_middles_ns[track.moving_span_mask]
     row = np.clip(np.searchsorted(stamps, at), 0, len(stamps) - 1)
     near = np.abs(stamps[row] - at) < 2 * NS_PER_S
-    error = heading[row] - track.course_rad[track.is_moving]
+    error = heading[row] - track.course_rad[track.moving_span_mask]
     return np.asarray(np.angle(np.exp(1j * error))[near])
 
 
-def turn_ratio(track: Track | None, stamp_ns: Int64Array, values: FloatArray) -> tuple[float, float]:
+def turn_rate_units_per_radps_and_correlation(
+    track: Track | None, stamp_ns: Int64Array, values: FloatArray
+) -> tuple[float, float]:
     """Return how many units of a turn rate make 1 rad/s of the course, and the correlation; NaN where it can't tell."""
     nothing = float("nan"), 0.0
-    if track is None or not track.is_long_enough:
+    if track is None or not track.can_show_units_and_directions:
         return nothing
     course = track.course_rad
-    neighbours = (track.start_ns[1:] == track.end_ns[:-1]) & track.is_moving[1:] & track.is_moving[:-1]
+    neighbours = (track.start_ns[1:] == track.end_ns[:-1]) & track.moving_span_mask[1:] & track.moving_span_mask[:-1]
     if np.count_nonzero(neighbours) < 10:
         return nothing
     change = np.angle(np.exp(1j * np.diff(course)))
-    middle = track.middle_ns
+    middle = track.span_middles_ns
     between = Track(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
     rate = mean_over_spans(between, stamp_ns, values)
     use = neighbours & np.isfinite(rate)
     if np.count_nonzero(use) < 10:
         return nothing
-    turned = change[use] / between.span_s[use]
-    if np.abs(turned * between.span_s[use]).sum() < 0.7:  # 40 degrees in all
+    turned = change[use] / between.span_durations_s[use]
+    if np.abs(turned * between.span_durations_s[use]).sum() < 0.7:  # 40 degrees in all
         return nothing
     given = rate[use] - np.median(rate[use])
     turned = turned - np.median(turned)

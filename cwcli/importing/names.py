@@ -28,97 +28,131 @@ class Quantity:
     beside: frozenset[str] = frozenset()
 
 
-def _words(text: str) -> frozenset[str]:
+def _split_into_word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_RECEIVER = _words(
+_RECEIVER = _split_into_word_set(
     "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx"
 )
-_CAR = _words(
+_CAR = _split_into_word_set(
     "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
 )
-_TIME_BESIDE = _words(
+_TIME_BESIDE = _split_into_word_set(
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
     "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date"
 )
 _AXIS_NOUNS_OF_ACCEL = "gforce acceleration accelerometer accel acc accelerations"
 _AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega"
-_IMU_BESIDE = _words(
+_IMU_BESIDE = _split_into_word_set(
     "imu linear raw uncal calibrated body sensor rotation rate angular velocity vel total with g specific force user"
 )
 
 QUANTITIES: dict[str, Quantity] = {
     "time": Quantity(
         "time",
-        _words(
+        _split_into_word_set(
             "time timestamp timestamps stamp t datetime epoch clock zeit zeitstempel tijd temps hora ts timeofday "
             "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"
         ),
-        _TIME_BESIDE | _words("time stamp timestamp week of day seconds second millis nanos uhrzeit"),
+        _TIME_BESIDE | _split_into_word_set("time stamp timestamp week of day seconds second millis nanos uhrzeit"),
     ),
-    "date": Quantity("text", _words("date datum day fecha"), _words("utc gps gmt local")),
-    "week": Quantity("number", _words("week wn gpsweek weekno"), _words("gps gnss number no num")),
-    "latitude": Quantity("place", _words("latitude lat latitud breite breitengrad"), _RECEIVER | _words("n s ns")),
+    "date": Quantity("text", _split_into_word_set("date datum day fecha"), _split_into_word_set("utc gps gmt local")),
+    "week": Quantity(
+        "number", _split_into_word_set("week wn gpsweek weekno"), _split_into_word_set("gps gnss number no num")
+    ),
+    "latitude": Quantity(
+        "place",
+        _split_into_word_set("latitude lat latitud breite breitengrad"),
+        _RECEIVER | _split_into_word_set("n s ns"),
+    ),
     "longitude": Quantity(
         "place",
-        _words("longitude lon lng long longitud länge laenge längengrad laengengrad"),
-        _RECEIVER | _words("e w ew"),
+        _split_into_word_set("longitude lon lng long longitud länge laenge längengrad laengengrad"),
+        _RECEIVER | _split_into_word_set("e w ew"),
     ),
-    "latitude_half": Quantity("text", _words("ns latdir lathem"), _RECEIVER | _words("indicator hemisphere")),
-    "longitude_half": Quantity("text", _words("ew londir lonhem longdir"), _RECEIVER | _words("indicator hemisphere")),
+    "latitude_half": Quantity(
+        "text", _split_into_word_set("ns latdir lathem"), _RECEIVER | _split_into_word_set("indicator hemisphere")
+    ),
+    "longitude_half": Quantity(
+        "text",
+        _split_into_word_set("ew londir lonhem longdir"),
+        _RECEIVER | _split_into_word_set("indicator hemisphere"),
+    ),
     "altitude": Quantity(
         "length",
-        _words("altitude alt height elevation ele hmsl höhe hoehe"),
-        _RECEIVER | _words("msl above sea level ellipsoid ellipsoidal wgs hae"),
+        _split_into_word_set("altitude alt height elevation ele hmsl höhe hoehe"),
+        _RECEIVER | _split_into_word_set("msl above sea level ellipsoid ellipsoidal wgs hae"),
     ),
     "speed": Quantity(
         "speed",
-        _words("speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad snelheid v_ego"),
-        _RECEIVER | _CAR | _words("over ground 2d horizontal horiz forward longitudinal long linear"),
+        _split_into_word_set(
+            "speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad snelheid v_ego"
+        ),
+        _RECEIVER | _CAR | _split_into_word_set("over ground 2d horizontal horiz forward longitudinal long linear"),
     ),
-    "velocity_east": Quantity("speed", _words("vele ve veast"), _RECEIVER),
-    "velocity_north": Quantity("speed", _words("veln vn vnorth"), _RECEIVER),
+    "velocity_east": Quantity("speed", _split_into_word_set("vele ve veast"), _RECEIVER),
+    "velocity_north": Quantity("speed", _split_into_word_set("veln vn vnorth"), _RECEIVER),
     "course": Quantity(
         "angle",
-        _words("course cog bearing headmot direction richtung kurs cmg"),
-        _RECEIVER | _words("over ground track true motion of"),
+        _split_into_word_set("course cog bearing headmot direction richtung kurs cmg"),
+        _RECEIVER | _split_into_word_set("over ground track true motion of"),
     ),
     "heading": Quantity(
         "angle",
-        _words("heading hdg yaw azimuth psi headveh"),
-        _RECEIVER | _CAR | _words("true angle compass orientation north attitude of motion euler ins imu"),
+        _split_into_word_set("heading hdg yaw azimuth psi headveh"),
+        _RECEIVER
+        | _CAR
+        | _split_into_word_set("true angle compass orientation north attitude of motion euler ins imu"),
     ),
-    "yaw_rate": Quantity("turn rate", _words("yawrate gierrate yawvel"), _CAR | _RECEIVER | _words("imu")),
+    "yaw_rate": Quantity(
+        "turn rate", _split_into_word_set("yawrate gierrate yawvel"), _CAR | _RECEIVER | _split_into_word_set("imu")
+    ),
     "steering": Quantity(
-        "angle", _words("steering steer lenkwinkel steeringangle"), _CAR | _words("angle wheel road tire tyre front")
+        "angle",
+        _split_into_word_set("steering steer lenkwinkel steeringangle"),
+        _CAR | _split_into_word_set("angle wheel road tire tyre front"),
     ),
     **{
         f"accel_{axis}": Quantity(
-            "acceleration", _words(f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis}"), _IMU_BESIDE
+            "acceleration", _split_into_word_set(f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis}"), _IMU_BESIDE
         )
         for axis in "xyz"
     },
     **{
         f"gyro_{axis}": Quantity(
-            "turn rate", _words(f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}"), _IMU_BESIDE
+            "turn rate",
+            _split_into_word_set(f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}"),
+            _IMU_BESIDE,
         )
         for axis in "xyz"
     },
-    **{f"quaternion_{axis}": Quantity("number", _words(f"q{axis}")) for axis in "xyzw"},
+    **{f"quaternion_{axis}": Quantity("number", _split_into_word_set(f"q{axis}")) for axis in "xyzw"},
     "x": Quantity(
         "length",
-        _words("x easting east xeast utmx posx positionx px tx"),
-        _words("pos position local map utm enu global world"),
+        _split_into_word_set("x easting east xeast utmx posx positionx px tx"),
+        _split_into_word_set("pos position local map utm enu global world"),
     ),
     "y": Quantity(
         "length",
-        _words("y northing north ynorth utmy posy positiony py ty"),
-        _words("pos position local map utm enu global world"),
+        _split_into_word_set("y northing north ynorth utmy posy positiony py ty"),
+        _split_into_word_set("pos position local map utm enu global world"),
     ),
-    "z": Quantity("length", _words("z posz positionz pz tz"), _words("pos position local map enu global world")),
-    "vehicle_id": Quantity("text", _words("id"), _words("vehicle veh car track object device trip station agent obj")),
-    "fix": Quantity("number", _words("fix fixtype quality fixquality"), _words("gps gnss type quality status")),
+    "z": Quantity(
+        "length",
+        _split_into_word_set("z posz positionz pz tz"),
+        _split_into_word_set("pos position local map enu global world"),
+    ),
+    "vehicle_id": Quantity(
+        "text",
+        _split_into_word_set("id"),
+        _split_into_word_set("vehicle veh car track object device trip station agent obj"),
+    ),
+    "fix": Quantity(
+        "number",
+        _split_into_word_set("fix fixtype quality fixquality"),
+        _split_into_word_set("gps gnss type quality status"),
+    ),
 }
 """Name of a quantity -> what a column of it can be called, and the kind of its unit."""
 
@@ -191,14 +225,14 @@ def split_name(name: str) -> NamedColumn:
     text = re.sub(r"(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = [word for word in re.split(r"[^0-9a-zäöüß°µ]+", text.lower()) if word]
     if not unit:
-        words, unit = _split_unit_words(words)
+        words, unit = _split_words_and_unit(words)
     elif len(words) > 1 and not is_unit_text(unit):
-        words, more = _split_unit_words(words)  # `speed_kmh (GPS)`
+        words, more = _split_words_and_unit(words)  # `speed_kmh (GPS)`
         words, unit = (
             ([*words, *re.split(r"[^0-9a-zäöü]+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
         )
     joined: list[str] = []
-    for word in [part for each in words for part in _without_number(each)]:
+    for word in [part for each in words for part in _strip_number_from_word(each)]:
         pair = (joined[-1], word) if joined else ("", "")
         if pair in _JOINED:
             joined[-1] = _JOINED[pair]
@@ -207,13 +241,13 @@ def split_name(name: str) -> NamedColumn:
     return NamedColumn(tuple(word for word in joined if word), unit)
 
 
-def _without_number(word: str) -> list[str]:
+def _strip_number_from_word(word: str) -> list[str]:
     """Return a word without a number at its end (`speed2`), which tells columns of one quantity apart."""
     numbered = re.fullmatch(r"([a-zäöü]{3,})\d{1,2}", word)
     return [numbered.group(1)] if numbered and word not in {"wgs84", "iso8601"} else [] if word.isdecimal() else [word]
 
 
-def _split_unit_words(words: list[str]) -> tuple[list[str], str]:
+def _split_words_and_unit(words: list[str]) -> tuple[list[str], str]:
     """Return the words without a unit at their end, and the unit."""
     for n in range(min(_UNIT_WORDS, len(words) - 1), 0, -1):
         tail = words[-n:]
@@ -228,7 +262,7 @@ def _split_unit_words(words: list[str]) -> tuple[list[str], str]:
 def quantities_of_name(name: str) -> list[str]:
     """Return the quantities that a column can be by its name."""
     words = split_name(name).words
-    return [quantity for quantity in QUANTITIES if _fits(words, quantity)]
+    return [quantity for quantity in QUANTITIES if _do_words_name_quantity(words, quantity)]
 
 
 def unit_of_name(name: str, kind: str) -> str:
@@ -236,7 +270,7 @@ def unit_of_name(name: str, kind: str) -> str:
     return find_unit(split_name(name).unit_text, kind)
 
 
-def _fits(words: tuple[str, ...], quantity: str) -> bool:
+def _do_words_name_quantity(words: tuple[str, ...], quantity: str) -> bool:
     wanted = QUANTITIES[quantity]
     axis = quantity[-1] if quantity.startswith(("accel_", "gyro_")) else ""
     if axis:

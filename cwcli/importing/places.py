@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import angle_errors, track_of_places, track_of_points
+from cwcli.importing.motion import heading_minus_course_rad, track_of_geographic_places, track_of_points
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
@@ -14,25 +14,28 @@ from cwcli.signals.columns import FloatArray
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
 NEAR_ZERO_DEG = 3.15
-"""Places nearer to (0, 0) than this may be radians."""
+"""Size of latitudes and longitudes, degrees, below which they may be radians: a little more than pi."""
 MAX_JITTER = 1.5
-"""Largest ratio of the way from row to row to that from second to second of a path of a car."""
+"""Largest ratio of the path length from row to row to that from second to second at which x and y are those of a car.
+Chosen by hand."""
 MAX_HEIGHT_M = 9000.0
-"""No road is higher: larger numbers are in another unit."""
+"""Greatest altitude of a road, m; larger numbers are in another unit. No public road lies above 6,000 m."""
 MIN_EXTENT_M = 0.5
-"""An x and y of a smaller extent, over a minute or more, may be degrees."""
+"""Least extent of x and y, m, within a minute or more; columns of a smaller one may hold degrees. Chosen by hand."""
 MAX_SWAPPED_ERROR_DEG, MIN_STRAIGHT_ERROR_DEG = 10.0, 30.0
-"""Median angles to the stated course, with latitude and longitude swapped and as they are, that show a swap."""
+"""Median angles to the stated course, with latitude and longitude swapped and as they are, that show a swap. Chosen by
+hand; not fitted."""
 MIN_SPANS = 10
-"""Least number of spans in motion for a comparison of angles."""
+"""Least number of spans in motion for a comparison of angles. Chosen by hand; not fitted."""
 MIN_HELD_SHARE = 0.3
-"""Least share of rows that repeat the position before for the position to be one that is held between fixes."""
+"""Least share of rows that repeat the position before for the position to be one that is held between fixes. Chosen by
+hand; not fitted."""
 
 
-def choose_vehicle(meaning: Meaning) -> None:
+def keep_rows_of_one_vehicle(meaning: Meaning) -> None:
     """Keep the rows of one vehicle, where a table holds several; ask which one."""
     table = meaning.table
-    if not (meaning.candidates("latitude") or meaning.candidates("x")):
+    if not (meaning.candidate_columns("latitude") or meaning.candidate_columns("x")):
         return
     for column in table.candidates.get("vehicle_id", ()):
         if column not in table.codes:
@@ -49,54 +52,56 @@ def choose_vehicle(meaning: Meaning) -> None:
             meaning.notes.append(f"only the rows with {column} {wanted}, of {len(present)}")
         else:
             shown = ", ".join(present[:10]) + (f" and {len(present) - 10} more" if len(present) > 10 else "")
-            meaning.ask(f"{column!r} names {len(present)} vehicles: {shown}", f"--id {present[0]}")
+            meaning.add_question(f"{column!r} names {len(present)} vehicles: {shown}", f"--id {present[0]}")
 
 
-def find_places(meaning: Meaning) -> None:
+def find_positions_and_track(meaning: Meaning) -> None:
     """Find latitude and longitude, else x and y; and the track of both."""
-    latitude, longitude = meaning.choose("latitude"), meaning.choose("longitude")
+    latitude, longitude = meaning.choose_column_or_ask("latitude"), meaning.choose_column_or_ask("longitude")
     if (latitude is None) != (longitude is None) and not meaning.questions:
         alone = latitude or longitude
-        meaning.ask(f"{alone!r} has no companion", "--column latitude=NAME --column longitude=NAME")
+        meaning.add_question(f"{alone!r} has no companion", "--column latitude=NAME --column longitude=NAME")
         return
     if latitude is not None and longitude is not None:
-        _find_geographic(meaning, latitude, longitude)
+        _find_geographic_positions(meaning, latitude, longitude)
         _find_altitude(meaning)
         return
     if not meaning.questions:
-        _find_local(meaning)
+        _find_local_positions(meaning)
 
 
-def _find_geographic(meaning: Meaning, latitude: str, longitude: str) -> None:
-    values = {"latitude": meaning.raw(latitude), "longitude": meaning.raw(longitude)}
+def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) -> None:
+    values = {"latitude": meaning.unscaled_numbers(latitude), "longitude": meaning.unscaled_numbers(longitude)}
     units = {}
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
-        unit, confidence, why = meaning.stated_unit(quantity, column)
+        unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
         if not unit:
-            unit, confidence, why = _place_unit(meaning, values[quantity], quantity, column)
+            unit, confidence, why = _choose_place_unit_and_reason(meaning, values[quantity], quantity, column)
             if not unit:
                 return
         values[quantity] = (
             values[quantity] * FACTORS["place"][unit] if FACTORS["place"][unit] != 1.0 else values[quantity]
         )
-        values[quantity] = _with_hemisphere(meaning, values[quantity], f"{quantity}_half")
+        values[quantity] = _apply_hemisphere_sign(meaning, values[quantity], f"{quantity}_half")
         units[quantity] = unit, confidence, why
     _drop_invalid_fixes(meaning, values)
     for quantity, limit in (("latitude", MAX_LATITUDE_DEG), ("longitude", MAX_LONGITUDE_DEG)):
         beyond = np.abs(values[quantity]) > limit
         if beyond.any():
-            _ask_about_range(meaning, quantity, latitude, longitude, values)
+            _ask_if_positions_out_of_range(meaning, quantity, latitude, longitude, values)
             return
-    _check_near_zero(meaning, values, units, latitude)
+    _ask_if_degrees_or_radians(meaning, values, units, latitude)
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         unit, confidence, why = units[quantity]
-        meaning.add(quantity, values[quantity], Guess(quantity, column, unit, confidence, why))
+        meaning.add_quantity(quantity, values[quantity], Guess(quantity, column, unit, confidence, why))
     if not np.isfinite(values["latitude"] * values["longitude"]).any():
         raise DataError("no row has a position", where=meaning.name)
-    meaning.track = track_of_places(meaning.stamp_ns, values["latitude"], values["longitude"])
+    meaning.track = track_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
 
 
-def _place_unit(meaning: Meaning, values: FloatArray, quantity: str, column: str) -> tuple[str, str, str]:
+def _choose_place_unit_and_reason(
+    meaning: Meaning, values: FloatArray, quantity: str, column: str
+) -> tuple[str, str, str]:
     size = float(np.nanmax(np.abs(values)))
     limit = MAX_LATITUDE_DEG if quantity == "latitude" else MAX_LONGITUDE_DEG
     if size <= limit:
@@ -107,16 +112,16 @@ def _place_unit(meaning: Meaning, values: FloatArray, quantity: str, column: str
     if size <= MAX_LONGITUDE_DEG:
         return "deg", "certain", "the name"
     if size < 100.0 * limit + 60.0 and (np.nan_to_num(np.abs(values)) % 100.0 < 60.0).all():
-        meaning.ask(
+        meaning.add_question(
             f"{column!r}: values up to {size:g} look like degrees and minutes (ddmm.mmmm)",
             "give the original NMEA file",
         )
         return "", "", ""
-    meaning.ask(f"{column!r}: values up to {size:g} are no {quantity}", f"--column {quantity}='{column}*UNIT'")
+    meaning.add_question(f"{column!r}: values up to {size:g} are no {quantity}", f"--column {quantity}='{column}*UNIT'")
     return "", "", ""
 
 
-def _with_hemisphere(meaning: Meaning, values: FloatArray, quantity: str) -> FloatArray:
+def _apply_hemisphere_sign(meaning: Meaning, values: FloatArray, quantity: str) -> FloatArray:
     """Make southern and western values negative, by a column that says N, S, E or W."""
     column = next((name for name in meaning.table.candidates.get(quantity, ()) if name in meaning.table.codes), None)
     if column is None:
@@ -130,8 +135,8 @@ def _with_hemisphere(meaning: Meaning, values: FloatArray, quantity: str) -> Flo
 
 
 def _drop_invalid_fixes(meaning: Meaning, values: dict[str, FloatArray]) -> None:
-    for column in meaning.candidates("fix"):
-        fix = meaning.raw(column)
+    for column in meaning.candidate_columns("fix"):
+        fix = meaning.unscaled_numbers(column)
         is_none = fix == 0
         if is_none.any() and (fix > 0).any():
             for each in values.values():
@@ -139,24 +144,24 @@ def _drop_invalid_fixes(meaning: Meaning, values: dict[str, FloatArray]) -> None
             meaning.notes.append(f"{int(is_none.sum())} rows with {column} 0 have no fix and are left out")
 
 
-def _ask_about_range(
+def _ask_if_positions_out_of_range(
     meaning: Meaning, quantity: str, latitude: str, longitude: str, values: dict[str, FloatArray]
 ) -> None:
     swapped = (
         np.nanmax(np.abs(values["latitude"])) > MAX_LATITUDE_DEG and np.nanmax(np.abs(values["longitude"])) <= 90.0
     )
     if quantity == "latitude" and swapped and np.nanmax(np.abs(values["latitude"])) <= MAX_LONGITUDE_DEG:
-        meaning.ask(
+        meaning.add_question(
             f"{latitude!r} has values beyond 90 degrees: latitude and longitude may be swapped",
             f"--column latitude='{longitude}' --column longitude='{latitude}'",
         )
         return
     column = latitude if quantity == "latitude" else longitude
     size = float(np.nanmax(np.abs(values[quantity])))
-    meaning.ask(f"{column!r}: values up to {size:g} are no {quantity}", f"--column {quantity}=NAME*UNIT")
+    meaning.add_question(f"{column!r}: values up to {size:g} are no {quantity}", f"--column {quantity}=NAME*UNIT")
 
 
-def _check_near_zero(
+def _ask_if_degrees_or_radians(
     meaning: Meaning, values: dict[str, FloatArray], units: dict[str, tuple[str, str, str]], latitude: str
 ) -> None:
     if (
@@ -168,51 +173,55 @@ def _check_near_zero(
     finite = np.isfinite(values["latitude"]) & np.isfinite(values["longitude"])
     size = max(float(np.abs(values[name][finite]).max()) for name in values)
     if 0.0 < size < NEAR_ZERO_DEG and np.abs(values["latitude"][finite]).max() < np.pi / 2:
-        meaning.ask(
+        meaning.add_question(
             f"{latitude!r}: the values may be degrees or radians",
             "--column latitude=NAME*rad, or *deg; longitude alike",
         )
 
 
 def _find_altitude(meaning: Meaning) -> None:
-    columns = meaning.candidates("altitude")
+    columns = meaning.candidate_columns("altitude")
     if not columns:
         return
     column = columns[0]
-    unit, confidence, why = meaning.stated_unit("altitude", column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("altitude", column)
     meaning.chosen["altitude"] = column
     if len(columns) > 1:
         meaning.notes.append(f"height is {column!r}; {', '.join(map(repr, columns[1:]))} left out")
     scale = FACTORS["length"][unit or "m"]
-    if float(np.nanmax(np.abs(meaning.raw(column)))) * scale > MAX_HEIGHT_M:
-        meaning.notes.append(f"{column!r} is left out: {np.nanmax(np.abs(meaning.raw(column))):g} is no height in m")
+    if float(np.nanmax(np.abs(meaning.unscaled_numbers(column)))) * scale > MAX_HEIGHT_M:
+        meaning.notes.append(
+            f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is no height in m"
+        )
         return
-    meaning.add_scaled(
+    meaning.add_scaled_quantity(
         "altitude", column, unit or "m", confidence if unit else "assumed", why if unit else "heights are usually in m"
     )
 
 
-def _find_local(meaning: Meaning) -> None:
-    x, y = meaning.choose("x"), meaning.choose("y")
+def _find_local_positions(meaning: Meaning) -> None:
+    x, y = meaning.choose_column_or_ask("x"), meaning.choose_column_or_ask("y")
     if x is None or y is None:
         return
     for quantity, column in (("x", x), ("y", y)):
-        unit, confidence, why = meaning.stated_unit(quantity, column)
-        meaning.add_scaled(
+        unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
+        meaning.add_scaled_quantity(
             quantity,
             column,
             unit or "m",
             confidence if unit else "assumed",
             why if unit else "positions are usually in m",
         )
-    if _may_be_vectors(meaning, x, y):
+    if _may_be_vectors_not_path(meaning, x, y):
         what = f"{x!r}, {y!r} and 'z' may be positions, accelerations or turn rates"
-        meaning.ask(what, f"--column x='{x}*m' --column y='{y}*m', or --column accel_x='{x}*mps2' and so on")
+        meaning.add_question(what, f"--column x='{x}*m' --column y='{y}*m', or --column accel_x='{x}*mps2' and so on")
         return
-    z = meaning.choose("z")
+    z = meaning.choose_column_or_ask("z")
     if z is not None:
-        unit, confidence, why = meaning.stated_unit("z", z)
-        meaning.add_scaled("z", z, unit or "m", confidence if unit else "assumed", why if unit else "as x and y")
+        unit, confidence, why = meaning.stated_unit_confidence_and_reason("z", z)
+        meaning.add_scaled_quantity(
+            "z", z, unit or "m", confidence if unit else "assumed", why if unit else "as x and y"
+        )
     values = meaning.values
     finite = np.isfinite(values["x"]) & np.isfinite(values["y"])
     if not finite.any():
@@ -221,7 +230,7 @@ def _find_local(meaning: Meaning) -> None:
     is_unit_known = all(guess.confidence != "assumed" for guess in meaning.guesses if guess.quantity in {"x", "y"})
     span_s = float(np.ptp(meaning.stamp_ns)) / 1e9
     if not is_unit_known and 0.0 < extent_m < MIN_EXTENT_M and span_s > 10.0:
-        meaning.ask(
+        meaning.add_question(
             f"{x!r} and {y!r} change by less than {extent_m:.3g}: they may be degrees",
             f"--column longitude='{x}' --column latitude='{y}', or --column x='{x}*m' --column y='{y}*m'",
         )
@@ -229,31 +238,31 @@ def _find_local(meaning: Meaning) -> None:
     meaning.track = track_of_points(meaning.stamp_ns[finite], values["x"][finite], values["y"][finite])
 
 
-def _may_be_vectors(meaning: Meaning, x: str, y: str) -> bool:
+def _may_be_vectors_not_path(meaning: Meaning, x: str, y: str) -> bool:
     """Tell whether columns called x, y and z, without a unit and beside nothing else, do not look like a path."""
     table = meaning.table.source
-    bare = all(meaning.words(column) == (axis,) for axis, column in zip("xy", (x, y), strict=True))
-    has_unit = meaning.stated_unit("x", x)[0] or meaning.is_given("x") or table.presets
+    bare = all(meaning.words_of_column_name(column) == (axis,) for axis, column in zip("xy", (x, y), strict=True))
+    has_unit = meaning.stated_unit_confidence_and_reason("x", x)[0] or meaning.is_decided_by_user("x") or table.presets
     companions = {"z", "speed", "heading", "course", "quaternion_w"} & set(meaning.table.candidates)
     if not bare or has_unit or companions != {"z"}:
         return False
     track = track_of_points(meaning.stamp_ns, meaning.values["x"], meaning.values["y"])
-    if track is None or not track.is_long_enough:
+    if track is None or not track.can_show_units_and_directions:
         return True
     steps = np.hypot(np.diff(meaning.values["x"]), np.diff(meaning.values["y"]))
-    return float(np.nansum(steps)) > MAX_JITTER * float(track.way_m.sum())
+    return float(np.nansum(steps)) > MAX_JITTER * float(track.span_lengths_m.sum())
 
 
-def check_swapped(meaning: Meaning, course_deg: FloatArray) -> None:
+def ask_if_latitude_longitude_swapped(meaning: Meaning, course_deg: FloatArray) -> None:
     """Ask where a course agrees with the places only if latitude and longitude are swapped."""
-    if "latitude" not in meaning.values or meaning.track is None or meaning.is_given("latitude"):
+    if "latitude" not in meaning.values or meaning.track is None or meaning.is_decided_by_user("latitude"):
         return
-    as_is = np.abs(angle_errors(meaning.track, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))
+    as_is = np.abs(heading_minus_course_rad(meaning.track, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))
     if len(as_is) < MIN_SPANS or np.degrees(np.median(as_is)) < MIN_STRAIGHT_ERROR_DEG:
         return
     if swapped_course_error_deg(meaning, course_deg) < MAX_SWAPPED_ERROR_DEG:
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
-        meaning.ask(
+        meaning.add_question(
             "the course fits the positions only with latitude and longitude swapped",
             f"--column latitude='{columns[1]}' --column longitude='{columns[0]}'",
         )
@@ -262,16 +271,20 @@ def check_swapped(meaning: Meaning, course_deg: FloatArray) -> None:
 def swapped_course_error_deg(meaning: Meaning, course_deg: FloatArray) -> float:
     """Return the median angle of a compass course to the way if latitude and longitude are swapped; NaN if unknown."""
     latitude, longitude = meaning.values["latitude"], meaning.values["longitude"]
-    if np.nanmax(np.abs(longitude)) > MAX_LATITUDE_DEG or meaning.track is None or not meaning.track.is_long_enough:
+    if (
+        np.nanmax(np.abs(longitude)) > MAX_LATITUDE_DEG
+        or meaning.track is None
+        or not meaning.track.can_show_units_and_directions
+    ):
         return float("nan")
-    other = track_of_places(meaning.stamp_ns, longitude, latitude)
+    other = track_of_geographic_places(meaning.stamp_ns, longitude, latitude)
     if other is None:
         return float("nan")
-    errors = np.abs(angle_errors(other, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))
+    errors = np.abs(heading_minus_course_rad(other, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))
     return float(np.degrees(np.median(errors))) if len(errors) >= MIN_SPANS else float("nan")
 
 
-def rows_of_new_positions(meaning: Meaning, names: tuple[str, ...]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def new_position_mask(meaning: Meaning, names: tuple[str, ...]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which rows hold a position that is not the one of the row before, repeated until the next fix."""
     values = [meaning.values[name] for name in names if name in meaning.values]
     finite = np.logical_and.reduce([np.isfinite(values[0]), np.isfinite(values[1])])

@@ -8,34 +8,35 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.importing.inertial import given_rotation
+from cwcli.importing.inertial import rotation_given_by_user
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import first_rows_of_intervals, track_of_points
 from cwcli.importing.readers.trajectory import quaternions_of_rotations
 from cwcli.signals.columns import FloatArray
 
 STEP_S = 1.0
-"""Time between two positions whose direction is compared with the axes."""
+"""Time in s between two positions whose direction is compared with the axes of the poses. Chosen by hand."""
 MIN_STEP_M = 0.5
-"""Least way between them."""
+"""Least distance in m between two such positions. Chosen by hand."""
 MIN_STEPS = 5
-"""Least number of such steps."""
+"""Least number of such pairs of positions. Chosen by hand."""
 MIN_ALONG = 0.85
-"""Least mean cosine between the way and the axis that points forward."""
+"""Least mean cosine between the direction of motion and an axis that counts as pointing forward. Chosen by hand."""
 UPRIGHT_COS = 0.9
-"""Least cosine between the vertical of the body and an axis of the world."""
+"""Least cosine between the mean vertical of the body and an axis of the world that counts as up: that of 26 degrees.
+Chosen by hand."""
 CAMERA_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Camera axes (z forward, x right, y down) -> body axes (x forward, y left, z up)."""
 
 
-def turn_poses(meaning: Meaning) -> None:
+def rotate_poses_into_car_axes(meaning: Meaning) -> None:
     """Turn poses into x forward and z up, or leave their orientation out where the way does not show forward."""
     values = meaning.values
     if "quaternion_w" not in values or "x" not in values:
         return
     place = np.stack([values["x"], values["y"], values.get("z", np.zeros(len(values["x"])))], axis=1)
     rotation = rotations_of_quaternions(np.stack([values[f"quaternion_{axis}"] for axis in "xyzw"], axis=1))
-    found = _body_from_sensor(meaning, place, rotation)
+    found = _body_from_sensor_and_if_usable(meaning, place, rotation)
     if found is None:
         return
     body_from_sensor, is_orientation_known = found
@@ -44,9 +45,9 @@ def turn_poses(meaning: Meaning) -> None:
             del values[f"quaternion_{axis}"]
         return
     turned = rotation @ body_from_sensor.T
-    world = _upright_world(turned)
+    world = _world_upright_rotation(turned)
     if world is None:
-        meaning.ask(
+        meaning.add_question(
             "the body's vertical is along no axis of the world", "--axes FORWARD,UP names the body's axes: x,z or z,-y"
         )
         return
@@ -62,12 +63,14 @@ def turn_poses(meaning: Meaning) -> None:
         meaning.track = track_of_points(meaning.stamp_ns, values["x"], values["y"])
 
 
-def _body_from_sensor(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> tuple[FloatArray, bool] | None:
+def _body_from_sensor_and_if_usable(
+    meaning: Meaning, place: FloatArray, rotation: FloatArray
+) -> tuple[FloatArray, bool] | None:
     """Return the rotation from the sensor's axes to the car's, and whether the orientation can be used."""
-    given = given_rotation(meaning)
+    given = rotation_given_by_user(meaning)
     if given is not None or meaning.questions:
         return None if given is None else (given, True)
-    ways = _ways_in_body(meaning, place, rotation)
+    ways = _way_directions_in_body(meaning, place, rotation)
     if len(ways) < MIN_STEPS:
         if np.allclose(rotation, np.eye(3), atol=1e-9):
             return np.eye(3), False
@@ -86,7 +89,7 @@ def _body_from_sensor(meaning: Meaning, place: FloatArray, rotation: FloatArray)
     return np.eye(3), False
 
 
-def _ways_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> FloatArray:
+def _way_directions_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> FloatArray:
     """Return unit directions of the way in the axes of the body, (m, 3)."""
     stamps = meaning.stamp_ns
     rows = first_rows_of_intervals(stamps, STEP_S)
@@ -99,7 +102,7 @@ def _ways_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> 
     return np.asarray(np.einsum("nji,nj->ni", rotation[middle[use]], steps[use] / length[use, None]))
 
 
-def _upright_world(rotation: FloatArray) -> FloatArray | None:
+def _world_upright_rotation(rotation: FloatArray) -> FloatArray | None:
     """Return the rotation (3, 3) of the world that makes the mean vertical of the body z; None for a slanted one."""
     upward = np.nanmean(rotation[:, :, 2], axis=0)
     upward = upward / max(float(np.linalg.norm(upward)), 1e-9)

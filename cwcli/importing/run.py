@@ -17,20 +17,20 @@ from cwcli.importing.channels import (
     VELOCITY_TOPIC,
     channels_of_table,
 )
-from cwcli.importing.inertial import find_inertial, pair_tables
+from cwcli.importing.inertial import acceleration_table_by_turn_rate_table, find_accelerations_and_turn_rates
 from cwcli.importing.load import load_table
 from cwcli.importing.mapping import format_mapping
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import Track
 from cwcli.importing.names import QUANTITIES
-from cwcli.importing.places import choose_vehicle, find_places
-from cwcli.importing.poses import turn_poses
+from cwcli.importing.places import find_positions_and_track, keep_rows_of_one_vehicle
+from cwcli.importing.poses import rotate_poses_into_car_axes
 from cwcli.importing.readers import find_kind, load_kind
 from cwcli.importing.readers.base import FileHead, Recording
-from cwcli.importing.readers.trajectory import is_file_of_times
-from cwcli.importing.speeds import find_headings, find_speed, find_velocity, find_yaw_rate
-from cwcli.importing.stamps import check_one_recording, find_stamps
-from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable, ask
+from cwcli.importing.readers.trajectory import is_one_number_per_line
+from cwcli.importing.speeds import find_headings, find_speed_and_unit, find_velocity, find_yaw_rate
+from cwcli.importing.stamps import find_stamps, require_rows_of_one_recording
+from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable, ambiguity_error_of_questions
 from cwcli.importing.units import FACTORS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import OutputChannel
@@ -92,7 +92,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
         UsageError: An answer fits none of the files.
         MissingSignalError: Nothing in the files is a quantity; an `AmbiguousError` asks what only the user knows.
     """
-    files, answers = _helping_files(files, answers)
+    files, answers = _split_files_and_helping_answers(files, answers)
     kinds = {path: find_kind(path) for path in files}
     tables: list[SourceTable] = []
     recordings: list[Recording] = []
@@ -103,14 +103,14 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
             else:
                 recordings.append(each)
     answers = check_answers(answers, [*tables, *recordings])
-    meanings, unused = _meanings_of_tables(tables, answers)
-    _find_quantities(meanings)
+    meanings, unused = _interpret_tables_with_quantities(tables, answers)
+    _find_quantities_of_all_tables(meanings)
     questions = [question for meaning in meanings for question in meaning.questions]
     if questions:
-        raise ask(questions)
-    _check_time_bases(meanings)
+        raise ambiguity_error_of_questions(questions)
+    _ask_for_missing_start_times(meanings)
     channels = [(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)]
-    _check_topics(channels)
+    _ask_about_repeated_quantities(channels)
     if not channels and not recordings:
         columns = tuple(column for table in tables for column in table.columns)
         raise MissingSignalError(
@@ -129,14 +129,14 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
     return ImportPlan(kinds, tuple(guesses), tuple(channels), tuple(recordings), notes, unused, answers)
 
 
-def _helping_files(files: Sequence[str], answers: Answers) -> tuple[list[str], Answers]:
+def _split_files_and_helping_answers(files: Sequence[str], answers: Answers) -> tuple[list[str], Answers]:
     """Return the files without those that explain others: DBC files, and a file of times."""
     dbc, times, others = [], [], []
     for path in dict.fromkeys(files):
         head = FileHead(path)
         if any(line.startswith(("BO_ ", "BU_:", "NS_ :")) for line in head.lines):
             dbc.append(path)
-        elif is_file_of_times(head):
+        elif is_one_number_per_line(head):
             times.append(path)
         else:
             others.append(path)
@@ -145,23 +145,25 @@ def _helping_files(files: Sequence[str], answers: Answers) -> tuple[list[str], A
             "it only explains another file", where=", ".join(files), hint="name the trace, the poses or the video, too"
         )
     if len(times) > 1:
-        raise ask([Question(times[0], f"{len(times)} files hold one time a line", "--times FILE names one")])
+        raise ambiguity_error_of_questions(
+            [Question(times[0], f"{len(times)} files hold one time a line", "--times FILE names one")]
+        )
     return others, replace(
         answers, dbc=(*answers.dbc, *dbc), frame_times=answers.frame_times or (times[0] if times else "")
     )
 
 
-def _meanings_of_tables(
+def _interpret_tables_with_quantities(
     tables: Sequence[SourceTable], answers: Answers
 ) -> tuple[list[Meaning], dict[str, tuple[str, ...]]]:
     """Return the tables that hold a quantity, with their stamps; and the columns of those that hold none."""
     meanings, unused, questions = [], {}, []
     for table in tables:
         loaded = load_table(table, answers)
-        if not _holds_quantity(loaded.candidates) and len(tables) > 1:
+        if not _has_candidate_of_quantity(loaded.candidates) and len(tables) > 1:
             unused[table.name] = table.columns
             continue
-        if not _holds_quantity(loaded.candidates):
+        if not _has_candidate_of_quantity(loaded.candidates):
             raise MissingSignalError(
                 "no column is a position, a speed, a heading or an inertial measurement",
                 where=table.name,
@@ -173,11 +175,11 @@ def _meanings_of_tables(
         except AmbiguousError as error:
             questions.append(Question(error.where, error.what, error.hint))
     if questions:
-        raise ask(questions)
+        raise ambiguity_error_of_questions(questions)
     return meanings, unused
 
 
-def _holds_quantity(candidates: Mapping[str, Sequence[str]]) -> bool:
+def _has_candidate_of_quantity(candidates: Mapping[str, Sequence[str]]) -> bool:
     return any(
         name
         for name in candidates
@@ -185,28 +187,28 @@ def _holds_quantity(candidates: Mapping[str, Sequence[str]]) -> bool:
     )
 
 
-def _find_quantities(meanings: Sequence[Meaning]) -> None:
+def _find_quantities_of_all_tables(meanings: Sequence[Meaning]) -> None:
     """Find the quantities of all tables: positions first, because they judge the others."""
     for meaning in meanings:
-        choose_vehicle(meaning)
+        keep_rows_of_one_vehicle(meaning)
         if not meaning.questions:
-            check_one_recording(meaning)
-            find_places(meaning)
-            _find_orientation(meaning)
-            turn_poses(meaning)
-    accelerations = pair_tables(meanings)
+            require_rows_of_one_recording(meaning)
+            find_positions_and_track(meaning)
+            _take_quaternion_as_orientation(meaning)
+            rotate_poses_into_car_axes(meaning)
+    accelerations = acceleration_table_by_turn_rate_table(meanings)
     paired = {each.name for each in accelerations.values()}
     for meaning in meanings:
         if meaning.questions:
             continue
         track = meaning.track or _track_of_others(meaning, meanings)
-        find_speed(meaning, track)
+        find_speed_and_unit(meaning, track)
         find_velocity(meaning, track)
         find_headings(meaning, track)
         find_yaw_rate(meaning, track)
         if meaning.name not in paired:
-            find_inertial(meaning, track, accelerations.get(meaning.name))
-        _find_given_steering(meaning)
+            find_accelerations_and_turn_rates(meaning, track, accelerations.get(meaning.name))
+        _take_steering_named_by_user(meaning)
 
 
 def _track_of_others(meaning: Meaning, meanings: Sequence[Meaning]) -> Track | None:
@@ -214,14 +216,14 @@ def _track_of_others(meaning: Meaning, meanings: Sequence[Meaning]) -> Track | N
     return next((each.track for each in meanings if each.track is not None and each.since == meaning.since), None)
 
 
-def _find_given_steering(meaning: Meaning) -> None:
+def _take_steering_named_by_user(meaning: Meaning) -> None:
     """Take a steering angle that the user names; by its name it may be the wheel's or that of the steering wheel."""
-    column = meaning.choose("steering") if meaning.candidates("steering") else None
+    column = meaning.choose_column_or_ask("steering") if meaning.candidate_columns("steering") else None
     if column is None:
         return
-    unit, confidence, why = meaning.stated_unit("steering", column)
-    if meaning.is_given("steering") and unit:
-        meaning.add_scaled("steering", column, unit, confidence, why)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("steering", column)
+    if meaning.is_decided_by_user("steering") and unit:
+        meaning.add_scaled_quantity("steering", column, unit, confidence, why)
     else:
         meaning.notes.append(
             f"{column!r} is left out: it may be the angle of the steering wheel "
@@ -229,18 +231,18 @@ def _find_given_steering(meaning: Meaning) -> None:
         )
 
 
-def _find_orientation(meaning: Meaning) -> None:
+def _take_quaternion_as_orientation(meaning: Meaning) -> None:
     """Take a quaternion beside x and y as the orientation of the pose."""
     if "x" not in meaning.values:
         return
-    columns = [meaning.choose(f"quaternion_{axis}") for axis in "xyzw"]
+    columns = [meaning.choose_column_or_ask(f"quaternion_{axis}") for axis in "xyzw"]
     for axis, column in zip("xyzw", columns, strict=True):
         if all(columns) and column is not None:
             guess = Guess(f"quaternion_{axis}", column, "", "certain", "the name")
-            meaning.add(f"quaternion_{axis}", meaning.raw(column) * FACTORS["number"]["1"], guess)
+            meaning.add_quantity(f"quaternion_{axis}", meaning.unscaled_numbers(column) * FACTORS["number"]["1"], guess)
 
 
-def _check_topics(channels: Sequence[tuple[str, OutputChannel]]) -> None:
+def _ask_about_repeated_quantities(channels: Sequence[tuple[str, OutputChannel]]) -> None:
     """Ask which table to read where two hold the same quantity: a log with both could be read either way."""
     first: dict[str, str] = {}
     questions = []
@@ -254,15 +256,15 @@ def _check_topics(channels: Sequence[tuple[str, OutputChannel]]) -> None:
             what = f"{other} holds the same: {', '.join(quantities)}"
             questions.append(Question(table, what, f"{choices} leaves one out"))
     if questions:
-        raise ask(questions)
+        raise ambiguity_error_of_questions(questions)
 
 
-def _check_time_bases(meanings: Sequence[Meaning]) -> None:
+def _ask_for_missing_start_times(meanings: Sequence[Meaning]) -> None:
     """Ask for the start of tables whose times count from it, beside tables that know the time."""
     absolute = [meaning for meaning in meanings if meaning.since == "1970"]
     relative = [meaning for meaning in meanings if meaning.since == "start"]
     if absolute and relative:
-        raise ask(
+        raise ambiguity_error_of_questions(
             [
                 Question(
                     relative[0].name,

@@ -10,13 +10,13 @@ from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import (
     RATIO_TOLERANCE,
     Track,
-    angle_errors,
-    ratio_spread,
-    ratio_to_way,
-    track_of_places,
-    turn_ratio,
+    heading_minus_course_rad,
+    speed_ratio_spread,
+    speed_units_per_mps,
+    track_of_geographic_places,
+    turn_rate_units_per_radps_and_correlation,
 )
-from cwcli.importing.places import check_swapped, swapped_course_error_deg
+from cwcli.importing.places import ask_if_latitude_longitude_swapped, swapped_course_error_deg
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
@@ -24,68 +24,71 @@ from cwcli.signals.columns import FloatArray
 SPEED_UNITS = ("mps", "kmh", "mph", "knots")
 """Units that a speed without one can have."""
 MAX_DISAGREEMENT = 0.25
-"""Largest logarithm of the ratio of a speed in its stated unit to the speed over ground."""
+"""Largest natural logarithm of the ratio of a speed in its stated unit to the speed over ground, above which is asked.
+Chosen by hand."""
 MIN_UNEVEN, MAX_EVEN_SHARE = 0.02, 0.4
 """Least spread of the logarithm of the ratio of a speed to the way, and largest share of it with the places swapped,
-that show a swap."""
+that show a swap. Chosen by hand; not fitted."""
 GOOD_FIT_DEG, POOR_FIT_DEG = 12.0, 25.0
-"""Median angles to the way below which a sense of a heading fits, and above which it does not."""
+"""Median angles in degrees between a heading and the direction of motion: below the first its sense fits, above the
+second it does not. Chosen by hand."""
 SAME_FIT_DEG = 3.0
-"""Two senses whose medians differ by less fit alike."""
+"""Largest difference in degrees of the median angles of two senses that fit equally well. Chosen by hand."""
 MIN_CORRELATION = 0.5
-"""Least correlation with the turning of the course that shows the sense of a yaw rate."""
+"""Least correlation with the turning of the course that shows the sense of a yaw rate. Chosen by hand; not fitted."""
 SWAP_MARGIN_DEG = 2.0
-"""A sense is taken only where it fits better by this than latitude and longitude swapped."""
-HEADING_SENSES = ("deg-cw-north", "deg-ccw-east", "rad-cw-north", "rad-ccw-east")
-"""Unit and sense of a heading."""
+"""Least advantage in degrees with which a sense of a heading must fit better than swapped latitude and longitude.
+Chosen by hand."""
 
 
-def find_speed(meaning: Meaning, track: Track | None) -> None:
+def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
     """Find the speed and its unit."""
     _split_gnss_speed(meaning)
-    column = meaning.choose("speed")
+    column = meaning.choose_column_or_ask("speed")
     if column is None:
         return
-    values = meaning.raw(column)
+    values = meaning.unscaled_numbers(column)
     if meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}:
         values = np.where(values < 0.0, np.nan, values)  # phones write -1 where they know no speed
-    unit, confidence, why = meaning.stated_unit("speed", column)
-    if _are_places_swapped(meaning, values):
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("speed", column)
+    if _are_latitude_longitude_swapped(meaning, values):
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
-        meaning.ask(
+        meaning.add_question(
             f"{column!r} fits the way between the positions only with latitude and longitude swapped",
             f"--column latitude='{columns[1]}' --column longitude='{columns[0]}'",
         )
         return
-    checked = _speed_unit(meaning, column, values, (unit, confidence, why), track)
+    checked = _choose_speed_unit_and_reason_or_ask(meaning, column, values, (unit, confidence, why), track)
     if checked is None:
         return
     unit, confidence, why = checked
-    meaning.add("speed", values * FACTORS["speed"][unit], Guess("speed", column, unit, confidence, why))
+    meaning.add_quantity("speed", values * FACTORS["speed"][unit], Guess("speed", column, unit, confidence, why))
 
 
-def _are_places_swapped(meaning: Meaning, values: FloatArray) -> bool:
+def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> bool:
     """Tell whether a speed follows the way only if latitude and longitude are swapped: the ratio is even only then.
 
     A degree of longitude is shorter than one of latitude, so that the ratio changes with the direction where they are
     swapped.
     """
-    if "latitude" not in meaning.values or meaning.track is None or meaning.is_given("latitude"):
+    if "latitude" not in meaning.values or meaning.track is None or meaning.is_decided_by_user("latitude"):
         return False
     latitude, longitude = meaning.values["latitude"], meaning.values["longitude"]
-    if np.nanmax(np.abs(longitude)) > 90.0 or not meaning.track.is_long_enough:
+    if np.nanmax(np.abs(longitude)) > 90.0 or not meaning.track.can_show_units_and_directions:
         return False
-    other = track_of_places(meaning.stamp_ns, longitude, latitude)
-    spread = [ratio_spread(track, meaning.stamp_ns, values) for track in (meaning.track, other) if track is not None]
+    other = track_of_geographic_places(meaning.stamp_ns, longitude, latitude)
+    spread = [
+        speed_ratio_spread(track, meaning.stamp_ns, values) for track in (meaning.track, other) if track is not None
+    ]
     return len(spread) == 2 and spread[0] > MIN_UNEVEN and spread[1] < MAX_EVEN_SHARE * spread[0]
 
 
-def _speed_unit(
+def _choose_speed_unit_and_reason_or_ask(
     meaning: Meaning, column: str, values: FloatArray, stated: tuple[str, str, str], track: Track | None
 ) -> tuple[str, str, str] | None:
     """Return unit, confidence and reason of a speed; None where a question is asked."""
     unit, confidence, why = stated
-    ratio = ratio_to_way(track, meaning.stamp_ns, values)
+    ratio = speed_units_per_mps(track, meaning.stamp_ns, values)
     fitting = [
         each for each in SPEED_UNITS if ratio > 0 and abs(math.log(ratio * FACTORS["speed"][each])) < RATIO_TOLERANCE
     ]
@@ -93,7 +96,7 @@ def _speed_unit(
         if ratio > 0 and abs(math.log(ratio * FACTORS["speed"][unit])) > MAX_DISAGREEMENT and confidence != "given":
             what = f"{column!r}: the header says {unit}, but the way between the positions says "
             what += fitting[0] if fitting else f"{ratio * FACTORS['speed'][unit]:.2g} times less"
-            meaning.ask(
+            meaning.add_question(
                 what, f"--column speed='{column}*{fitting[0] if fitting else unit}', or --column speed= leaves it out"
             )
             return None
@@ -103,19 +106,21 @@ def _speed_unit(
         return fitting[0], "likely", f"{ratio:.3g} of it make 1 m/s between the positions"
     choices = " or ".join(f"--column speed='{column}*{each}'" for each in ("mps", "kmh", "mph"))
     if ratio > 0:
-        meaning.ask(f"{column!r} has no unit, and {ratio:.3g} of it make 1 m/s between the positions", choices)
+        meaning.add_question(f"{column!r} has no unit, and {ratio:.3g} of it make 1 m/s between the positions", choices)
     else:
-        meaning.ask(f"{column!r} has no unit, and no moving position tells it", choices)
+        meaning.add_question(f"{column!r} has no unit, and no moving position tells it", choices)
     return None
 
 
 def _split_gnss_speed(meaning: Meaning) -> None:
     """Leave out the receiver's speed where the car has one of its own in the same table."""
-    columns = meaning.candidates("speed")
-    if len(columns) < 2 or meaning.is_given("speed"):
+    columns = meaning.candidate_columns("speed")
+    if len(columns) < 2 or meaning.is_decided_by_user("speed"):
         return
     of_receiver = [
-        column for column in columns if {"gps", "gnss", "sog", "gspeed", "ground"} & set(meaning.words(column))
+        column
+        for column in columns
+        if {"gps", "gnss", "sog", "gspeed", "ground"} & set(meaning.words_of_column_name(column))
     ]
     others = [column for column in columns if column not in of_receiver]
     if of_receiver and len(others) == 1:
@@ -125,16 +130,16 @@ def _split_gnss_speed(meaning: Meaning) -> None:
 
 def find_velocity(meaning: Meaning, track: Track | None) -> None:
     """Find the velocity to east and north."""
-    east, north = meaning.choose("velocity_east"), meaning.choose("velocity_north")
+    east, north = meaning.choose_column_or_ask("velocity_east"), meaning.choose_column_or_ask("velocity_north")
     if east is None or north is None:
         return
-    unit, confidence, why = meaning.stated_unit("velocity_east", east)
-    size = np.hypot(meaning.raw(east), meaning.raw(north))
-    checked = _speed_unit(meaning, east, size, (unit, confidence, why), track)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("velocity_east", east)
+    size = np.hypot(meaning.unscaled_numbers(east), meaning.unscaled_numbers(north))
+    checked = _choose_speed_unit_and_reason_or_ask(meaning, east, size, (unit, confidence, why), track)
     if checked is None:
         return
     for quantity, column in (("velocity_east", east), ("velocity_north", north)):
-        meaning.add_scaled(quantity, column, *checked)
+        meaning.add_scaled_quantity(quantity, column, *checked)
 
 
 def find_headings(meaning: Meaning, track: Track | None) -> None:
@@ -145,28 +150,32 @@ def find_headings(meaning: Meaning, track: Track | None) -> None:
     for quantity in ("course", "heading"):
         if quantity == "heading" and meaning.table.source.attitude_is_of_device:
             continue
-        column = meaning.choose(quantity)
+        column = meaning.choose_column_or_ask(quantity)
         if column is not None:
             _find_heading(meaning, quantity, column, track)
 
 
 def _is_course_of_receiver(meaning: Meaning) -> bool:
     """Tell whether the table is a receiver's: position and speed, one heading, and no attitude or inertial columns."""
-    if meaning.candidates("course") or not meaning.candidates("heading") or meaning.is_given("heading"):
+    if (
+        meaning.candidate_columns("course")
+        or not meaning.candidate_columns("heading")
+        or meaning.is_decided_by_user("heading")
+    ):
         return False
-    if "latitude" not in meaning.values or not meaning.candidates("speed") or meaning.table.source.presets:
+    if "latitude" not in meaning.values or not meaning.candidate_columns("speed") or meaning.table.source.presets:
         return False
-    words = {word for column in meaning.table.source.columns for word in meaning.words(column)}
+    words = {word for column in meaning.table.source.columns for word in meaning.words_of_column_name(column)}
     return not words & {"roll", "pitch", "yaw", "acc", "accel", "gyro", "ax", "yawrate", "qw", "acceleration"}
 
 
 def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | None) -> None:
-    values = meaning.raw(column)
+    values = meaning.unscaled_numbers(column)
     if quantity == "course":
         values = np.where(values < -180.0, np.nan, values)
         if meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}:
             values = np.where(values < 0.0, np.nan, values)  # phones write -1 where they know no course
-    unit, sense, confidence, why = _stated_sense(meaning, quantity, column)
+    unit, sense, confidence, why = _stated_unit_sense_and_reason(meaning, quantity, column)
     size = float(np.nanmax(np.abs(values)))
     if unit:
         units = [unit]
@@ -178,7 +187,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
     senses = [sense] if sense else ["cw-north", "ccw-east"]
     options = [f"{u}-{s}" for u in units for s in senses]
     default = f"{units[0]}-cw-north" if len(units) == 1 else ""
-    words = set(meaning.words(column))
+    words = set(meaning.words_of_column_name(column))
     if not sense and not words & {
         "heading",
         "hdg",
@@ -193,16 +202,20 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
         "direction",
     }:
         default = ""
-    fits = {} if track is None or not track.is_long_enough else _fits(meaning, values, options, track)
+    fits = (
+        {}
+        if track is None or not track.can_show_units_and_directions
+        else _median_angle_to_way_by_sense_deg(meaning, values, options, track)
+    )
     if sense and len(options) == 1:
-        _check_stated(meaning, quantity, column, options[0], (confidence, why), fits)
+        _ask_if_stated_sense_misfits(meaning, quantity, column, options[0], (confidence, why), fits)
         if meaning.questions and column in meaning.questions[-1].what:
             return
-        _add_heading(meaning, quantity, column, values, options[0], confidence, why)
+        _add_heading_quantity(meaning, quantity, column, values, options[0], confidence, why)
         return
-    chosen = _best_sense(fits, default)
+    chosen = _choose_fitting_sense(fits, default)
     if chosen is None and not fits and default:
-        _add_heading(
+        _add_heading_quantity(
             meaning,
             quantity,
             column,
@@ -218,11 +231,11 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
             else f"{column!r}: unit or sense of the angle is not known"
         )
         choices = " or ".join(f"--column {quantity}='{column}*{each}'" for each in options[:3])
-        meaning.ask(what, f"{choices}; --column {quantity}= leaves it out")
+        meaning.add_question(what, f"{choices}; --column {quantity}= leaves it out")
     else:
         if default and chosen != default and _may_be_swapped(meaning, quantity, column, fits[chosen]):
             return
-        _add_heading(
+        _add_heading_quantity(
             meaning,
             quantity,
             column,
@@ -237,11 +250,11 @@ def _may_be_swapped(meaning: Meaning, quantity: str, column: str, fit_deg: float
     """Ask where swapped latitude and longitude explain a course as well as an unusual sense of its angle."""
     if "latitude" not in meaning.values:
         return False
-    swapped_deg = swapped_course_error_deg(meaning, meaning.raw(column))
+    swapped_deg = swapped_course_error_deg(meaning, meaning.unscaled_numbers(column))
     if not swapped_deg < fit_deg + SWAP_MARGIN_DEG:
         return False
     columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
-    meaning.ask(
+    meaning.add_question(
         f"{column!r} fits the positions only counter-clockwise from east, or with latitude and longitude swapped",
         f"--column {quantity}='{column}*deg-ccw-east', or "
         f"--column latitude='{columns[1]}' --column longitude='{columns[0]}'",
@@ -249,9 +262,9 @@ def _may_be_swapped(meaning: Meaning, quantity: str, column: str, fit_deg: float
     return True
 
 
-def _stated_sense(meaning: Meaning, quantity: str, column: str) -> tuple[str, str, str, str]:
+def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) -> tuple[str, str, str, str]:
     """Return unit, sense, confidence and reason, "" for what neither user, format nor header says."""
-    given = meaning.answers.column_for(meaning.table.source, quantity)
+    given = meaning.answers.column_and_unit_for(meaning.table.source, quantity)
     text = given[1] if given is not None and given[0] == column else ""
     confidence, why = ("given", "as you said") if text else ("certain", "the format says it")
     if not text:
@@ -260,21 +273,23 @@ def _stated_sense(meaning: Meaning, quantity: str, column: str) -> tuple[str, st
     if "-" in text:
         unit, _, sense = text.partition("-")
         return unit, sense, confidence, why
-    unit, confidence, why = meaning.stated_unit(quantity, column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
     return unit, "", confidence, why
 
 
-def _fits(meaning: Meaning, values: FloatArray, options: list[str], track: Track) -> dict[str, float]:
+def _median_angle_to_way_by_sense_deg(
+    meaning: Meaning, values: FloatArray, options: list[str], track: Track
+) -> dict[str, float]:
     """Return the median angle to the way, degrees, of each sense; {} where the track can't tell."""
     fits = {}
     for option in options:
-        errors = angle_errors(track, meaning.stamp_ns, _heading_rad(values, option))
+        errors = heading_minus_course_rad(track, meaning.stamp_ns, _angles_to_heading_rad(values, option))
         if len(errors) >= 10:
             fits[option] = float(np.degrees(np.median(np.abs(errors))))
     return fits
 
 
-def _best_sense(fits: dict[str, float], default: str) -> str | None:
+def _choose_fitting_sense(fits: dict[str, float], default: str) -> str | None:
     """Return the sense that fits; the usual one where it fits as well as the best."""
     if not fits:
         return None
@@ -287,26 +302,28 @@ def _best_sense(fits: dict[str, float], default: str) -> str | None:
     return None if rivals else best
 
 
-def _check_stated(
+def _ask_if_stated_sense_misfits(
     meaning: Meaning, quantity: str, column: str, option: str, said: tuple[str, str], fits: dict[str, float]
 ) -> None:
     if said[0] == "given" or not fits or fits[option] < 2.0 * POOR_FIT_DEG:
         return
-    meaning.ask(
+    meaning.add_question(
         f"{column!r} is {fits[option]:.0f} degrees from the way between the positions",
         f"--column {quantity}='{column}*{option}' if it is right, --column {quantity}= leaves it out",
     )
 
 
-def _add_heading(
+def _add_heading_quantity(
     meaning: Meaning, quantity: str, column: str, values: FloatArray, option: str, confidence: str, why: str
 ) -> None:
-    meaning.add(quantity, _heading_rad(values, option), Guess(quantity, column, option, confidence, why))
+    meaning.add_quantity(
+        quantity, _angles_to_heading_rad(values, option), Guess(quantity, column, option, confidence, why)
+    )
     if option == "deg-cw-north":
-        check_swapped(meaning, values)
+        ask_if_latitude_longitude_swapped(meaning, values)
 
 
-def _heading_rad(values: FloatArray, option: str) -> FloatArray:
+def _angles_to_heading_rad(values: FloatArray, option: str) -> FloatArray:
     """Return angles as rad counter-clockwise from east."""
     unit, _, sense = option.partition("-")
     angle = values * FACTORS["angle"][unit]
@@ -315,25 +332,25 @@ def _heading_rad(values: FloatArray, option: str) -> FloatArray:
 
 def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
     """Find a yaw rate, its unit and its sense."""
-    column = meaning.choose("yaw_rate")
+    column = meaning.choose_column_or_ask("yaw_rate")
     if column is None:
         return
-    values = meaning.raw(column)
-    unit, confidence, why = meaning.stated_unit("yaw_rate", column)
-    ratio, correlation = turn_ratio(track, meaning.stamp_ns, values)
+    values = meaning.unscaled_numbers(column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("yaw_rate", column)
+    ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values)
     is_shown = abs(correlation) > MIN_CORRELATION
     if not unit and is_shown:
         fitting = [each for each in ("radps", "degps") if abs(math.log(abs(ratio) * FACTORS["turn rate"][each])) < 0.5]
         if fitting:
             unit, confidence, why = fitting[0], "likely", f"{abs(ratio):.3g} of it make 1 rad/s of the course"
     if not unit:
-        meaning.ask(
+        meaning.add_question(
             f"{column!r}: the unit of the turn rate is not known",
             f"--column yaw_rate='{column}*radps' or '{column}*degps'",
         )
         return
     factor = FACTORS["turn rate"][unit]
-    if meaning.is_given("yaw_rate") or meaning.table.source.presets.get(column):
+    if meaning.is_decided_by_user("yaw_rate") or meaning.table.source.presets.get(column):
         sense = 1.0
     elif is_shown:
         sense = 1.0 if ratio > 0 else -1.0
@@ -341,7 +358,7 @@ def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
     else:
         sense, confidence = 1.0, "assumed"
         why += "; left is positive in most systems, and no turn of the course tells"
-    meaning.add(
+    meaning.add_quantity(
         "yaw_rate",
         sense * factor * values,
         Guess("yaw_rate", column, unit if sense > 0 else f"-{unit}", confidence, why),

@@ -9,18 +9,18 @@ from cwcli.errors import DataError, MissingSignalError
 from cwcli.importing.load import LoadedTable
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.names import split_name, unit_of_name
-from cwcli.importing.tables import Answers, Guess, Question, ask
+from cwcli.importing.tables import Answers, Guess, Question, ambiguity_error_of_questions
 from cwcli.importing.times import (
     MAX_STAMP_NS,
     Instants,
     NumberBase,
     TextTimes,
-    base_of_numbers,
-    ns_from_text_times,
-    parse_start,
+    ns_and_validity_of_text_times,
+    parse_start_ns,
     possible_date_orders,
+    require_known_zone,
+    time_base_of_numbers,
     utc_ns_from_gps_seconds,
-    zone_error_free,
 )
 from cwcli.importing.units import find_unit
 from cwcli.lazy_dataclass import dataclass
@@ -29,20 +29,22 @@ from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
 MAX_SPREAD_S = 0.1
-"""Two columns of time whose difference changes by less say the same."""
+"""Largest change in s of the difference of two columns of time that count as the same clock. Chosen by hand."""
 MAX_BACKWARD_SHARE = 0.2
-"""Largest share of rows that lie before their predecessor and are put into order."""
+"""Largest share of rows that are earlier than the row before; they are sorted, and more is an error. Chosen by hand."""
 MAX_REPEATED_SHARE = 0.5
-"""Largest share of rows with the stamp of the row before."""
+"""Largest share of rows with the stamp of the row before at which a column counts as time. Chosen by hand."""
 MAX_ABSURD_SHARE = 0.05
-"""Largest share of rows with a time before 1970 or behind 2038 that are left out; more show another unit."""
+"""Largest share of rows with a time before 1970 or after 2038 that are left out; more show another unit. Chosen by
+hand."""
 MAX_LATE_S = 5.0
-"""Rows that were written later than others by more than this, and lie among them, are a second recording: buffers of
-sensors hold less. Chosen by hand."""
+"""Greatest time in s by which rows may be written late; later ones among the others are a second recording. Chosen by
+hand: buffers of sensors hold less."""
 MAX_CHANGES_PER_STEP_BACK = 4
-"""A row, or a block, that was written late makes three changes between the parts of a file in the order of time."""
+"""Largest number of changes between the parts of a file, in time order, for each step back in time: a late row, or
+block, makes three."""
 MAX_GPS_WEEK = 11_000
-"""Week since the GPS epoch that lies behind 2190."""
+"""Greatest week since the GPS epoch that is accepted, in the year 2190. Chosen by hand."""
 RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
 """Meanings of columns of time, the most useful first."""
 
@@ -78,9 +80,11 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
     where = table.source.name
     columns = [*table.candidates.get("time", ()), *table.candidates.get("date", ())]
     candidates = [
-        found for column in dict.fromkeys(columns) if (found := _candidate(table, column, answers)) is not None
+        found
+        for column in dict.fromkeys(columns)
+        if (found := _time_candidate_of_column(table, column, answers)) is not None
     ]
-    candidates = _with_rows_numbered(candidates)
+    candidates = _candidates_with_any_time(candidates)
     if not candidates:
         names = ", ".join(table.source.columns[:12])
         raise MissingSignalError(
@@ -89,16 +93,16 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
             found=table.source.columns[:30],
             hint=f"--column time=NAME, one of {names}",
         )
-    given = answers.column_for(table.source, "time")
+    given = answers.column_and_unit_for(table.source, "time")
     if given is None:
-        candidates = [each for each in candidates if _advances(each)] or candidates
+        candidates = [each for each in candidates if _does_time_advance(each)] or candidates
     best = min(candidates, key=lambda each: RANKS.index(each.rank))
     if given is None:
-        best = _without_question_if_possible(candidates, best)
+        best = _prefer_candidate_without_question(candidates, best)
         rivals = [each for each in candidates if each.rank == best.rank and each is not best and each.question is None]
         for rival in rivals:
-            if not _advance_together(best, rival):
-                raise ask(
+            if not _do_both_times_advance_together(best, rival):
+                raise ambiguity_error_of_questions(
                     [
                         Question(
                             where,
@@ -108,11 +112,11 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
                     ]
                 )
     if best.question is not None:
-        raise ask([best.question])
+        raise ambiguity_error_of_questions([best.question])
     return _sort_rows_by_stamp(table, answers, best)
 
 
-def _advances(candidate: Candidate) -> bool:
+def _does_time_advance(candidate: Candidate) -> bool:
     """Tell whether most rows have another time than the row before."""
     if candidate.question is not None:
         return True
@@ -120,44 +124,44 @@ def _advances(candidate: Candidate) -> bool:
     return bool(np.count_nonzero(steps) > (1.0 - MAX_REPEATED_SHARE) * len(steps))
 
 
-def _without_question_if_possible(candidates: list[Candidate], best: Candidate) -> Candidate:
+def _prefer_candidate_without_question(candidates: list[Candidate], best: Candidate) -> Candidate:
     """Return a column that needs no answer, if there is one that says as much."""
     if best.question is None:
         return best
     return next((each for each in candidates if each.question is None), best)
 
 
-def _with_rows_numbered(candidates: list[Candidate]) -> list[Candidate]:
+def _candidates_with_any_time(candidates: list[Candidate]) -> list[Candidate]:
     """Return the candidates that hold any time."""
     return [each for each in candidates if each.valid.any() or each.question is not None]
 
 
-def _candidate(table: LoadedTable, column: str, answers: Answers) -> Candidate | None:
+def _time_candidate_of_column(table: LoadedTable, column: str, answers: Answers) -> Candidate | None:
     words = split_name(column).words
     if column in table.text_times:
         times = table.text_times[column]
         if not times.has_date:
-            return _clock_candidate(table, column, times, answers)
-        if not times.has_clock and not _is_datetime(times):
+            return _time_of_day_candidate(table, column, times, answers)
+        if not times.has_clock and not _has_date_and_clock(times):
             return _date_and_clock_candidate(table, column, times, answers)
         return _text_date_candidate(table, column, times, answers, words)
     if column not in table.instants:
         return None
     if column in table.candidates.get("date", ()) and column not in table.candidates.get("time", ()):
         return None
-    return _number_candidate(table, column, table.instants[column], answers)
+    return _number_time_candidate(table, column, table.instants[column], answers)
 
 
-def _is_datetime(times: TextTimes) -> bool:
+def _has_date_and_clock(times: TextTimes) -> bool:
     return bool(np.isfinite(times.offset_s[times.valid]).any())
 
 
 def _text_date_candidate(
-    table: LoadedTable, column: str, times: TextTimes, answers: Answers, words: tuple[str, ...]
+    table: LoadedTable, column: str, times: TextTimes, answers: Answers, header_words: tuple[str, ...]
 ) -> Candidate:
     where = table.source.name
     question = None
-    order, why = _date_order(times, answers)
+    order, why = _date_order_and_reason(times, answers)
     if not order:
         question = Question(
             where, f"{column!r}: day and month can be either way round", "--date-order dmy or --date-order mdy"
@@ -167,25 +171,25 @@ def _text_date_candidate(
     unit_text = split_name(column).unit_text.lower()
     if has_zone:
         confidence, why_zone = "certain", "the times name their zone"
-    elif {"utc", "gmt", "zulu"} & {*words, unit_text}:
+    elif {"utc", "gmt", "zulu"} & {*header_words, unit_text}:
         zone, confidence, why_zone = "UTC", "certain", "the header says UTC"
     elif table.source.kind in {"gpx"}:
         zone, confidence, why_zone = "UTC", "certain", "the format says UTC"
     elif zone:
         why_zone = f"zone {zone}, as you said"
-        zone_error_free(zone)
+        require_known_zone(zone)
     else:
         why_zone = ""
         question = question or Question(
             where, f"{column!r} has times of day without a zone", "--timezone UTC, Europe/Berlin or +02:00"
         )
-    stamp_ns, valid = ns_from_text_times(times, order or "ymd", zone)
+    stamp_ns, valid = ns_and_validity_of_text_times(times, order or "ymd", zone)
     guess = Guess("time", column, "date", confidence, "; ".join(text for text in (why, why_zone) if text))
     rank = "zoned date" if has_zone or zone == "UTC" else "local date"
     return Candidate(column, rank, stamp_ns, valid, guess, question)
 
 
-def _date_order(times: TextTimes, answers: Answers) -> tuple[str, str]:
+def _date_order_and_reason(times: TextTimes, answers: Answers) -> tuple[str, str]:
     """Return the order of the date's parts, "" where it is not known, and the reason."""
     orders = possible_date_orders(times)
     if answers.date_order in orders or (answers.date_order and not orders):
@@ -214,20 +218,20 @@ def _date_and_clock_candidate(table: LoadedTable, column: str, times: TextTimes,
     return Candidate(column, rank, found.stamp_ns, found.valid, guess, found.question)
 
 
-def _clock_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
+def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
     if any(other.has_date and not other.has_clock for other in table.text_times.values()):
         return None  # the column of dates takes it
-    stamp_ns, valid = ns_from_text_times(times, "ymd", "")
+    stamp_ns, valid = ns_and_validity_of_text_times(times, "ymd", "")
     why = "times of day without a date: stamps count from midnight"
     if answers.start:
-        midnight = parse_start(answers.start) // (86_400 * NS_PER_S) * 86_400 * NS_PER_S
+        midnight = parse_start_ns(answers.start) // (86_400 * NS_PER_S) * 86_400 * NS_PER_S
         stamp_ns, why = stamp_ns + midnight, "on the day of --start"
     return Candidate(column, "clock", stamp_ns, valid, Guess("time", column, "clock", "assumed", why))
 
 
-def _number_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> Candidate:
+def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> Candidate:
     where = table.source.name
-    given = answers.column_for(table.source, "time")
+    given = answers.column_and_unit_for(table.source, "time")
     preset = table.source.presets.get(column)
     words = split_name(column).words
     unit = find_unit(table.source.units.get(column, ""), "time") or unit_of_name(column, "time")
@@ -236,10 +240,10 @@ def _number_candidate(table: LoadedTable, column: str, instants: Instants, answe
     )
     if preset is not None and preset.unit:
         unit = preset.unit
-    base = base_of_numbers(instants, unit, words)
+    base = time_base_of_numbers(instants, unit, words)
     if given is not None and given[0] == column and given[1]:
         wanted, _, since = given[1].partition("-")
-        read = base_of_numbers(instants, wanted, words)
+        read = time_base_of_numbers(instants, wanted, words)
         base = NumberBase(wanted, since or read.since, "given", "as you said")
     guess = Guess("time", column, base.unit, base.confidence, base.why)
     if not base.unit:
@@ -271,7 +275,7 @@ def _number_candidate(table: LoadedTable, column: str, instants: Instants, answe
         )
     start_ns, why = 0, "stamps count from the start of the recording"
     if answers.start:
-        start_ns, why = parse_start(answers.start), "counted from --start"
+        start_ns, why = parse_start_ns(answers.start), "counted from --start"
     elif table.source.start_ns is not None:
         start_ns, why = table.source.start_ns, "the file names the time of its start"
     guess = Guess("time", column, base.unit, base.confidence, f"{base.why}; {why}")
@@ -279,7 +283,7 @@ def _number_candidate(table: LoadedTable, column: str, instants: Instants, answe
     return Candidate(column, "start" if not start_ns else "1970", stamps, instants.valid, guess)
 
 
-def _advance_together(first: Candidate, second: Candidate) -> bool:
+def _do_both_times_advance_together(first: Candidate, second: Candidate) -> bool:
     both = first.valid & second.valid
     if np.count_nonzero(both) < 2:
         return True
@@ -290,7 +294,7 @@ def _advance_together(first: Candidate, second: Candidate) -> bool:
 def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
     """Return the rows that have a stamp, in the order of their stamps."""
     where = table.source.name
-    rows = np.flatnonzero(best.valid & ~_absurd_rows(best))
+    rows = np.flatnonzero(best.valid & ~_absurd_time_mask(best))
     stamps = best.stamp_ns[rows]
     notes = []
     if len(rows) < table.n_rows:
@@ -338,7 +342,7 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
     return meaning
 
 
-def _absurd_rows(best: Candidate) -> BoolArray:
+def _absurd_time_mask(best: Candidate) -> BoolArray:
     """Return the rows (n,) whose time lies before 1970 or behind 2038, if they are few; else none."""
     is_relative = best.rank in {"start", "clock"}
     absurd = best.valid & ((best.stamp_ns > MAX_STAMP_NS) | ((best.stamp_ns < 0) & (not is_relative)))
@@ -346,7 +350,7 @@ def _absurd_rows(best: Candidate) -> BoolArray:
     return absurd if is_few else np.zeros_like(absurd)
 
 
-def check_one_recording(meaning: Meaning) -> None:
+def require_rows_of_one_recording(meaning: Meaning) -> None:
     """Check that the rows are of one recording: two have rows at the same times.
 
     Raises:

@@ -89,7 +89,7 @@ class Answers:
     frame_times: str = ""
     dbc: tuple[str, ...] = ()
 
-    def column_for(self, table: SourceTable, quantity: str) -> tuple[str, str] | None:
+    def column_and_unit_for(self, table: SourceTable, quantity: str) -> tuple[str, str] | None:
         """Return column and unit that the user gave for a quantity of a table; None where nothing was given."""
         for name in (table.name, PurePath(table.file).name, table.part):
             own = self.columns.get((name, quantity)) if name else None
@@ -118,7 +118,7 @@ class AmbiguousError(MissingSignalError):
     """The file can be read in several ways, and only the user knows which one is right."""
 
 
-def ask(questions: Sequence[Question]) -> AmbiguousError:
+def ambiguity_error_of_questions(questions: Sequence[Question]) -> AmbiguousError:
     """Return the error that puts questions to the user: the first one, and the others behind `found`."""
     first, *others = questions
     return AmbiguousError(

@@ -15,7 +15,7 @@ from cwcli.logs.read.converted import ConvertedFile
 from cwcli.logs.read.source_format import SourceFormat
 
 
-def import_if_no_log(path: str) -> ConvertedFile | None:
+def import_to_temporary_log(path: str) -> ConvertedFile | None:
     """Return the temporary log that a file becomes; None for what is of no kind that is known.
 
     Raises:

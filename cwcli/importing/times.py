@@ -7,7 +7,6 @@ tells, are questions.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -27,16 +26,19 @@ BoolArray = npt.NDArray[np.bool_]
 MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
 """The last second of ROS 2 stamps, in January 2038, in ns since 1970 (builtin_interfaces/msg/Time)."""
 MAX_ZONE_OFFSET_S = 15 * 3600
-"""No zone is farther from UTC: they end at 14 hours (IANA tz database)."""
+"""Greatest offset of a time zone from UTC, s: an hour more than the 14 of the IANA tz database."""
 FIRST_YEAR_S, LAST_YEAR_S = 631_152_000, 4_102_444_800
-"""1990 and 2100 in seconds since 1970: recordings lie between them."""
+"""Seconds since 1970 of the years 1990 and 2100, between which recordings lie. Chosen by hand."""
 GPS_NAMES_FROM_S = 1_000_000_000
-"""Seconds since the GPS epoch of September 2011; earlier logs of vehicles hardly exist."""
+"""Seconds since the GPS epoch from which a number is taken as GPS time, September 2011. Chosen by hand: earlier logs of
+vehicles hardly exist."""
 SLOWEST_HZ, FASTEST_HZ = 0.5, 2500.0
-"""Rates of rows that sensors of cars have; other rates show that the unit of the time is another one."""
+"""Least and greatest rate of rows, Hz, of sensors of cars; other rates show that the unit of the time is another one.
+Chosen by hand."""
 
 MIN_MONTH_SHARE = 0.9
-"""Least share of dates with a month behind the year; the others are damaged."""
+"""Least share of dates that begin with the year and whose second number is a month, for the order year, month, day.
+Chosen by hand."""
 DATE_ORDERS = {"ymd": ("y", "m", "d"), "dmy": ("d", "m", "y"), "mdy": ("m", "d", "y")}
 """Order of a date by its name."""
 _CLOCK = (
@@ -123,7 +125,7 @@ def _with_month_numbers(texts: Any) -> tuple[Any, bool]:
     return texts, True
 
 
-def clock_of_digits(instants: Instants) -> TextTimes | None:
+def times_of_day_from_digits(instants: Instants) -> TextTimes | None:
     """Return times of day written as numbers, hhmmss; None where one is none."""
     whole = instants.whole[instants.valid]
     hour, minute, second = whole // 10_000, whole // 100 % 100, whole % 100
@@ -140,10 +142,10 @@ def parse_short_dates(array: Any) -> TextTimes | None:
     """Parse dates of six digits; None where a text is none."""
     import pyarrow.compute as pc
 
-    from cwcli.importing.cells import trimmed_texts
+    from cwcli.importing.cells import trimmed_texts_or_null
 
-    found = pc.extract_regex(trimmed_texts(array), SHORT_DATE_PATTERN)
-    return None if found.null_count else _times_of_match(found)
+    found = pc.extract_regex(trimmed_texts_or_null(array), SHORT_DATE_PATTERN)
+    return None if found.null_count else _text_times_of_regex_match(found)
 
 
 def parse_text_times(array: Any) -> TextTimes | None:
@@ -154,23 +156,23 @@ def parse_text_times(array: Any) -> TextTimes | None:
     """
     import pyarrow.compute as pc
 
-    from cwcli.importing.cells import trimmed_texts
+    from cwcli.importing.cells import trimmed_texts_or_null
 
-    texts, has_names = _with_month_numbers(trimmed_texts(array))
+    texts, has_names = _with_month_numbers(trimmed_texts_or_null(array))
     n_given = len(texts) - texts.null_count
     best: TextTimes | None = None
     for pattern in (DATETIME_PATTERN, UNIX_DATE_PATTERN, CLOCK_PATTERN, ONLY_DATE_PATTERN, DIGITS_DATE_PATTERN):
         found = pc.extract_regex(texts, pattern)
         n_found = len(found) - found.null_count
         if n_found and n_found >= 0.5 * n_given:
-            best = _times_of_match(found)
+            best = _text_times_of_regex_match(found)
             if has_names:  # the month is known, and the day before or behind it
                 best = replace(best, mark=".")
             break
     return best
 
 
-def _times_of_match(found: Any) -> TextTimes:
+def _text_times_of_regex_match(found: Any) -> TextTimes:
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -247,7 +249,7 @@ def possible_date_orders(times: TextTimes) -> list[str]:
     return orders
 
 
-def ns_from_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Array, BoolArray]:
+def ns_and_validity_of_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Array, BoolArray]:
     """Return nanoseconds since 1970 (n,) and whether they are a time.
 
     Args:
@@ -270,13 +272,13 @@ def ns_from_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Ar
         valid &= (first + safe[2] - 1).astype("M8[M]") == first.astype("M8[M]")  # no 31st of February
         days = np.minimum(first.astype(np.int64) + safe[2] - 1, MAX_STAMP_NS // (86_400 * NS_PER_S) + 1)
     else:
-        days = _days_through_midnight(times.ns_of_day, valid)
+        days = _midnights_before_each_row(times.ns_of_day, valid)
     local_ns = days * 86_400 * NS_PER_S + times.ns_of_day
     offset_s = np.where(np.isnan(times.offset_s), _offsets_of_zone(zone, local_ns, valid), times.offset_s)
     return local_ns - np.rint(offset_s).astype(np.int64) * NS_PER_S, valid
 
 
-def _days_through_midnight(ns_of_day: Int64Array, valid: BoolArray) -> Int64Array:
+def _midnights_before_each_row(ns_of_day: Int64Array, valid: BoolArray) -> Int64Array:
     """Return the number of midnights before each row (n,)."""
     steps = np.diff(np.where(valid, ns_of_day, 0), prepend=ns_of_day[:1] if len(ns_of_day) else [])
     return np.cumsum(steps < -12 * 3600 * NS_PER_S).astype(np.int64)
@@ -302,13 +304,13 @@ def _offsets_of_zone(zone: str, local_ns: Int64Array, valid: BoolArray) -> Float
     return np.array(offsets)[index]
 
 
-def zone_error_free(zone: str) -> str:
+def require_known_zone(zone: str) -> str:
     """Return the zone after a check that it exists."""
     _offsets_of_zone(zone, np.zeros(1, np.int64), np.ones(1, np.bool_))
     return zone
 
 
-def parse_start(text: str) -> int:
+def parse_start_ns(text: str) -> int:
     """Return a start given as ISO 8601 with a zone, or as seconds since 1970, in ns.
 
     Raises:
@@ -316,7 +318,7 @@ def parse_start(text: str) -> int:
     """
     try:
         if re.fullmatch(r"[0-9]+(\.[0-9]+)?", text):
-            return _checked_start(round(float(text) * NS_PER_S), text)
+            return _require_start_in_range(round(float(text) * NS_PER_S), text)
         moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
     except (ValueError, OverflowError):
         moment = None
@@ -324,10 +326,10 @@ def parse_start(text: str) -> int:
         raise UsageError(
             f"--start {text}: it is no time with a zone", hint="--start 2024-05-01T08:00:00Z, or seconds since 1970"
         )
-    return _checked_start(round(moment.timestamp() * 1000) * 1_000_000, text)
+    return _require_start_in_range(round(moment.timestamp() * 1000) * 1_000_000, text)
 
 
-def _checked_start(start_ns: int, text: str) -> int:
+def _require_start_in_range(start_ns: int, text: str) -> int:
     if not 0 <= start_ns <= MAX_STAMP_NS:
         raise UsageError(f"--start {text}: it is not between 1970 and 2038", hint="--start 2024-05-01T08:00:00Z")
     return start_ns
@@ -349,7 +351,7 @@ class NumberBase:
     why: str
 
 
-def base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> NumberBase:
+def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> NumberBase:
     """Return how numbers of time are meant, by their size, the header's unit and words, and the rate of the rows."""
     values = instants.values()
     finite = values[np.isfinite(values)]
@@ -368,11 +370,11 @@ def base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> Nu
     if unit:
         since = (
             "week"
-            if says_gps and middle * FACTORS["time"][unit] / 1e9 < SECONDS_PER_WEEK and _says_week(words)
+            if says_gps and middle * FACTORS["time"][unit] / 1e9 < SECONDS_PER_WEEK and _do_words_name_gps_week(words)
             else "start"
         )
         return NumberBase(unit, since, "certain", "the header says the unit")
-    step = _middle_step(finite)
+    step = _median_step_of_values(finite)
     fitting = [
         each
         for each in ("s", "ms", "us", "ns")
@@ -384,16 +386,16 @@ def base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> Nu
     if has_decimals and "s" in fitting and step < 1.0:
         fitting = ["s"]
     if len(fitting) == 1:
-        since = "week" if _says_week(words) else "start"
+        since = "week" if _do_words_name_gps_week(words) else "start"
         return NumberBase(fitting[0], since, "likely", f"steps of {step:g} {fitting[0]} are a usual rate")
     return NumberBase("", "start", "", "")
 
 
-def _says_week(words: tuple[str, ...]) -> bool:
+def _do_words_name_gps_week(words: tuple[str, ...]) -> bool:
     return any(word in {"tow", "itow", "towms", "sow"} for word in words) or ("week" in words)
 
 
-def _middle_step(values: FloatArray) -> float:
+def _median_step_of_values(values: FloatArray) -> float:
     steps = np.abs(np.diff(values))
     steps = steps[steps > 0]
     return float(np.median(steps)) if len(steps) else 0.0
@@ -411,6 +413,3 @@ def utc_ns_from_gps_seconds(gps_ns: Int64Array, week: FloatArray | None) -> Int6
         whole = np.where(np.isfinite(week), week, 0.0).astype(np.int64)
         gps_ns = gps_ns + whole * SECONDS_PER_WEEK * NS_PER_S
     return utc_ns_from_gps_ns(gps_ns + epoch_ns)
-
-
-ReadNumbers = Callable[[str], FloatArray]

@@ -102,7 +102,7 @@ def write_outputs(
     with array_memory_bound(), AtomicGroup() as together:
         if files.annotated is not None:
             step(f"writing {files.annotated}")
-            names, dropped_profile = _write_annotated_log(result, files, files.annotated, together)
+            names, dropped_profile = _write_annotated_log_and_list_files(result, files, files.annotated, together)
         if files.tables_folder is not None:
             make_folder(files.tables_folder)
         for path, table in tables.items():
@@ -110,7 +110,7 @@ def write_outputs(
     return WrittenFiles((*(name for name in names if name != STDOUT), *map(str, tables)), dropped_profile)
 
 
-def _write_annotated_log(
+def _write_annotated_log_and_list_files(
     result: WritableRun, files: OutputFiles, target: str, together: AtomicGroup
 ) -> tuple[list[str], str]:
     """Write the annotated log; return the names of its files, and the profile that it could not keep or ""."""

@@ -13,7 +13,7 @@ from cwcli.metrics.table import unit_of_column
 from cwcli.signals.columns import FloatArray
 
 COMPARISON_SIGNS = {"low": "<", "high": ">"}
-"""The comparison that a dangerous value meets, by `Measure.critical`."""
+"""`Measure.critical` (least or greatest is dangerous) -> the sign of the comparison that a dangerous value meets."""
 
 
 @dataclass(frozen=True)

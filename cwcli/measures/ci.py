@@ -15,7 +15,7 @@ ENERGY_WEIGHT, PET_DECAY_1PS = 1.0, 1.0
 """Share of the energy that counts, and how fast it fades with PET, 1/s. Chosen by hand; not fitted."""
 
 
-def conflict_index(pair: Pair) -> FloatArray:
+def conflict_index_of_pair_kj(pair: Pair) -> FloatArray:
     """Conflict index of the pair, (), kJ."""
     pet_s, own, theirs = encroachment_lag_and_states(pair)
     if np.isnan(pet_s):
@@ -35,7 +35,7 @@ MEASURE = Measure(
         "1 / s"
     ),
     source="Alhajyaseen 2015",
-    compute=conflict_index,
+    compute=conflict_index_of_pair_kj,
     is_series=False,
     undefined="as for PET",
     misleads="when following a vehicle, as for PET; messages carry no masses, so 1500 kg are assumed",

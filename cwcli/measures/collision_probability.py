@@ -41,7 +41,8 @@ MAX_VARIANCE_SHARES_OF_FEW_LINES = (0.006,)
 """The smaller number of lines is used where the errors at other times differ by a smaller share of their variance than
 this; each step counts by the density of the errors that it needs. Chosen by the module's study."""
 MAX_TOUCH_SIGMAS = 3.7
-"""A contact that needs errors of more sigmas counts as impossible: its probability is below 0.001."""
+"""Largest error in sigmas that a contact may need; beyond it, its probability counts as 0, because it is below 0.001.
+Chosen by hand."""
 MAX_BEND_SIGMAS = 0.005
 """Steps that differ from one straight step by less than this, in sigmas, are joined: headings may differ by twice as
 much, errors by half of it. Chosen by the module's study."""

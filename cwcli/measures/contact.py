@@ -90,8 +90,12 @@ def accelerated_contact_time_s(at: EdgeProjections, ax_mps2: FloatArray, ay_mps2
     sign = np.where(bend < 0.0, -1.0, 1.0)
     bend, speed, centre = sign * bend, sign * at.speed_mps, sign * at.centre_m
     speed = np.where(np.abs(speed) < 1e-9, 0.0, speed)
-    low, high, _ = _interval_below_zero_s(bend, speed, centre - at.reach_m)  # c + s t + q t^2 / 2 <= R from low to high
-    out, back, leaves = _interval_below_zero_s(bend, speed, centre + at.reach_m)  # and below -R from out to back
+    low, high, _ = _interval_of_negative_parabola_s(
+        bend, speed, centre - at.reach_m
+    )  # c + s t + q t^2 / 2 <= R from low to high
+    out, back, leaves = _interval_of_negative_parabola_s(
+        bend, speed, centre + at.reach_m
+    )  # and below -R from out to back
     first_end = np.where(leaves, out, high)
     second = np.where(leaves, back, np.inf)
     time = np.zeros(at.centre_m.shape[1:])
@@ -107,7 +111,7 @@ def accelerated_contact_time_s(at: EdgeProjections, ax_mps2: FloatArray, ay_mps2
     return time
 
 
-def _interval_below_zero_s(
+def _interval_of_negative_parabola_s(
     second_derivative: FloatArray, slope: FloatArray, start_value: FloatArray
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
     """The interval of t in which start + slope t + second_derivative t^2 / 2 <= 0: its ends, and whether it exists."""

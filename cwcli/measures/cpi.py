@@ -16,7 +16,7 @@ MIN_AVAILABLE_BRAKING_MPS2, MAX_AVAILABLE_BRAKING_MPS2 = 4.23, 12.68
 """The normal distribution of the available braking is truncated to these limits, m/s^2 (same source)."""
 
 
-def crash_potential_index(pair: Pair) -> FloatArray:
+def crash_potential_index_of_pair(pair: Pair) -> FloatArray:
     """Crash potential index of the pair, (), over moments with both positions; without a vehicle ahead it counts 0."""
     known = ~np.isnan(pair.distance_m)
     if not known.any():
@@ -44,7 +44,7 @@ MEASURE = Measure(
     critical="high",
     formula="mean over time of P(MADR <= -a_long,req), MADR normal 8.45, 1.40 m/s^2 within 4.23 to 12.68",
     source="Cunto and Saccomanno 2007",
-    compute=crash_potential_index,
+    compute=crash_potential_index_of_pair,
     is_series=False,
     is_symmetric=False,
     undefined="both positions were never known at the same time",

@@ -9,7 +9,7 @@ from cwcli.measures.pair import Pair
 MIN_CROSSING_SINE = 0.5
 """Smallest sine of the angle between the paths: below 30 degrees vehicles merge or follow, rather than cross."""
 MIN_CROSSING_SPEED_MPS = 0.1
-"""A slower vehicle counts as standing and reaches no crossing. Chosen by hand; not fitted."""
+"""Speed in m/s below which a vehicle counts as standing and reaches no crossing. Chosen by hand; not fitted."""
 
 
 class StraightCrossing:

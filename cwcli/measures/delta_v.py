@@ -11,7 +11,7 @@ from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 
-def velocity_change_in_crash(pair: Pair) -> FloatArray:
+def host_velocity_change_in_crash_mps(pair: Pair) -> FloatArray:
     """Change of the host's velocity (m/s) in a crash, computed at each stamp, (n,); NaN off a collision course."""
     at = pair.relative_motion
     change = OTHER_MASS_SHARE * np.hypot(at.dvx_mps, at.dvy_mps)
@@ -25,7 +25,7 @@ MEASURE = Measure(
     critical="high",
     formula="m_o / (m_e + m_o) |v_o - v_e|, with equal masses",
     source="Shelby 2011; conservation of momentum",
-    compute=velocity_change_in_crash,
+    compute=host_velocity_change_in_crash_mps,
     undefined="the two are not on a collision course",
     misleads="with a lorry: messages carry no masses, so they are taken as equal",
     is_pointwise=True,

@@ -14,7 +14,7 @@ from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 
-def closest_encounter(pair: Pair) -> tuple[FloatArray, FloatArray]:
+def time_and_distance_of_closest_encounter(pair: Pair) -> tuple[FloatArray, FloatArray]:
     """Time (s) and distance (m) of the closest encounter from now on at constant velocities, rows `near`, (m,) each.
 
     The relative motion is seen along the relative velocity: a corner of the difference of the two outlines (a corner of

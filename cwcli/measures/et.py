@@ -10,7 +10,7 @@ from cwcli.measures.pet import host_encroachment_duration_s
 from cwcli.signals.columns import FloatArray
 
 
-def encroachment_time(pair: Pair) -> FloatArray:
+def encroachment_time_of_pair_s(pair: Pair) -> FloatArray:
     """Encroachment time (s) of the pair, (), at its narrowest encroachment."""
     return np.array(host_encroachment_duration_s(pair))
 
@@ -25,7 +25,7 @@ MEASURE = Measure(
         " other moment within 5 s, in steps of 0.1 s"
     ),
     source="Allen, Shin and Cooper 1978",
-    compute=encroachment_time,
+    compute=encroachment_time_of_pair_s,
     is_series=False,
     is_symmetric=False,
     undefined="as for PET, or the two drive within 30 degrees of parallel",

@@ -18,9 +18,9 @@ from cwcli.signals.units import NS_PER_S
 MOMENTS_PER_BLOCK = 2048
 """Number of moments that are measured at once: their arrays fit into the processor's cache."""
 ENCOUNTER_RANGE_M = 50.0
-"""An encounter is a time during which the centres are within this distance, m. Chosen by hand; not fitted."""
+"""Greatest distance of the centres, m, within an encounter. Chosen by hand; not fitted."""
 MAX_PAUSE_IN_ENCOUNTER_S = 2.0
-"""Encounters with a shorter pause between them are one encounter, s. Chosen by hand; not fitted."""
+"""Longest pause within one encounter, s; a longer one divides two encounters. Chosen by hand; not fitted."""
 WHOLE_TIME_ENCOUNTER = 0
 """Number that stands for the whole time during which two were near; encounters count from 1."""
 

@@ -12,17 +12,17 @@ from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 EXPOSURE_TTC_S = 2.0
-"""Times to collision up to this count as exposure, for TET and TIT, s. Chosen by hand; not fitted."""
+"""Greatest time to collision, s, that counts as exposure (TET and TIT). Chosen by hand; not fitted."""
 
 
-def time_exposed_to_short_ttc(pair: Pair) -> FloatArray:
+def time_exposed_to_short_ttc_of_pair_s(pair: Pair) -> FloatArray:
     """Time (s) that the pair spends with a time to collision of at most 2 s, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
     return np.array(pair.stamp_weights_s[pair.evaluate_measure(TTC) <= EXPOSURE_TTC_S].sum())
 
 
-def time_integrated_ttc(pair: Pair) -> FloatArray:
+def time_integrated_ttc_of_pair_s2(pair: Pair) -> FloatArray:
     """Integral of the pair over time of how far the time to collision is below 2 s, s^2, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
@@ -37,7 +37,7 @@ TET = Measure(
     critical="high",
     formula="sum of dt where TTC <= 2 s",
     source="Minderhoud and Bovy 2001",
-    compute=time_exposed_to_short_ttc,
+    compute=time_exposed_to_short_ttc_of_pair_s,
     is_series=False,
     undefined="both positions were never known at the same time",
     misleads="for a long drive: it adds up many moments of which none was dangerous",
@@ -48,6 +48,6 @@ TIT = replace(
     symbol="TIT",
     column="tit_s2",
     formula="sum of (2 s - TTC) dt where TTC <= 2 s",
-    compute=time_integrated_ttc,
+    compute=time_integrated_ttc_of_pair_s2,
     misleads="as for TET",
 )

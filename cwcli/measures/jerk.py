@@ -11,12 +11,12 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
-def longitudinal_jerk(pair: Pair) -> FloatArray:
+def host_longitudinal_jerk_size_mps3(pair: Pair) -> FloatArray:
     """Size of the host's longitudinal jerk (m/s^3) at each stamp, (n,)."""
     return pair.expand_to_all_rows(np.abs(pair.host_accel_yaw_rate_jerk[pair.near_rows, 2]))
 
 
-def lateral_jerk(pair: Pair) -> FloatArray:
+def host_lateral_jerk_size_mps3(pair: Pair) -> FloatArray:
     """Size of the host's lateral jerk (m/s^3) at each stamp, (n,): that of v w with a constant yaw rate w."""
     accel, yaw_rate, _ = pair.host_accel_yaw_rate_jerk[pair.near_rows].T
     return pair.expand_to_all_rows(np.abs(accel * yaw_rate))
@@ -29,7 +29,7 @@ LONG_JERK = Measure(
     critical="high",
     formula="|d a_e / d t|",
     source="CommonRoad-CriMe, LongJ",
-    compute=longitudinal_jerk,
+    compute=host_longitudinal_jerk_size_mps3,
     is_symmetric=False,
     is_of_host=True,
     undefined="the centres are more than 200 m apart",
@@ -43,6 +43,6 @@ LAT_JERK = replace(
     column="lat_jerk_mps3",
     formula="|a_e w_e|",
     source="derivative of v w; CommonRoad-CriMe, LatJ",
-    compute=lateral_jerk,
+    compute=host_lateral_jerk_size_mps3,
     misleads="while the yaw rate changes",
 )

@@ -8,7 +8,7 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
-def minimum_stopping_distance(pair: Pair) -> FloatArray:
+def host_minimum_stopping_distance_m(pair: Pair) -> FloatArray:
     """Distance (m) in which the host can stop, at each stamp, (n,)."""
     speed = pair.other_in_host_axes.host_speed_mps
     return pair.expand_to_all_rows(speed**2 / (2.0 * CAR_BRAKING_LIMIT_MPS2))
@@ -21,7 +21,7 @@ MEASURE = Measure(
     critical="high",
     formula="v_e^2 / (2 a), a = 11.5 m/s^2",
     source="Allen, Shin and Cooper 1978",
-    compute=minimum_stopping_distance,
+    compute=host_minimum_stopping_distance_m,
     is_symmetric=False,
     is_of_host=True,
     undefined="the centres are more than 200 m apart",

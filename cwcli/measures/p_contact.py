@@ -15,7 +15,7 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 2.5
-"""Contact counts within this time, s (song2016's horizon)."""
+"""Time ahead within which a contact counts, s: song2016's horizon."""
 STEP_S = 0.05
 """Step of the paths, s. Chosen by hand."""
 PATH_TIMES_S = np.arange(round(HORIZON_S / STEP_S) + 1) * STEP_S
@@ -25,7 +25,7 @@ N_PATH_STATES = 6
 MOMENTS_PER_BATCH = 256
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
 STANDSTILL_SPEED_MPS = 1e-9
-"""A lower speed is rounding and counts as standing."""
+"""Speed in m/s below which a vehicle stands; smaller values are rounding."""
 
 
 def contact_probability_within_horizon(pair: Pair) -> FloatArray:

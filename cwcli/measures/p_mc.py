@@ -12,7 +12,7 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 3.0
-"""Contact counts within this time, s. Chosen by hand; not fitted."""
+"""Time ahead within which a contact counts, s. Chosen by hand; not fitted."""
 ACCEL_SIGMA_MPS2 = 2.875
 """Sigma of the host's random accelerations along and across (CommonRoad-CriMe's random manoeuvre: 11.5 / 4)."""
 N_SAMPLES = 2048
@@ -20,10 +20,10 @@ N_SAMPLES = 2048
 MOMENTS_PER_BATCH = 8
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
 MAX_ACCEL_SIGMAS = 4.0
-"""Pairs that would need an acceleration of more than this many sigmas to touch are left out. Chosen by hand."""
+"""Greatest acceleration, in sigmas, that a contact may need; pairs that need more are left out. Chosen by hand."""
 
 
-def sampled_collision_probability(pair: Pair) -> FloatArray:
+def share_of_sampled_manoeuvres_touching(pair: Pair) -> FloatArray:
     """Share of the sampled manoeuvres that touch the other within the horizon, at each stamp, (n,)."""
     at = pair.other_in_host_axes
     found = np.zeros(len(at.x_m))
@@ -57,7 +57,7 @@ MEASURE = Measure(
     critical="high",
     formula="share of 2048 accelerations of the host, normal with 2.875 m/s^2 along and across, that touch within 3 s",
     source="Broadhurst, Baker and Kanade 2005, with CommonRoad-CriMe's random manoeuvre",
-    compute=sampled_collision_probability,
+    compute=share_of_sampled_manoeuvres_touching,
     is_symmetric=False,
     undefined="the centres are more than 200 m apart",
     misleads="for vehicles side by side in traffic: no driver manoeuvres at random",

@@ -21,7 +21,7 @@ from cwcli.signals.vehicle_state import N_STATES
 Direction = tuple[FloatArray, FloatArray]
 """Cosine and sine of headings."""
 MAX_OUTLINE_RANGE_M = 200.0
-"""Outlines are compared only within this distance of the centres, m. Chosen by hand; not fitted."""
+"""Greatest distance of the centres, m, at which outlines are compared. Chosen by hand; not fitted."""
 
 
 class PairQuantity(Protocol):

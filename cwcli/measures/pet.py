@@ -23,7 +23,7 @@ FINE_STEP_S, N_REFINED_STEPS = 0.01, 2
 """The least lag is refined in steps of 0.01 s over 2 grid steps around it: a grid step may hide a contact."""
 
 
-def post_encroachment_time(pair: Pair) -> FloatArray:
+def post_encroachment_time_of_pair_s(pair: Pair) -> FloatArray:
     """The smallest lag (s) at which one's outline overlaps the other's that much later, (): 0 for a collision."""
     found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
     if not len(found):
@@ -163,7 +163,7 @@ MEASURE = Measure(
     critical="low",
     formula="least |t_1 - t_2| with overlapping outlines, of one at t_1 and of the other at t_2",
     source="Allen, Shin and Cooper 1978",
-    compute=post_encroachment_time,
+    compute=post_encroachment_time_of_pair_s,
     note="post-encroachment time to 0.01 s",
     undefined="neither vehicle entered a spot within 5 s after the other had left it",
     misleads="when following a vehicle: there it is the time gap, which is small for hours in dense traffic",

@@ -9,7 +9,7 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 5.0
-"""Overlaps are looked for within this time, s. Chosen by hand; not fitted."""
+"""Time ahead within which overlaps are searched, s. Chosen by hand; not fitted."""
 STEP_S = 0.1
 """Step of the paths, s. Chosen by hand."""
 

@@ -12,7 +12,7 @@ from cwcli.measures.rss_long import MEASURE as RSS_LONG
 from cwcli.signals.columns import FloatArray
 
 
-def rss_proper_response(pair: Pair) -> FloatArray:
+def rss_required_host_braking_mps2(pair: Pair) -> FloatArray:
     """Braking (m/s^2) that RSS demands of the host at each stamp, (n,): 0 where one of both distances is safe."""
     at, near = pair.other_in_host_axes, pair.near_rows
     along, across = pair.evaluate_measure(RSS_LONG)[near], pair.evaluate_measure(RSS_LAT)[near]
@@ -33,7 +33,7 @@ MEASURE = Measure(
         "other in the own lane), else 0"
     ),
     source="Shalev-Shwartz et al. 2017, definitions 3 and 5; values of ad-rss-lib",
-    compute=rss_proper_response,
+    compute=rss_required_host_braking_mps2,
     is_symmetric=False,
     undefined="as for rss_long",
     misleads="at a cut-in: RSS then asks for braking across, which the host can't see as its own duty",

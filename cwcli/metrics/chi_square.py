@@ -46,7 +46,7 @@ def chi_square_quantile(probability: float, dof: float) -> float:
     return 0.5 * (low + high)
 
 
-def gate_nis(probability: float, dof: int) -> float:
+def nis_gate_limit(probability: float, dof: int) -> float:
     """Return the limit of the innovation gate, a normalised innovation squared.
 
     Args:

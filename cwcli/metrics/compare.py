@@ -213,7 +213,9 @@ def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], t
     changes = np.full(len(pairs), np.nan)
     is_relative, limit = False, tolerance
     if known.any():
-        changes[known], is_relative, limit = _paired_changes(metric, before[known], after[known], rows, tolerance)
+        changes[known], is_relative, limit = _changes_whether_relative_and_tolerance(
+            metric, before[known], after[known], rows, tolerance
+        )
     return _MetricEffect(
         name,
         metric,
@@ -226,7 +228,7 @@ def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], t
     )
 
 
-def _paired_changes(
+def _changes_whether_relative_and_tolerance(
     metric: Metric | None,
     before: FloatArray,
     after: FloatArray,
@@ -239,17 +241,12 @@ def _paired_changes(
     if metric is not None and metric.better == "near":
         found = np.abs(after - metric.target) - np.abs(before - metric.target)
         return np.where(equal, 0.0, found), False, tolerance * abs(metric.target)
-    if metric is not None and _is_share_metric(metric):
+    if metric is not None and metric.is_share:
         return np.where(equal, 0.0, after - before), False, tolerance
     if (before > 0.0).all() and (after > 0.0).all():
         floor = RATIO_FLOOR_SHARE * reference
         return np.where(equal, 0.0, np.log((after + floor) / (before + floor))), True, math.log1p(tolerance)
     return np.where(equal, 0.0, after - before), False, tolerance * reference
-
-
-def _is_share_metric(metric: Metric) -> bool:
-    """Return whether the metric is a share: a mean without a unit."""
-    return metric.unit == "" and metric.pool == "mean"
 
 
 def _sign_flip_p_values(changes: FloatArray, seed: int) -> FloatArray:

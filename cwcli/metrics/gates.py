@@ -50,7 +50,7 @@ _AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
     "max": max,
     "sum": math.fsum,
 }
-"""Function over all logs -> what computes it from the finite values, at least one."""
+"""Name of a function over all logs -> the function that computes it from at least one finite value."""
 MEASURE_METRIC_PREFIX = "measures."
 """The metrics of a criticality measure have names that begin with this: `measures.min_ttc_s`."""
 MEASURE_EXTREMES = ("min", "max")

@@ -67,6 +67,11 @@ class Metric:
     interval: Interval = ""
     is_compared: bool = False
 
+    @property
+    def is_share(self) -> bool:
+        """Whether it is a mean without a unit, whose changes are absolute."""
+        return self.unit == "" and self.pool == "mean"
+
 
 PLACEHOLDERS = {
     "<quantity>": "position|velocity|speed|heading|accel|yaw_rate",

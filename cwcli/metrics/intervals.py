@@ -24,7 +24,7 @@ MAX_SUMMED_COUNT = 1000
 
 def normal_interval(values: FloatArray, level: float = 0.95) -> tuple[float, float]:
     """Return the normal interval of the mean of independent values (n,); NaN with fewer than two."""
-    _check_level(level)
+    _require_level_between_0_and_1(level)
     if len(values) < 2:
         return UNKNOWN_INTERVAL
     mean = float(np.mean(values))
@@ -55,7 +55,7 @@ def bootstrap_interval(
     Raises:
         ValueError: A level outside (0, 1) or a block shorter than 1.
     """
-    _check_level(level)
+    _require_level_between_0_and_1(level)
     if block < 1:
         raise ValueError(f"a block of {block} values is not positive")
     n = len(values)
@@ -106,7 +106,7 @@ def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[fl
     Raises:
         ValueError: More successes than trials, or a negative count.
     """
-    _check_level(level)
+    _require_level_between_0_and_1(level)
     if not 0 <= successes <= n:
         raise ValueError(f"{successes} of {n} is not a share")
     if n == 0:
@@ -116,7 +116,7 @@ def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[fl
 
 def _wilson_interval(share: float, n: float, level: float) -> tuple[float, float]:
     """Return Wilson's score interval of a share of n trials; n need not be whole."""
-    _check_level(level)
+    _require_level_between_0_and_1(level)
     z2 = _two_sided_normal_quantile(level) ** 2
     centre = (share + z2 / (2 * n)) / (1.0 + z2 / n)
     half = math.sqrt(z2 * (share * (1.0 - share) / n + z2 / (4 * n * n))) / (1.0 + z2 / n)
@@ -133,7 +133,7 @@ def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
     Raises:
         ValueError: A negative count.
     """
-    _check_level(level)
+    _require_level_between_0_and_1(level)
     if count < 0:
         raise ValueError(f"a count of {count} is negative")
     tail = (1.0 - level) / 2.0
@@ -178,7 +178,7 @@ def _two_sided_normal_quantile(level: float) -> float:
     return NormalDist().inv_cdf(0.5 + level / 2.0)
 
 
-def _check_level(level: float) -> None:
+def _require_level_between_0_and_1(level: float) -> None:
     """Raise `ValueError` unless the level lies between 0 and 1."""
     if not 0.0 < level < 1.0:
         raise ValueError(f"a level of {level} is not between 0 and 1")

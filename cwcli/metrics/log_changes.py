@@ -104,7 +104,7 @@ def _change_of_metric(name: str, early: LogMetrics, late: LogMetrics, tolerance:
         return LogMetricChange(name, metric.unit, before, after, direction, 0.0)
     if not math.isfinite(before):
         return None
-    scale = 1.0 if _is_share(metric) else abs(metric.target if metric.better == "near" else before)
+    scale = 1.0 if metric.is_share else abs(metric.target if metric.better == "near" else before)
     worsening = _worsening(metric, before, after)
     if abs(worsening) <= tolerance * scale:
         return None
@@ -119,8 +119,3 @@ def _worsening(metric: Metric, before: float, after: float) -> float:
     if metric.better == "near":
         return abs(after - metric.target) - abs(before - metric.target)
     return before - after if metric.better == "higher" else after - before
-
-
-def _is_share(metric: Metric) -> bool:
-    """Whether the metric is a mean without a unit, whose changes are absolute."""
-    return metric.unit == "" and metric.pool == "mean"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 
-def student_factor(dof: int) -> float:
+def student_to_normal_quantile_ratio(dof: int) -> float:
     """Return the ratio of Student's 97.5 % quantile to that of the normal distribution.
 
     Exact for one and two degrees of freedom, else Abramowitz and Stegun 26.7.5, within 1 %.

@@ -57,7 +57,7 @@ UNIT_BY_NAME_SUFFIX = {
 TABLE_FILE_SUFFIXES = (".parquet", ".csv")
 """Endings of the names of table files."""
 MAX_ROWS_OF_SMALL_TABLE = 2000
-"""Tables with fewer rows are compressed with Snappy, others with Zstandard; chosen by hand."""
+"""Number of rows below which a table is compressed with Snappy, others with Zstandard. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ def _arrow_array(column: TableColumn) -> pa.Array:
 
     if isinstance(column, Strings):
         # Arrow leaves memory as it found it behind a dictionary with equal values, and writes that into the file
-        distinct = column.merge_equal()
+        distinct = column.merge_equal_values()
         codes = pa.array(distinct.codes, mask=distinct.codes < 0)
         return pa.DictionaryArray.from_arrays(codes, _text_array(distinct.values))
     if isinstance(column, Ragged):

@@ -21,7 +21,7 @@ STAMP_FIELD_NAMES = (*HEADER_STAMP_FIELDS, *JSON_STAMP_FIELDS, *PROTOBUF_STAMP_F
 MIN_ROWS, MIN_DURATION_S = 30, 5.0
 """Fewest messages and shortest time [s] from which a clock drift is estimated; chosen by hand."""
 MIN_DRIFT_SIGMAS = 5.0
-"""A drift counts only if the change of the delay exceeds this many times its scatter; chosen by hand."""
+"""Least change of the delay, relative to its scatter, that counts as a drift. Chosen by hand."""
 S_PER_MIN = 60.0
 """Number of seconds in a minute."""
 

@@ -8,9 +8,9 @@ from cwcli.channels.reasons import (
     UNKNOWN_TYPE_TEXT,
     FieldKind,
     UnboundReason,
-    choose_diagnostic_status,
-    explain_fields,
-    format_system_warning,
+    explain_unknown_type_by_fields,
+    format_system_warning_command,
+    warning_condition_of_diagnostics,
 )
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
@@ -19,15 +19,16 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 MAX_MESSAGES = 5
-"""Messages of a channel that are read for its fields: the first may lack optional ones. Chosen by hand."""
+"""Greatest number of messages of a channel that are read for its fields: the first may lack optional ones. Chosen by
+hand."""
 MAX_MESSAGE_BYTES = 1 << 16
 """Largest message that is read for its fields, 64 KiB; images and point clouds are larger. Chosen by hand."""
 MAX_CHANNELS = 50
-"""Channels of a log whose messages are read for their fields; chosen by hand."""
+"""Greatest number of channels of a log whose messages are read for their fields. Chosen by hand."""
 MAX_FIELDS = 200
-"""Fields of a message that are found; chosen by hand."""
+"""Greatest number of fields of a message that are listed. Chosen by hand."""
 MAX_DEPTH = 8
-"""Nesting of a message at which the search for fields stops; chosen by hand."""
+"""Greatest nesting of a message that is searched for fields. Chosen by hand."""
 
 
 def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:
@@ -50,11 +51,11 @@ def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:
         except CwcliError:  # the log is damaged, which the commands that need it say
             continue
         if topic in diagnostics:
-            condition = choose_diagnostic_status(trees)
-            tries = tuple(format_system_warning(topic, condition)) if condition else ()
+            condition = warning_condition_of_diagnostics(trees)
+            tries = tuple(format_system_warning_command(topic, condition)) if condition else ()
             why[topic] = why[topic]._replace(tries=(*why[topic].tries, *tries))
         elif kinds := field_kinds_of_trees(trees):
-            why[topic] = explain_fields(topic, kinds)
+            why[topic] = explain_unknown_type_by_fields(topic, kinds)
 
 
 def field_kinds_of_trees(trees: list[object]) -> dict[str, FieldKind]:

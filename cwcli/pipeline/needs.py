@@ -46,8 +46,10 @@ def stage_readiness(bound: Collection[str], stages: Table) -> list[StageReadines
     sources = {added: source for stage in stages.values() for added, source in stage.input_role_by_added_role.items()}
     for stage in stages.values():
         lacking = [group for group in stage.required_role_groups if not available.intersection(group)]
-        missing = tuple(dict.fromkeys(_input_role_behind(group[0], sources) for group in lacking))
-        unused = tuple(dict.fromkeys(_input_role_behind(role, sources) for role in stage.used if role not in available))
+        missing = tuple(dict.fromkeys(_input_role_that_yields(group[0], sources) for group in lacking))
+        unused = tuple(
+            dict.fromkeys(_input_role_that_yields(role, sources) for role in stage.used if role not in available)
+        )
         after = () if missing else _stages_needed_first(stage, earlier, bound)
         entries.append(StageReadiness(stage, stage.is_satisfied_by(bound), after, missing, unused))
         if not missing:
@@ -72,7 +74,7 @@ def _unbound_role_groups(stage: Stage, bound: Collection[str]) -> list[set[str]]
     return [set(group) for group in stage.required_role_groups if not set(group) & set(bound)]
 
 
-def _input_role_behind(role: str, sources: Mapping[str, str]) -> str:
+def _input_role_that_yields(role: str, sources: Mapping[str, str]) -> str:
     """Return the role of the input channel from which stages compute the channel of `role`."""
     while role in sources:
         role = sources[role]

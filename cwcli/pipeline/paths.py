@@ -68,7 +68,7 @@ def path_starts_from_states(states: VehicleStates) -> PathStarts:
     return PathStarts(states.ids.codes, states.stamp_ns, states.state, states.covariance, states.log_time_ns)
 
 
-def replanned_or_logged_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:
+def replanned_or_logged_paths_and_notes(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:
     """Return a path from each state, and notes.
 
     A log holds only a few paths a second. The others are predicted again from the log's states, with the settings in

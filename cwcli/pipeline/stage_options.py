@@ -64,7 +64,7 @@ def iter_option_entries(default: Any, path: tuple[str, ...] = ()) -> Iterator[Op
         option = next((extra for extra in extras if isinstance(extra, Option)), None)
         if option is not None:
             kind = option.kind or kind
-            given = _empty_value(kind) if option.parse else value
+            given = _default_of_parsed_option(kind) if option.parse else value
             yield OptionEntry(config_key_of_flags(option.flags), place, option, kind, given)
         elif dataclasses.is_dataclass(value):
             yield from iter_option_entries(value, place)
@@ -154,7 +154,7 @@ def _require_type(name: str, kind: Any, value: Any) -> Any:
     raise UsageError(f"{name} = {value!r} must be {TYPE_NAMES.get(kinds[0], str(kinds[0]))}")
 
 
-def _empty_value(kind: Any) -> Any:
+def _default_of_parsed_option(kind: Any) -> Any:
     """Default of an option whose text is parsed: an empty list, False or None."""
     return [] if typing.get_origin(kind) is list else False if kind is bool else None
 

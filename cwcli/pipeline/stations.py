@@ -62,11 +62,6 @@ def quote_station(station: str) -> str:
     return shlex.quote(escape_control_characters(station))
 
 
-def count_messages_by_station(log: Log) -> Counter[str]:
-    """Count the usable messages of each station over all V2X channels of the log."""
-    return sum(count_stations_by_topic(log).values(), Counter[str]())
-
-
 def count_stations_by_topic(log: Log) -> dict[str, Counter[str]]:
     """Count the usable messages of each station, for each V2X topic of the log."""
     topics = {

@@ -91,7 +91,8 @@ class DriverPrior:
 
 
 MIN_YAW_RATE_PRIOR_SPEED_MPS = 0.5
-"""Slower cars get the yaw-rate prior of this speed, since it would vanish at standstill. Chosen by hand; not fitted."""
+"""Least speed in m/s of the yaw-rate prior: slower cars get that of this speed, since it would vanish at standstill.
+Chosen by hand; not fitted."""
 
 
 def displacement_variance_s4(time_s: FloatArray, tau_s: float) -> FloatArray:

@@ -56,7 +56,7 @@ def load_fleet_prior() -> FleetPrior:
     )
 
 
-def acting_time_s(displacement_share: FloatArray) -> FloatArray:
+def acting_time_from_displacement_share_s(displacement_share: FloatArray) -> FloatArray:
     """The time by each knot for which a derivative must act in full so that it moves the car by `share` t^2/2.
 
     The derivative changes speed (heading) at a rate that is constant between knots and at most its own. It may fade and

@@ -30,7 +30,7 @@ GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 N_BISECTIONS = 45
 """Number of bisections of a stop's time: they narrow a step of 0.05 s to below 1e-14 s."""
 STANDSTILL_SPEED_MPS = 1e-9
-"""A lower speed counts as standing: it is the rounding of an acceleration that fades while the car stands."""
+"""Speed in m/s below which a car stands: the rounding of an acceleration that fades while the car stands."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class _DiscretisedModel:
         hold_s: Shape (m, 2) or None: see `Model.hold`.
         points: Shape (p,): which of the times are wanted; None: all.
         acted: Shape (m, 2, k) or None: for how long acceleration and yaw rate act by each knot, instead of the model's
-            responses to them (`prediction.fleet.acting_time_s`).
+            responses to them (`prediction.fleet.acting_time_from_displacement_share_s`).
     """
 
     model: Model
@@ -148,15 +148,17 @@ def integrate_paths(
 
 def _speed_at_times_mps(state: FloatArray, at: Responses) -> FloatArray:
     """v(t), shape (m, ...) for responses of shape (1 or m, ...)."""
-    return _add_responses(state, (SPEED, ACCEL, JERK), at.speed_to_accel, at.speed_to_jerk)
+    return _value_after_responses(state, (SPEED, ACCEL, JERK), at.speed_to_accel, at.speed_to_jerk)
 
 
 def _heading_at_times_rad(state: FloatArray, at: Responses) -> FloatArray:
     """phi(t), shape (m, ...) for responses of shape (1 or m, ...)."""
-    return _add_responses(state, (HEADING, YAW_RATE, YAW_ACCEL), at.heading_to_yaw_rate, at.heading_to_yaw_accel)
+    return _value_after_responses(
+        state, (HEADING, YAW_RATE, YAW_ACCEL), at.heading_to_yaw_rate, at.heading_to_yaw_accel
+    )
 
 
-def _add_responses(
+def _value_after_responses(
     state: FloatArray, columns: tuple[int, int, int], first: FloatArray, second: FloatArray
 ) -> FloatArray:
     """Speed or heading from its start value and the responses to its first and second derivative, (m, ...)."""

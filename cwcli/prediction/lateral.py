@@ -31,13 +31,14 @@ MAX_PATH_STEPS = 2000
 LATERAL_PATH_MODELS = ("cwcli", "zhang2011")
 """Names of the path models; the module's text explains both."""
 SIGMAS_HOLDING_90_PERCENT = 1.6448536269514722
-"""A normal error lies within this many sigmas of 0 with a probability of 90 %."""
+"""Number of sigmas within which a normal error lies with a probability of 90 %."""
 ACCEL_SLOPE_WINDOW_S = 1.0
 """The acceleration is the slope of the speed over this time, s. Chosen by hand; not fitted."""
 MIN_ACCEL_FRAMES = 4
-"""The acceleration is 0 with fewer frames than this in that time. Chosen by hand; not fitted."""
+"""Least number of frames in that time from which the acceleration is computed; with fewer it is 0. Chosen by hand; not
+fitted."""
 MIN_ACCEL_SIGMAS = 2.0
-"""A slope of the speed within this many of its sigmas counts as 0. Chosen by hand; not fitted."""
+"""Size of the slope of the speed, in its sigmas, up to which it counts as 0. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)

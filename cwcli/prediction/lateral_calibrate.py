@@ -22,7 +22,7 @@ PRIOR_WEIGHT_HORIZONS = 1.0
 MIN_SIGMA_FACTOR = 0.05
 """Smallest factor on a predicted sigma. Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
-"""The observed motion is not interpolated across longer gaps, s. Chosen by hand; not fitted."""
+"""Longest gap in s across which the observed motion is interpolated. Chosen by hand; not fitted."""
 OBSERVER_ERROR_CORRELATION_S = 0.1
 """The observer's errors are correlated over about this time, s; longer in bends, where the lanes' errors last."""
 

@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import record as kernel
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.fleet import HORIZON_KNOTS_S, FleetPrior, acting_time_s, load_fleet_prior
+from cwcli.prediction.fleet import HORIZON_KNOTS_S, FleetPrior, acting_time_from_displacement_share_s, load_fleet_prior
 from cwcli.prediction.outcome import actual_positions
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.packed_covariances import Covariances, variances_of_states
@@ -36,21 +36,24 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
 
 CLEARNESS_SIGMAS = 5.0
-"""A derivative of this many stated sigmas is half clear. Chosen: filters on real drives are too sure by up to 3."""
+"""Size of a derivative, in stated sigmas, at which its clearness is one half. Chosen: filters on real drives are too
+sure by up to 3."""
 CLEARNESS_POWER = 8
 """Exponent p of the clearness 1 / (1 + (5 sigma / d)^p): how sharp its edge is. Chosen by hand; not fitted."""
 LOOK_BACK_SHARE_OF_HORIZON = 0.5
-"""A derivative is lasting by its mean over this share of the horizon before now. Chosen by hand; not fitted."""
+"""Share of the horizon before now over which the mean of a derivative is its lasting part. Chosen by hand; not
+fitted."""
 MIN_LOOK_BACK_S = 0.3
-"""The look back is at least this long, s. Chosen by hand; not fitted."""
+"""Shortest time in s over which that mean is taken. Chosen by hand; not fitted."""
 MIN_LOOK_BACK_DATA_S = 0.15
-"""A derivative with less history than this, s, has no lasting part. Chosen by hand; not fitted."""
+"""Shortest history in s of a derivative that has a lasting part. Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
-"""Outcomes are not interpolated across longer gaps, s, and a row stands for no more time. Chosen by hand."""
+"""Longest gap in s across which outcomes are interpolated, and longest time that a row stands for. Chosen by hand."""
 MIN_CHORD_M = 1.0
-"""The angle of a shorter chord counts as 0, as it is mostly noise. Chosen by hand; not fitted."""
+"""Shortest chord of a driven arc, m, whose angle is used; that of a shorter one counts as 0, as it is mostly noise.
+Chosen by hand; not fitted."""
 MAX_CHORD_ANGLE_RAD = 2.0
-"""A chord at a larger angle to the heading is no outcome of an arc. Chosen by hand; not fitted."""
+"""Greatest angle of a chord to the heading, rad, that an arc can have. Chosen by hand; not fitted."""
 PRIOR_WEIGHT_OUTCOMES = np.array([4.0, 1.0, 1.0])
 """Weight of the prior in independent outcomes for the parts unclear, lasting and new (docs/prediction.md)."""
 NEVER_NS = np.iinfo(np.int64).max
@@ -236,7 +239,7 @@ def outcome_known_times_ns(track: StateHistory, knots_s: FloatArray = HORIZON_KN
 
 def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -> FloatArray:
     """Measure for how long acceleration and yaw rate of each row act by each knot, s, (n, 2, k); see
-    `fleet.acting_time_s`.
+    `fleet.acting_time_from_displacement_share_s`.
 
     Args:
         starts: The states.
@@ -250,7 +253,7 @@ def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -
         track = concatenate_histories(tracks)
         parts = split_derivatives_into_parts(track)
         share[track.rows] = np.einsum("naki,naki->nak", parts, measure_gains_of_parts(track, parts, chosen))
-    return acting_time_s(np.clip(share, 0.0, 1.0))
+    return acting_time_from_displacement_share_s(np.clip(share, 0.0, 1.0))
 
 
 def _parts_without_history(clear: FloatArray) -> FloatArray:

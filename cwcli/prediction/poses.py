@@ -14,9 +14,10 @@ from cwcli.signals.vehicle_state import HEADING, MAP_FRAME, X, Y
 ODOM_FRAME = "odom"
 """Frame id of dead-reckoned poses (REP-105)."""
 MAX_GAP_S = 0.5
-"""The ego's states are not interpolated across longer gaps, s. Chosen by hand; not fitted."""
+"""Longest gap in s across which the ego's states are interpolated. Chosen by hand; not fitted."""
 MIN_SLIP_SPEED_MPS = 1.0
-"""The side slip counts as 0 at lower speeds, where lateral speeds are mostly noise. Chosen by hand; not fitted."""
+"""Speed in m/s below which the side slip counts as 0, because lateral speeds are mostly noise there. Chosen by hand;
+not fitted."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def dead_reckoned_poses(track: LateralTrack) -> VehiclePoses:
     return VehiclePoses("the observed motion", ODOM_FRAME, track.stamp_ns, xy_m, xy_m, yaw_rad - yaw_rad[first])
 
 
-def poses_from_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> VehiclePoses:
+def body_poses_from_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> VehiclePoses:
     """Build the poses from the ego's estimated track; the yaw is the course less the observed side slip.
 
     Args:

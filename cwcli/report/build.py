@@ -45,18 +45,18 @@ from cwcli.report.views import LogView
 from cwcli.warning.rows import RAISED
 
 MAX_UNFOLDED_LOGS = 3
-"""Runs of at most this many logs are shown with every log unfolded; in larger ones only the first is.
-Chosen by hand; not fitted."""
+"""Greatest number of logs of a run that are all shown unfolded; of more, only the first is. Chosen by hand; not
+fitted."""
 MAX_LOGS_IN_FULL_DETAIL = 5
-"""Runs of at most this many logs are first tried with full detail of each log. Chosen by hand; not fitted."""
+"""Greatest number of logs of a run that are first tried in full detail. Chosen by hand; not fitted."""
 OVERVIEW_ROW_BYTES = 900
 """Space that is reserved for one row of the overview table, in bytes. Estimated by hand."""
 MAX_PATHS_TO_EVALUATE = 20_000
-"""Metrics that no gate needs are not computed for logs of more predicted paths, as it takes longer than the page.
-Chosen by hand; not fitted."""
+"""Greatest number of predicted paths of a log whose metrics are computed although no gate needs them. Chosen by hand;
+not fitted."""
 MAX_LOGS_TOO_LARGE = 5
-"""After this many logs whose section exceeds the remaining bytes, no further log is tried.
-Chosen by hand; not fitted."""
+"""Number of logs whose section exceeds the remaining bytes after which no further log is tried. Chosen by hand; not
+fitted."""
 MAX_STORY_CHARACTERS = 400
 """The greatest length of a log's description in the overview table, in characters. Chosen by hand; not fitted."""
 FOLDED_DETAIL = DetailLevel(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False)

@@ -55,9 +55,9 @@ MAX_ELLIPSES_PER_PATH = 12
 N_ENVELOPE_PIECES = 250
 """Number of pieces whose smallest and largest value is drawn of a curve. Chosen by hand; not fitted."""
 MAX_SHOWN_TTC_S = 10.0
-"""Larger times to collision are not drawn, in s. Chosen by hand; not fitted."""
+"""Largest time to collision that is drawn, s. Chosen by hand; not fitted."""
 MAX_SHOWN_DRAC_MPS2 = 10.0
-"""Larger decelerations are drawn at this value, in m/s^2. Chosen by hand; not fitted."""
+"""Value in m/s^2 at which larger decelerations are drawn. Chosen by hand; not fitted."""
 MEASURE_STRIPS = (
     (TTC, "time to collision (TTC)", "TTC [s]", "s", MAX_SHOWN_TTC_S, OTHER_VEHICLE_COLOURS[4]),
     (

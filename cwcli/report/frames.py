@@ -27,7 +27,7 @@ THUMBNAIL_WIDTH_PX = 320
 JPEG_QUALITY = 60
 """Quality of the thumbnails' JPEG files, 0 to 100. Chosen by hand; not fitted."""
 MAX_FRAME_OFFSET_NS = 500_000_000
-"""A frame farther from the wanted time than this is not shown, in ns. Chosen by hand; not fitted."""
+"""Greatest difference in ns of a shown frame from the wanted time. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,9 @@ class Thumbnail:
     n_lines: int | None
 
 
-def make_thumbnails(log: Log, drive: Drive, wanted_ns: Sequence[int]) -> tuple[dict[int, Thumbnail], str]:
+def make_thumbnails_and_explain_gaps(
+    log: Log, drive: Drive, wanted_ns: Sequence[int]
+) -> tuple[dict[int, Thumbnail], str]:
     """Make thumbnails of the frames that are nearest to the wanted times.
 
     Returns:

@@ -33,7 +33,7 @@ MAX_OTHERS_ON_MAP = 12
 MAX_OTHERS_IN_LEGEND = 4
 """The greatest number of other vehicles that the legend names. Chosen by hand; not fitted."""
 MAX_SPELLED_OUT_WARNINGS = 4
-"""The labels of at most this many warnings say `warning 1`, else only `1`. Chosen by hand; not fitted."""
+"""Greatest number of warnings whose labels say `warning 1`; of more they say only `1`. Chosen by hand; not fitted."""
 MAX_WARNINGS_ON_MAP = 30
 """The greatest number of warnings that the map marks. Chosen by hand; not fitted."""
 N_FIX_GRID_CELLS = 500
@@ -43,10 +43,9 @@ TOLERANCES_PER_EXTENT = 4000.0
 MIN_TRACK_TOLERANCE_M = 0.02
 """The least tolerance of a track's simplification, in m. Chosen by hand; not fitted."""
 LINE_BREAK_S = 2.0
-"""No line is drawn across longer gaps, in s. Chosen by hand; not fitted."""
+"""Longest gap in s across which a line is drawn. Chosen by hand; not fitted."""
 LABEL_ABOVE_MIN_COSINE = 0.7
-"""Labels stand above the car where the cosine of its heading is larger, else to its left.
-Chosen by hand; not fitted."""
+"""Least cosine of the heading at which a label stands above the car, else to its left. Chosen by hand; not fitted."""
 AXIS_MARGIN_SHARE = 0.04
 """Margin at each end of an axis, as a share of what is drawn. Chosen by hand; not fitted."""
 MIN_AXIS_MARGIN_M = 1.0

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cwcli.digest.drive import Drive
-from cwcli.digest.encounters import Conflict, DriveEncounters, rows_of_moving_pair
+from cwcli.digest.encounters import Conflict, DriveEncounters, rows_of_moving_pair_and_if_always_standing
 from cwcli.digest.story import short_vehicle_name
 from cwcli.measures.distance import MEASURE as DISTANCE
 from cwcli.measures.drac import MEASURE as DRAC
@@ -39,7 +39,7 @@ def conflict_anchor_names(log: str, drive_encounters: DriveEncounters) -> list[s
 
 def pair_extremes_table(drive: Drive, drive_encounters: DriveEncounters) -> TableView | None:
     """Build the table of each pair's extremes and their times; None where nobody was near."""
-    met = [(other, pair, rows_of_moving_pair(pair)[0]) for other, pair in drive_encounters.pairs]
+    met = [(other, pair, rows_of_moving_pair_and_if_always_standing(pair)[0]) for other, pair in drive_encounters.pairs]
     near = [(float(pair.distance_m[rows].min()), other, pair, rows) for other, pair, rows in met if len(rows)]
     if not near:
         return None

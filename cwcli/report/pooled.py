@@ -43,7 +43,7 @@ HISTOGRAM_WIDTH_PX = 192
 HISTOGRAM_HEIGHT_PX = 26
 """Height of a histogram in pixels. Chosen by hand; not fitted."""
 OUTLIER_SIGMAS = 5.0
-"""A log this many sigmas (by the median deviation) from the median is an outlier: one in 1.7 million by chance."""
+"""Least distance of an outlier log from the median, in sigmas by the median deviation: one in 1.7 million by chance."""
 SIGMA_PER_MAD = 1.4826
 """The sigma of a normal distribution divided by its median absolute deviation."""
 MIN_SIGMA_SHARE_OF_MEDIAN = 0.05
@@ -54,7 +54,7 @@ MIN_COUNT_SIGMA = 1.0
 MIN_TIME_SIGMA_S = 0.005
 """The least sigma of times, in s. Chosen by hand; not fitted."""
 MAX_DRAWN_MAGNITUDE = 1e300
-"""Larger magnitudes are drawn at this value, as their differences would overflow."""
+"""Magnitude at which larger values are drawn, as their differences would overflow a double."""
 AXIS_REACH_QUARTILE_RANGES = 3.0
 """The axis reaches this many interquartile ranges beyond the quartiles; values beyond are drawn at its ends.
 Chosen by hand; not fitted."""

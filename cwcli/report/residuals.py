@@ -41,7 +41,7 @@ from cwcli.signals.vehicle_state import ACCEL, EGO_ID, HEADING, SPEED, YAW_RATE
 MAX_RESIDUAL_FIGURES = 8
 """The greatest number of residual figures. Chosen by hand; not fitted."""
 MAX_INTERPOLATION_GAP_S = 0.5
-"""States are not interpolated across longer gaps, in s. Chosen by hand; not fitted."""
+"""Longest gap in s across which states are interpolated. Chosen by hand; not fitted."""
 N_DOT_GRID_ROWS = 60
 """Cells of the grid over the height; of dots in one cell the first is drawn. Chosen by hand; not fitted."""
 PANEL_HEIGHT_PX = 130
@@ -49,7 +49,7 @@ PANEL_HEIGHT_PX = 130
 MARGIN_HEIGHT_PX = 110
 """Height of the axis and legend around the panels, in pixels. Chosen by hand; not fitted."""
 MIN_AXIS_SIGMAS = 2.2
-"""The axis covers this many sigmas of the noise at least, and 99.8 % of the residuals that were not gated.
+"""Least half height of the axis, in sigmas of the noise; it also covers 99.8 % of the residuals that were not gated.
 Chosen by hand; not fitted."""
 DEGREES_PER_RADIAN = math.degrees(1.0)
 """The factor from radians to degrees."""
@@ -268,7 +268,7 @@ def residual_figure(drive: Drive, found: SourceResiduals, n_pieces: int) -> Figu
     for index, (name, unit, _) in enumerate(parts):
         key = "y" if index == 0 else f"y{index + 1}"
         values = found.values[:, index]
-        limit = _axis_limit(values[~found.is_gated], found.sigma)
+        limit = _half_height_of_residual_axis(values[~found.is_gated], found.sigma)
         top = 1.0 - index * (1.0 / n)
         layout[f"yaxis{key[1:]}"] = axis_settings(
             f"{name}<br>[{unit}]", domain=[round(top - 1.0 / n + (0.06 if n > 1 else 0.0), 4), round(top, 4)],
@@ -288,7 +288,7 @@ def residual_figure(drive: Drive, found: SourceResiduals, n_pieces: int) -> Figu
     return {"data": data, "layout": layout}
 
 
-def _axis_limit(believed: FloatArray, sigma: float) -> float:
+def _half_height_of_residual_axis(believed: FloatArray, sigma: float) -> float:
     """Return half the height of the axis, in the component's unit."""
     known = np.abs(believed[np.isfinite(believed)])
     most = float(np.quantile(known, 0.998)) if len(known) else 0.0

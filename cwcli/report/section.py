@@ -31,7 +31,7 @@ from cwcli.report.encounter_figures import (
     nearest_approach_figure,
     predicted_paths_figure,
 )
-from cwcli.report.frames import Thumbnail, make_thumbnails
+from cwcli.report.frames import Thumbnail, make_thumbnails_and_explain_gaps
 from cwcli.report.map_figure import build_map_figure
 from cwcli.report.pairs import conflicts_table, pair_extremes_table, unwarned_conflict_links, warning_anchor_names
 from cwcli.report.player import build_picture_player, evenly_spaced_stamps_ns
@@ -139,7 +139,7 @@ def build_log_view(
         if near is not None:
             title = f"How near {drive_encounters.nearest.other.kind} {drive_encounters.nearest.other.id} came"
             first.append(_make_plot(anchor, "distance", title, "from the estimated tracks", near))
-    signals = _build_signal_plots(drive, drive_encounters, anchor, detail, with_first=first)
+    signals = _build_signal_plots(drive, drive_encounters, anchor, detail, plots_beside_map=first)
     sensors = build_sensors_view(drive)
     if sensors is not None and detail.has_residuals:
         plots, n_residuals = build_residual_plots(drive, anchor, detail.n_pieces)
@@ -276,9 +276,9 @@ def _ego_id(drive: Drive) -> str:
 
 
 def _build_signal_plots(
-    drive: Drive, drive_encounters: DriveEncounters, anchor: str, detail: DetailLevel, *, with_first: list[Plot]
+    drive: Drive, drive_encounters: DriveEncounters, anchor: str, detail: DetailLevel, *, plots_beside_map: list[Plot]
 ) -> list[Plot]:
-    """Build the plots over time; without a map the lane's plot goes to `with_first`."""
+    """Build the plots over time; without a map the lane's plot goes to `plots_beside_map`."""
     plots = []
     motion = motion_figure(drive, drive_encounters, detail.n_pieces)
     if motion is not None:
@@ -304,8 +304,8 @@ def _build_signal_plots(
         )
         hint += "from the lane, left positive; curvature: right positive"
         plot = _make_plot(anchor, "lane", "The car in its lane", hint, lane)
-        if not with_first:
-            with_first.append(plot)
+        if not plots_beside_map:
+            plots_beside_map.append(plot)
         else:
             plots.append(plot)
     return plots
@@ -322,7 +322,7 @@ def _collect_thumbnails(
         span = drive.end_ns - drive.start_ns
         wanted = [drive.start_ns + span * (2 * k + 1) // (2 * detail.n_frames) for k in range(detail.n_frames)]
     over_all = evenly_spaced_stamps_ns(drive, detail.n_moments)
-    found, why = make_thumbnails(log, drive, [*wanted, *over_all])
+    found, why = make_thumbnails_and_explain_gaps(log, drive, [*wanted, *over_all])
     return {at: found[at] for at in wanted if at in found}, [found[at] for at in over_all if at in found], why
 
 

@@ -28,15 +28,15 @@ SENSOR_TABLE_KEYS = ("sources", "parameters", "noise", "errors", "nees", "link",
 MAX_TABLE_ROWS = 60
 """The greatest number of rows of a table. Chosen by hand; not fitted."""
 MAX_INTERPOLATION_GAP_S = 0.5
-"""States are not interpolated across longer gaps, in s. Chosen by hand; not fitted."""
+"""Longest gap in s across which states are interpolated. Chosen by hand; not fitted."""
 ELLIPSE_95_SIGMAS = math.sqrt(-2.0 * math.log(0.05))
 """Half axis of the 95 % ellipse in standard deviations (Rayleigh distribution)."""
 INTERVAL_95_SIGMAS = 1.96
 """Half width of the 95 % interval in standard deviations (normal distribution)."""
 MIN_REMARKED_LATENCY_MS = 100.0
-"""Smaller corrected latencies, in ms, are not remarked, as the figures do not show them. Chosen by hand; not fitted."""
+"""Least corrected latency, ms, that is remarked; the figures do not show smaller ones. Chosen by hand; not fitted."""
 MIN_REMARKED_PITCH_DEG = 3.0
-"""Smaller pitch angles, in deg, are not remarked, as road grades reach them. Chosen by hand; not fitted."""
+"""Least pitch angle, deg, that is remarked; road grades reach smaller ones. Chosen by hand; not fitted."""
 STANDARD_GRAVITY_MPS2 = 9.80665
 """Standard gravity, in m/s^2."""
 

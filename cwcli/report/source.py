@@ -12,7 +12,7 @@ from cwcli.fleet.results import read_metrics_table
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.pooling import MetricRow, metric_rows_by_name
-from cwcli.url import name_url
+from cwcli.url import display_name_of_url
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def read_reported_run(source: str) -> ReportedRun:
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
     if not is_folder:
-        shown = Path(name_url(source))
+        shown = Path(display_name_of_url(source))
         return ReportedRun(shown.name, (LogEntry(shown.stem, shown.name, str(shown), path),), (), is_folder=False)
     run = read_output_folder(path)
     if run is None:

@@ -118,7 +118,7 @@ class Expectation:
         return self.paper_range is not None or self.paper_text != ""
 
     @property
-    def is_bounded(self) -> bool:
+    def has_bound_of_our_own(self) -> bool:
         """Whether there is a bound of our own."""
         return math.isfinite(self.at_least) or math.isfinite(self.at_most)
 
@@ -148,7 +148,7 @@ class Finding:
     def _class_without_printed_number(self) -> str:
         """The class where the paper prints no number."""
         row = self.expected
-        if not row.is_bounded:
+        if not row.has_bound_of_our_own:
             return NOT_IN_PAPER
         if not self._is_within_own_bound:
             return DIFFERS
@@ -171,7 +171,7 @@ class Finding:
         return claim in BINDING_CLASSES and reached not in may_be
 
     @property
-    def has_unclaimed_class(self) -> bool:
+    def differs_from_claim_without_failing(self) -> bool:
         """Whether the class differs from the claimed one without being a failure."""
         return not self.has_failed and self.reached_class != self.expected.claimed_class
 
@@ -179,7 +179,7 @@ class Finding:
     def _is_within_own_bound(self) -> bool:
         """Whether the number is within our own bound; true without one."""
         row, ours = self.expected, self.measured.ours
-        if not row.is_bounded:
+        if not row.has_bound_of_our_own:
             return True
         return row.at_least - ROUNDING_TOLERANCE <= ours <= row.at_most + ROUNDING_TOLERANCE  # false for NaN
 

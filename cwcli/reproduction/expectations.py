@@ -217,8 +217,9 @@ def fault_in_claim(row: Expectation, *, has_tolerance: bool) -> str:
         "'fitted' needs the fit": claim == FITTED and not row.fit_key,
         "'follows' needs the assumption": claim == FOLLOWS and not row.assumption_key,
         "fitted and assumed at once": row.fit_key != "" and row.assumption_key != "",
-        f"'{claim}' needs a number or a bound": claim in {FITTED, FOLLOWS} and not (is_compared or row.is_bounded),
-        "'within own bound' needs a bound": claim == WITHIN_OWN_BOUND and not row.is_bounded,
+        f"'{claim}' needs a number or a bound": claim in {FITTED, FOLLOWS}
+        and not (is_compared or row.has_bound_of_our_own),
+        "'within own bound' needs a bound": claim == WITHIN_OWN_BOUND and not row.has_bound_of_our_own,
         "'within own bound' where the paper prints a number, or with fitted or assumed inputs": claim
         == WITHIN_OWN_BOUND
         and (row.is_printed or row.fit_key != "" or row.assumption_key != ""),
@@ -229,7 +230,7 @@ def fault_in_claim(row: Expectation, *, has_tolerance: bool) -> str:
         "'better' is 'lower' or 'higher'": row.better_direction not in ("", "lower", "higher"),
         "'not determinable' needs a number of the paper": claim == NOT_DETERMINABLE and not row.is_printed,
         "'not in the paper' has neither a number of the paper nor a bound": claim == NOT_IN_PAPER
-        and (row.is_printed or row.is_bounded),
+        and (row.is_printed or row.has_bound_of_our_own),
         "a number and a string at once": row.paper_range is not None and row.paper_text != "",
         "a reason is missing": claim in {BETTER, DIFFERS, NOT_DETERMINABLE, NOT_IN_PAPER} and not row.reason_key,
         "a number that can be compared needs a tolerance, and only that": has_tolerance != has_number,

@@ -107,7 +107,8 @@ def assemble_reproduction(
 def exit_code_sentence(findings: Sequence[Finding]) -> str:
     """Return the sentence that says which exit code follows, and why."""
     n_binding = sum(
-        finding.expected.claimed_class in BINDING_CLASSES or finding.expected.is_bounded for finding in findings
+        finding.expected.claimed_class in BINDING_CLASSES or finding.expected.has_bound_of_our_own
+        for finding in findings
     )
     failed = [
         f"{f.expected.figure}, {f.expected.what}: {f.reached_class} instead of {f.expected.claimed_class}"
@@ -124,7 +125,7 @@ def unclaimed_class_notes(findings: Sequence[Finding]) -> tuple[str, ...]:
     return tuple(
         f"{f.expected.figure}, {f.expected.what}: {f.reached_class}, and {f.expected.claimed_class} was expected"
         for f in findings
-        if f.has_unclaimed_class
+        if f.differs_from_claim_without_failing
     )
 
 

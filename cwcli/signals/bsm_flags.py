@@ -74,22 +74,22 @@ def json_event_flag_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
     )
 
 
-def read_json_event_flags(columns: Columns, prefixes: tuple[str, ...]) -> tuple[Int64Array, BoolArray]:
+def read_json_event_flags_and_unreadable(columns: Columns, prefixes: tuple[str, ...]) -> tuple[Int64Array, BoolArray]:
     """Return the 13 flags of each message (n,) as bits, 0 where there are none, and which messages (n,) can't be
     read."""
     n = len(columns)
     found, is_unread = np.zeros(n, np.int64), np.zeros(n, np.bool_)
     for path in _coded_flags_paths(prefixes):
-        flags, is_odd = _decode_coded_flags(columns.fields.get(path), n)
+        flags, is_odd = _decode_coded_flags_and_unreadable(columns.fields.get(path), n)
         found, is_unread = found | flags, is_unread | is_odd
     for place in NAMED_FLAGS_PATHS:
         for k, flag in enumerate(EVENT_FLAG_NAMES):
-            is_set, is_odd = _read_single_flag(columns.fields.get(f"{place}.{flag}"), n)
+            is_set, is_odd = _read_single_flag_and_unreadable(columns.fields.get(f"{place}.{flag}"), n)
             found, is_unread = found | is_set.astype(np.int64) << (N_EVENT_FLAGS - 1 - k), is_unread | is_odd
     return found, is_unread
 
 
-def read_ros_event_flags(columns: Columns) -> tuple[Int64Array, BoolArray]:
+def read_ros_event_flags_and_unreadable(columns: Columns) -> tuple[Int64Array, BoolArray]:
     """Return the 13 flags of each message (n,) of a ROS channel as bits, and which messages (n,) can't be read.
 
     A message is unread that has flags, and does not tell of each of its extensions whether it has some.
@@ -152,7 +152,7 @@ def _coded_flags_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(prefix + place + end for prefix in prefixes for place in CODED_FLAGS_PATHS for end in ("", ".value"))
 
 
-def _decode_coded_flags(field: Field | None, n: int) -> tuple[Int64Array, BoolArray]:
+def _decode_coded_flags_and_unreadable(field: Field | None, n: int) -> tuple[Int64Array, BoolArray]:
     """Return flags (n,) from a field of 13-bit numbers or texts, and which rows (n,) hold neither."""
     if isinstance(field, Strings):
         flags = np.array([*(_flag_bits_from_text(text) for text in field.values), 0], np.int64)[field.codes]
@@ -177,7 +177,7 @@ def _flag_bits_from_text(text: str) -> int:
     return UNREADABLE_FLAGS
 
 
-def _read_single_flag(field: Field | None, n: int) -> tuple[BoolArray, BoolArray]:
+def _read_single_flag_and_unreadable(field: Field | None, n: int) -> tuple[BoolArray, BoolArray]:
     if isinstance(field, Strings):
         words = [text.lower() for text in field.values]
         is_true = np.array([*(word == "true" for word in words), False])

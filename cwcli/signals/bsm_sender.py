@@ -51,14 +51,14 @@ def latch_heading_at_standstill(heading_rad: FloatArray, speed_mps: FloatArray) 
     return out
 
 
-def is_latched_heading(heading_rad: FloatArray, speed_mps: FloatArray) -> BoolArray:
+def latched_heading_mask(heading_rad: FloatArray, speed_mps: FloatArray) -> BoolArray:
     """Return where a heading (n,) only repeats the one before because it is frozen at standstill: it is no new
     measurement."""
     same = np.diff(heading_rad, prepend=np.nan) == 0.0
     return np.asarray(same & (np.abs(speed_mps) <= HEADING_RELEASE_SPEED_MPS))
 
 
-def undo_low_pass_filter(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[FloatArray, FloatArray]:
+def undo_low_pass_filter_and_noise_gain(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Undo the senders' low pass on an acceleration, from earlier and present messages only.
 
     The filter's inverse is a + sqrt(2)/w a' + a''/w^2. Both derivatives are taken from the last three values: so a ramp

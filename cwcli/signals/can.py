@@ -65,7 +65,7 @@ class DecodedFrames:
     notes: tuple[str, ...]
 
 
-def decode_can_signals(columns: Columns, mapping: FieldMapping) -> tuple[DecodedFrames, FieldMapping]:
+def decode_can_signals_and_add_units(columns: Columns, mapping: FieldMapping) -> tuple[DecodedFrames, FieldMapping]:
     """Decode the CAN signals that a mapping names, and add the DBC files' units to the mapping.
 
     Raises:
@@ -130,7 +130,7 @@ def _find_dbc_message(columns: Columns, mapping: FieldMapping, name: str) -> Any
     raise _mapping_error(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
 
 
-def list_signals(files: Sequence[str]) -> list[str]:
+def list_dbc_signal_names(files: Sequence[str]) -> list[str]:
     """The signals of DBC files as `MESSAGE.SIGNAL`, in the order of the files.
 
     Raises:
@@ -210,7 +210,7 @@ def _count_bytes_needed(signals: Sequence[Any]) -> int:
     return max(max(_bit_positions(signal)) for signal in signals) // 8 + 1
 
 
-def _raw_values(octets: Octets, signal: Any) -> Any:
+def _raw_signal_values(octets: Octets, signal: Any) -> Any:
     """Return the raw numbers of a signal, (n,)."""
     bits = np.unpackbits(octets, axis=1, bitorder="little")[:, _bit_positions(signal)].astype(np.uint64)
     raw = np.zeros(len(octets), np.uint64)
@@ -241,10 +241,10 @@ def _decode_physical_values(
     is_present, is_none, is_beyond = np.ones(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     values = []
     for signal in signals:
-        raw = _raw_values(octets, signal)
+        raw = _raw_signal_values(octets, signal)
         if signal.multiplexer_ids:
             is_present &= np.isin(
-                _raw_values(octets, _find_multiplexer_signal(message, signal)), signal.multiplexer_ids
+                _raw_signal_values(octets, _find_multiplexer_signal(message, signal)), signal.multiplexer_ids
             )
         choices = {code: str(name).replace("_", " ") for code, name in (signal.choices or {}).items()}
         is_none |= np.isin(

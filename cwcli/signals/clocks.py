@@ -81,7 +81,7 @@ class Timeline:
     stamp_ns: Int64Array
 
 
-def signal_with_quality(
+def build_signal_and_quality(
     kind: Callable[..., SignalT], ledger: RowLedger, timeline: Timeline, **quantities: FloatArray
 ) -> tuple[SignalT, Quality]:
     """Return the signal of the rows in use and the account of all.
@@ -222,7 +222,7 @@ def format_clock_disagreements(
     )
 
 
-def repair_clock_jumps(
+def repair_clock_jumps_and_mask(
     stamp_ns: Int64Array, log_time_ns: Int64Array, *, max_step_s: float = MAX_CLOCK_STEP_S
 ) -> tuple[Int64Array, BoolArray]:
     """Move stretches whose clock has jumped back onto the clock that most rows keep.
@@ -278,7 +278,7 @@ def _repair_times_of_sender(
     stamp_ns = np.where(given, stamp_ns, log_ns - delay_ns)
     ledger.count_repaired_rows(rows[~given], NO_STAMP_REASON)
 
-    stamp_ns, moved = repair_clock_jumps(stamp_ns, log_ns, max_step_s=max_step_s)
+    stamp_ns, moved = repair_clock_jumps_and_mask(stamp_ns, log_ns, max_step_s=max_step_s)
     ledger.count_repaired_rows(rows[moved], CLOCK_JUMP_REASON)
 
     repeats = np.flatnonzero(np.diff(stamp_ns) == 0) + 1

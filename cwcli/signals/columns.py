@@ -55,7 +55,7 @@ class Strings:
         """The given rows, in the given order."""
         return Strings(self.codes[rows], self.values)
 
-    def merge_equal(self) -> Strings:
+    def merge_equal_values(self) -> Strings:
         """The same rows with every value held once: writers of dictionaries rely on that."""
         index: dict[str, int] = {}
         code_of = np.array([*(index.setdefault(value, len(index)) for value in self.values), -1], np.int32)

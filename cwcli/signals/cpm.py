@@ -19,7 +19,7 @@ from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
 from cwcli.signals.v2x_elements import decode_element, decode_enumeration
 from cwcli.signals.v2x_tables import load_message_table, ros_leaf_path, ros_presence_paths
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_timestamp_its
+from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_timestamp_its
 
 _TABLE = load_message_table("cpm", "etsi")
 """The quantities of a CPM's sender and objects: their data elements, and their paths."""
@@ -143,7 +143,9 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     latitude, longitude = perceived.shift_wgs84_positions(
         value["latitude_deg"], value["longitude_deg"], value["east_m"], value["north_m"]
     )
-    stamp_ns, has_time = stamp_from_timestamp_its(read_numbers(columns, "reference_time_ms"), columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_timestamp_its(
+        read_numbers(columns, "reference_time_ms"), columns.log_time_ns
+    )
     own_m2 = (np.stack([value["east_95_m"], value["north_95_m"]]) / SIGMAS_PER_95_PERCENT) ** 2
     heading_95 = np.deg2rad(value["heading_95_deg"])
     return perceived.make_object_rows(

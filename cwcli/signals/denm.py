@@ -21,7 +21,7 @@ from cwcli.signals.v2x_tables import (
     ros_leaf_path,
     ros_presence_paths,
 )
-from cwcli.signals.v2x_time import NO_TIME_REASON, stamp_from_timestamp_its
+from cwcli.signals.v2x_time import NO_TIME_REASON, stamp_and_validity_from_timestamp_its
 
 CAUSE_TEXTS_BY_CODE: dict[int, str] = {
     1: "traffic condition",
@@ -89,7 +89,7 @@ def _read_codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, 
 
 def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
     """Build events from the codes of n messages, NaN where a component is absent."""
-    stamp_ns, has_time = stamp_from_timestamp_its(raw["reference_time_ms"], log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_timestamp_its(raw["reference_time_ms"], log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, log_time_ns)
     validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], DEFAULT_VALIDITY_S)
     validity_s = np.where(np.isfinite(raw["termination"]), 0.0, validity_s)
@@ -132,7 +132,7 @@ def cause_text(cause: float, sub_cause: float) -> str:
     return CAUSE_TEXTS_BY_CODE.get(int(cause), f"cause {int(cause)}")
 
 
-def format_notice(events: RoadEvents) -> str:
+def format_event_counts_notice(events: RoadEvents) -> str:
     """Format a notice such as `3 DENMs of 2 stations: 2 stationary vehicle, 1 roadworks`; "" without events."""
     if not len(events):
         return ""
@@ -147,7 +147,7 @@ def _set_all_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
     for name in _PLACE_QUANTITIES:
         decode_element(_TABLE.elements[name], raw[name], ledger)
     ledger.count_repaired(np.isnan(raw["reference_time_ms"]), NO_TIME_REASON)
-    said = format_notice(events_from_codes(raw, columns.log_time_ns))
+    said = format_event_counts_notice(events_from_codes(raw, columns.log_time_ns))
     if said:
         ledger.add_note(said)
     ledger.set_aside(np.ones(len(columns), np.bool_), "DENM (a road event)")

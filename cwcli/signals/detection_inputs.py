@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cwcli.signals.builders.base import Fields, Input
-from cwcli.signals.input_rows import message_inputs, ros_leaf_fields
+from cwcli.signals.input_rows import inputs_of_message, ros_leaf_fields
 from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
 
 _AUTOWARE_OBJECT_FIELDS = ros_leaf_fields(
@@ -41,18 +41,18 @@ _JSON_DETECTION_FIELDS: Fields = {
 
 
 DETECTION_INPUTS: dict[str, tuple[Input, ...]] = {
-    "radar_msgs/RadarScan": message_inputs(
+    "radar_msgs/RadarScan": inputs_of_message(
         ros_leaf_fields("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity"),
         detections="detections.build_radar_scan",
     ),
-    "radar_msgs/RadarTracks": message_inputs(
+    "radar_msgs/RadarTracks": inputs_of_message(
         ros_leaf_fields(
             *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
             *("tracks.position_covariance", "tracks.velocity_covariance"),
         ),
         detections="detections.build_radar_tracks",
     ),
-    "vision_msgs/Detection3DArray": message_inputs(
+    "vision_msgs/Detection3DArray": inputs_of_message(
         ros_leaf_fields(
             *(f"detections.bbox.center.position.{axis}" for axis in "xy"),
             *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
@@ -61,7 +61,7 @@ DETECTION_INPUTS: dict[str, tuple[Input, ...]] = {
         detections="detections.build_boxes",
     ),
     **{
-        f"{package}/{name}": message_inputs(_AUTOWARE_OBJECT_FIELDS, rank, detections="autoware.build_objects")
+        f"{package}/{name}": inputs_of_message(_AUTOWARE_OBJECT_FIELDS, rank, detections="autoware.build_objects")
         for package in ("autoware_perception_msgs", "autoware_auto_perception_msgs")
         # the later ones are made from the first
         for rank, name in enumerate(("DetectedObjects", "TrackedObjects", "PredictedObjects"))
@@ -69,8 +69,8 @@ DETECTION_INPUTS: dict[str, tuple[Input, ...]] = {
     # what is drawn for viewers counts only where no sensor reports for itself
     **dict.fromkeys(
         ("foxglove.SceneUpdate", "foxglove_msgs/SceneUpdate"),
-        message_inputs(_CUBE_FIELDS, 3, detections="detections.build_cubes"),
+        inputs_of_message(_CUBE_FIELDS, 3, detections="detections.build_cubes"),
     ),
-    "cwcli.Detections": message_inputs(_JSON_DETECTION_FIELDS, detections="detections.build_json"),
+    "cwcli.Detections": inputs_of_message(_JSON_DETECTION_FIELDS, detections="detections.build_json"),
 }
 """The registry rows of messages with detections, by schema name."""

@@ -20,24 +20,27 @@ from cwcli.signals.units import NS_PER_S
 ComplexArray = npt.NDArray[np.complex128]
 
 WALKING_SPEED_MPS = 1.5
-"""Slower than this (people walk at 1.4 m/s) the noise of a velocity decides its course: the yaw counts."""
+"""Speed in m/s below which the yaw counts, because the noise of a velocity decides its course: people walk at 1.4
+m/s."""
 WELL_MEASURED_SPEED_MPS = 5.0
-"""A course has a weight of one half at this speed, and more above: its noise is that of the velocity by the speed."""
+"""Speed in m/s at which a course has a weight of one half: its noise is that of the velocity by the speed. Chosen by
+hand."""
 MIN_ROWS = 20
-"""A mounting is estimated from at least this many rows in motion. Chosen by hand; not fitted."""
+"""Least number of rows in motion from which a mounting is estimated. Chosen by hand; not fitted."""
 MIN_TRAVEL_M = 100.0
-"""A mounting is estimated from at least this length of way, m, so that errors that change slowly show their scatter.
+"""Least length of way, m, from which a mounting is estimated, so that errors that change slowly show their scatter.
 Chosen by hand; not fitted."""
 MAX_REVERSE_MPS = 12.0
-"""No car reverses faster: its reverse gear ends below 45 km/h."""
+"""Greatest speed of a car in reverse, m/s: the reverse gear ends below 45 km/h."""
 MAX_BINS = 2000
-"""Long logs are averaged into as many consecutive bins before the correlation of their errors is looked at."""
+"""Greatest number of consecutive bins into which a long log is averaged before the correlation of its errors is
+examined. Chosen by hand."""
 N_FITTED = 3
-"""Coefficients of the fit: so many independent errors are used up by it."""
+"""Number of coefficients of the fit, which use up as many independent errors."""
 SIGNIFICANT_SIGMAS = 3.0
-"""A mounting that is less than this many sigmas from zero is taken as zero. Chosen by hand; not fitted."""
+"""Distance of a mounting from zero, in sigmas, below which it is taken as zero. Chosen by hand; not fitted."""
 MAX_SCATTER_RAD = 0.35
-"""A yaw that scatters more about the direction of travel does not belong to that velocity, rad; 20 degrees.
+"""Greatest scatter of a yaw about the direction of travel, rad (20 degrees), at which it belongs to that velocity.
 Chosen by hand; not fitted."""
 AHEAD_SIGMA_M = 3.0
 """One sigma of the distance by which a device lies ahead of the rear axle, m: in a bend its course turns by that times
@@ -46,9 +49,9 @@ SLIP_SIGMA_RAD_S2PM = 0.006
 """One sigma of the side slip over the lateral acceleration, rad s^2/m: 1,500 kg, half of them on rear tyres of
 together 120 kN/rad, slip by 750 / 120,000 rad at 1 m/s^2."""
 MAX_STEP_S = 1.0
-"""Positions that are farther apart in time give no velocity."""
+"""Longest time in s between two positions that give a velocity. Chosen by hand."""
 MIN_STEP_M = 0.5
-"""Positions that are closer give no course: that of 0.05 m of noise would be uncertain by 8 degrees."""
+"""Least distance in m between two positions that give a course: 0.05 m of noise makes it uncertain by 8 degrees."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,7 @@ def find_yaw_mounting(
     """
     speed = np.abs(velocity)
     use = np.isfinite(speed) & np.isfinite(yaw_rad) & (np.where(np.isfinite(speed), speed, 0.0) > WALKING_SPEED_MPS)
-    if np.count_nonzero(use) < MIN_ROWS or travelled_m(stamp_ns, velocity) < MIN_TRAVEL_M:
+    if np.count_nonzero(use) < MIN_ROWS or travelled_distance_m(stamp_ns, velocity) < MIN_TRAVEL_M:
         return None
     against_yaw = velocity[use] * np.exp(-1j * yaw_rad[use])
     axis = _front_quarter_turn_rad(against_yaw)
@@ -118,7 +121,9 @@ def find_yaw_mounting(
     return YawMounting(wrap_angle(constant - axis), sigma, len(left))
 
 
-def heading_and_speed(velocity: ComplexArray, yaw_rad: FloatArray, left_rad: float) -> tuple[FloatArray, FloatArray]:
+def travel_direction_and_signed_speed(
+    velocity: ComplexArray, yaw_rad: FloatArray, left_rad: float
+) -> tuple[FloatArray, FloatArray]:
     """Direction of travel and signed horizontal speed.
 
     In motion the heading is the course, turned round where the velocity points behind the device; at less than walking
@@ -159,7 +164,7 @@ def velocity_of_positions(stamp_ns: Int64Array, xy_m: FloatArray) -> ComplexArra
     return velocity
 
 
-def travelled_m(stamp_ns: Int64Array, velocity: ComplexArray) -> float:
+def travelled_distance_m(stamp_ns: Int64Array, velocity: ComplexArray) -> float:
     """The way of rows in motion that are less than MAX_STEP_S apart."""
     speed, step_s = np.abs(velocity[1:]), np.diff(stamp_ns) / NS_PER_S
     use = np.isfinite(speed) & (step_s > 0.0) & (step_s <= MAX_STEP_S)

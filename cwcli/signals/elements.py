@@ -73,7 +73,9 @@ class Elements:
         return np.bincount(owner, weights=values, minlength=len(self.counts)).astype(np.float64)
 
 
-def take_sequences(offsets: Int64Array, rows: npt.NDArray[np.intp]) -> tuple[Int64Array, npt.NDArray[np.intp]]:
+def offsets_and_elements_of_sequences(
+    offsets: Int64Array, rows: npt.NDArray[np.intp]
+) -> tuple[Int64Array, npt.NDArray[np.intp]]:
     """Return the new offsets of the sequences `rows`, placed one after the other, and the indices of their elements."""
     counts = np.diff(offsets)[rows]
     new = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -24,7 +24,7 @@ from cwcli.signals.v2x_tables import (
     ros_leaf_path,
     ros_presence_paths,
 )
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_generation_delta_time
+from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_generation_delta_time
 
 _TABLE = load_message_table("cam", "etsi")
 """The quantities of a CAM and a VAM: their data elements, and their paths in each version."""
@@ -69,7 +69,7 @@ def identify_cam_senders(columns: Columns) -> Senders:
     )
 
 
-def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
+def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a CAM channel of either package, or a VAM channel.
 
     The heading of a CAM is that of the velocity (TS 102 894-2, HeadingValue). Driving backward, the vehicle's own
@@ -108,7 +108,9 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     yaw_rate_95_degps = decode_enumeration(YAW_RATE_95_DEGPS_BY_CODE, raw["yaw_rate_confidence"])
     is_backward = raw["drive_direction"] == DRIVE_BACKWARD_CODE
     motion_rad = heading_from_compass_deg(value["heading_compass_deg"])
-    stamp_ns, has_time = stamp_from_generation_delta_time(raw["generation_delta_time"], columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_generation_delta_time(
+        raw["generation_delta_time"], columns.log_time_ns
+    )
     return RemoteRows(
         stamp_ns=message_time_or_log_time(ledger, stamp_ns, has_time),
         latitude_deg=value["latitude_deg"],
@@ -134,5 +136,5 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     )
 
 
-CAM = V2xCodec(identify_cam_senders, decode_cam)
+CAM = V2xCodec(identify_cam_senders, decode_cam_or_vam)
 """The codec of ROS channels of CAMs and VAMs."""

@@ -52,7 +52,7 @@ GNSS_TOPIC_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel"
 """The words in a topic's name that mean a receiver, whose twist is a velocity over ground."""
 
 
-def load_from_signals(name: str) -> Any:
+def load_attribute_of_signals(name: str) -> Any:
     """Import and return `module.name` of this package."""
     return import_target(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
@@ -62,15 +62,17 @@ def lazy_builder(name: str, room: str = "builders") -> Build:
     NumPy."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        built: tuple[Signal, Quality] = load_from_signals(f"{room}.{name}")(columns, reading)
+        built: tuple[Signal, Quality] = load_attribute_of_signals(f"{room}.{name}")(columns, reading)
         return built
 
     return build
 
 
-def message_inputs(fields: Fields, rank: int | None = 0, **builders: str) -> tuple[Input, ...]:
-    """Return the registry rows of a message: by name of the role, the builder `module.function` of `builders`."""
-    return tuple(Input(Role[role.upper()], fields, lazy_builder(name), rank=rank) for role, name in builders.items())
+def inputs_of_message(fields: Fields, rank: int | None = 0, **builder_by_role: str) -> tuple[Input, ...]:
+    """Return the registry rows of a message; `builder_by_role` has the builder, `module.function`, of each role."""
+    return tuple(
+        Input(Role[role.upper()], fields, lazy_builder(name), rank=rank) for role, name in builder_by_role.items()
+    )
 
 
 class LazyFields(Mapping[str, tuple[str, ...]]):
@@ -82,7 +84,7 @@ class LazyFields(Mapping[str, tuple[str, ...]]):
 
     @cached_property
     def _leaf_fields(self) -> tuple[str, ...]:
-        leaves: tuple[str, ...] = load_from_signals(self._name)
+        leaves: tuple[str, ...] = load_attribute_of_signals(self._name)
         return leaves
 
     def __getitem__(self, encoding: str) -> tuple[str, ...]:
@@ -97,7 +99,7 @@ class LazyFields(Mapping[str, tuple[str, ...]]):
         return len(self._encodings)
 
 
-def is_gnss_topic(topic: str) -> bool:
+def is_gnss_twist_topic(topic: str) -> bool:
     """Return whether a topic's twist is taken for a velocity over ground before its frame_id is known."""
     return not GNSS_TOPIC_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
@@ -109,17 +111,17 @@ def is_measured_pose_topic(topic: str) -> bool:
 
 def is_body_twist_topic(topic: str) -> bool:
     """Return whether a topic's twist is taken for a body twist before its frame_id is known."""
-    return not is_gnss_topic(topic)
+    return not is_gnss_twist_topic(topic)
 
 
-def is_target_topic(topic: str) -> bool:
+def is_target_truth_topic(topic: str) -> bool:
     """Return whether a truth topic is about other road users."""
     return not TARGET_TOPIC_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
 
-def is_ego_topic(topic: str) -> bool:
+def is_ego_truth_topic(topic: str) -> bool:
     """Return whether a truth topic is about the ego."""
-    return not is_target_topic(topic)
+    return not is_target_truth_topic(topic)
 
 
 def ros_leaf_fields(*leaves: str) -> Fields:

@@ -19,14 +19,14 @@ from cwcli.signals.input_rows import (
     LazyFields,
     foxglove_leaf_fields,
     header_free_leaf_fields,
+    inputs_of_message,
     is_body_twist_topic,
-    is_ego_topic,
-    is_gnss_topic,
+    is_ego_truth_topic,
+    is_gnss_twist_topic,
     is_measured_pose_topic,
-    is_target_topic,
+    is_target_truth_topic,
     lazy_builder,
-    load_from_signals,
-    message_inputs,
+    load_attribute_of_signals,
     quaternion_leaf_paths,
     ros_leaf_fields,
     xyz_leaf_paths,
@@ -71,13 +71,13 @@ def _foxglove_schemas(*names: str) -> tuple[str, ...]:
 
 def _fix_inputs(fields: Fields) -> tuple[Input, ...]:
     build = lazy_builder("position.build_fix")
-    return (Input(Role.EGO_POSITION, fields, build), Input(Role.TRUTH, fields, build, fits_topic=is_ego_topic))
+    return (Input(Role.EGO_POSITION, fields, build), Input(Role.TRUTH, fields, build, fits_topic=is_ego_truth_topic))
 
 
 def _twist_inputs(fields: Fields) -> tuple[Input, ...]:
     build = lazy_builder("motion.build_twist")
     return (
-        Input(Role.EGO_VELOCITY, fields, build, fits_topic=is_gnss_topic),
+        Input(Role.EGO_VELOCITY, fields, build, fits_topic=is_gnss_twist_topic),
         Input(Role.EGO_SPEED, fields, build, fits_topic=is_body_twist_topic),
     )
 
@@ -85,8 +85,8 @@ def _twist_inputs(fields: Fields) -> tuple[Input, ...]:
 def _pose_inputs(fields: Fields, after: int = 0) -> tuple[Input, ...]:
     build, build_target = lazy_builder("pose.build_pose"), lazy_builder("targets.build_pose_truth")
     return (
-        Input(Role.TRUTH, fields, build, rank=after, fits_topic=is_ego_topic),
-        Input(Role.TARGET_TRUTH, fields, build_target, rank=after, fits_topic=is_target_topic),
+        Input(Role.TRUTH, fields, build, rank=after, fits_topic=is_ego_truth_topic),
+        Input(Role.TARGET_TRUTH, fields, build_target, rank=after, fits_topic=is_target_truth_topic),
         Input(Role.EGO_POSITION, fields, build, rank=ODOMETRY_RANK + after, fits_topic=is_measured_pose_topic),
     )
 
@@ -94,7 +94,7 @@ def _pose_inputs(fields: Fields, after: int = 0) -> tuple[Input, ...]:
 def _odometry_inputs() -> tuple[Input, ...]:
     twist = (*xyz_leaf_paths("twist.twist.linear"), *xyz_leaf_paths("twist.twist.angular"), "twist.covariance")
     fields = ros_leaf_fields("child_frame_id", *_POSE_COVARIANCE_PATHS, *twist)
-    return (*_pose_inputs(fields), *message_inputs(fields, ODOMETRY_RANK, ego_speed="pose.build_odometry_speed"))
+    return (*_pose_inputs(fields), *inputs_of_message(fields, ODOMETRY_RANK, ego_speed="pose.build_odometry_speed"))
 
 
 def _vehicle_state_inputs() -> tuple[Input, ...]:
@@ -102,8 +102,8 @@ def _vehicle_state_inputs() -> tuple[Input, ...]:
     fields = {"protobuf": ("stamp_ns", "id", *motion, "latitude_deg", "longitude_deg")}
     build, build_target = lazy_builder("pose.build_vehicle_state"), lazy_builder("targets.build_state_truth")
     return (
-        Input(Role.TRUTH, fields, build, fits_topic=is_ego_topic),
-        Input(Role.TARGET_TRUTH, fields, build_target, fits_topic=is_target_topic),
+        Input(Role.TRUTH, fields, build, fits_topic=is_ego_truth_topic),
+        Input(Role.TARGET_TRUTH, fields, build_target, fits_topic=is_target_truth_topic),
     )
 
 
@@ -112,8 +112,8 @@ def _imu_inputs() -> tuple[Input, ...]:
     fields = ros_leaf_fields(*(leaf for name in measured for leaf in (*xyz_leaf_paths(name), f"{name}_covariance")))
     turned = ros_leaf_fields(*quaternion_leaf_paths("orientation"), "orientation_covariance")
     return (
-        *message_inputs(fields, imu="imu.build_imu"),
-        *message_inputs(turned, None, ego_heading="motion.build_quaternion_heading"),
+        *inputs_of_message(fields, imu="imu.build_imu"),
+        *inputs_of_message(turned, None, ego_heading="motion.build_quaternion_heading"),
     )
 
 
@@ -129,8 +129,8 @@ def _lazy_v2x_builder(maker: str, codec: str) -> Build:
     """Return the builder that `builders.v2x.<maker>` makes for a codec, both imported when a channel is built."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        make: Callable[[object], Build] = load_from_signals(f"builders.v2x.{maker}")
-        return make(load_from_signals(codec))(columns, reading)
+        make: Callable[[object], Build] = load_attribute_of_signals(f"builders.v2x.{maker}")
+        return make(load_attribute_of_signals(codec))(columns, reading)
 
     return build
 
@@ -171,19 +171,19 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
         ros_leaf_fields(*(f"twist.{path}" for path in _TWIST_PATHS), "twist.covariance")
     ),
     # without a header, and often what was commanded
-    "geometry_msgs/Twist": message_inputs(
+    "geometry_msgs/Twist": inputs_of_message(
         header_free_leaf_fields("linear.x", "angular.z"), None, ego_speed="motion.build_plain_twist"
     ),
-    "geometry_msgs/TwistWithCovariance": message_inputs(
+    "geometry_msgs/TwistWithCovariance": inputs_of_message(
         header_free_leaf_fields("twist.linear.x", "twist.angular.z", "covariance"),
         None,
         ego_speed="motion.build_plain_twist",
     ),
     **dict.fromkeys(
         ("std_msgs/Float32", "std_msgs/Float64"),
-        message_inputs(header_free_leaf_fields("data"), None, ego_speed="motion.build_plain_speed"),
+        inputs_of_message(header_free_leaf_fields("data"), None, ego_speed="motion.build_plain_speed"),
     ),
-    "geometry_msgs/QuaternionStamped": message_inputs(
+    "geometry_msgs/QuaternionStamped": inputs_of_message(
         ros_leaf_fields(*quaternion_leaf_paths("quaternion")), ego_heading="motion.build_quaternion_heading"
     ),
     "geometry_msgs/PoseStamped": _pose_inputs(ros_leaf_fields(*_POSE_PATHS)),
@@ -193,21 +193,21 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     **dict.fromkeys(_foxglove_schemas("PoseInFrame"), _pose_inputs(foxglove_leaf_fields(*_POSE_PATHS))),
     **dict.fromkeys(
         ("autoware_vehicle_msgs/VelocityReport", "autoware_auto_vehicle_msgs/VelocityReport"),
-        message_inputs(
+        inputs_of_message(
             ros_leaf_fields("longitudinal_velocity", "lateral_velocity", "heading_rate"),
             ego_speed="motion.build_velocity_report",
         ),
     ),
     **dict.fromkeys(
         ("autoware_vehicle_msgs/SteeringReport", "autoware_auto_vehicle_msgs/SteeringReport"),
-        message_inputs(
+        inputs_of_message(
             header_free_leaf_fields("stamp.sec", "stamp.nanosec", "steering_tire_angle"),
             ego_steer="steer.build_steering_report",
         ),
     ),
     **dict.fromkeys(
         ("autoware_auto_vehicle_msgs/VehicleKinematicState", "autoware_auto_msgs/VehicleKinematicState"),
-        message_inputs(
+        inputs_of_message(
             ros_leaf_fields(
                 *("state.x", "state.y", "state.heading.real", "state.heading.imag", "state.heading_rate_rps"),
                 *(f"state.{path}" for path in _POSE_PATHS),
@@ -219,12 +219,12 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
         ),
     ),
     # often what was commanded, not what was measured
-    "ackermann_msgs/AckermannDriveStamped": message_inputs(
+    "ackermann_msgs/AckermannDriveStamped": inputs_of_message(
         ros_leaf_fields("drive.steering_angle"), None, ego_steer="steer.build_steering_report"
     ),
     **dict.fromkeys(
         ("autoware_planning_msgs/Trajectory", "autoware_auto_planning_msgs/Trajectory"),
-        message_inputs(
+        inputs_of_message(
             ros_leaf_fields(
                 *(f"points.time_from_start.{name}" for name in _TIME_PART_NAMES),
                 *(*xyz_leaf_paths("points.pose.position"), "points.longitudinal_velocity_mps"),
@@ -232,7 +232,7 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
             planned_path="path.build_trajectory",
         ),
     ),
-    "nav_msgs/Path": message_inputs(
+    "nav_msgs/Path": inputs_of_message(
         ros_leaf_fields(
             *(f"poses.header.stamp.{name}" for name in _TIME_PART_NAMES), *xyz_leaf_paths("poses.pose.position")
         ),
@@ -245,12 +245,12 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
         ),
         (Input(Role.CAMERA, {}, None),),  # streamed frame by frame
     ),
-    "sensor_msgs/CameraInfo": message_inputs(
+    "sensor_msgs/CameraInfo": inputs_of_message(
         ros_leaf_fields(*_CALIBRATION_PATHS), camera_info="camera.build_camera_info"
     ),
     **dict.fromkeys(
         _foxglove_schemas("CameraCalibration"),
-        message_inputs(foxglove_leaf_fields(*_CALIBRATION_PATHS), camera_info="camera.build_camera_info"),
+        inputs_of_message(foxglove_leaf_fields(*_CALIBRATION_PATHS), camera_info="camera.build_camera_info"),
     ),
     **RECEIVER_INPUTS,
     "etsi_its_cam_msgs/CAM": _v2x_inputs("etsi.CAM", LazyFields("etsi.CAM_LEAF_FIELDS")),
@@ -279,7 +279,7 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
         _v2x_inputs("j2735.JSON_BSM", _JSON_BSM_FIELDS, says_who_is_ego=True),
     ),
     **DETECTION_INPUTS,
-    "cwcli.v1.Target": message_inputs(
+    "cwcli.v1.Target": inputs_of_message(
         {"protobuf": ("stamp_ns", "id", "frame_id", "x_m", "y_m", "vx_mps", "vy_mps")},
         target_truth="targets.build_target_truth",
     ),

@@ -22,7 +22,7 @@ from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import decode_element, validate_decoded
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_dsecond
+from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
 
 _TABLE = load_message_table("bsm", "sae")
 """The quantities of a BSM: their data elements, and their paths per encoding."""
@@ -122,7 +122,7 @@ def _read_carma_values(columns: Columns) -> dict[str, FloatArray]:
     return value
 
 
-def read_json_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a JSON channel with place and time, and which messages' flags can't be read."""
     paths = JSON_RAW_PATHS
     for prefix in JSON_BSM_PREFIXES:
@@ -134,25 +134,25 @@ def read_json_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
         value = _decode_event_place(value)
     return _make_flag_events(
         columns,
-        bsm_flags.read_json_event_flags(columns, JSON_BSM_PREFIXES),
+        bsm_flags.read_json_event_flags_and_unreadable(columns, JSON_BSM_PREFIXES),
         identify_json_senders(columns).station,
         value,
     )
 
 
-def read_ros_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_ros_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `j2735_v2x_msgs/BSM` channel."""
     value = _decode_event_place({name: read_numbers(columns, ROS_PATHS[name]) for name in EVENT_PLACE_AND_TIME})
     return _make_flag_events(
-        columns, bsm_flags.read_ros_event_flags(columns), identify_ros_senders(columns).station, value
+        columns, bsm_flags.read_ros_event_flags_and_unreadable(columns), identify_ros_senders(columns).station, value
     )
 
 
-def read_carma_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_carma_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `carma_v2x_msgs/BSM` channel."""
     return _make_flag_events(
         columns,
-        bsm_flags.read_ros_event_flags(columns),
+        bsm_flags.read_ros_event_flags_and_unreadable(columns),
         identify_ros_senders(columns).station,
         _read_carma_values(columns),
     )
@@ -166,7 +166,7 @@ def _make_flag_events(
     columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, value: dict[str, FloatArray]
 ) -> tuple[RoadEvents, BoolArray]:
     """Build one event for each flag, at its message's time (log time where it has none) and place (degrees)."""
-    stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, columns.log_time_ns)
     place = value["latitude_deg"], value["longitude_deg"]
     codes, is_unread = flags
@@ -205,7 +205,7 @@ def _make_remote_rows(
     n_rows = len(columns)
     nothing = np.full(n_rows, np.nan)
     count = read_numbers(columns, paths["count"])
-    stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     yaw_unfilled = _is_unfilled_yaw_rate(value, _read_stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
         ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that is taken as not measured")
@@ -269,9 +269,9 @@ def _is_reverse_gear(columns: Columns, path: str, prefix: str) -> BoolArray:
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
 
 
-JSON_BSM = V2xCodec(identify_json_senders, decode_json_bsm, events=read_json_flag_events)
+JSON_BSM = V2xCodec(identify_json_senders, decode_json_bsm, events=read_json_flag_events_and_unreadable)
 """The codec of JSON channels of BSMs."""
-ROS_BSM = V2xCodec(identify_ros_senders, decode_ros_bsm, events=read_ros_flag_events)
+ROS_BSM = V2xCodec(identify_ros_senders, decode_ros_bsm, events=read_ros_flag_events_and_unreadable)
 """The codec of `j2735_v2x_msgs/BSM` channels."""
-CARMA_BSM = V2xCodec(identify_ros_senders, decode_carma_bsm, events=read_carma_flag_events)
+CARMA_BSM = V2xCodec(identify_ros_senders, decode_carma_bsm, events=read_carma_flag_events_and_unreadable)
 """The codec of `carma_v2x_msgs/BSM` channels."""

@@ -18,6 +18,7 @@ from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings, encode_strings
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
+from cwcli.text import parse_float_or_nan
 
 _SECONDS_PATHS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec", "stamp.sec")
 """The leaf fields that can hold the seconds of a message's time, in order of preference."""
@@ -59,7 +60,7 @@ def read_numbers(columns: Columns, *paths: str, required: bool = False) -> Float
     if required:
         raise unusable_field_error(columns, paths[0])
     if isinstance(field, Strings):
-        parsed_values = np.array([_parse_number_or_nan(text) for text in field.values] + [np.nan])
+        parsed_values = np.array([parse_float_or_nan(text) for text in field.values] + [np.nan])
         return parsed_values[field.codes]
     return np.full(len(columns), np.nan)
 
@@ -115,7 +116,7 @@ def read_texts(columns: Columns, *paths: str, required: bool = False) -> Strings
 
 def _format_octet_sequences(sequences: Ragged) -> Strings:
     """Format n sequences of octets in hexadecimal; an empty one, and one with a number that is no octet, is absent."""
-    octets, is_octet = _numbers_to_octets(sequences.values)
+    octets, is_octet = _octets_and_validity_of_numbers(sequences.values)
     spans = np.column_stack([sequences.offsets[:-1], np.diff(sequences.offsets)]).astype(np.int64)
     n_wrong_before = np.concatenate([[0], np.cumsum(~is_octet)])
     has_wrong = np.diff(n_wrong_before[sequences.offsets]) > 0
@@ -143,7 +144,7 @@ def format_numbers(values: FloatArray) -> Strings:
     return Strings(codes=words.codes[codes].astype(np.int32), values=words.values)
 
 
-def _numbers_to_octets(values: NumericArray) -> tuple[npt.NDArray[np.uint8], BoolArray]:
+def _octets_and_validity_of_numbers(values: NumericArray) -> tuple[npt.NDArray[np.uint8], BoolArray]:
     """Return numbers (n,) as octets (n,), and which of them (n,) are valid octets."""
     if values.dtype.itemsize == 1:
         return np.ascontiguousarray(values).view(np.uint8), np.ones(len(values), np.bool_)
@@ -253,13 +254,6 @@ def parse_iso_times(field: Strings) -> tuple[Int64Array, BoolArray]:
     parsed = np.array([_parse_iso_time_ns(text) for text in field.values] + [0], dtype=np.int64)
     stamp_ns = parsed[field.codes]
     return stamp_ns, stamp_ns >= MIN_STAMP_NS
-
-
-def _parse_number_or_nan(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
 
 
 def _parse_iso_time_ns(text: str) -> int:

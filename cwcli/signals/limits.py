@@ -23,9 +23,10 @@ MAX_STEER_RAD = 1.6
 MAX_POSITION_M = 1e8
 """The largest coordinate that is accepted, in metres; chosen beyond the size of the Earth."""
 MAX_ANGLE_RAD = 1e6
-"""Angles that are counted on through every turn stay below; beyond, doubles lose the small digits of the angle."""
+"""Greatest angle in rad, also of angles that are counted on through every turn; beyond, doubles lose its small digits.
+Chosen by hand."""
 MAX_SIZE_M = 1e3
-"""Length, width, and distance of the axle from the middle of a road user."""
+"""Greatest length or width of a road user, and distance of its axle from its middle, m. Chosen by hand."""
 
 NOT_FINITE_REASON = "value not a number"
 """The reason for rejecting a value that is not a number."""

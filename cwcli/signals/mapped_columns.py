@@ -24,7 +24,7 @@ HEADER_STAMP_PATHS = ("header.stamp.sec", "header.stamp.nanosec")
 """The paths of seconds and nanoseconds in a ROS header."""
 
 
-def apply_mapping(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
+def apply_mapping_and_tell_if_stamped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
     """Convert a channel to the message that `mapping` makes of it.
 
     Args:
@@ -66,7 +66,7 @@ def read_mapped_values(columns: Columns, mapping: FieldMapping) -> dict[str, Flo
 
 
 def add_quantities_of_channel(
-    made: Columns, is_stamped: bool, columns: Columns, part: FieldMapping
+    mapped: Columns, is_stamped: bool, columns: Columns, part: FieldMapping
 ) -> tuple[Columns, str]:
     """Add the quantities of another channel at the columns' times; return the columns and a note.
 
@@ -78,14 +78,14 @@ def add_quantities_of_channel(
     """
     values = read_mapped_values(columns, part)
     stamp_ns, has_stamp = _read_mapped_stamps(columns, part)
-    own_ns, own_has = read_stamps(made)
+    own_ns, own_has = read_stamps(mapped)
     is_by_stamp = is_stamped and bool(has_stamp.any())
     their_ns = np.where(has_stamp, stamp_ns, columns.log_time_ns) if is_by_stamp else columns.log_time_ns
-    at_ns = np.where(own_has, own_ns, made.log_time_ns) if is_by_stamp else made.log_time_ns
+    at_ns = np.where(own_has, own_ns, mapped.log_time_ns) if is_by_stamp else mapped.log_time_ns
     order = np.argsort(their_ns, kind="stable")
     steps_s = np.diff(their_ns[order]) / NS_PER_S
     gap_s = MAX_INTERPOLATED_STEPS * float(np.median(steps_s[steps_s > 0.0])) if (steps_s > 0.0).any() else 0.0
-    fields: dict[str, Field] = dict(made.fields)
+    fields: dict[str, Field] = dict(mapped.fields)
     kinds = MAPPED_QUANTITIES_BY_ROLE[part.role].fields
     for name, each in values.items():
         turn = np.pi / 180.0 if kinds[name] == "place" else 1.0  # a longitude goes on from 180 to -180 degrees
@@ -93,7 +93,7 @@ def add_quantities_of_channel(
         fields[name] = at / turn
     time = "the time of the messages" if is_by_stamp else "log time"
     note = f"{', '.join(values)} of {part.topic} ({len(columns)} messages), interpolated by {time}"
-    return replace(made, fields=fields), note
+    return replace(mapped, fields=fields), note
 
 
 def _read_term_values(columns: Columns, mapping: FieldMapping, term: Term) -> FloatArray:

@@ -11,7 +11,7 @@ from cwcli.signals.canonical import Signal
 from cwcli.signals.columns import Columns
 from cwcli.signals.input_rows import CAN_FRAME_SCHEMAS
 from cwcli.signals.inputs import normalise_schema_name
-from cwcli.signals.mapped_columns import add_quantities_of_channel, apply_mapping
+from cwcli.signals.mapped_columns import add_quantities_of_channel, apply_mapping_and_tell_if_stamped
 from cwcli.signals.mapping import FieldMapping
 from cwcli.signals.quality import Quality
 
@@ -40,7 +40,7 @@ def build_mapped_signal(
         UsageError: The mapping, or a DBC file, does not fit the messages.
     """
     columns, mapping, frames = _decode_if_can_frames(columns, mapping)
-    made, is_stamped = apply_mapping(columns, mapping)
+    made, is_stamped = apply_mapping_and_tell_if_stamped(columns, mapping)
     notes = []
     for each, of_part in parts:
         further, said, of_frames = _decode_if_can_frames(each, of_part)
@@ -63,7 +63,7 @@ def _decode_if_can_frames(
     """Return columns and mapping; CAN frames are decoded first, with a record of what became of them."""
     if normalise_schema_name(columns.schema_name) not in CAN_FRAME_SCHEMAS:
         return columns, mapping, None
-    from cwcli.signals.can import decode_can_signals
+    from cwcli.signals.can import decode_can_signals_and_add_units
 
-    frames, mapping = decode_can_signals(columns, mapping)
+    frames, mapping = decode_can_signals_and_add_units(columns, mapping)
     return frames.columns, mapping, frames

@@ -225,7 +225,7 @@ def parse_field_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
     return tuple(sources)
 
 
-def _parse_channel_mapping(role: str, text: str, quantities: MappedQuantities, first: int) -> FieldMapping:
+def _parse_channel_mapping(role: str, text: str, quantities: MappedQuantities, first_quantity: int) -> FieldMapping:
     """Parse the mapping of one channel, whose terms are the role's quantities from `first` on."""
     rest, *files = text.split(";")
     topic, _, rest = rest.partition(":")
@@ -233,14 +233,14 @@ def _parse_channel_mapping(role: str, text: str, quantities: MappedQuantities, f
     stamp = re.fullmatch(_STAMP_PATTERN, stamp_text)
     if not topic or (at and not stamp):
         raise _malformed_mapping_error(role, text, stamp_text or topic)
-    given, kinds = said.strip().lstrip(",").split(","), tuple(quantities.fields.values())[first:]
+    given, kinds = said.strip().lstrip(",").split(","), tuple(quantities.fields.values())[first_quantity:]
     if len(given) > len(kinds):
-        wanted = ", ".join(tuple(quantities.fields)[first:])
+        wanted = ", ".join(tuple(quantities.fields)[first_quantity:])
         raise UsageError(f"--map {role}={text}: {len(given)} fields for {wanted}", hint="separate them by commas")
     terms = tuple(_parse_term(role, text, part.strip(), kind) for part, kind in zip(given, kinds, strict=False))
     unit = NS_PER_TIME_UNIT[stamp["unit"]] if stamp and stamp["unit"] else NS_PER_TIME_UNIT["s"]
     return FieldMapping(
-        role, topic, terms, stamp["path"] if stamp else "", unit, tuple(filter(None, files)), text, first
+        role, topic, terms, stamp["path"] if stamp else "", unit, tuple(filter(None, files)), text, first_quantity
     )
 
 

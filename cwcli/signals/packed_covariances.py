@@ -68,7 +68,7 @@ class PackedCovariances:
         out = cls.allocate_uninitialised(n, k)
         for first in range(0, n, ROWS_PER_BLOCK):
             rows = slice(first, first + ROWS_PER_BLOCK)
-            out.sigma[rows], out.correlation[rows] = _pack_block(covariance[rows])
+            out.sigma[rows], out.correlation[rows] = _sigmas_and_correlations_of_block(covariance[rows])
         return out
 
     def fill_rows(self, rows: npt.NDArray[np.intp], packed: PackedCovariances) -> None:
@@ -145,7 +145,7 @@ def _covariance_matrices(sigma: Float32Array | FloatArray, correlation: Float32A
     return out
 
 
-def _pack_block(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _sigmas_and_correlations_of_block(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return sigmas and correlations of a few covariances."""
     k = covariance.shape[1]
     above = _upper_triangle_indices(k)

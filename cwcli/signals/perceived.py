@@ -90,7 +90,7 @@ def identify_objects(columns: Columns) -> Senders:
     codes = np.full(n, -1, np.int32)
     codes[numbered] = object_codes
     told = zip(sender.codes[numbered[first]].tolist(), number[numbered[first]].tolist(), strict=True)
-    stations = Strings(codes, tuple(f"{names[code]}:{int(k)}" for code, k in told)).merge_equal()
+    stations = Strings(codes, tuple(f"{names[code]}:{int(k)}" for code, k in told)).merge_equal_values()
     return Senders(stations, np.zeros(n, np.bool_), np.zeros(n, np.bool_))
 
 

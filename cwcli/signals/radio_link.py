@@ -98,7 +98,7 @@ def measure_station_links(
             continue
         order = rows[np.argsort(signal.stamp_ns[rows], kind="stable")]
         sent_s = (signal.stamp_ns[order] - signal.stamp_ns[order[0]]) / NS_PER_S
-        n_lost, is_absence, period_s = _count_lost_messages(sent_s, signal.message_count[order])
+        n_lost, is_absence, period_s = _lost_counts_absences_and_period_s(sent_s, signal.message_count[order])
         links.append(_measure_station_link(station, signal, order, n_lost, is_absence, period_s, distance_m))
         if np.isfinite(n_lost).any():
             received.append(distance_m[order])
@@ -127,7 +127,7 @@ def information_age_quantile_s(ages: Sequence[FloatArray], share: float) -> floa
     return float(np.interp(share * below_s[-1], below_s, at))
 
 
-def _count_lost_messages(sent_s: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArray, float]:
+def _lost_counts_absences_and_period_s(sent_s: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArray, float]:
     """Count the messages lost between each two received ones, find absences, and measure the sending period.
 
     Args:

@@ -9,7 +9,7 @@ from cwcli.signals.input_rows import (
     RECEIVER_RANK,
     RECEIVER_SUMMARY_RANK,
     header_free_leaf_fields,
-    message_inputs,
+    inputs_of_message,
     ros_leaf_fields,
     xyz_leaf_paths,
 )
@@ -42,7 +42,7 @@ _SBG_VELOCITY_PATHS = tuple(f"{name}.{axis}" for name in ("velocity", "velocity_
 
 
 def _ins_inputs(fields: Fields, message: str) -> tuple[Input, ...]:
-    return message_inputs(
+    return inputs_of_message(
         fields,
         FUSED_INS_RANK,
         ego_position=f"novatel.build_{message}_position",
@@ -54,7 +54,7 @@ def _ins_inputs(fields: Fields, message: str) -> tuple[Input, ...]:
 RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
     **dict.fromkeys(
         ("gps_msgs/GPSFix", "gps_common/GPSFix"),
-        message_inputs(
+        inputs_of_message(
             ros_leaf_fields(
                 *("status.status", "latitude", "longitude", "altitude", "track", "speed"),
                 *("err_horz", "err_track", "err_speed", "position_covariance", "position_covariance_type"),
@@ -64,7 +64,7 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
             ego_velocity="gps_fix.build_velocity",
         ),
     ),
-    "nmea_msgs/Sentence": message_inputs(
+    "nmea_msgs/Sentence": inputs_of_message(
         ros_leaf_fields("sentence"),
         NMEA_SENTENCE_RANK,
         ego_position="nmea.build_position",
@@ -72,16 +72,16 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
         ego_heading="nmea.build_heading",
     ),
     "ublox_msgs/NavPVT": (
-        *message_inputs(
+        *inputs_of_message(
             _NAV_PVT_FIELDS,
             RECEIVER_RANK,
             ego_position="ublox.build_position",
             ego_velocity="ublox.build_velocity",
         ),
         # only of receivers with an IMU or two antennas
-        *message_inputs(_NAV_PVT_FIELDS, None, ego_heading="ublox.build_heading"),
+        *inputs_of_message(_NAV_PVT_FIELDS, None, ego_heading="ublox.build_heading"),
     ),
-    "novatel_oem7_msgs/BESTPOS": message_inputs(
+    "novatel_oem7_msgs/BESTPOS": inputs_of_message(
         ros_leaf_fields(
             *(*_OEM7_TIME_PATHS, "sol_status.status", "pos_type.type"),
             *("lat", "lon", "hgt", "undulation", "lat_stdev", "lon_stdev"),
@@ -89,7 +89,7 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
         RECEIVER_RANK,
         ego_position="novatel.build_position",
     ),
-    "novatel_gps_msgs/NovatelPosition": message_inputs(
+    "novatel_gps_msgs/NovatelPosition": inputs_of_message(
         ros_leaf_fields(
             *(*_OEM6_TIME_PATHS, "solution_status", "position_type"),
             *("lat", "lon", "height", "undulation", "lat_sigma", "lon_sigma"),
@@ -97,12 +97,12 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
         RECEIVER_RANK,
         ego_position="novatel.build_position",
     ),
-    "novatel_oem7_msgs/BESTVEL": message_inputs(
+    "novatel_oem7_msgs/BESTVEL": inputs_of_message(
         ros_leaf_fields(*_OEM7_TIME_PATHS, "sol_status.status", "vel_type.type", "latency", "hor_speed", "trk_gnd"),
         RECEIVER_RANK,
         ego_velocity="novatel.build_velocity",
     ),
-    "novatel_gps_msgs/NovatelVelocity": message_inputs(
+    "novatel_gps_msgs/NovatelVelocity": inputs_of_message(
         ros_leaf_fields(
             *(*_OEM6_TIME_PATHS, "solution_status", "velocity_type"), *("latency", "horizontal_speed", "track_ground")
         ),
@@ -124,33 +124,33 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
     ),
     "novatel_oem7_msgs/INSPVA": _ins_inputs(ros_leaf_fields(*_OEM7_TIME_PATHS, *_INSPVA_PATHS), "inspva"),
     "novatel_gps_msgs/Inspva": _ins_inputs(ros_leaf_fields(*_OEM6_TIME_PATHS, *_INSPVA_PATHS), "inspva"),
-    "septentrio_gnss_driver/PVTGeodetic": message_inputs(
+    "septentrio_gnss_driver/PVTGeodetic": inputs_of_message(
         ros_leaf_fields(*_SEPTENTRIO_PATHS, "mode", "h_accuracy"),
         RECEIVER_RANK,
         ego_position="septentrio.build_position",
         ego_velocity="septentrio.build_velocity",
     ),
-    "septentrio_gnss_driver/INSNavGeod": message_inputs(
+    "septentrio_gnss_driver/INSNavGeod": inputs_of_message(
         ros_leaf_fields(*_SEPTENTRIO_PATHS, *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn"))),
         FUSED_INS_RANK,
         ego_position="septentrio.build_ins_position",
         ego_velocity="septentrio.build_ins_velocity",
     ),
     # the driver sends a sensor_msgs/Imu of the same
-    "sbg_driver/SbgImuData": message_inputs(
+    "sbg_driver/SbgImuData": inputs_of_message(
         ros_leaf_fields(*xyz_leaf_paths("accel"), *xyz_leaf_paths("gyro")), RECEIVER_RANK, imu="sbg.build_imu"
     ),
-    "sbg_driver/SbgGpsPos": message_inputs(
+    "sbg_driver/SbgGpsPos": inputs_of_message(
         ros_leaf_fields("status.status", "status.type", *_SBG_POSITION_PATHS),
         RECEIVER_RANK,
         ego_position="sbg.build_position",
     ),
-    "sbg_driver/SbgGpsVel": message_inputs(
+    "sbg_driver/SbgGpsVel": inputs_of_message(
         ros_leaf_fields("status.vel_status", "status.vel_type", *_SBG_VELOCITY_PATHS),
         RECEIVER_RANK,
         ego_velocity="sbg.build_velocity",
     ),
-    "sbg_driver/SbgEkfNav": message_inputs(
+    "sbg_driver/SbgEkfNav": inputs_of_message(
         ros_leaf_fields(
             *("status.position_valid", "status.velocity_valid", *xyz_leaf_paths("position")),
             *(*_SBG_POSITION_PATHS, *_SBG_VELOCITY_PATHS),
@@ -159,7 +159,7 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
         ego_position="sbg.build_ekf_position",
         ego_velocity="sbg.build_ekf_velocity",
     ),
-    "sbg_driver/SbgEkfEuler": message_inputs(
+    "sbg_driver/SbgEkfEuler": inputs_of_message(
         ros_leaf_fields("status.heading_valid", "angle.z", "accuracy.z"),
         FUSED_INS_RANK,
         ego_heading="sbg.build_heading",

@@ -22,7 +22,7 @@ def iter_rows_by_id(ids: Strings) -> Iterator[tuple[str, Rows]]:
         yield ids.values[code], rows
 
 
-def sort_rows_by_stamp(stamp_ns: Int64Array, rows: Rows | None = None) -> Rows:
+def rows_by_stamp_without_repeats(stamp_ns: Int64Array, rows: Rows | None = None) -> Rows:
     """Return all rows, or those given, in the order of their stamps, only the first of each stamp."""
     chosen = np.arange(len(stamp_ns)) if rows is None else rows
     ordered = chosen[np.argsort(stamp_ns[chosen], kind="stable")]
@@ -32,4 +32,4 @@ def sort_rows_by_stamp(stamp_ns: Int64Array, rows: Rows | None = None) -> Rows:
 def iter_track_rows(ids: Strings, stamp_ns: Int64Array) -> Iterator[tuple[str, Rows]]:
     """Yield each id and the indices of its rows, in the order of their stamps, only the first of each stamp."""
     for name, rows in iter_rows_by_id(ids):
-        yield name, sort_rows_by_stamp(stamp_ns, rows)
+        yield name, rows_by_stamp_without_repeats(stamp_ns, rows)

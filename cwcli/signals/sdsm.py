@@ -19,7 +19,7 @@ from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
 from cwcli.signals.v2x_elements import decode_element, validate_decoded
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_dsecond
+from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
 
 _TABLE = load_message_table("sdsm", "sae")
 """The quantities of an SDSM's sender and objects: their data elements, and their paths per encoding."""
@@ -50,7 +50,7 @@ MAX_FLAG_FIELD_VALUE = 2.0**32 - 1.0
 """The largest value of a presence field of 32 bits."""
 
 
-def presence_bits(*, is_carma: bool) -> list[tuple[str, str, int]]:
+def presence_fields_and_bits(*, is_carma: bool) -> list[tuple[str, str, int]]:
     """Return the presence fields: quantity, path, and the bit that is set when the value is there."""
     columns = ("ros_flags", "carma_flags") if is_carma else ("ros_flags",)
     return [bit for column in columns for bit in parse_presence_bits(_TABLE.columns[column])]
@@ -58,7 +58,7 @@ def presence_bits(*, is_carma: bool) -> list[tuple[str, str, int]]:
 
 LEAF_FIELDS = (
     *ROS_PATHS.values(),
-    *dict.fromkeys(path for _, path, _ in presence_bits(is_carma=True)),
+    *dict.fromkeys(path for _, path, _ in presence_fields_and_bits(is_carma=True)),
     *_TABLE.columns["carma_unavailable"].values(),
     _OBJECT_TYPE_PATH,
 )
@@ -87,7 +87,7 @@ def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
         return read_numbers(columns, path)[rows]
 
     value = {name: read_leaf(path) for name, path in ROS_PATHS.items() if name != "station"}
-    for name, path, bit in presence_bits(is_carma=is_carma):
+    for name, path, bit in presence_fields_and_bits(is_carma=is_carma):
         flags = np.clip(np.nan_to_num(read_leaf(path)), 0.0, MAX_FLAG_FIELD_VALUE).astype(np.int64)
         value[name] = np.where((flags & bit) != 0, value[name], np.nan)
     is_vehicle = read_leaf(_OBJECT_TYPE_PATH) == 0
@@ -121,7 +121,7 @@ def _make_object_rows(columns: Columns, ledger: RowLedger, value: dict[str, Floa
     latitude, longitude = perceived.shift_wgs84_positions(
         value["latitude_deg"], value["longitude_deg"], value["east_m"], value["north_m"]
     )
-    stamp_ns, has_time = stamp_from_dsecond(read_numbers(columns, "dsecond_ms"), columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_dsecond(read_numbers(columns, "dsecond_ms"), columns.log_time_ns)
     own_m2 = sigma["position_confidence"] ** 2
     return perceived.make_object_rows(
         ledger,

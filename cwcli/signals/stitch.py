@@ -126,7 +126,7 @@ def join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> Stitch
     found = _find_candidate_pairs(
         _read_end_messages(signal, last, local_map), _read_end_messages(signal, first, local_map)
     )
-    follower, n_undecided = _choose_followers(found, n)
+    follower, n_undecided = _choose_followers_and_count_unclear(found, n)
     root = np.arange(n, dtype=np.int32)
     ended = np.flatnonzero(follower >= 0)
     for k in ended[np.argsort(signal.stamp_ns[last[ended]], kind="stable")]:
@@ -218,8 +218,8 @@ def _squared_pair_distances(last: _EndMessages, first: _EndMessages) -> FloatArr
     along = east * np.cos(heading) + north * np.sin(heading) - mean_speed * pause_s
     across = north * np.cos(heading) - east * np.sin(heading)
     said_m2 = last.variance_m2 + first.variance_m2
-    speed_change, along_m = _manoeuvre_sigmas(last.accel_mps2, pause_s)
-    turning, across_m = _manoeuvre_sigmas(last.yaw_rate_radps, pause_s)
+    speed_change, along_m = _manoeuvre_speed_and_position_sigmas(last.accel_mps2, pause_s)
+    turning, across_m = _manoeuvre_speed_and_position_sigmas(last.yaw_rate_radps, pause_s)
     speed_variance = 2.0 * REPORTED_SPEED_SIGMA_MPS**2 + speed_change**2
     heading_variance = (
         2.0 * REPORTED_HEADING_SIGMA_RAD**2 + (turning / np.maximum(np.abs(mean_speed), MIN_SPEED_FOR_HEADING_MPS)) ** 2
@@ -234,11 +234,11 @@ def _squared_pair_distances(last: _EndMessages, first: _EndMessages) -> FloatArr
         + np.where(is_slow, 0.0, heading_error**2 / heading_variance)
     )
     can_follow = (pause_s > 0.0) & (pause_s <= MAX_ID_CHANGE_PAUSE_S) & np.isfinite(squared)
-    can_follow &= _is_same_size(last.length_m, first.length_m) & _is_same_size(last.width_m, first.width_m)
+    can_follow &= _same_size_mask(last.length_m, first.length_m) & _same_size_mask(last.width_m, first.width_m)
     return np.where(can_follow, squared, np.inf)
 
 
-def _manoeuvre_sigmas(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _manoeuvre_speed_and_position_sigmas(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the sigmas of speed and position that a manoeuvre during the pause causes, along or across, (pairs,) each.
 
     Args:
@@ -252,13 +252,13 @@ def _manoeuvre_sigmas(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArra
     return np.hypot(accel * pause, 0.5 * jerk * pause**2), np.hypot(0.5 * accel * pause**2, jerk * pause**3 / 6.0)
 
 
-def _is_same_size(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
+def _same_size_mask(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
     """Return where both sizes agree, or one is not given."""
     differs: BoolArray = np.abs(one_m - other_m) > MAX_SIZE_DIFFERENCE_M
     return ~differs
 
 
-def _choose_followers(found: _Candidates, n: int) -> tuple[Int64Array, int]:
+def _choose_followers_and_count_unclear(found: _Candidates, n: int) -> tuple[Int64Array, int]:
     """Return the follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
 
     The likeliest pairing of all that ended with all that began, where to be alone costs what can't rival a candidate. A
@@ -279,13 +279,13 @@ def _choose_followers(found: _Candidates, n: int) -> tuple[Int64Array, int]:
         columns, column = np.unique(began[pairs], return_inverse=True)
         cost = np.full((len(rows), len(columns)), np.inf)
         cost[row, column] = distance[pairs]
-        best, total = _cheapest_pairing(cost)
+        best, total = _cheapest_pairing_and_cost(cost)
         for k in np.flatnonzero(best >= 0):
             if cost[k, best[k]] > MAX_SQUARED_DISTANCE:
                 continue
             without = cost.copy()
             without[k, best[k]] = np.inf
-            if _cheapest_pairing(without)[1] - total >= MIN_SQUARED_DISTANCE_MARGIN:
+            if _cheapest_pairing_and_cost(without)[1] - total >= MIN_SQUARED_DISTANCE_MARGIN:
                 follower[rows[k]] = columns[best[k]]
     return follower, int(np.count_nonzero(has_ended)) - int(np.count_nonzero(follower >= 0))
 
@@ -307,7 +307,7 @@ def _pair_indices_by_connected_group(ended: Int64Array, began: Int64Array, n: in
     return [each for each in np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if len(each)]
 
 
-def _cheapest_pairing(cost: FloatArray) -> tuple[Int64Array, float]:
+def _cheapest_pairing_and_cost(cost: FloatArray) -> tuple[Int64Array, float]:
     """Return the cheapest pairing, as the column of each row or -1, and its cost."""
     n_rows, n_columns = cost.shape
     whole = np.full((n_rows, n_columns + n_rows), MAX_RIVAL_SQUARED_DISTANCE)

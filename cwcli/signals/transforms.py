@@ -53,7 +53,7 @@ class Transform:
         return made
 
 
-def find_body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
+def find_body_frame_and_transform(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
     """Find the vehicle's frame for a frame: its name and (4, 4) body from frame; None where no path connects them.
 
     `base_footprint` is taken where the tree has it, whether above or below `base_link`.
@@ -70,7 +70,7 @@ def find_body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str
     return None
 
 
-def find_carrying_body_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
+def find_carrying_body_frame_and_transform(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
     """Find the vehicle's frame among a frame's ancestors: its name and (4, 4) body from frame; None where there is
     none.
 

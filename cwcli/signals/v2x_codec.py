@@ -44,11 +44,11 @@ class RemoteRows(RemoteQuantities):
     stamp_ns: Int64Array
 
 
-def empty_remote_rows(n: int, **told: FloatArray) -> RemoteRows:
+def empty_remote_rows(n: int, **known_quantities: FloatArray) -> RemoteRows:
     """Return rows (n,) in which only the given quantities are known and all stamps are 0."""
     nothing: dict[str, FloatArray] = {entry.name: np.full(n, np.nan) for entry in fields(RemoteQuantities)}
     nothing["position_covariance_m2"] = np.full((n, 3), np.nan)
-    return RemoteRows(**(nothing | told), stamp_ns=np.zeros(n, np.int64))
+    return RemoteRows(**(nothing | known_quantities), stamp_ns=np.zeros(n, np.int64))
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ CLOCK_DISAGREES_REASON = "message clock disagrees with log time, log time used"
 """The reason for a repair: a message whose clock disagrees with the log time takes its log time."""
 
 
-def stamp_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
+def stamp_and_validity_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
     """Return the absolute time of a BSM: the instant with this millisecond of a UTC minute that is nearest to the log
     time.
 
@@ -54,7 +54,9 @@ def stamp_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple
     return (log_ms + _wrap_to_half_modulus(ahead_ms, MS_PER_MINUTE)) * NS_PER_MS, has_time
 
 
-def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
+def stamp_and_validity_from_generation_delta_time(
+    delta_ms: FloatArray, log_time_ns: Int64Array
+) -> tuple[Int64Array, BoolArray]:
     """Return the absolute time of a CAM: the instant with this generationDeltaTime that is nearest to the log time.
 
     Args:
@@ -71,7 +73,7 @@ def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Arr
     return (log_ms + _wrap_to_half_modulus(ahead_ms, GENERATION_TIME_MODULUS_MS)) * NS_PER_MS, has_time
 
 
-def stamp_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
+def stamp_and_validity_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
     """Return the absolute time of milliseconds of TAI since 2004 (TimestampIts); the log time gives the leap seconds.
 
     Args:

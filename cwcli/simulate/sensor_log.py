@@ -13,6 +13,7 @@ from cwcli import __version__
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
 from cwcli.output import write_file
+from cwcli.output_stream import OutputStream
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.vehicle_state import STATE_NAMES
@@ -70,13 +71,13 @@ class WrittenChannel:
 
 
 def write_simulated_log(
-    drive: SimulatedDrive, target: str | Path, *, force: bool = False
+    drive: SimulatedDrive, target: str | Path | OutputStream, *, force: bool = False
 ) -> tuple[WrittenChannel, ...]:
     """Write a simulated drive as an MCAP log; the same drive gives the same bytes.
 
     Args:
         drive: See `cwcli.simulation.drive.simulate_scenario`.
-        target: File, or `-` for standard output.
+        target: File, `-` for standard output, or an open output, which stays open.
         force: Overwrite a file that exists.
 
     Returns:

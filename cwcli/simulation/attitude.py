@@ -41,7 +41,7 @@ class Attitude:
     vehicle: str
 
     @cached_property
-    def _terrain_waves(self) -> tuple[FloatArray, FloatArray]:
+    def _wave_vectors_and_phases_of_terrain(self) -> tuple[FloatArray, FloatArray]:
         """The wave vectors (k, 2), 1/m, and phases (k,), rad, of the terrain."""
         rng = random_stream(0, self.vehicle, "terrain")
         direction = 2.0 * np.pi * rng.random(len(TERRAIN_WAVELENGTHS_M))
@@ -63,7 +63,7 @@ class Attitude:
         speed, heading, accel, jerk = state[:, 2], state[:, 3], state[:, 4], state[:, 6]
         tilt = np.zeros((len(state), 3))
         if self.slope_deg:
-            waves, phase = self._terrain_waves
+            waves, phase = self._wave_vectors_and_phases_of_terrain
             ahead = np.column_stack([np.cos(heading), np.sin(heading)]) @ waves.T
             left = np.column_stack([-np.sin(heading), np.cos(heading)]) @ waves.T
             # Each wave has the same part of the slope's variance, sigma^2 along any direction on average.

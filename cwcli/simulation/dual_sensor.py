@@ -144,7 +144,9 @@ TARGET_PATHS: dict[str, Callable[[FloatArray], FloatArray]] = {
 the text: at walking pace within 25 m, as the paper's site and laser range finder allow."""
 
 
-def true_states_on_path(name: str, n: int, *, period_s: float = PAPER_SAMPLE_PERIOD_S) -> tuple[FloatArray, FloatArray]:
+def times_and_true_states_on_path(
+    name: str, n: int, *, period_s: float = PAPER_SAMPLE_PERIOD_S
+) -> tuple[FloatArray, FloatArray]:
     """Times (n,) and true states (n, 4) on a named path; the velocity is the path's central difference."""
     t = np.arange(n, dtype=np.float64) * period_s
     path, h = TARGET_PATHS[name], 1e-5
@@ -155,7 +157,7 @@ def simulate_target_on_path(
     name: str, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PAPER_SAMPLE_PERIOD_S
 ) -> DualSensorScene:
     """Simulate one target along a named path (xiang2019 figures 7 and 8, table 1)."""
-    return observe_single_target(*true_states_on_path(name, n, period_s=period_s), noise, rng)
+    return observe_single_target(*times_and_true_states_on_path(name, n, period_s=period_s), noise, rng)
 
 
 def simulate_crossing_targets(

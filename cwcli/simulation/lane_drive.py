@@ -10,7 +10,11 @@ from dataclasses import field
 
 import numpy as np
 
-from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, lateral_state_derivatives, understeer_gradient
+from cwcli.dynamics.single_track import (
+    MIN_MODEL_SPEED_MPS,
+    lateral_acceleration_and_yaw_acceleration,
+    understeer_gradient,
+)
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
@@ -174,7 +178,7 @@ def _state_derivative(
     along = (v * np.cos(heading) - lateral * np.sin(heading)) / (1.0 - offset * road.curvature_at_1pm(station))
     return np.stack(
         [
-            *lateral_state_derivatives(vehicle, v, lateral, yaw_rate, steer),
+            *lateral_acceleration_and_yaw_acceleration(vehicle, v, lateral, yaw_rate, steer),
             (wanted - steer) / driver.lag_s,
             along,
             v * np.sin(heading) + lateral * np.cos(heading),

@@ -166,7 +166,7 @@ def _speed_pieces_of_segment(
     pieces = []
     for duration, next_accel in phases:
         if duration > 0:
-            ramp = _ramp_polynomial(accel, next_accel, duration, is_smooth=segment["smooth"])
+            ramp = _ramp_polynomial_coefficients(accel, next_accel, duration, is_smooth=segment["smooth"])
             pieces.append(SpeedPiece(start, (speed, *(c / (k + 1) for k, c in enumerate(ramp)))))
             start += duration
             speed, accel = pieces[-1].speed_and_accel_at(start)[0], next_accel
@@ -177,7 +177,7 @@ def _speed_pieces_of_segment(
     return pieces
 
 
-def _ramp_polynomial(start: float, end: float, duration_s: float, *, is_smooth: bool) -> tuple[float, ...]:
+def _ramp_polynomial_coefficients(start: float, end: float, duration_s: float, *, is_smooth: bool) -> tuple[float, ...]:
     """Polynomial of time from `start` to `end`, ascending: linear, or 3 u^2 - 2 u^3 with u = t / duration."""
     change = end - start
     if is_smooth:
@@ -236,7 +236,9 @@ def _turn_pieces_of_segment(
     if duration == 0:
         return [held]
     return [
-        TurnPiece(start, is_curvature, _ramp_polynomial(value, target, duration, is_smooth=segment["smooth"])),
+        TurnPiece(
+            start, is_curvature, _ramp_polynomial_coefficients(value, target, duration, is_smooth=segment["smooth"])
+        ),
         held,
     ]
 

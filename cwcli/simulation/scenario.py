@@ -98,7 +98,7 @@ class Scenario:
     document: Mapping[str, Any]
 
 
-def read_scenario_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
+def read_scenario_name_and_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
     """Read a scenario file, without checking its content.
 
     Args:
@@ -134,7 +134,7 @@ def load_scenario(name_or_path: str | Path, overrides: tuple[str, ...] = ()) -> 
     Raises:
         UsageError: No such scenario, not TOML, a wrong override, or wrong content.
     """
-    name, document = read_scenario_document(name_or_path)
+    name, document = read_scenario_name_and_document(name_or_path)
     for text in overrides:
         document = apply_override(document, text)
     return parse_scenario(document, name=name)

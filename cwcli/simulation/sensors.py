@@ -49,7 +49,9 @@ SensorModel = Callable[[FloatArray, FloatArray, Mapping[str, Any]], tuple[FloatA
 and the sigma of their noise (k,)."""
 
 
-def model_gnss_position(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def gnss_position_and_sigma_m(
+    state: FloatArray, _: FloatArray, settings: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray]:
     """Position of the antenna: east, north, up (n, 3) in the map frame, m, and its sigma (3,)."""
     bias = np.array([settings["bias_east_m"], settings["bias_north_m"], 0.0])
     ahead, left = settings["ahead_m"] or 0.0, settings["left_m"] or 0.0
@@ -59,12 +61,14 @@ def model_gnss_position(state: FloatArray, _: FloatArray, settings: Mapping[str,
     return position + bias, np.full(3, settings["sigma_m"])
 
 
-def model_gnss_heading(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def gnss_heading_and_sigma_rad(
+    state: FloatArray, _: FloatArray, settings: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray]:
     """Heading (n, 1), rad, counter-clockwise from east, not wrapped, and its sigma (1,)."""
     return state[:, 3:4] + np.radians(settings["bias_deg"]), np.radians([settings["sigma_deg"]])
 
 
-def model_wheel_speed(
+def wheel_speed_and_sigma_mps(
     state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]
 ) -> tuple[FloatArray, FloatArray]:
     """Wheel speed along the heading (n, 1), m/s, and its sigma (1,).
@@ -79,7 +83,9 @@ def model_wheel_speed(
     return value + settings["bias_mps"], np.array([settings["sigma_mps"]])
 
 
-def model_imu(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def imu_values_and_sigma(
+    state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray]:
     """Specific force (forward, left, up, m/s^2; g on up at rest) and angular rate (rad/s), (n, 6), and sigma (6,).
 
     A mount that is pitched nose down by p about the left axis reads f cos p - u sin p forward and f sin p + u cos p up,
@@ -119,10 +125,10 @@ def draw_gauss_markov_pairs(time_s: FloatArray, decay_s: float, rng: np.random.G
 
 
 SENSOR_MODELS: Mapping[str, SensorModel] = {
-    "gnss": model_gnss_position,
-    "gnss_heading": model_gnss_heading,
-    "speed": model_wheel_speed,
-    "imu": model_imu,
+    "gnss": gnss_position_and_sigma_m,
+    "gnss_heading": gnss_heading_and_sigma_rad,
+    "speed": wheel_speed_and_sigma_mps,
+    "imu": imu_values_and_sigma,
 }
 """The sensor models by the sensor's name in a scenario."""
 

@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from cwcli.dynamics.matrix_exponential import discretise_held_input
+from cwcli.dynamics.matrix_exponential import transition_and_input_matrices
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples, ScalarSamples
-from cwcli.dynamics.single_track import preview_state_matrices, steady_turn_state
+from cwcli.dynamics.single_track import preview_state_matrices, steady_lateral_speed_and_yaw_rate
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
@@ -103,7 +103,7 @@ def simulate_paper_run(
     )
     state = np.zeros((n, 4))
     if start == "turning":
-        state[0, :2] = steady_turn_state(car, run.start_kmh * MPS_PER_KMH, run.steer_rad)
+        state[0, :2] = steady_lateral_speed_and_yaw_rate(car, run.start_kmh * MPS_PER_KMH, run.steer_rad)
     x = state[0].copy()
     inputs = np.array([run.steer_rad, run.curvature_1pm])
     phi = gamma = np.zeros(0)
@@ -112,7 +112,9 @@ def simulate_paper_run(
         middle = 0.5 * (speeds[i] + speeds[i + 1])
         if middle != speed:
             speed = middle
-            phi, gamma = discretise_held_input(*preview_state_matrices(car, float(speed), preview_m), run.step_s)
+            phi, gamma = transition_and_input_matrices(
+                *preview_state_matrices(car, float(speed), preview_m), run.step_s
+            )
         x = phi @ x + gamma @ inputs
         if (i + 1) % per_frame == 0:
             state[(i + 1) // per_frame] = x

@@ -96,7 +96,7 @@ class TrueMotion:
             raise ValueError(f"truth is known from {self._grid_s[0]} to {self._grid_s[-1]} s only")
         cell = np.clip(np.searchsorted(self._grid_s, time, side="right") - 1, 0, len(self._grid_s) - 1)
         rest = self._displacement_m(self._grid_s[cell], time - self._grid_s[cell])
-        return np.column_stack([self._position[cell] + rest, self._states_after_position(time)])
+        return np.column_stack([self._position[cell] + rest, self._states_from_speed_on(time)])
 
     def _displacement_m(self, start_s: FloatArray, step_s: FloatArray) -> FloatArray:
         """The displacement (n, 2), m, from each start within each (short) step."""
@@ -119,7 +119,7 @@ class TrueMotion:
             self._pieces.yaw_rate / _YAW_RATE_INTEGRAL_DIVISORS, index, time_s
         )
 
-    def _states_after_position(self, time_s: FloatArray) -> FloatArray:
+    def _states_from_speed_on(self, time_s: FloatArray) -> FloatArray:
         """The states (n, 6) from speed on, in closed form."""
         pieces = self._pieces
         index, t = self._piece_index_and_elapsed_s(time_s)
@@ -216,7 +216,7 @@ def check_motion_is_drivable(
         )
 
 
-def closest_approach(a: TrueMotion, b: TrueMotion, end_s: float) -> tuple[float, float]:
+def closest_approach_time_and_distance(a: TrueMotion, b: TrueMotion, end_s: float) -> tuple[float, float]:
     """Time (s of the run) and size (m) of the smallest distance between two vehicles' centres, on a grid of 1 ms."""
     time_s = np.arange(0.0, end_s + TRUTH_GRID_STEP_S / 2, TRUTH_GRID_STEP_S)
     distance = np.hypot(*(a.states_at(time_s)[:, :2] - b.states_at(time_s)[:, :2]).T)

@@ -100,8 +100,8 @@ class ControlConfig(StatesSelection):
         Raises:
             UsageError: An unknown model or rule, or a setting out of range.
         """
-        MODELS.require(self.model)
-        check_rollout_options(self.model, self.discretisation, self.horizon_s, PATH_STEP_S)
+        MODELS.require(self.motion_model_name)
+        check_rollout_options(self.motion_model_name, self.discretisation, self.horizon_s, PATH_STEP_S)
         check_rule(self.warning_config)
         if not MIN_SPAN_S <= self.span.duration_s <= 600.0:
             raise UsageError(f"a duration of {self.span.duration_s:g} s is not between {MIN_SPAN_S:g} and 600")
@@ -109,7 +109,7 @@ class ControlConfig(StatesSelection):
             raise UsageError(f"{self.span.after_s:g} s beyond the record is not between {MIN_SPAN_S:g} and 60")
 
     @property
-    def model(self) -> str:
+    def motion_model_name(self) -> str:
         """The motion model."""
         return self.predictor or DEFAULT_MODEL
 
@@ -133,7 +133,7 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         MissingSignalError: The log lacks the states of the ego or of the other vehicles.
         DataError: The log holds the states of several egos.
     """
-    model, rule = config.model, config.warning_config
+    model, rule = config.motion_model_name, config.warning_config
     roles = (EGO_STATE.role, REMOTE_STATE.role)
     bound = bind_state_channels(log.channels, config, required=roles, where=log.name, command="control")
     happened = bind_roles(log.channels, config.topics, required=roles, where=log.name, command="control")
@@ -149,9 +149,9 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         )
         tracks[role] = build_vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
     host = require_single_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
-    events = find_warnings(host, tracks[REMOTE_STATE.role], rule).events.rows_as_dicts()
+    events = find_warnings(host, tracks[REMOTE_STATE.role], rule).events_table.rows_as_dicts()
     recorded = _read_recorded_tracks(log, happened, config)
-    replayed, notes = _replay_warnings(host, tracks[REMOTE_STATE.role], recorded, events, config.span)
+    replayed, notes = _replay_warnings_and_note(host, tracks[REMOTE_STATE.role], recorded, events, config.span)
     if not events:
         notes.append(f"no warning arises (predictor {model}, rule {rule.rule}): nothing is braked")
     summary = StageSummary(
@@ -187,7 +187,7 @@ def _read_recorded_tracks(log: Log, bound: Bindings, config: ControlConfig) -> d
     return found
 
 
-def _replay_warnings(
+def _replay_warnings_and_note(
     host: VehicleTrack,
     others: Sequence[VehicleTrack],
     recorded: Mapping[str, RecordedTrack],

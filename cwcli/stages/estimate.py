@@ -20,27 +20,27 @@ from cwcli.estimation.config import EstimatorConfig, LeverArms
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.from_signals import (
     EgoSignal,
-    drop_stretches_without_position,
+    drop_stretches_without_position_and_note,
     ego_output_stamps_ns,
     ego_signal_to_measurements,
     merge_remotes_placed_in_map,
 )
-from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, sources_in_doubt
+from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, topics_corrected_or_blamed
 from cwcli.estimation.hypotheses import HYPOTHESES
-from cwcli.estimation.hypotheses.base import compose_by_name
+from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.online_availability import (
     PARAMETERS_FROM_LOG,
     PARAMETERS_FROM_MESSAGES,
     STAMP_ROUNDING_SLACK_NS,
     OnlineAvailability,
+    available_times_of_states_ns,
     parameter_origin_text,
-    states_available_at_ns,
 )
 from cwcli.estimation.result import Track
 from cwcli.estimation.seen_ego import drop_ego_seen_by_others
 from cwcli.estimation.seen_senders import drop_senders_seen_by_others
-from cwcli.estimation.source_clocks import align_source_clocks
+from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.stated_noise import Sigmas, apply_stated_noise, check_sigma_names
 from cwcli.estimation.summary import (
     TrackSummary,
@@ -248,12 +248,12 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
     """Estimate the ego's tracks."""
     local_map = _map_at_first_fix_unless_cartesian(sources)
     corrects_clocks = not (estimator.takes_no_online_parameter_from_log or estimator.calibration is not None)
-    aligned, clock_notes = align_source_clocks(
+    aligned, clock_notes = align_source_clocks_and_note(
         _collect_ego_measurements(sources, local_map, estimator.sigmas),
         corrects=corrects_clocks,
         trusted=estimator.sources_with_trusted_clock,
     )
-    measurements, apart = drop_stretches_without_position(aligned, MAX_BRIDGE_S)
+    measurements, apart = drop_stretches_without_position_and_note(aligned, MAX_BRIDGE_S)
     tracks = estimate_hindsight_and_online(
         measurements,
         estimator,
@@ -282,14 +282,14 @@ def _correct_latitude_and_longitude(
         or not is_position_doubted(estimated.hindsight, signal.source)
     ):
         return sources, estimated
-    known = sources_in_doubt(estimated.hindsight)
+    known = topics_corrected_or_blamed(estimated.hindsight)
     for fault in GEODETIC_FAULTS:
-        if not fault.can_explain(signal):
+        if not fault.gives_places_on_earth(signal):
             continue
         corrected = tuple(fault.correct(each) if each is signal else each for each in positions)
         tried_sources = replace(sources, by_role={**sources.by_role, Role.EGO_POSITION: corrected})
         tried = _estimate_ego(tried_sources, estimator, rate_hz)
-        in_doubt = sources_in_doubt(tried.hindsight)
+        in_doubt = topics_corrected_or_blamed(tried.hindsight)
         if signal.source in in_doubt or in_doubt - known:
             continue
         correction = fault.correction_of(signal)
@@ -380,7 +380,7 @@ def _online_known_since_ns(
     slack_ns = STAMP_ROUNDING_SLACK_NS
     if estimator.model == "song2016":  # whose measurements go to the nearest step
         slack_ns += round(0.5 * estimator.song2016_step_s * NS_PER_S)
-    return states_available_at_ns(
+    return available_times_of_states_ns(
         measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGE_S, slack_ns=slack_ns
     )
 
@@ -434,7 +434,7 @@ def _hint_to_correct(correction: Correction, corrections: Sequence[Correction]) 
     """
     kind = correction.who.kind
     name = "+".join(each.name for each in corrections if each.who == correction.who and not each.n_set_aside)
-    if compose_by_name(kind, HYPOTHESES.get(kind, ()), name) is None:
+    if compose_hypothesis_by_name(kind, HYPOTHESES.get(kind, ()), name) is None:
         return ""
     return f"; --as {correction.who.source}={name} corrects them, too"
 

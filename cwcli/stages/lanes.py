@@ -44,14 +44,15 @@ from cwcli.vision.ground import (
     LaneGeometry,
     boundary_end_rows_px,
     compute_lane_geometry,
-    image_curves_of_flat_road,
+    image_hyperbolas_of_flat_road,
     repeat_pinhole_per_frame,
 )
-from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
+from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneSearch, Method
 from cwcli.vision.methods import DEFAULT_METHOD, check_method_and_model, load_method
 from cwcli.vision.mounting import MountingChoice, check_mounting_ranges
 from cwcli.vision.prepared_frame import PreparedFrame, make_frame_preparer
 from cwcli.vision.rectify import Rectifier, rectified_camera
+from cwcli.vision.search_clock import SearchClock
 
 EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
@@ -69,6 +70,8 @@ COLOUR_INTERVAL_NS = 1_000_000_000
 """Interval at which a frame is also decoded in colour [ns], which costs twice as much as grey; chosen by hand."""
 MAX_GAP_NS = 500_000_000
 """Longest gap between two frames [ns] over which a search goes on; chosen by hand."""
+NOT_SEARCHED_REASON = "not searched, and no frame before it could be"
+"""The reason for rejecting a frame between two searches before the first usable one."""
 NUMBERS_PER_FRAME = 8
 """Length of a frame's entry in `_numbers`: index, log time, stamp, number, two image sizes [px]."""
 
@@ -87,6 +90,7 @@ class LanesConfig(Selection):
         mounting: Of the camera; what it leaves open is taken from the log's transforms, else the stated default.
         field_of_view_rad: Horizontal, for a log without calibration; None: the stated default.
         render: Topic for the frames with the lines burnt in, or None.
+        every_frame: Search every frame; else a method that can carries its lane over the frames between two searches.
         calibration: Constants of the camera, the speed and the gyroscope from other drives, or None.
     """
 
@@ -107,6 +111,10 @@ class LanesConfig(Selection):
         str | None,
         Option("--render", "Publish the frames with the boundaries drawn on them here, as JPEG.", metavar="/TOPIC"),
     ] = None
+    every_frame: Annotated[
+        bool,
+        Option("--every-frame", "Search every frame, also of a camera that is faster than 10 Hz."),
+    ] = False
     mounting: Mounting | MountingChoice = field(default_factory=MountingChoice)
     field_of_view_rad: Annotated[
         float | None,
@@ -169,6 +177,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         size_of=method.search_size,
         prepare=make_frame_preparer(method, Rectifier(source.camera_for_size) if is_rectified else None),
         colour_every_ns=COLOUR_INTERVAL_NS if method.uses_colour else None,
+        search_clock=None if method.carry is None or config.every_frame else SearchClock(),
         where=f"{log.name}: {topic}",
     )
     for decoded in images:
@@ -177,7 +186,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     if not run.n_used:
         raise _no_usable_frame_error(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
     log.begin_sha256()  # for the record of the run
-    frames = run.collect_lane_frames(config, is_pitch_known=mount.is_pitch_known)
+    frames = run.build_lane_frames(config, is_pitch_known=mount.is_pitch_known)
     channels: list[OutputChannel] = [write_lanes(frames), write_lane_lines(frames)]
     if config.render is not None:
 
@@ -192,7 +201,9 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     count = InputMessageCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected), repaired)
     summary = StageSummary(
         title=f"lanes ({config.method})",
-        sections=(lanes_summary_table(frames, n_searches=run.n_searches, search_s=run.search_s),),
+        sections=(
+            lanes_summary_table(frames, n_searches=run.n_searches, n_searched=run.n_searched, search_s=run.search_s),
+        ),
         inputs=(count, *source.counts, *mount.counts, *motion.counts),
         notes=(
             *bound.notes,
@@ -217,7 +228,7 @@ def _mounting_with_calibrated_pitch(
     known = (
         UNKNOWN_CONSTANT
         if config.calibration is None
-        else config.calibration.find_constant(topic, "camera", "pitch_rad")
+        else config.calibration.find_constant_or_unknown(topic, "camera", "pitch_rad")
     )
     choice = config.mounting
     if isinstance(choice, Mounting) or choice.pitch_rad is not None or not known.has_value:
@@ -266,6 +277,7 @@ class _LaneSearchRun:
         self._search: LaneSearch | None = None
         self._camera: Camera | None = None
         self._size = (0, 0)
+        self._search_size = (0, 0)
         self._last_ns = 0
         self._recorder = FitCollector()
         self._numbers = array("q")
@@ -273,6 +285,7 @@ class _LaneSearchRun:
         self.n_used = 0
         self.n_without_stamp = 0
         self.n_searches = 0
+        self.n_searched = 0
         self.search_s = 0.0
         self.rejected: Counter[str] = Counter()
         self.notes: list[str] = []
@@ -284,6 +297,9 @@ class _LaneSearchRun:
 
     def search_frame(self, decoded: DecodedFrame) -> None:
         """Search the next frame, or count why it can't be used."""
+        if decoded.is_skipped:
+            self._carry_lane(decoded)
+            return
         if decoded.image is None:
             self.count_rejected_frame(decoded.rejection_reason)
             return
@@ -311,10 +327,33 @@ class _LaneSearchRun:
         begin = time.perf_counter()
         fit = self._search.step(frame)
         self.search_s += time.perf_counter() - begin
+        self._search_size = decoded.image.shape[1], decoded.image.shape[0]
+        self.n_searched += 1
+        self._record_fit(decoded, fit)
+
+    def _carry_lane(self, decoded: DecodedFrame) -> None:
+        """Carry the lane of the last searched frame to a frame that is not searched."""
+        self.n_read += 1
+        if self._search is None:  # the frames before it can't be used
+            self.n_read -= 1
+            self.count_rejected_frame(NOT_SEARCHED_REASON)
+            return
+        assert self._method.carry is not None
+        begin = time.perf_counter()
+        fit = self._method.carry(
+            self._search,
+            decoded.stamp_ns,
+            self._motion.speed_mps.value_at_time(decoded.stamp_ns),
+            self._motion.yaw_rate_radps.value_at_time(decoded.stamp_ns),
+        )
+        self.search_s += time.perf_counter() - begin
+        self._record_fit(decoded, fit)
+
+    def _record_fit(self, decoded: DecodedFrame, fit: LaneFit) -> None:
+        """Record the fit of a frame, and the frame's numbers."""
         self._recorder.append_fit(fit)
-        height_px, width_px = decoded.image.shape
         self._numbers.extend(
-            (decoded.index, decoded.log_time_ns, decoded.stamp_ns, self.n_used, *size, width_px, height_px)
+            (decoded.index, decoded.log_time_ns, decoded.stamp_ns, self.n_used, *self._size, *self._search_size)
         )
         self.n_used += 1
         self.n_without_stamp += not decoded.has_stamp
@@ -341,7 +380,7 @@ class _LaneSearchRun:
         camera = self._source.camera_for_size(*image_size).with_image_size(*search_size)
         return rectified_camera(camera) if self._is_rectified else camera
 
-    def collect_lane_frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
+    def build_lane_frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
         """Return all used frames with their boundaries in the image and on the road."""
         numbers = np.array(self._numbers, np.int64).reshape(-1, NUMBERS_PER_FRAME)
         fits = self._recorder.to_columns()
@@ -356,7 +395,7 @@ class _LaneSearchRun:
             rows = np.flatnonzero((sizes == (image_w, image_h, search_w, search_h)).all(axis=1))
             camera = self._camera_of_searched_image((image_w, image_h), (search_w, search_h))
             parts.append((rows, compute_lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
-            roads[rows] = image_curves_of_flat_road(fits[rows], camera)
+            roads[rows] = image_hyperbolas_of_flat_road(fits[rows], camera)
             pinhole[rows] = repeat_pinhole_per_frame(camera, len(rows))
             is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]

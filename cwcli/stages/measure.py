@@ -26,6 +26,7 @@ from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import ChosenStates, StatesSelection, choose_state_topics
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, add_sigmas_of_extremes, read_tracks
+from cwcli.text import split_distinct_names
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
 
 EXAMPLES = (
@@ -46,12 +47,7 @@ SHOWN_MEASURES = {
 MAX_ENCOUNTERS_SHOWN = 20
 """Greatest number of encounters, or conflicts, that a table of the summary shows; chosen by hand."""
 CONFLICT_TTC_S = 1.0
-"""An encounter with a time to collision below this [s] is judged as a conflict; chosen by hand."""
-
-
-def _split_distinct_names(text: str) -> tuple[str, ...]:
-    """Return the names in a list with commas, each once."""
-    return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
+"""Time to collision in s below which an encounter is judged as a conflict. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +69,7 @@ class MeasureConfig(StatesSelection):
             metavar="NAME[,NAME]",
             default="all but p-mc and p-contact",
             kind=str | None,
-            parse=_split_distinct_names,
+            parse=split_distinct_names,
             choices="cwcli.measures:MEASURES",
         ),
     ] = ()
@@ -119,7 +115,7 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     chosen = {name: entry for name, entry in MEASURES.items() if name in (config.measures or cheap_measure_names())}
     with_covariance = any(entry.needs_covariance for entry in chosen.values())
     tracks, counts = read_tracks(log, bound, config, with_covariance=with_covariance)
-    pairs, notes = _measure_pairs(tracks, chosen)
+    pairs, notes = _measure_pairs_and_note(tracks, chosen)
     if config.with_sigma:
         pairs = add_sigmas_of_extremes(log, tracks, pairs, chosen)
     series = measure_series_table(tracks.ego_id, pairs, chosen)
@@ -144,7 +140,7 @@ def cheap_measure_names() -> tuple[str, ...]:
     return tuple(name for name, entry in MEASURES.items() if not entry.is_expensive)
 
 
-def _measure_pairs(tracks: TracksOfLog, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:
+def _measure_pairs_and_note(tracks: TracksOfLog, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:
     """Measure the pairs that come near each other; return them, and notes."""
     pairs, n_far, n_assumed = [], 0, int(not np.isfinite(tracks.ego.length_m).any())
     for other_id, other in tracks.others.items():

@@ -228,4 +228,4 @@ def _observed_frames_table(track: LateralTrack, inputs: ObserverInputs) -> Summa
         last = known[-1]
         rows.append(("mass at the end (kg)", float(track.mass_kg[last])))
         rows.append(("its sigma (kg)", float(track.mass_sigma_kg[last])))
-    return SummaryTable("observer", "Lateral motion", ("quantity", "value"), tuple(rows))
+    return SummaryTable("observer", "Lateral motion of the ego in its lane", ("quantity", "value"), tuple(rows))

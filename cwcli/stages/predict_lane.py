@@ -31,12 +31,12 @@ from cwcli.pipeline.states import StatesSelection, bind_state_channels
 from cwcli.prediction.lateral import LateralPathConfig, predict_paths_from_observer, transform_paths_to_map
 from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.poses import VehiclePoses, dead_reckoned_poses, poses_from_states
+from cwcli.prediction.poses import VehiclePoses, body_poses_from_states, dead_reckoned_poses
 from cwcli.signals.canonical import Signal
 from cwcli.signals.columns import Columns, Int64Array, OutputChannel, StreamedChannel, repeat_string
 from cwcli.signals.role import Role
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.stages.inputs.camera import camera_used_by_lanes
+from cwcli.stages.inputs.camera import topic_and_camera_used_by_lanes
 from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.vision.frames import DecodedFrame, decode_frames
 
@@ -194,9 +194,9 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     in_map = None
     if columns is not None and len(columns):
         states = read_vehicle_states(columns).sort_by_stamp()
-        in_map = poses_from_states(states.stamp_ns, states.state, observed.track)
+        in_map = body_poses_from_states(states.stamp_ns, states.state, observed.track)
     poses = in_map or dead_reckoned_poses(observed.track)
-    placed, count = _place_paths_in_map(body, poses, has_state, topic)
+    placed, count = _place_paths_in_map_and_count(body, poses, has_state, topic)
     drawn: tuple[StreamedChannel, ...] = ()
     notes_of_drawing: tuple[str, ...] = ()
     if config.render is not None or has_lane_channel(log):
@@ -267,7 +267,7 @@ def draw_paths_into_images(
             hint="run `cwcli lanes` first",
         )
     render, topics = (None, {}) if config is None else (config.render, config.topics)
-    camera_topic, source = camera_used_by_lanes(log, topics, is_needed=render is not None)
+    camera_topic, source = topic_and_camera_used_by_lanes(log, topics, is_needed=render is not None)
     check_render_topic(log, render, camera_topic)
     seen_from = Viewpoint(source.camera_for_size, width_m, camera_forward_m)
     frames = PathFrames.match_paths_to_frames(
@@ -287,7 +287,7 @@ def draw_paths_into_images(
     return tuple(channels), (note,) if left_out else ()
 
 
-def _place_paths_in_map(
+def _place_paths_in_map_and_count(
     body: BodyPaths, poses: VehiclePoses, has_state: BoolArray, topic: str
 ) -> tuple[OutputChannel, InputMessageCount]:
     """Return the channel of the paths that start from a known pose, and the counts of the others by reason."""

@@ -32,9 +32,9 @@ from cwcli.tracking.detections import DetectionCounts, DetectionKind, EgoStates,
 from cwcli.tracking.from_signals import (
     build_sensor_models,
     detections_from_signal,
-    knowable_scan_times_ns,
     require_common_frame,
-    scan_times_ns,
+    scan_stamps_and_knowable_times_ns,
+    scan_stamps_and_log_times_ns,
 )
 from cwcli.tracking.sensor_setting import SensorSetting, parse_sensor_settings
 from cwcli.tracking.single_target import NisConsistency
@@ -46,7 +46,7 @@ from cwcli.tracking.tables import (
     track_metric_tables,
     turn_noise_density,
 )
-from cwcli.tracking.tracker import TargetCountChoice, TrackResult, track_targets, track_targets_online
+from cwcli.tracking.tracker import TargetCountChoice, TrackResult, track_targets_and_name_method, track_targets_online
 
 EXAMPLES = (
     "cwcli track drive.mcap -o tracked.mcap --filter ukf --metrics tracks.parquet",
@@ -141,13 +141,15 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     detections = [detections_from_signal(s, config.sensors.get(s.source, SensorSetting())) for s in signals]
     if not single.tune:
         models = {d.source: _replace_clutter_density(models[d.source], d.kind) for d in detections}
-    result, how = track_targets(config.targets, detections, models, config.tracker, _ego_motion_of_states(ego))
-    known_ns = scan_times_ns(signals)
+    result, how = track_targets_and_name_method(
+        config.targets, detections, models, config.tracker, _ego_motion_of_states(ego)
+    )
+    known_ns = scan_stamps_and_log_times_ns(signals)
     car, _ = _read_ego_states(log, config.sources, "online")
     online = result
     if single.smooth:
         online = track_targets_online(result, how, detections, models, config.tracker, _ego_motion_of_states(car))
-    knowable_ns = knowable_scan_times_ns(signals, None if car is None else (car.stamp_ns, car.log_time_ns))
+    knowable_ns = scan_stamps_and_knowable_times_ns(signals, None if car is None else (car.stamp_ns, car.log_time_ns))
     n_of_sensors = len(sources.notes) + len(notes)
     kinds = {d.source: d.kind for d in detections}
     notes.extend(_build_notes(result, signals, how, config))
@@ -263,7 +265,7 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
         faulty = count.read - count.used - free
         rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
     columns = ("sensor", "detections", "used", "no track", "faulty", "NIS/dof", "95 % bounds", "inside")
-    title = "Detections, and consistency of the innovations"
+    title = "Detections of each sensor, and whether NIS lies inside its bounds"
     return SummaryTable("sensors", title, columns, tuple(rows), names=(*columns[:6], "bounds_95", "inside"))
 
 

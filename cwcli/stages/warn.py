@@ -13,7 +13,7 @@ from cwcli.channels.target import read_targets_as_states
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.paths import replanned_or_logged_paths
+from cwcli.pipeline.paths import replanned_or_logged_paths_and_notes
 from cwcli.pipeline.records import WITHHELD_KEY, read_run_records
 from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryTable
 from cwcli.pipeline.states import StatesSelection, bind_state_channels, note_on_path_start_states, read_selected_states
@@ -21,6 +21,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound_columns
 from cwcli.stages.inputs.vehicles import build_vehicle_tracks, predict_paths_like, require_single_ego
 from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
+from cwcli.text import split_distinct_names
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
 from cwcli.warning.evaluate import check_warning_config as check_rule
 from cwcli.warning.rows import WarningRows
@@ -37,11 +38,6 @@ EGO_INPUT_ROLES = (EGO_STATE.role, EGO_PATH.role)
 """Roles of the ego's states and of its predicted paths."""
 REMOTE_INPUT_ROLES = (REMOTE_STATE.role, REMOTE_PATH.role)
 """Roles of the remote vehicles' states and of their predicted paths."""
-
-
-def _split_distinct_names(text: str) -> tuple[str, ...]:
-    """Return the names in a list with commas, each once."""
-    return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
 
 @dataclass(frozen=True)
@@ -62,7 +58,7 @@ class WarnConfig(StatesSelection):
             metavar="NAME[,NAME]",
             default="that of --rule",
             kind=str | None,
-            parse=_split_distinct_names,
+            parse=split_distinct_names,
         ),
     ] = ()
 
@@ -141,7 +137,7 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
         states, count = read_selected_states(log, columns[state_role], state_role, config)
         path_topic = bound.first_topic_of_role(path_role)
         assert path_topic is not None  # it is required
-        predicted[path_role], remarks = replanned_or_logged_paths(log, path_topic, state_role)
+        predicted[path_role], remarks = replanned_or_logged_paths_and_notes(log, path_topic, state_role)
         notes.extend(remarks)
         onset = uses_onset and state_role == REMOTE_STATE.role
         tracks[state_role] = build_vehicle_tracks(states, predicted[path_role], with_onset=onset, events=events)
@@ -159,7 +155,10 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
     found = tuple(find_warnings(host, others_tracks, replace(config.rule, rule=name)) for name in config.rule_names)
     outcomes = tuple(
         RuleOutcome(
-            each.config.rule, each.rows, (each.events, each.series), _warnings_tables(each, log.start_ns, config)
+            each.config.rule,
+            each.rows,
+            (each.events_table, each.evaluation_series_table_of_pairs),
+            _warnings_tables(each, log.start_ns, config),
         )
         for each in found
     )
@@ -179,16 +178,18 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
             event["time_to_event_s"],
             event["predicted_distance_m"],
         )
-        for event in found.events.rows_as_dicts()
+        for event in found.events_table.rows_as_dicts()
     )
     columns = ("event", "vehicle", "at [s]", "predicted conflict in [s]", "predicted closest centres [m]")
     names = (*columns[:3], "event in [s]", "predicted closest [m]")
-    counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts.items())
+    counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts_by_outcome.items())
     counts += (("warnings withheld", found.n_withheld),)
-    counts += tuple((f"warnings {kind.words} left out", n) for kind, n in found.n_left_out.items())
+    counts += tuple((f"warnings {kind.name_in_tables} left out", n) for kind, n in found.n_left_out.items())
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
     title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (
         SummaryTable("events", title, columns, events, names=names),
-        SummaryTable("evaluations", "Evaluations of a pair of vehicles", ("result", "count"), counts),
+        SummaryTable(
+            "evaluations", "Evaluations of the ego with each other vehicle, by result", ("result", "count"), counts
+        ),
     )

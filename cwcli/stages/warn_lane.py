@@ -20,7 +20,7 @@ from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryT
 from cwcli.prediction.lateral import transform_paths_to_body
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.row_order import sort_rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
 from cwcli.vision.method import LaneState
@@ -79,7 +79,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
     vehicle, notes = vehicle_from_log(log)
     predicted = read_predicted_paths(path_columns)
-    stamp_ns, log_time_ns, boundaries = _first_frame_of_each_stamp(read_lanes(lanes), vehicle)
+    stamp_ns, log_time_ns, boundaries = _stamps_and_boundaries_of_first_frames(read_lanes(lanes), vehicle)
     paths = transform_paths_to_body(predicted.paths)
     _, mine, theirs = np.intersect1d(stamp_ns, predicted.stamp_ns, return_indices=True)
     matched = _spread_paths_over_frames(paths, mine, theirs, len(stamp_ns), config.rule.warn_s)
@@ -103,10 +103,12 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
     return build_warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))[0]
 
 
-def _first_frame_of_each_stamp(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
+def _stamps_and_boundaries_of_first_frames(
+    lanes: LaneRows, vehicle: Vehicle
+) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
     """Return stamps, log times and boundaries of the first frame of each stamp, in the order of the stamps."""
-    rows = sort_rows_by_stamp(lanes.stamp_ns)
-    left, right = np.moveaxis(lanes.valid_road_lines()[rows], 1, 0)
+    rows = rows_by_stamp_without_repeats(lanes.stamp_ns)
+    left, right = np.moveaxis(lanes.plausible_road_lines()[rows], 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
     is_seen = lanes.state[rows] != LaneState.HELD
     change_1pm2 = -lanes.curvature_change_1pm2[rows]
@@ -117,18 +119,18 @@ def _first_frame_of_each_stamp(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64
 def _spread_paths_over_frames(
     paths: Paths,
     rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
-    of: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
+    path_indices: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
     n: int,
     horizon_s: float,
 ) -> Paths:
-    """Return paths for n frames: those of index `of` at the frames `rows`, NaN at the others."""
+    """Return paths for n frames: those of index `path_indices` at the frames `rows`, NaN at the others."""
     time_s = paths.time_s if len(paths) else np.array([0.0, max(horizon_s, MIN_HORIZON_S)])
     k = len(time_s)
 
     def spread(values: FloatArray) -> FloatArray:
         whole = np.full((n, k, *values.shape[2:]), np.nan)
-        if len(of):
-            whole[rows] = values[of]
+        if len(path_indices):
+            whole[rows] = values[path_indices]
         return whole
 
     parts = (paths.x_m, paths.y_m, paths.heading_rad, paths.speed_mps, paths.position_covariance_m2)
@@ -153,5 +155,7 @@ def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[Summ
     counts = tuple((name.replace("_", " "), count) for name, count in result.counts.items())
     return (
         SummaryTable("lane_departures", "Lane departures (times from the log's start)", columns, rows),
-        SummaryTable("lane_frames", "Frames of the lanes", ("result", "count"), counts),
+        SummaryTable(
+            "lane_frames", "Camera frames with lanes, by result of the evaluation", ("result", "count"), counts
+        ),
     )

@@ -13,12 +13,12 @@ from cwcli.signals.columns import FloatArray, Int64Array
 MAX_CANDIDATES_PER_TRACK = 32
 """Number of best detections of each track that are considered; it bounds the memory. Chosen by hand."""
 MAX_PAIRS_OF_GROUP = 2000
-"""A group with more detections than this keeps about this many pairs; it bounds the memory. Chosen by hand."""
+"""Number of pairs that a group with more detections than this keeps, about; it bounds the memory. Chosen by hand."""
 _FORBIDDEN_PAIR_COST = 1.0e9
 """Cost of a forbidden pair in the assignment: larger than any sum of gains."""
 
 
-def solve_assignment(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
+def rows_and_columns_of_best_pairs(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
     """Find the pairs (row, column) that maximise the summed gain; pairs without a positive gain are left out.
 
     Args:
@@ -72,7 +72,7 @@ def _group_rows_by_shared_columns(useful: np.ndarray) -> list[Int64Array]:
     return [np.flatnonzero(label == k) for k in np.unique(label)]
 
 
-def assign_in_groups(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
+def rows_and_columns_assigned_in_groups(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
     """Find the pairs of `solve` group by group, with at most the `MAX_CANDIDATES_PER_TRACK` best pairs of each row.
 
     Args:
@@ -95,7 +95,7 @@ def assign_in_groups(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
         if len(mine) > MAX_PAIRS_OF_GROUP:
             small[members] = _keep_best_of_each_row(small[members], max(2, MAX_PAIRS_OF_GROUP // len(members)))
             mine = np.flatnonzero((small[members] > 0.0).any(axis=0))
-        i, j = solve_assignment(small[np.ix_(members, mine)])
+        i, j = rows_and_columns_of_best_pairs(small[np.ix_(members, mine)])
         a.append(rows[members[i]])
         b.append(columns[mine[j]])
     return np.concatenate(a), np.concatenate(b)

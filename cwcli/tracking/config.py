@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cwcli.errors import UsageError
 from cwcli.kernels import track as kernel
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.chi_square import gate_nis
+from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.option import Option
 
 
@@ -170,7 +170,7 @@ class FilterConfig:
                 "extra_variance": (motion.start_sigma if self.start_sigma is None else self.start_sigma) ** 2,
                 "kappa": self.kappa,
                 "cartesian_below": self.cartesian_below,
-                "gate_nis": [0.0, *(gate_nis(probability, dof) for dof in (1, 2, 3))],
+                "gate_nis": [0.0, *(nis_gate_limit(probability, dof) for dof in (1, 2, 3))],
                 "max_gap_s": self.max_gap_s,
                 "restart_after": self.restart_after,
             }

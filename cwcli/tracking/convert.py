@@ -9,12 +9,13 @@ from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.tracking.tracker import TrackResult
 
 MIN_HEADING_SPEED_MPS = 0.5
-"""A slower target keeps its last heading: its direction of motion is mostly noise. Chosen by hand; not fitted."""
+"""Speed in m/s below which a target keeps its last heading: its direction of motion is mostly noise. Chosen by hand;
+not fitted."""
 _UNKNOWN_HEADING_VARIANCE_RAD2 = np.pi**2 / 3.0
 """Variance of a heading that is uniform over all directions, rad^2."""
 
 
-def radar_values_from_cartesian(
+def radar_values_and_covariances_from_cartesian(
     position_m: FloatArray,
     velocity_mps: FloatArray,
     position_covariance: FloatArray | None = None,
@@ -87,7 +88,7 @@ def target_rows_of_result(result: TrackResult) -> TargetRows:
     return TargetRows(stamp[order], ids[order], state[order], covariance[order], sensor)
 
 
-def vehicle_states_of_target(
+def vehicle_states_and_covariances_of_target(
     state: FloatArray,
     covariance: FloatArray,
     *,

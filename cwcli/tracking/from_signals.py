@@ -10,8 +10,8 @@ from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.builders.motion import MAP_FRAME_IDS
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.columns import Int64Array, Strings
-from cwcli.signals.elements import take_sequences
-from cwcli.tracking.convert import radar_values_from_cartesian
+from cwcli.signals.elements import offsets_and_elements_of_sequences
+from cwcli.tracking.convert import radar_values_and_covariances_from_cartesian
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.sensor_setting import SensorSetting
 
@@ -19,11 +19,11 @@ from cwcli.tracking.sensor_setting import SensorSetting
 def detections_from_signal(signal: DetectionSignal, setting: SensorSetting) -> Detections:
     """Convert a signal to detections in the order of arrival."""
     arrival = np.argsort(signal.log_time_ns, kind="stable")
-    offsets, rows = take_sequences(signal.offsets, arrival)
+    offsets, rows = offsets_and_elements_of_sequences(signal.offsets, arrival)
     counts = np.diff(offsets)
     values, covariance = signal.values[rows], signal.covariance[rows]
     if signal.kind == "radar_track":
-        values, covariance = radar_values_from_cartesian(
+        values, covariance = radar_values_and_covariances_from_cartesian(
             values[:, :2], values[:, 2:], covariance[:, :2, :2], covariance[:, 2:, 2:]
         )
     if setting.is_rate_towards and signal.kind != "position":
@@ -117,7 +117,7 @@ def require_common_frame(models: Mapping[str, SensorModel], *, has_ego: bool, wh
     return has_ego or not moving
 
 
-def knowable_scan_times_ns(
+def scan_stamps_and_knowable_times_ns(
     signals: Sequence[DetectionSignal], ego_ns: tuple[Int64Array, Int64Array] | None
 ) -> tuple[Int64Array, Int64Array]:
     """Increasing stamps of all scans, and the times (ns) at which the tracks there could have been known.
@@ -126,14 +126,14 @@ def knowable_scan_times_ns(
         signals: The sensors.
         ego_ns: Increasing stamps, and log times, of the car's states; None without them.
     """
-    stamp_ns, log_time_ns = scan_times_ns(signals)
+    stamp_ns, log_time_ns = scan_stamps_and_log_times_ns(signals)
     if ego_ns is not None:
         after = np.minimum(np.searchsorted(ego_ns[0], stamp_ns), len(ego_ns[0]) - 1)
         log_time_ns = np.maximum(log_time_ns, ego_ns[1][after])
     return stamp_ns, np.maximum.accumulate(log_time_ns)
 
 
-def scan_times_ns(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
+def scan_stamps_and_log_times_ns(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
     """Increasing stamps of all scans, and their log times."""
     stamp_ns = np.concatenate([signal.stamp_ns for signal in signals])
     log_time_ns = np.concatenate([signal.log_time_ns for signal in signals])

@@ -13,7 +13,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.tracking.assignment import solve_assignment
+from cwcli.tracking.assignment import rows_and_columns_of_best_pairs
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class GospaParts:
 def compute_gospa(truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float = 5.0, p: float = 2.0) -> GospaParts:
     """Compute GOSPA between true positions (m, 2) and tracks (n, 2); positions beyond `cutoff_m` are not paired."""
     m, n = len(truth_xy), len(track_xy)
-    i, j, distance = match_positions(truth_xy, track_xy, cutoff_m=cutoff_m, p=p)
+    i, j, distance = best_pairs_and_their_distances(truth_xy, track_xy, cutoff_m=cutoff_m, p=p)
     localisation = float((distance**p).sum())
     penalty = 0.5 * cutoff_m**p
     missed, false = (m - len(i)) * penalty, (n - len(j)) * penalty
@@ -45,7 +45,7 @@ def compute_gospa(truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float
     return GospaParts(total, localisation, missed, false, m - len(i), n - len(j))
 
 
-def match_positions(
+def best_pairs_and_their_distances(
     truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float, p: float = 2.0
 ) -> tuple[Int64Array, Int64Array, FloatArray]:
     """Pair true positions (m, 2) and tracks (n, 2) best: the rows of the pairs, and their distances."""
@@ -53,7 +53,7 @@ def match_positions(
         none = np.zeros(0, np.int64)
         return none, none, np.zeros(0)
     distance = np.linalg.norm(truth_xy[:, None, :] - track_xy[None, :, :], axis=2)
-    i, j = solve_assignment(cutoff_m**p - distance**p)
+    i, j = rows_and_columns_of_best_pairs(cutoff_m**p - distance**p)
     return i, j, distance[i, j]
 
 
@@ -169,7 +169,7 @@ def score_tracks(
     truth_rows, track_rows = _rows_at_moments(truth.stamp_ns, moments), _rows_at_moments(tracks.stamp_ns, moments)
     for k in range(len(moments)):
         a, b = truth_rows[k], track_rows[k]
-        i, j, distance = match_positions(truth.state[a, :2], tracks.state[b, :2], cutoff_m=cutoff_m, p=p)
+        i, j, distance = best_pairs_and_their_distances(truth.state[a, :2], tracks.state[b, :2], cutoff_m=cutoff_m, p=p)
         penalty = 0.5 * cutoff_m**p
         numbers[k] = len(a) - len(i), len(b) - len(j)
         parts[k, 1:] = (distance**p).sum(), numbers[k, 0] * penalty, numbers[k, 1] * penalty

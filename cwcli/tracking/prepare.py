@@ -25,9 +25,9 @@ from cwcli.tracking.detections import (
 Mask = npt.NDArray[np.bool_]
 Int8Array = npt.NDArray[np.int8]
 MAX_RANGE_RATE_MPS = 200.0
-"""Larger range rates count as impossible and are left out. Chosen by hand."""
+"""Greatest possible range rate, m/s; rows beyond it are left out. Chosen by hand."""
 MAX_LATENESS_S = 1.0
-"""A detection may arrive this much later than a newer one, s. Chosen by hand; not fitted."""
+"""Greatest time in s by which a detection may arrive later than a newer one. Chosen by hand; not fitted."""
 MIN_VARIANCE, MAX_VARIANCE = 1e-12, 1e8
 """Stated variances outside of these limits are absurd, and the sensor model's are used. Chosen by hand."""
 
@@ -140,7 +140,7 @@ def in_order_mask(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
     return spine | ((stamp_s >= reached - max_lateness_s) & (stamp_s <= ahead + max_lateness_s))
 
 
-def interpolate_ego_states(ego: EgoStates, stamp_ns: Int64Array) -> tuple[FloatArray, Mask]:
+def interpolate_ego_states_and_known_mask(ego: EgoStates, stamp_ns: Int64Array) -> tuple[FloatArray, Mask]:
     """Interpolate the ego's x, y, heading, vx, vy, yaw rate at the stamps, (n, 6), and where they are known.
 
     Between states the position and the unwrapped heading are linear; nothing is interpolated across a long gap.
@@ -179,7 +179,7 @@ def sensor_pose_and_velocity(
     yaw = model.yaw_rad + AXES_YAW_RAD[model.axes]
     if ego is None or model.carrier == "map":
         return np.tile([model.x_m, model.y_m, yaw], (n, 1)), np.zeros((n, 2)), np.ones(n, bool)
-    car, known = interpolate_ego_states(ego, stamp_ns)
+    car, known = interpolate_ego_states_and_known_mask(ego, stamp_ns)
     c, s = np.cos(car[:, 2]), np.sin(car[:, 2])
     arm_x = c * model.x_m - s * model.y_m
     arm_y = s * model.x_m + c * model.y_m

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from cwcli.kernels import track as kernel
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.tracking.assignment import assign_in_groups
+from cwcli.tracking.assignment import rows_and_columns_assigned_in_groups
 from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.detections import SensorModel
 from cwcli.tracking.prepare import PreparedDetections
@@ -136,7 +136,7 @@ class ScanLoop:
         miss = np.where(seen, np.log1p(-chance * self.config.single.gate_probability), 0.0)
         gain = kernel.score_many(self.filter, x, p, self.rows, first, last)
         gain += np.log(chance / self.density[source])
-        track, row = self._assign_rows_to_tracks(gain - miss[:, None])
+        track, row = self._pairs_of_assigned_tracks_and_rows(gain - miss[:, None])
         kernel.update_many(self.filter, x, p, track, self.rows, first + row)
         missed = np.ones(n, bool)
         missed[track] = False
@@ -149,13 +149,13 @@ class ScanLoop:
         self.row_key[first + row] = living.key[track]
         return first + row
 
-    def _assign_rows_to_tracks(self, worth: FloatArray) -> tuple[Int64Array, Int64Array]:
+    def _pairs_of_assigned_tracks_and_rows(self, worth: FloatArray) -> tuple[Int64Array, Int64Array]:
         """Assign rows by their gains (tracks, rows): to confirmed tracks first, the rest to tentative ones."""
         confirmed = self.living.is_confirmed[: len(worth)]
         old, new = np.flatnonzero(confirmed), np.flatnonzero(~confirmed)
-        a, row = assign_in_groups(worth[old])
+        a, row = rows_and_columns_assigned_in_groups(worth[old])
         free = np.setdiff1d(np.arange(worth.shape[1]), row)
-        b, rest = assign_in_groups(worth[np.ix_(new, free)])
+        b, rest = rows_and_columns_assigned_in_groups(worth[np.ix_(new, free)])
         return np.concatenate([old[a], new[b]]), np.concatenate([row, free[rest]])
 
     def _confirm_and_end_tracks(self, stamp: int) -> None:

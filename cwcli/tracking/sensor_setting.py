@@ -59,7 +59,7 @@ def _parse_number(text: str) -> float:
     return value
 
 
-def _parse_positive(text: str) -> float:
+def _parse_positive_number(text: str) -> float:
     """Parse a positive number; a `ValueError` if it is none."""
     value = _parse_number(text)
     if value <= 0.0:
@@ -77,7 +77,7 @@ def _parse_probability(text: str) -> float:
 
 def _parse_sigmas(text: str) -> tuple[float, ...]:
     """Parse up to three positive numbers `A/B/C`; a single one stands for all three."""
-    values = tuple(_parse_positive(part) for part in text.split("/"))
+    values = tuple(_parse_positive_number(part) for part in text.split("/"))
     if len(values) > N_SIGMA_VALUES:
         raise ValueError(text)
     return values * N_SIGMA_VALUES if len(values) == 1 else values
@@ -108,8 +108,8 @@ _SETTING_PARSERS: dict[str, Callable[[str], dict[str, Any]]] = {
     "carrier": lambda text: {"carrier": _make_choice_parser("body", "map")(text)},
     "frame": lambda text: {"frame": text.lstrip("/")},
     "sigma": lambda text: {"sigma": _parse_sigmas(text)},
-    "range_m": lambda text: {"max_range_m": _parse_positive(text)},
-    "fov_deg": lambda text: {"field_of_view_rad": math.radians(_parse_positive(text))},
+    "range_m": lambda text: {"max_range_m": _parse_positive_number(text)},
+    "fov_deg": lambda text: {"field_of_view_rad": math.radians(_parse_positive_number(text))},
     "detection": lambda text: {"detection_probability": _parse_probability(text)},
     "rate": lambda text: dict(_RANGE_RATE_SETTINGS[_make_choice_parser(*_RANGE_RATE_SETTINGS)(text)]),
 }

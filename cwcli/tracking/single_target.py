@@ -72,7 +72,7 @@ def _time_steps_s(stamp_ns: Int64Array) -> FloatArray:
     return out
 
 
-def run_filter(rows: DetectionRows, config: FilterConfig, *, smooth: bool | None = None) -> FilterOutput:
+def filter_single_target(rows: DetectionRows, config: FilterConfig, *, smooth: bool | None = None) -> FilterOutput:
     """Filter rows that all belong to one target, and smooth them when `smooth` (default: `config.smooth`).
 
     The state at a row is after its update; with `smooth=False` it uses nothing later than the row.

@@ -16,7 +16,7 @@ from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.detections import DetectionCounts, Detections, EgoStates, SensorModel
 from cwcli.tracking.prepare import DetectionRows, PreparedDetections, prepare_detections
 from cwcli.tracking.scan_loop import Association
-from cwcli.tracking.single_target import FilterOutput, NisConsistency, nis_consistency_by_source, run_filter
+from cwcli.tracking.single_target import FilterOutput, NisConsistency, filter_single_target, nis_consistency_by_source
 from cwcli.tracking.tune import TunedFilter, scale_sigmas, tune_noise
 
 TargetCountChoice = Literal["auto", "one", "many"]
@@ -24,7 +24,8 @@ TargetCountChoice = Literal["auto", "one", "many"]
 NO_SIGMA_FACTORS: Mapping[str, tuple[float, ...]] = {}
 """Factors on sigmas where none are known."""
 MAX_GATED_SHARE = 0.1
-"""A larger share of detections outside the gate means more than one target. Chosen by hand; not fitted."""
+"""Greatest share of detections outside the gate of a single target; a larger one means more targets. Chosen by hand;
+not fitted."""
 
 
 @dataclass(frozen=True)
@@ -101,10 +102,10 @@ def track_one_target(
         tuned = tune_noise([rows], single)
         rows, single = scale_sigmas(rows, tuned.scale), tuned.config
     tracks: tuple[TargetTrack, ...] = ()
-    output = run_filter(rows, single, smooth=False)
+    output = filter_single_target(rows, single, smooth=False)
     checks = nis_consistency_by_source(rows.sources, rows.source, output.nis, output.n_values, output.status)
     if len(rows):
-        shown = run_filter(rows, single, smooth=True) if single.smooth else output
+        shown = filter_single_target(rows, single, smooth=True) if single.smooth else output
         updated = np.isin(output.status, (RowStatus.USED, RowStatus.STARTED))
         source = np.where(updated, rows.source, -1)
         first = int(rows.stamp_ns[0])
@@ -199,8 +200,8 @@ def _filter_one_track(
     which = np.flatnonzero(found.row_track == found.track_id[k])
     last_ns = int(prepared.rows.stamp_ns[which[-1]] if single.smooth else found.ended_ns[k])
     rows = _rows_at_all_scans(prepared, which, last_ns)
-    output = run_filter(rows, single, smooth=False)
-    shown = run_filter(rows, single, smooth=True) if single.smooth else output
+    output = filter_single_target(rows, single, smooth=False)
+    shown = filter_single_target(rows, single, smooth=True) if single.smooth else output
     keep = np.ones(len(rows), bool) if single.smooth else rows.stamp_ns >= found.confirmed_ns[k]
     track = TargetTrack(
         int(found.track_id[k]), rows.stamp_ns[keep], shown.state[keep], shown.covariance[keep], rows.source[keep],
@@ -224,7 +225,7 @@ def _pooled_consistency(
     )
 
 
-def track_targets(
+def track_targets_and_name_method(
     targets: TargetCountChoice,
     detections: Sequence[Detections],
     models: Mapping[str, SensorModel],
@@ -259,7 +260,7 @@ def track_targets_online(
     """Track without smoothing, with the noise, the clutter and the number of targets of another result.
 
     Args:
-        result, how: Results of `track_targets`.
+        result, how: Results of `track_targets_and_name_method`.
         detections, models, config: Its arguments.
         ego: The car's states as they could have been known online.
     """

@@ -58,7 +58,7 @@ def scale_sigmas(rows: DetectionRows, scale: Mapping[str, tuple[float, ...]]) ->
     return replace(rows, r=r)
 
 
-def minimise_by_nelder_mead(
+def minimise_by_nelder_mead_and_count_calls(
     cost: Callable[[FloatArray], float], start: FloatArray, *, step: float = 0.5, tolerance: float = 1e-3,
     max_evaluations: int = 1500,
 ) -> tuple[FloatArray, float, int]:  # fmt: skip
@@ -154,6 +154,6 @@ def tune_noise(targets: Sequence[DetectionRows], config: FilterConfig) -> TunedF
     before = -cost(start)
     if not any(len(t) > 10 for t in targets):
         return TunedFilter(config, {}, before, before, 1)
-    theta, value, calls = minimise_by_nelder_mead(cost, start)
+    theta, value, calls = minimise_by_nelder_mead_and_count_calls(cost, start)
     tuned, scale = decode(theta)
     return TunedFilter(replace(tuned, tune=False), scale, before, -value, calls + 1)

@@ -8,7 +8,7 @@ y = height_px - v.
 from __future__ import annotations
 
 from enum import IntEnum
-from math import nan
+from math import isfinite, nan
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
@@ -64,3 +64,19 @@ class Boundary:
 
 NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
 """The boundary of a frame in which none was found: its numbers are NaN."""
+
+
+def moved_boundary(boundary: Boundary, a: float, b: float, c: float) -> Boundary:
+    """The boundary with another parabola; one that was not found, or has no parabola now, stays or becomes so."""
+    found = boundary.found and isfinite(a) and isfinite(b) and isfinite(c)
+    return Boundary(
+        a,
+        b,
+        c,
+        boundary.score,
+        boundary.probability,
+        found,
+        boundary.covariance,
+        boundary.kind if found else LineKind.UNKNOWN,
+        boundary.colour if found else LineColour.UNKNOWN,
+    )

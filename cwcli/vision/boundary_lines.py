@@ -20,8 +20,8 @@ class BoundaryLines:
     Attributes:
         parabolas: Shape (n, 2, 3): a, b, c of x = a y^2 + b y + c, y up from the bottom; NaN where not found.
         roads: Shape (n, 2, 4): far, near, bend, spiral of curves on the ground, h rows below the horizon
-            (`ground.image_curves_of_flat_road`, `arcs.image_columns_of_arcs`); NaN where they are not known: then the
-            parabolas are the lines.
+            (`ground.image_hyperbolas_of_flat_road`, `lane_geometry.image_columns_of_arcs`); NaN where they are not
+            known: then the parabolas are the lines.
         horizon_px: Shape (n,): row of the horizon from the top; NaN where it is not known.
         top_px: Shape (n,): row from the top at which lines end (`ground.boundary_end_rows_px`).
         pinhole: Shape (n, 2): column of the principal point, counted from 1, and fx, both in pixels; NaN where they

@@ -24,6 +24,7 @@ from cwcli.vision.image_header import ImageHeader, has_image_end, read_image_hea
 from cwcli.vision.opencv_versions import print_errors_only
 from cwcli.vision.ordered_threads import run_jobs_in_order
 from cwcli.vision.raw_images import GREY_ENCODINGS, RawImageError, decode_raw_as_colour, decode_raw_as_grey
+from cwcli.vision.search_clock import SearchClock
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, UNSUPPORTED_CODECS, decode_video
 
 MIN_SIDE_PX = 32
@@ -60,6 +61,7 @@ class DecodedFrame:
         prepared: The result of `prepare` for the frame.
         colour: Of some frames of a camera in colour, beside the grey image and of its size: shape (height, width, 3),
             blue, green, red; else None.
+        is_skipped: It was not decoded because it is not searched (`SearchClock`); there is no image.
     """
 
     index: int
@@ -72,6 +74,7 @@ class DecodedFrame:
     prepared: object = None
     has_stamp: bool = True
     colour: Image | None = None
+    is_skipped: bool = False
 
 
 SizeOf = Callable[[int, int], tuple[int, int]]
@@ -92,6 +95,7 @@ def decode_frames(
     prepare: Callable[[DecodedFrame], object] | None = None,
     n_threads: int | None = None,
     colour_every_ns: int | None = None,
+    search_clock: SearchClock | None = None,
     where: str = "",
 ) -> Iterator[DecodedFrame]:
     """Decode frames in threads; they come out in the order in which they went in.
@@ -102,6 +106,7 @@ def decode_frames(
         prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
         n_threads: Number of decoding threads, the calling one included; None: one for each processor, at most 4.
         colour_every_ns: Log time between frames that also come in colour (`DecodedFrame.colour`); None: none does.
+        search_clock: Chooses the frames that are decoded; the others come as skipped ones. None: all are decoded.
         where: File and topic, for messages.
 
     Raises:
@@ -113,7 +118,7 @@ def decode_frames(
     cv2.setNumThreads(1)  # the threads are ours: one frame each
     print_errors_only()
 
-    jobs = _iter_decoding_jobs(frames, size_of, _ColourClock(colour_every_ns), where)
+    jobs = _iter_decoding_jobs(frames, size_of, _ColourClock(colour_every_ns), search_clock, where)
     batches = (
         partial(_decode_and_prepare_batch, batch, prepare)
         for batch in _iter_job_batches(jobs, MAX_FRAMES_PER_BATCH if size_of else 1)
@@ -164,13 +169,22 @@ class _ColourClock:
 
 
 def _iter_decoding_jobs(
-    frames: Iterable[FrameLike], size_of: SizeOf | None, colour: _ColourClock, where: str
+    frames: Iterable[FrameLike],
+    size_of: SizeOf | None,
+    colour: _ColourClock,
+    search_clock: SearchClock | None,
+    where: str,
 ) -> Iterator[DecodingJob]:
     """One job for each frame. Video is decoded here, in order, because a picture is made from earlier ones."""
     index = 0
     for video_format, group in groupby(frames, key=_video_format_name):
         if not video_format:
             for frame in group:
+                skipped = None if search_clock is None else _skipped_frame(index, frame, search_clock)
+                if skipped is not None:
+                    yield DecodingJob(0, partial(_same_frame, skipped))
+                    index += 1
+                    continue
                 in_colour = colour.is_colour_due(frame.log_time_ns)
                 yield DecodingJob(len(frame.data), partial(decode_frame, index, frame, size_of, in_colour=in_colour))
                 index += 1
@@ -178,10 +192,44 @@ def _iter_decoding_jobs(
         decoded = decode_video(group, video_format, max_pixels=MAX_IMAGE_PIXELS, where=where)
         for frame, image, size in decoded:
             n_bytes = 0 if image is None else image.nbytes
+            is_picture = image is not None and not _size_rejection_reason(*size)
+            stamp_ns = _stamp_or_log_time_ns(frame)
+            if search_clock is not None and is_picture and not search_clock.is_search_due(stamp_ns, size):
+                yield DecodingJob(0, partial(_same_frame, _frame_without_image(index, frame, size)))
+                index += 1
+                continue
             in_colour = colour.is_colour_due(frame.log_time_ns)
             work = partial(_decoded_frame_from_video, index, frame, image, size, size_of, in_colour=in_colour)
             yield DecodingJob(n_bytes, work)
             index += 1
+
+
+def _skipped_frame(index: int, frame: FrameLike, search_clock: SearchClock) -> DecodedFrame | None:
+    """The skipped frame of an image that is not searched; None where it is searched, or what it is can't be told from
+    its first bytes."""
+    if frame.encoding:
+        size = frame.width, frame.height
+    else:
+        header = read_image_header(frame.data)
+        if header is None or not has_image_end(frame.data, header.kind):
+            return None
+        size = header.width_px, header.height_px
+    if _size_rejection_reason(*size) or not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
+        return None
+    if search_clock.is_search_due(_stamp_or_log_time_ns(frame), size):
+        return None
+    return _frame_without_image(index, frame, size)
+
+
+def _frame_without_image(index: int, frame: FrameLike, size: tuple[int, int]) -> DecodedFrame:
+    """A skipped frame of a known size."""
+    stamp_ns, has_stamp = _stamp_or_log_time_ns(frame), _is_plausible_time(frame.stamp_ns)
+    return DecodedFrame(index, frame.log_time_ns, stamp_ns, *size, None, has_stamp=has_stamp, is_skipped=True)
+
+
+def _same_frame(frame: DecodedFrame) -> DecodedFrame:
+    """The frame itself: the job of a frame that needs no decoding."""
+    return frame
 
 
 def _video_format_name(frame: FrameLike) -> str:

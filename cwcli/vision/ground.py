@@ -129,7 +129,7 @@ def compute_lane_geometry(
     return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in geometries]) for f in fields(LaneGeometry)))
 
 
-def image_curves_of_flat_road(fits: FitColumns, camera: Camera) -> FloatArray:
+def image_hyperbolas_of_flat_road(fits: FitColumns, camera: Camera) -> FloatArray:
     """The boundaries as images of a flat road, x = far + near h + bend / h + spiral / h^2.
 
     h is in rows below the horizon; in a tight bend that curve touches the road beside the camera (`arcs`). A method's
@@ -304,7 +304,11 @@ def _road_offset_from_parabola_px(fits: FitColumns, camera: Camera) -> FloatArra
 
 
 def _map_boundaries_to_ground(
-    parabolas: FloatArray, mount: FloatArray, camera: Camera, beside_px: FloatArray, use: BoolArray | None = None
+    parabolas: FloatArray,
+    mount: FloatArray,
+    camera: Camera,
+    beside_px: FloatArray,
+    is_sample_used: BoolArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Place, slope and curvature of each boundary on the ground, shape (n, 2, 3), and the samples that were used.
 
@@ -334,14 +338,14 @@ def _map_boundaries_to_ground(
         scale = np.where(up < 0.0, -mount[:, 2, None, None] / up, np.nan)
     x_m = scale * forward
     y_m = scale * left + camera.mounting.lateral_offset_m
-    if use is None:
-        use = (
+    if is_sample_used is None:
+        is_sample_used = (
             is_there
             & _usable_sample_mask(x_px, is_there, camera)
             & (x_m > MIN_SAMPLE_DISTANCE_M)
             & (x_m < 2.0 * MAX_SAMPLE_DISTANCE_M)
         )
-    return _fit_roads_on_ground(x_m, y_m, y_px / camera.height_px, use), use
+    return _fit_roads_on_ground(x_m, y_m, y_px / camera.height_px, is_sample_used), is_sample_used
 
 
 def _boundary_sample_heights_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
@@ -377,7 +381,7 @@ def _body_from_optical_rotations(pitch_and_yaw: FloatArray, camera: Camera) -> F
     return rotations
 
 
-def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolArray) -> FloatArray:
+def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, is_sample_used: BoolArray) -> FloatArray:
     """Place, slope and curvature of the road whose best parabola goes through the points, shape (n, 2, 3); NaN with too
     few samples.
 
@@ -386,11 +390,11 @@ def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, u
         height: Shape (n, k): of the points in the image, in any unit.
         use: Shape (n, 2, k).
     """
-    x = np.where(use, x_m, 1.0) / MAX_SAMPLE_DISTANCE_M
-    weight = np.where(use, 1.0 / x**2, 0.0)
+    x = np.where(is_sample_used, x_m, 1.0) / MAX_SAMPLE_DISTANCE_M
+    weight = np.where(is_sample_used, 1.0 / x**2, 0.0)
     height = height[:, None]
     part = weight * x  # a pixel is as many metres sideways as the point is far
-    y = np.where(use, y_m, 0.0)
+    y = np.where(is_sample_used, y_m, 0.0)
     normal, right = np.empty((*x.shape[:2], 3, 3)), np.empty((*x.shape[:2], 3))
     for i in range(3):
         normal[..., i, 0] = part.sum(axis=-1)
@@ -399,7 +403,8 @@ def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, u
         right[..., i] = (part * y).sum(axis=-1)
         part = part * height
     return np.asarray(
-        _solve_normal_equations(normal, right, use) / np.array([1.0, MAX_SAMPLE_DISTANCE_M, MAX_SAMPLE_DISTANCE_M**2])
+        _solve_normal_equations(normal, right, is_sample_used)
+        / np.array([1.0, MAX_SAMPLE_DISTANCE_M, MAX_SAMPLE_DISTANCE_M**2])
     )
 
 

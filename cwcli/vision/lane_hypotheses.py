@@ -134,20 +134,19 @@ def choose_tight_or_gentle_bend(
     return *found, True
 
 
-def add_tight_bend_hypothesis(
-    followed: list[LaneHypothesis],
+def find_tight_bend_hypothesis(
+    lead: LaneHypothesis,
     evidence: StripeEvidence,
     tight: LanePrior,
     size: tuple[int, int],
     dt_s: float,
     sideways_mps: float,
-) -> None:
-    """Add the published lane, the first, once more as a tight bend, if that is clearly better."""
-    lead = followed[0]
+) -> LaneHypothesis | None:
+    """The published lane once more as a tight bend, if that is clearly better in this frame; else None."""
     lane, last = refine_predicted_lane(evidence, lead.lane, tight, size, dt_s, sideways_mps, is_slow=True)
-    if last > lead.last_value + SWITCH_OBJECTIVE_GAIN:
-        value = lead.value + last - lead.last_value
-        add_or_merge_hypothesis(followed, replace(lead, lane=lane, value=value, last_value=last, is_tight=True), size)
+    if last <= lead.last_value + SWITCH_OBJECTIVE_GAIN:
+        return None
+    return replace(lead, lane=lane, value=lead.value + last - lead.last_value, last_value=last, is_tight=True)
 
 
 def share_probability_with_rivals(

@@ -170,7 +170,7 @@ def boundary_columns_in_rows_px(lane: FloatArray, v_px: FloatArray, pinhole: Pin
 
 def boundary_road_curves(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
     """Curves of both boundaries, shape (2, 4): far (px), near, bend (px^2), spiral (px^3)
-    (`arcs.image_columns_of_arcs`), columns counted from 1."""
+    (`lane_geometry.image_columns_of_arcs`), columns counted from 1."""
     u0, middle, width, bend, _, spiral = lane.tolist()
     curves = np.array(
         [

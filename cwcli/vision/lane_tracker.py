@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary import NOT_FOUND, Boundary, moved_boundary
 from cwcli.vision.boundary_probability import boundary_probabilities
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH_SHARE
@@ -52,8 +52,8 @@ from cwcli.vision.lane_hypotheses import (
     SWITCH_OBJECTIVE_GAIN,
     LaneHypothesis,
     add_or_merge_hypothesis,
-    add_tight_bend_hypothesis,
     choose_tight_or_gentle_bend,
+    find_tight_bend_hypothesis,
     refine_predicted_lane,
     share_probability_with_rivals,
 )
@@ -149,6 +149,8 @@ class LaneTracker:
             0, np.float32
         )  # for the evidence: new memory in every frame costs as much as to fill it
         self._odds: list[float] | None = None
+        self._last_fit: LaneFit | None = None
+        self._is_tight_bend_better = False
         self._steady_s = math.nan
         self._followed_s, self._next_horizon_recheck_s = 0.0, FIRST_HORIZON_RECHECK_S
         self._last_ns = 0
@@ -180,12 +182,46 @@ class LaneTracker:
             self._followed_s, self._next_horizon_recheck_s = 0.0, FIRST_HORIZON_RECHECK_S
         self._n_frames += 1
         fit = self._publish_best_hypothesis(frame, camera, dt_s)
-        if self._line_classifier is None:
-            return fit
-        lane = self._hypotheses[0].lane if self._hypotheses else None
-        return self._line_classifier.fit_with_kinds_and_colours(fit, frame, self._evidence, lane)
+        if self._line_classifier is not None:
+            lane = self._hypotheses[0].lane if self._hypotheses else None
+            fit = self._line_classifier.fit_with_kinds_and_colours(fit, frame, self._evidence, lane)
+        self._last_fit = fit
+        return fit
 
-    def _recent_fit_covariance(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
+    def carry(self, stamp_ns: int, speed_mps: float = math.nan, yaw_rate_radps: float = math.nan) -> LaneFit:
+        """The fit of a frame that is not searched: the published lane, moved as the car has moved since the last one.
+
+        What the next searched frame finds does not depend on it.
+
+        Args:
+            stamp_ns: Time of the frame.
+            speed_mps, yaw_rate_radps: The car's motion; NaN where it is not known: then the lane stays where it was.
+        """
+        last = self._last_fit
+        if last is None or self._camera is None or self._prior is None or not (last.left.found or last.right.found):
+            return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
+        dt_s = min(max((stamp_ns - self._last_ns) / 1e9, 0.0), 0.5)
+        camera = self._camera
+        lane = predict_lane(self._hypotheses[0].lane, camera, speed_mps, yaw_rate_radps, dt_s, self._prior)
+        left, right = (
+            moved_boundary(side, *parabola)
+            for side, parabola in zip(
+                (last.left, last.right), fit_boundary_parabolas(lane, camera).tolist(), strict=True
+            )
+        )
+        return replace(
+            last,
+            left=left,
+            right=right,
+            pitch_rad=pitch_from_horizon_rad(lane, camera),
+            roads=boundary_road_curves(lane, self._prior.pinhole),
+            state=LaneState.CARRIED if last.state is LaneState.FOUND else last.state,
+            steady_s=last.steady_s + dt_s,
+            lane_change=0,
+            covariance=last.covariance if left.found and right.found else None,
+        )
+
+    def _fit_covariance_measured_or_reused(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
         """The covariance of a fit, measured in this frame or, for the same lane, at most 0.3 s earlier.
 
         It is measured anew for another lane: after a lane change, or when another hypothesis is published.
@@ -251,12 +287,8 @@ class LaneTracker:
                 size,
             )
         lead = hypotheses[0]
-        if (
-            tight is not None
-            and self._n_frames % TIGHT_BEND_SEARCH_INTERVAL_FRAMES == 0
-            and not any(each.is_tight for each in hypotheses)
-        ):
-            add_tight_bend_hypothesis(
+        if tight is not None:
+            self._add_tight_bend_if_twice_better(
                 hypotheses, evidence, prior_at_lane_horizon(tight, lead.lane, camera), size, dt_s, sideways_mps
             )
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RIVAL_SEARCH_INTERVAL_FRAMES == 0
@@ -276,6 +308,26 @@ class LaneTracker:
             if better_s != each.better_s:
                 hypotheses[k] = replace(each, better_s=better_s)
         return hypotheses
+
+    def _add_tight_bend_if_twice_better(
+        self,
+        hypotheses: list[LaneHypothesis],
+        evidence: StripeEvidence,
+        tight: LanePrior,
+        size: tuple[int, int],
+        dt_s: float,
+        sideways_mps: float,
+    ) -> None:
+        """Add the published lane as a tight bend, if that is better in two searched frames one after the other: in one
+        alone it is by chance."""
+        was_better, self._is_tight_bend_better = self._is_tight_bend_better, False
+        if any(each.is_tight for each in hypotheses):
+            return
+        if was_better or self._n_frames % TIGHT_BEND_SEARCH_INTERVAL_FRAMES == 0:
+            bent = find_tight_bend_hypothesis(hypotheses[0], evidence, tight, size, dt_s, sideways_mps)
+            self._is_tight_bend_better = bent is not None
+            if bent is not None and was_better:
+                add_or_merge_hypothesis(hypotheses, bent, size)
 
     def _predict_line_pair(
         self, each: LaneHypothesis, lane: FloatArray, change: int, frame: LaneFrame, camera: Camera, dt_s: float
@@ -443,7 +495,9 @@ class LaneTracker:
             state=LaneState.FOUND if max(now) >= MIN_FOUND_PROBABILITY else LaneState.HELD,
             steady_s=self._steady_s,
             lane_change=change,
-            covariance=self._recent_fit_covariance(best.lane, frame, is_another=is_another) if all(found) else None,
+            covariance=self._fit_covariance_measured_or_reused(best.lane, frame, is_another=is_another)
+            if all(found)
+            else None,
         )
 
 
@@ -461,5 +515,6 @@ METHOD = Method(
     uses_motion=True,
     is_rectified=True,
     uses_colour=True,
+    carry=LaneTracker.carry,
 )
 """The registered default lane method."""

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from math import nan
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +57,7 @@ class LaneState(IntEnum):
     FOUND = 1
     HELD = 2
     LOST = 3
+    CARRIED = 4
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,9 @@ class Method:
         is_rectified: Whether the search wants frames without the lens's distortion and the mounting's roll
             (`vision.rectify`); False: as the camera made them.
         uses_colour: Whether the search wants a frame in colour now and then.
+        carry: (search, stamp_ns, speed_mps, yaw_rate_radps) -> the fit of a frame that is not searched because the
+            camera is faster than the road needs (`vision.search_clock`): the lane of the last searched frame, moved as
+            the car moves; speed and yaw rate as in `LaneFrame`. None: every frame is searched.
         with_model: The file that `--model` names -> the method with it; None: it takes none. One that takes a model
             can't be used without.
     """
@@ -123,6 +127,7 @@ class Method:
     is_rectified: bool = False
     uses_colour: bool = False
     with_model: Callable[[Path], Method] | None = None
+    carry: Callable[[Any, int, float, float], LaneFit] | None = None
 
 
 def check_search_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:

@@ -21,7 +21,7 @@ def _check_plugin_method(entry: object, plugin: Plugin) -> Method:
             raise plugin.plugin_error(f"makes a {type(search).__name__}, which has no step")
         return SimpleNamespace(step=guard_plugin_function(search.step, "step", check_lane_fit, plugin))
 
-    return replace(method, make=make)
+    return replace(method, make=make, carry=None)  # a guarded search has nothing but its step
 
 
 METHODS: Registry[Method] = Registry(

@@ -12,6 +12,7 @@ from cwcli.measures import MEASURES
 from cwcli.measures.base import COMPARISON_SIGNS, Measure
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
+from cwcli.text import parse_float_or_nan
 
 FORMER_MEASURE_NAMES = {"outline": "gap"}
 """Names of measures in definitions of earlier versions -> present names."""
@@ -93,7 +94,7 @@ def _parse_part(text: str, distance_m: float) -> ConflictPart:
         )
     threshold = distance_m if name == "distance" else measure.threshold
     if number is not None:
-        threshold = _parse_number_or_nan(number)
+        threshold = parse_float_or_nan(number)
     if threshold is None or not np.isfinite(threshold) or (sign and sign != COMPARISON_SIGNS[measure.critical]):
         raise UsageError(
             f"'{text}' does not say beyond which value it is a conflict",
@@ -116,11 +117,3 @@ def format_default_definitions() -> str:
 def format_example_option(name: str) -> str:
     """Format an example of the option with this measure."""
     return f"--conflict '{name} {COMPARISON_SIGNS[MEASURES[name].critical]} 1.5'"
-
-
-def _parse_number_or_nan(text: str) -> float:
-    """The number that the text spells; NaN if it is none."""
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")

@@ -43,17 +43,17 @@ class FoundWarnings:
     rows: WarningRows
 
     @property
-    def events(self) -> Table:
+    def events_table(self) -> Table:
         """The table with one row per event (warning)."""
         return warning_events_table(self.pairs, self.event_ids, rule=self.config.rule, clock=self.host)
 
     @property
-    def series(self) -> Table:
+    def evaluation_series_table_of_pairs(self) -> Table:
         """The table with one row per evaluation of a pair within reach."""
         return evaluation_series_table(self.pairs, host_id=self.host.id)
 
     @property
-    def evaluation_counts(self) -> dict[str, int]:
+    def evaluation_counts_by_outcome(self) -> dict[str, int]:
         """Number of evaluations over all pairs, by what became of them."""
         return {
             "evaluated": sum(own.n_evaluated for own in self.pairs),

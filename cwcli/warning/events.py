@@ -13,7 +13,8 @@ from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
 PERSISTENCE_TOLERANCE_NS = 1_000_000
-"""A condition that has held for this much less than the persistence time counts: stamps are rounded."""
+"""Time in ns by which a condition may hold for less than the persistence time and still counts: stamps are rounded.
+Chosen by hand."""
 
 
 @dataclass(frozen=True)

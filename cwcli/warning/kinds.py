@@ -22,13 +22,15 @@ from cwcli.warning.measures import PairStates
 MAX_FOLLOWING_ANGLE_RAD = np.radians(30.0)
 """Greatest angle between the headings of a vehicle and one that follows it, rad. Chosen by hand; not fitted."""
 MIN_HOST_SPEED_MPS = -0.5
-"""A host that reverses faster than this can avoid who is behind it, m/s. Chosen by hand; not fitted."""
+"""Speed in m/s, negative in reverse, below which the host can avoid who is behind it. Chosen by hand; not fitted."""
 FOLLOWING_MARGIN_M = 0.5
-"""A follower is at most half of both widths plus this beside the host's line, m; farther beside, lanes are changed."""
+"""Lateral distance in m from the host's line, beyond half of both widths, up to which a vehicle counts as following.
+Chosen by hand."""
 MAX_PARALLEL_ANGLE_RAD = np.radians(10.0)
 """Greatest angle between parallel lines of travel, rad: twice that of a usual change of lanes. Chosen by hand."""
 MIN_LANE_CLEARANCE_M = 1.0
-"""Least lateral distance of the outlines of vehicles in lanes of their own, m: lanes are 3 m wide or more, cars 2 m."""
+"""Least lateral distance of the outlines of vehicles in lanes of their own, m: lanes are 3 m wide or more, cars 2 m.
+Chosen by hand; not fitted."""
 MAX_LANE_SPEED_MPS = 1.0
 """Greatest speed towards the other's line in a lane, m/s: a change of lanes (3.5 m in 4 to 6 s) has 0.9 on average."""
 MAX_LANE_ACCEL_MPS2 = 1.0
@@ -43,7 +45,7 @@ class WarningKind(IntEnum):
     BESIDE_LANE = 2
 
     @property
-    def words(self) -> str:
+    def name_in_tables(self) -> str:
         """The kind's name in tables."""
         return self.name.lower().replace("_", " ")
 
@@ -56,12 +58,12 @@ def classify_warnings(states: PairStates) -> npt.NDArray[np.int8]:
     ahead_m, left_m = dx * cos + dy * sin, dy * cos - dx * sin
     angle_rad = wrap_angle(other[:, HEADING] - host[:, HEADING])
     kinds = np.full(len(host), WarningKind.COLLISION, np.int8)
-    kinds[_keeps_lane_beside(host, other, left_m, angle_rad, states.sizes)] = WarningKind.BESIDE_LANE
-    kinds[_is_follower(host, ahead_m, left_m, angle_rad, states.sizes)] = WarningKind.FROM_BEHIND
+    kinds[_drives_parallel_at_distance_mask(host, other, left_m, angle_rad, states.sizes)] = WarningKind.BESIDE_LANE
+    kinds[_follower_mask(host, ahead_m, left_m, angle_rad, states.sizes)] = WarningKind.FROM_BEHIND
     return kinds
 
 
-def _is_follower(
+def _follower_mask(
     host: FloatArray, ahead_m: FloatArray, left_m: FloatArray, angle_rad: FloatArray, sizes: tuple[Size, Size]
 ) -> npt.NDArray[np.bool_]:
     """Whether the other follows the host in its lane, (m,)."""
@@ -74,7 +76,7 @@ def _is_follower(
     return np.asarray(is_behind & is_in_line & (host[:, SPEED] > MIN_HOST_SPEED_MPS))
 
 
-def _keeps_lane_beside(
+def _drives_parallel_at_distance_mask(
     host: FloatArray, other: FloatArray, left_m: FloatArray, angle_rad: FloatArray, sizes: tuple[Size, Size]
 ) -> npt.NDArray[np.bool_]:
     """Whether both drive straight and parallel, the same way or opposite, at a clear lateral distance, (m,)."""

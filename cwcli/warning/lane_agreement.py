@@ -20,7 +20,7 @@ MAX_BOUNDARY_STEP_M, MAX_BOUNDARY_SPEED_MPS = 0.1, 1.5
 """A boundary beside the camera moves by at most 0.1 m plus 1.5 m/s times the time between two frames; more is a jump.
 Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
-"""Frames farther apart than this, s, are not compared. Chosen by hand; not fitted."""
+"""Longest time in s between two frames that are compared. Chosen by hand; not fitted."""
 APPROACH_WINDOW_S = 0.5
 """The approach of a boundary is measured over this time, s. Chosen: 1 cm of noise at 10 frames a second is 0.02 m/s."""
 MIN_APPROACH_FRAMES, MIN_TIME_SPREAD_S2, APPROACH_BOUND_SIGMAS = 3, 1e-6, 2.0

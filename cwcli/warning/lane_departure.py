@@ -36,7 +36,7 @@ from cwcli.signals.normal_distribution import normal_cdf
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import EventSpan, EventTiming, find_events
 from cwcli.warning.lane_agreement import BoolArray, agreement_of_both_sides_s, approach_speed_bound_mps
-from cwcli.warning.lane_gap import boundary_at_distances, first_crossing_time_s, last_known_gap_m
+from cwcli.warning.lane_gap import boundary_y_and_direction_at_distances, first_crossing_time_s, last_known_gap_m
 from cwcli.warning.output import NOT_CLEARED_NS
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
@@ -47,17 +47,17 @@ SIDES = ("left", "right")
 """Names of the sides, in the order of the evaluation."""
 
 EARLIEST_LINE_SLOW_M = 0.75
-"""Earliest warning line inside the boundary at rates of departure up to 0.5 m/s (ISO 17361)."""
+"""Earliest warning line, m inside the boundary, at rates of departure up to 0.5 m/s (ISO 17361)."""
 EARLIEST_LINE_S = 1.5
 """Time that the rate of departure is multiplied with for the earliest warning line, up to 1.0 m/s (ISO 17361)."""
 EARLIEST_LINE_FAST_M = 1.5
-"""Earliest warning line inside the boundary at higher rates of departure (ISO 17361)."""
+"""Earliest warning line, m inside the boundary, at higher rates of departure (ISO 17361)."""
 LATEST_LINE_CAR_M = -0.3
-"""Latest warning line of passenger cars; negative: outside the boundary (ISO 17361)."""
+"""Latest warning line of passenger cars, m inside the boundary; negative: outside of it (ISO 17361)."""
 CLASS_II_MIN_SPEED_MPS = 17.0
 """Speed from which a system of class II must work (ISO 17361)."""
 DEFAULT_RELEASE_S = 1.5
-"""A warning is held until the time to line crossing is longer than this. Chosen by hand; not fitted."""
+"""Time to line crossing in s beyond which a warning ends. Chosen by hand; not fitted."""
 
 
 def earliest_warning_line_m(rate_mps: FloatArray) -> FloatArray:
@@ -235,10 +235,10 @@ def evaluate_lane_departure(
     events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
     known_ns = earliest_known_times_ns(stamp_ns, log_time_ns)
     return LaneDepartureResult(
-        rows=_build_rows(sides, events, stamp_ns, log_time_ns, known_ns, host.vehicle_id),
-        events=_events_table(sides, events, stamp_ns, known_ns, host.vehicle_id),
-        series=_series_table(sides, stamp_ns),
-        counts=_count_frames(boundaries, lines, agreed, speed_mps, config),
+        rows=_build_warning_rows(sides, events, stamp_ns, log_time_ns, known_ns, host.vehicle_id),
+        events=_departure_events_table(sides, events, stamp_ns, known_ns, host.vehicle_id),
+        series=_frame_series_table(sides, stamp_ns),
+        counts=_frame_counts_by_outcome(boundaries, lines, agreed, speed_mps, config),
     )
 
 
@@ -270,7 +270,7 @@ def _evaluate_side(
     x = paths.x_m + host.ahead_m * cos - sign * 0.5 * host.width_m * sin
     y = paths.y_m + host.ahead_m * sin + sign * 0.5 * host.width_m * cos
     ahead = x - frames.boundaries.camera_forward_m
-    line_y, direction = boundary_at_distances(line, ahead, change_1pm2)
+    line_y, direction = boundary_y_and_direction_at_distances(line, ahead, change_1pm2)
     gap = sign * (line_y - y) * np.cos(direction)
     last = max(1, int(np.searchsorted(t, config.rate_over_s - 1e-9)))
     rate = (gap[:, 0] - gap[:, last]) / t[last]
@@ -292,7 +292,7 @@ def _evaluate_side(
     return _SideEvaluation(gap[:, 0], rate, crossing, last_known_gap_m(gap), chance, spans)
 
 
-def _build_rows(
+def _build_warning_rows(
     sides: list[_SideEvaluation],
     events: list[tuple[int, int, EventSpan]],
     stamp_ns: Int64Array,
@@ -321,7 +321,7 @@ def _build_rows(
     return build_warning_rows(rows, rule=RULE, host_id=host_id)
 
 
-def _events_table(
+def _departure_events_table(
     sides: list[_SideEvaluation],
     events: list[tuple[int, int, EventSpan]],
     stamp_ns: Int64Array,
@@ -374,7 +374,7 @@ def _events_table(
     return Table("lane_departures", columns, docs)
 
 
-def _series_table(sides: list[_SideEvaluation], stamp_ns: Int64Array) -> Table:
+def _frame_series_table(sides: list[_SideEvaluation], stamp_ns: Int64Array) -> Table:
     """The table with one row per frame."""
     columns: dict[str, Any] = {"stamp_ns": stamp_ns}
     for name, side in zip(SIDES, sides, strict=True):
@@ -390,7 +390,7 @@ def _series_table(sides: list[_SideEvaluation], stamp_ns: Int64Array) -> Table:
     return Table("lane_series", columns)
 
 
-def _count_frames(
+def _frame_counts_by_outcome(
     boundaries: LaneBoundaries,
     lines: tuple[FloatArray, FloatArray],
     agreed_s: tuple[FloatArray, FloatArray],

@@ -8,7 +8,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import arc_geometry_at_distance
 
 
-def boundary_at_distances(
+def boundary_y_and_direction_at_distances(
     line: FloatArray, ahead_m: FloatArray, change_1pm2: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """y (m) and direction (rad) of each boundary at distances from the camera, shape (n, k); NaN where it has ended.

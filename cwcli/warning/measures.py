@@ -72,7 +72,8 @@ class Measures:
 MEASURE_ARRAY_NAMES = tuple(entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states"))
 """Names of the fields of `Measures` that are arrays (m,)."""
 MIN_ONSET_DIFFERENCE_M = 0.25
-"""The onset hypothesis counts where its path is nearer than the mean path at the horizon by this, m. Chosen by hand."""
+"""Least advantage in m of the onset path's distance at the horizon over the mean path's for the onset to count. Chosen
+by hand."""
 
 
 def measure_paths(
@@ -94,7 +95,7 @@ def measure_paths(
     with np.errstate(divide="ignore", invalid="ignore"):
         ttc = np.where(closing > 0.0, distance / closing, np.inf)
     segments = _RelativeSegments.from_points(x, y, time_s)
-    nearest, share, smallest = segments.closest_approach()
+    nearest, share, smallest = segments.segment_share_and_distance_of_closest_approach()
     start = time_s[nearest]
     nearest_s = start + share * (time_s[nearest + 1] - start)
     at_horizon = int(np.searchsorted(time_s, horizon_s - 1e-9))
@@ -177,7 +178,7 @@ class _RelativeSegments:
         """The segments between relative positions (m, q) at the times (q,)."""
         return _RelativeSegments(time_s, x[:, :-1], y[:, :-1], np.diff(x, axis=1), np.diff(y, axis=1))
 
-    def closest_point_of_each_segment(self) -> tuple[FloatArray, FloatArray]:
+    def closest_share_and_distance_of_each_segment(self) -> tuple[FloatArray, FloatArray]:
         """The share (0 to 1) of each segment at which the distance is smallest, and that distance, (m, q - 1)."""
         length2 = self.ex**2 + self.ey**2
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -185,9 +186,9 @@ class _RelativeSegments:
         share = np.clip(np.where(length2 > 0.0, share, 0.0), 0.0, 1.0)
         return share, np.hypot(self.x + share * self.ex, self.y + share * self.ey)
 
-    def closest_approach(self) -> tuple[np.ndarray, FloatArray, FloatArray]:
+    def segment_share_and_distance_of_closest_approach(self) -> tuple[np.ndarray, FloatArray, FloatArray]:
         """The segment of the closest approach, the share of it, and the distance there, (m,) each."""
-        share, distance = self.closest_point_of_each_segment()
+        share, distance = self.closest_share_and_distance_of_each_segment()
         filled = np.where(np.isnan(distance), np.inf, distance)
         index = filled.argmin(axis=1)
         rows = np.arange(len(index))
@@ -195,7 +196,7 @@ class _RelativeSegments:
 
     def entry_time_s(self, radius_m: float) -> FloatArray:
         """Time at which the distance first falls below the radius, (m,); 0 inside already, infinity if never."""
-        _, distance = self.closest_point_of_each_segment()
+        _, distance = self.closest_share_and_distance_of_each_segment()
         inside = distance < radius_m
         rows = np.flatnonzero(inside.any(axis=1))
         out = np.full(len(distance), np.inf)

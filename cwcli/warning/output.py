@@ -58,7 +58,7 @@ def _warning_row(own: PairEvaluation, index: int, number: int, state: int, words
     distance = float(own.decision.predicted_distance_m[index])
     ahead = f"in {time:.1f} s" if np.isfinite(time) else "near"
     kind = WarningKind(own.kinds[index])
-    ahead = f"{kind.words}, {ahead}" if kind else ahead
+    ahead = f"{kind.name_in_tables}, {ahead}" if kind else ahead
     return WarningRow(
         int(own.log_time_ns[index]),
         int(own.stamp_ns[index]),
@@ -109,7 +109,7 @@ def warning_events_table(
                     "alert_probability": float(own.alert_probability[span.raised]),
                     "max_probability": float(np.nanmax(own.probability[during])),
                     "age_s": float(own.age_s[span.raised]),
-                    "kind": WarningKind(own.kinds[span.raised]).words,
+                    "kind": WarningKind(own.kinds[span.raised]).name_in_tables,
                 }
             )
     rows.sort(key=lambda row: int(row["event_id"]))

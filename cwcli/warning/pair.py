@@ -26,19 +26,21 @@ from cwcli.warning.measures import (
 )
 from cwcli.warning.remote_alignment import PathPoints, StatePairing, interpolate_paths, pair_with_newest_state
 from cwcli.warning.rule_inputs import evaluate_named_measures, pair_states_at_moments
-from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised, withhold_warnings
+from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised_warnings, withhold_warnings
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]
 
 REACH_MARGIN_M = 15.0
-"""Pairs that cannot come within the collision distance plus this, m, are not evaluated. Chosen by hand."""
+"""Distance in m beyond the collision distance up to which a pair counts as within reach and is evaluated. Chosen by
+hand."""
 NEAR_MARGIN_M = 6.0
-"""Pairs within the collision distance plus this, m, are measured at every path point. Chosen by hand."""
+"""Distance in m beyond the collision distance up to which a pair is measured at every path point. Chosen by hand."""
 COARSE_POINT_STRIDE = 5
-"""Other pairs are measured at every fifth path point. Chosen by hand."""
+"""Stride of the path points at which pairs that are not near are measured: every fifth. Chosen by hand."""
 STANDSTILL_SPEED_MPS = 0.5
-"""A slower vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not fitted."""
+"""Speed in m/s below which a vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not
+fitted."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,7 @@ def _evaluate_window(
     host_row, other_row, place, age_s = at[0][within], at[1][within], place[within], at[2][within]
     near = (host_row, place, age_s)
     sizes = host.outline_m, other.outline_m
-    measures, beyond = _measure_coarse_then_fine(window.points, theirs, near, time_s, config, sizes)
+    measures, beyond = _measures_and_short_paths_coarse_then_fine(window.points, theirs, near, time_s, config, sizes)
     pairs = PathPairs(window.paths, theirs, *near, *sizes)
     judged = partial(
         add_contact_probabilities,
@@ -181,7 +183,7 @@ def _evaluate_window(
     onset = None
     if rule.uses_onset and other.onset_paths is not None:
         begun = other.onset_paths.take(chosen)
-        onset, _ = _measure_coarse_then_fine(window.points, begun, near, time_s, config, sizes)
+        onset, _ = _measures_and_short_paths_coarse_then_fine(window.points, begun, near, time_s, config, sizes)
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_DIFFERENCE_M
         nearer &= np.abs(other.state[other_row, SPEED]) > STANDSTILL_SPEED_MPS
         onset = judged(onset, replace(pairs, other=begun), wanted=nearer)
@@ -217,7 +219,7 @@ def _join_windows(
     kinds = np.concatenate([part.kinds for part in parts])
     trusted = withhold_warnings(decision, is_withheld)
     off = [kind for kind, is_on in _kinds_by_option(config) if not is_on]
-    given = leave_out_raised(trusted, np.isin(kinds, off)) if kinds.any() else trusted
+    given = leave_out_raised_warnings(trusted, np.isin(kinds, off)) if kinds.any() else trusted
 
     def spans_of(each: Decision) -> list[EventSpan]:
         timing = EventTiming(host.stamp_ns, persistence_s, config.hold_off_s)
@@ -280,7 +282,7 @@ def _within_reach_mask(
     return np.asarray(~(apart > reach + config.distance_m + REACH_MARGIN_M))
 
 
-def _measure_coarse_then_fine(
+def _measures_and_short_paths_coarse_then_fine(
     host_points: PathPoints,
     paths: PathArrays,
     at: tuple[Rows, Rows, FloatArray],
@@ -292,11 +294,11 @@ def _measure_coarse_then_fine(
     thinned = np.union1d(
         np.arange(0, len(time_s), COARSE_POINT_STRIDE), [_horizon_index(time_s, config), len(time_s) - 1]
     )
-    coarse, beyond = _measure_at_times(host_points, paths, at, time_s, thinned, config, sizes)
+    coarse, beyond = _measures_and_short_paths_at_times(host_points, paths, at, time_s, thinned, config, sizes)
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_MARGIN_M)
     at_near = (at[0][near], at[1][near], at[2][near])
     every = np.arange(len(time_s))
-    fine, _ = _measure_at_times(host_points, paths, at_near, time_s, every, config, sizes)
+    fine, _ = _measures_and_short_paths_at_times(host_points, paths, at_near, time_s, every, config, sizes)
     for name in MEASURE_ARRAY_NAMES:
         getattr(coarse, name)[near] = getattr(fine, name)
     return coarse, beyond
@@ -307,7 +309,7 @@ def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
     return int(np.searchsorted(time_s, config.horizon_s - 1e-9))
 
 
-def _measure_at_times(
+def _measures_and_short_paths_at_times(
     host_points: PathPoints,
     paths: PathArrays,
     at: tuple[Rows, Rows, FloatArray],

@@ -24,7 +24,7 @@ MOTION_COLUMNS = slice(ACCEL, JERK + 1)
 """Columns of a state that hold acceleration, yaw rate and jerk."""
 
 
-def problem_with_measure_names(names: object) -> str:
+def describe_problem_with_measure_names(names: object) -> str:
     """Describe what is wrong with the measures that a rule names; "" if nothing is."""
     if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
         return f"has measures = {names!r}, which is not a tuple of names"
@@ -58,7 +58,7 @@ def evaluate_named_measures(
     if not names:
         return {}
     stamp_ns = host.stamp_ns[host_rows]
-    theirs, motion = _bring_other_forward(other, paths, at)
+    theirs, motion = _extrapolated_states_and_derivatives_of_other(other, paths, at)
     own = ActualTrack(stamp_ns, host.state[host_rows])
     moved = ActualTrack(stamp_ns, np.concatenate([theirs, motion], axis=1))
     pair = Pair(own, moved, host.outline_m, other.outline_m, 0.0).with_states(own, theirs, motion)
@@ -73,13 +73,13 @@ def pair_states_at_moments(
     at: tuple[Rows, Rows, FloatArray],
 ) -> PairStates:
     """The states of both at each of m moments; the arguments are those of `evaluate_named_measures`."""
-    theirs = np.concatenate(_bring_other_forward(other, paths, at), axis=1)
+    theirs = np.concatenate(_extrapolated_states_and_derivatives_of_other(other, paths, at), axis=1)
     said = other.says_hard_braking
     says = np.zeros(len(host_rows), np.bool_) if said is None else said[at[0]]
     return PairStates(host.state[host_rows], theirs, says, (host.outline_m, other.outline_m))
 
 
-def _bring_other_forward(
+def _extrapolated_states_and_derivatives_of_other(
     other: VehicleTrack, paths: PathArrays, at: tuple[Rows, Rows, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Bring the other's position, speed and heading forward, (m, 4); and its unchanged derivatives, (m, 3)."""

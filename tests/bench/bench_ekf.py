@@ -20,7 +20,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track, estimate_tracks
-from cwcli.estimation.song2016 import filter_measurement_matrix, process_noise_covariance
+from cwcli.estimation.song2016 import filtered_states_and_covariances_of_matrix, process_noise_covariance
 from cwcli.reproduction.song2016.methods import measure_vehicle
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
 from tests.studies import city_drive
@@ -106,10 +106,10 @@ def main() -> int:
     """Print the table; return the exit code."""
     run = measure_vehicle(load_scenario("curve"), HOST_NAME, seed=0)
     z, sigma = run.vectors, run.sigma
-    ours, theirs = filter_measurement_matrix(z, tuple(sigma))[0], filterpy_filter(z, sigma)
+    ours, theirs = filtered_states_and_covariances_of_matrix(z, tuple(sigma))[0], filterpy_filter(z, sigma)
     difference = float(np.abs(ours - theirs).max())
     many = np.concatenate([z] * 20)
-    fast = best(lambda: filter_measurement_matrix(many, tuple(sigma))) / len(many)
+    fast = best(lambda: filtered_states_and_covariances_of_matrix(many, tuple(sigma))) / len(many)
     slow = best(lambda: filterpy_filter(z, sigma), 2) / len(z)
     ratio = slow / fast
     print("| six-state filter | us per step | ratio |")

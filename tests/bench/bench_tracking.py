@@ -28,7 +28,7 @@ from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.gospa import TargetMoments, score_tracks
 from cwcli.tracking.prepare import PreparedDetections, prepare_detections
-from cwcli.tracking.single_target import run_filter
+from cwcli.tracking.single_target import filter_single_target
 from cwcli.tracking.tracker import track_many_targets
 
 N_SAMPLES = 500
@@ -74,7 +74,7 @@ def best_of(repeats: int, run: Callable[[], np.ndarray]) -> Speed:
 def cwcli_speed(data: PreparedDetections, name: str, *, smooth: bool = False) -> Speed:
     """This package."""
     config = FilterConfig(filter=name, model="cv", noise=PROCESS_NOISE, gate_probability=1.0)
-    return best_of(50, lambda: run_filter(data.rows, config, smooth=smooth).state[-1, :4])
+    return best_of(50, lambda: filter_single_target(data.rows, config, smooth=smooth).state[-1, :4])
 
 
 def filterpy_speed(data: PreparedDetections, name: str) -> Speed:

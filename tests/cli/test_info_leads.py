@@ -14,10 +14,10 @@ from mcap.writer import Writer as JsonWriter
 from mcap_ros2.writer import Writer
 
 from cwcli.channels.reasons import (
-    choose_diagnostic_status,
-    explain_fields,
+    explain_unknown_type_by_fields,
     format_map_option,
     suggest_warning_conditions,
+    warning_condition_of_diagnostics,
 )
 from cwcli.cli.info_texts import health_verdict, unused_channel_rows
 from tests.cli.conftest import SAMPLES, Run
@@ -174,14 +174,14 @@ def test_conditions_by_hand(topic: str, kinds: dict[str, Any], expected: str) ->
 
 def test_the_status_of_diagnostics_that_tells_of_warnings_is_chosen() -> None:
     trees: list[object] = [{"status": [{"name": "disk", "level": 0}]}, {"status": [{"name": "ADAS: fcw", "level": 0}]}]
-    assert choose_diagnostic_status(trees) == "status[name=='ADAS: fcw'].level>=1"
-    assert choose_diagnostic_status(trees[:1]) == ""
+    assert warning_condition_of_diagnostics(trees) == "status[name=='ADAS: fcw'].level>=1"
+    assert warning_condition_of_diagnostics(trees[:1]) == ""
 
 
 @pytest.mark.parametrize("topic", ["/a\x1b[2Jspeed", "/a\nb", "/a:b", "/a;b"])
 def test_what_cannot_be_typed_or_parsed_is_not_suggested(topic: str) -> None:
-    assert explain_fields(topic, {"speed": "number"}).tries == ()
-    assert explain_fields("/a", {topic: "number"}).tries == ()
+    assert explain_unknown_type_by_fields(topic, {"speed": "number"}).tries == ()
+    assert explain_unknown_type_by_fields("/a", {topic: "number"}).tries == ()
 
 
 def test_a_suggestion_is_quoted_for_the_shell() -> None:

@@ -61,6 +61,8 @@ CASES = [
     ["calibrate", str(SAMPLES / "curve.mcap"), "-o", "c.toml"],
     ["simulate", "intersection", "-o", "s.mcap"],
     ["reproduce", "xiang2019", "--seeds", "2", "--jobs", "1"],
+    ["conform", "--list"],
+    ["conform", "etsi-101-539", "--seeds", "1", "--jobs", "1"],
 ]
 OTHERS = {"lanes", "observe", "predict-lane", "warn-lane", "track", "warn-targets"}
 """Stages that need frames or detections; their documents are held to the schema where they are tested."""
@@ -84,7 +86,7 @@ def test_a_document_is_what_the_schema_says(
     (tmp_path / "drive.csv").write_text("time,speed [m/s]\n1700000000,1\n1700000001,2\n1700000002,2\n")
     code = run_command_line([*(places.get(each, each) for each in arguments), "--json"])
     said = capsys.readouterr()
-    if arguments[0] != "reproduce":
+    if arguments[0] not in ("reproduce", "conform"):
         assert code == 0, said.err
     document = json.loads(said.out)
     assert document["command"] == arguments[0]

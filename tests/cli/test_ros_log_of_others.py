@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 
 from cwcli.errors import DataError
 from cwcli.export.ros.convert import RosLogReport, write_ros_log
-from cwcli.export.ros.messages import _fields_of_same_name, fields_unknown_to_ros
+from cwcli.export.ros.messages import _copy_fields_of_same_name, fields_unknown_to_ros
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import Columns, OutputChannel, Ragged, encode_strings
@@ -90,7 +90,7 @@ def lateral_state(**fields: Any) -> Columns:
 
 def test_fields_of_another_version_are_left_out_and_named() -> None:
     columns = lateral_state(new_m=np.ones(2), inner_new=encode_strings(["a", "b"]))
-    assert set(_fields_of_same_name(columns, None)) == {"stamp_ns"}
+    assert set(_copy_fields_of_same_name(columns, None)) == {"stamp_ns"}
     assert fields_unknown_to_ros(columns) == ["new_m", "inner_new"]
 
 
@@ -100,7 +100,7 @@ def test_a_field_of_another_kind_is_an_error(path: str) -> None:
     of_state = {path: encode_strings(["a", "b"])}
     wrong = Columns(**{**vars(columns), "fields": of_state})
     with pytest.raises(DataError, match=f"no usable field `{path}`"):
-        _fields_of_same_name(wrong, None)
+        _copy_fields_of_same_name(wrong, None)
 
 
 def test_what_is_replaced_is_told(cwcli: Run, tmp_path: Path) -> None:

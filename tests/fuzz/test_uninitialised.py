@@ -13,10 +13,11 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[2]
 SIX_STATES = """
-from cwcli.reproduction.song2016.methods import measure_vehicle, paper_filter_states, paper_predicted_points_m
+from cwcli.reproduction.song2016.methods import measure_vehicle, paper_predicted_points_m
+from cwcli.reproduction.song2016.methods import paper_filter_states_with_derivatives
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
 run = measure_vehicle(load_scenario("straight"), HOST_NAME, 0)
-paper_predicted_points_m(paper_filter_states(run), "jerk", 2.5)
+paper_predicted_points_m(paper_filter_states_with_derivatives(run), "jerk", 2.5)
 """
 RUN_OF_A_DRIVE = """
 import sys

@@ -15,7 +15,12 @@ from cwcli.channels.control_step import STEP_SERIES_FIELDS, ReplayedSteps, write
 from cwcli.channels.ego_viewers import write_ego_channels
 from cwcli.channels.image_lines import LINE_LOOP, ImageShape, write_image_lines
 from cwcli.channels.lanes import LaneFrames, LaneRows, read_lanes, write_lane_lines, write_lanes
-from cwcli.channels.lateral_state import ObservedDrive, read_lateral_truth, read_observed_drive, write_observed_drive
+from cwcli.channels.lateral_state import (
+    ObservedDrive,
+    read_lateral_truth_stamps_and_states,
+    read_observed_drive,
+    write_observed_drive,
+)
 from cwcli.channels.measures import write_measures
 from cwcli.channels.path_scene import write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths, read_predicted_paths, write_predicted_paths
@@ -33,7 +38,7 @@ from cwcli.channels.rejected import read_gated_measurements, write_rejected_meas
 from cwcli.channels.road_event import read_road_events, write_road_events
 from cwcli.channels.target import read_targets_as_states, write_target_channels
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states, write_vehicle_states
-from cwcli.channels.warning import read_warnings, write_warning_channels
+from cwcli.channels.warning import read_warnings, write_warnings_and_log_channels
 from cwcli.control.encounter import POLICIES
 from cwcli.dynamics.samples import STATE_NAMES as LATERAL_NAMES
 from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_frame_statuses
@@ -204,7 +209,7 @@ def of_warnings(rng: np.random.Generator, n: int) -> Written:
     cwcli, ttc = (
         build_warning_rows(part, rule=rule, host_id="ego") for rule, part in (("a", rows[::2]), ("b", rows[1::2]))
     )
-    channels = write_warning_channels([cwcli, ttc])
+    channels = write_warnings_and_log_channels([cwcli, ttc])
     whole = build_warning_rows(rows, rule="a", host_id="ego")
     rules = encode_strings(["ab"[k % 2] for k in range(n)])
     return Written(
@@ -331,7 +336,7 @@ def of_observed(rng: np.random.Generator, n: int) -> Written:
 
     def read(columns: Columns) -> Any:
         back = read_observed_drive(columns)
-        truth_ns, truth = read_lateral_truth(columns)
+        truth_ns, truth = read_lateral_truth_stamps_and_states(columns)
         np.testing.assert_array_equal(truth_ns, back.track.stamp_ns)
         np.testing.assert_array_equal(truth, back.track.state)
         return back

@@ -13,7 +13,7 @@ from cwcli.simulation.dual_sensor import TARGET_PATHS, SensorNoise, simulate_tar
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, MOTION_MODELS, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import DetectionRows, prepare_detections
-from cwcli.tracking.single_target import nis_consistency_by_source, run_filter
+from cwcli.tracking.single_target import filter_single_target, nis_consistency_by_source
 
 NOISE = SensorNoise()
 EPS = float(np.finfo(float).eps)
@@ -112,7 +112,7 @@ def test_covariances_stay_symmetric_and_positive(name, model, cartesian, seed):
         filter=name, model=model, cartesian_below=cartesian, gate_probability=1.0, max_gap_s=1e9, noise=0.5
     )
     for smooth in (False, True):
-        check_covariances(run_filter(rows, config, smooth=smooth).covariance)
+        check_covariances(filter_single_target(rows, config, smooth=smooth).covariance)
 
 
 @filters_and_models
@@ -130,7 +130,7 @@ def test_covariances_stay_positive_whatever_the_last_bits_are(name, model):
             moved_r = rows.r * (1.0 + rng.choice([-EPS, 0.0, EPS], (len(rows.z), 1, 1)))
             again = replace(rows, z=moved_z, r=moved_r)
             for smooth in (False, True):
-                check_covariances(run_filter(again, config, smooth=smooth).covariance)
+                check_covariances(filter_single_target(again, config, smooth=smooth).covariance)
 
 
 @pytest.mark.parametrize("model", ["cv", "ca"])
@@ -141,8 +141,8 @@ def test_both_filters_and_the_closed_form_agree_where_all_is_linear(model):
     rows = replace(rows, stamp_ns=np.arange(25) * 100_000_000, r=np.tile(np.diag([0.04, 0.09, 1.0]), (25, 1, 1)),
                    z=np.cumsum(rng.normal(0, 0.3, (25, 3)), axis=0))  # fmt: skip
     config = FilterConfig(model=model, noise=0.8, gate_probability=1.0, start_speed_mps=5.0)
-    out = {f: run_filter(rows, replace(config, filter=f), smooth=True) for f in IS_UNSCENTED_BY_FILTER}
-    causal = {f: run_filter(rows, replace(config, filter=f), smooth=False) for f in IS_UNSCENTED_BY_FILTER}
+    out = {f: filter_single_target(rows, replace(config, filter=f), smooth=True) for f in IS_UNSCENTED_BY_FILTER}
+    causal = {f: filter_single_target(rows, replace(config, filter=f), smooth=False) for f in IS_UNSCENTED_BY_FILTER}
     for both in (out, causal):
         np.testing.assert_allclose(both["ukf"].state, both["ekf"].state, atol=1e-12)
         np.testing.assert_allclose(both["ukf"].covariance, both["ekf"].covariance, atol=1e-12)
@@ -173,7 +173,9 @@ def test_what_is_seen_exactly_is_known_exactly(name, model):
     """A detection almost without noise: the position is the detection, the other coordinate frame does not matter."""
     rows = random_rows(11, 30, kinds=(0,))
     rows = replace(rows, r=np.tile(np.eye(3) * 1e-10, (30, 1, 1)))
-    out = run_filter(rows, FilterConfig(filter=name, model=model, gate_probability=1.0, max_gap_s=1e9), smooth=False)
+    out = filter_single_target(
+        rows, FilterConfig(filter=name, model=model, gate_probability=1.0, max_gap_s=1e9), smooth=False
+    )
     np.testing.assert_allclose(out.state[:, :2], rows.z[:, :2], atol=1e-4)
 
 
@@ -185,9 +187,9 @@ def test_turning_the_world_turns_the_track(name, model, angle):
         Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
         Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar),
     ]
-    plain = run_filter(prepare_detections(data).rows, FilterConfig(filter=name, model=model))
+    plain = filter_single_target(prepare_detections(data).rows, FilterConfig(filter=name, model=model))
     turned_sensors = {s: SensorModel(yaw_rad=angle) for s in ("lidar", "radar")}
-    turned = run_filter(prepare_detections(data, turned_sensors).rows, FilterConfig(filter=name, model=model))
+    turned = filter_single_target(prepare_detections(data, turned_sensors).rows, FilterConfig(filter=name, model=model))
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s], [s, c]])
     # sigma points lie along the columns of a Cholesky factor: half a turn maps them onto each other, another angle
@@ -235,7 +237,7 @@ def test_nees_and_nis_lie_inside_their_bounds(name):
         sensors = {"lidar": SensorModel(sigma=(0.1, 0.1)), "radar": SensorModel(sigma=(0.3, 0.02, 0.2))}
         rows = prepare_detections(data, sensors).rows
         for smooth, store in nees.items():
-            out = run_filter(rows, config, smooth=smooth)
+            out = filter_single_target(rows, config, smooth=smooth)
             error = out.state[60] - state[60]
             store.append(error @ np.linalg.solve(out.covariance[60], error))
         for source, check in nis_consistency_by_source(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.control.closed_loop import fuzzy_controller_pedals, replay_with_policy
+from cwcli.control.closed_loop import fuzzy_controller_throttle_and_pressure, replay_with_policy
 from cwcli.reproduction.song2016.control import true_recorded_motion
 from cwcli.reproduction.song2016.estimation import table1_part
 from cwcli.reproduction.song2016.methods import measure_vehicle
@@ -106,5 +106,7 @@ def test_least_distances_of_figure_12(warned_s: float) -> None:
     """Number 9: fuzzy inference, brake, and motion of both cars on our own."""
     scenario = load_scenario("rear-end")
     host, other = true_recorded_motion(scenario, HOST_NAME), true_recorded_motion(scenario, "lead")
-    theirs = float(replay_with_policy(host, other, np.array([warned_s]), fuzzy_controller_pedals).min_distance_m[0])
+    theirs = float(
+        replay_with_policy(host, other, np.array([warned_s]), fuzzy_controller_throttle_and_pressure).min_distance_m[0]
+    )
     assert theirs == pytest.approx(own.least_distance(warned_s), abs=0.03)

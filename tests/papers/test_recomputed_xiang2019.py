@@ -17,7 +17,7 @@ from cwcli.simulation.dual_sensor import (
     DualSensorScene,
     observe_single_target,
     simulate_static_target,
-    true_states_on_path,
+    times_and_true_states_on_path,
 )
 from tests.papers import own_xiang2019 as own
 
@@ -41,7 +41,9 @@ def test_table_1_and_its_gap() -> None:
             squares = np.zeros(2)
             for seed in range(n_seeds):
                 scene = observe_single_target(
-                    *true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, np.random.default_rng([seed, k])
+                    *times_and_true_states_on_path(name, N_SEGMENT_SAMPLES),
+                    SCENE_NOISE,
+                    np.random.default_rng([seed, k]),
                 )
                 state = own.filtered(
                     *rows(scene), lidar_m=SCENE_NOISE.lidar_m, radar=(SCENE_NOISE.range_m, SCENE_NOISE.azimuth_rad),

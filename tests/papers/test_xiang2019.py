@@ -22,7 +22,7 @@ from cwcli.reproduction.xiang2019.reproduce import (
 )
 from cwcli.reproduction.xiang2019.sentences import ukf_against_ekf_sentences
 from cwcli.simulation.dual_sensor import PAPER_STATIC_RANGES_M, simulate_static_target
-from cwcli.tracking.single_target import run_filter
+from cwcli.tracking.single_target import filter_single_target
 
 N_SEEDS = 30
 
@@ -61,7 +61,7 @@ def test_figure_6_like_for_like_is_what_the_noises_say(small):
 def test_figure_6_at_long_range_is_the_weighted_mean_of_the_looks():
     """A standing target straight ahead: the filter must give the inverse-variance mean of the eight looks."""
     scene = simulate_static_target(15.2, 8, SCENE_NOISE, np.random.default_rng(0))
-    state = run_filter(
+    state = filter_single_target(
         detection_rows_of_scene(scene, SCENE_NOISE), replace(PAPER_FILTER_CONFIG, noise=1e-6, start_speed_mps=1e-6)
     ).state[-1]
     weight = np.array([1 / SCENE_NOISE.lidar_m**2, 1 / SCENE_NOISE.range_m**2])

@@ -30,7 +30,7 @@ def findings(part: StudyPart) -> dict[str, Finding]:
     assert [
         f"{each.expected.what}: {each.measured.ours:.4g}"
         for each in made
-        if each.has_failed or each.has_unclaimed_class
+        if each.has_failed or each.differs_from_claim_without_failing
     ] == []
     return {f"{each.expected.figure}, {each.expected.what}": each for each in made}
 

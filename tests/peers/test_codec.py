@@ -13,7 +13,7 @@ from pycrate_asn1dir import ITS_DENM_3, ITS_IEEE1609_2
 from cwcli.channels.binding import bind_roles
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.stations import count_messages_by_station
+from cwcli.pipeline.stations import count_stations_by_topic
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
 from cwcli.signals.clocks import Clock
@@ -213,7 +213,7 @@ def test_a_log_of_the_official_writer_is_read(
     with Log.open(path) as log:
         bound = bind_roles(log.channels, {}, required=[Role.REMOTE])
         columns = log.load_topics(bound.fields_to_load())["/comms/inbound"]
-        assert count_messages_by_station(log) == {station: 1}
+        assert list(count_stations_by_topic(log).values()) == [{station: 1}]
     signal, quality = build_signal(Role.REMOTE, columns)
     assert isinstance(signal, RemoteSignal)
     assert (quality.read, quality.used) == (2, 1)  # the second repeats the first

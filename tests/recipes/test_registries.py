@@ -91,3 +91,14 @@ def test_a_command_runs_and_stands_in_help_and_docs(built: Built) -> None:
     assert "topics Print the topics of a log." in spaced(house.run("--help"))
     assert "cwcli topics drive.mcap" in house.run("topics", "--help")
     assert "## cwcli topics\n" in house.write_docs()
+
+
+def test_a_clause_is_listed_judged_and_held_to_its_source(built: Built) -> None:
+    house = built("A clause of a standard")
+    assert "house-fcw" in house.run("conform", "--list")
+    told = json.loads(house.run("conform", "house-fcw", "--json", "--jobs", "1", "--horizon", "5"))
+    (clause,) = told["clauses"]
+    assert (clause["outcome"], clause["trials"][0]["required"]) == ("pass", 2)
+    # 140 m at 20 m/s: half of the way is left 3.5 s before the contact, and the rule looks 5 s ahead
+    assert 1.0 < clause["trials"][0]["repetitions"][0]["margin"] < 1.6
+    house.python("-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/unit/conformance", "-k", "house")

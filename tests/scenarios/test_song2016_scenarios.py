@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.scenario import Scenario, load_scenario
-from cwcli.simulation.truth import closest_approach
+from cwcli.simulation.truth import closest_approach_time_and_distance
 from tests.scenarios.song2016_moments import moments, predict
 
 TOLERANCE_S = 0.1
@@ -50,7 +50,7 @@ def test_exact_states_leave_room_for_the_lag_of_a_filter(name: str) -> None:
 @pytest.mark.parametrize("name", PUBLISHED_S)
 def test_collision_is_a_hit_and_not_a_graze(name: str) -> None:
     scenario = load_scenario(name)
-    _, distance_m = closest_approach(
+    _, distance_m = closest_approach_time_and_distance(
         scenario.vehicles["host"].motion, scenario.vehicles[OTHER[name]].motion, scenario.duration_s
     )
     assert distance_m < 1.5  # of the 2.5 m that count as a collision

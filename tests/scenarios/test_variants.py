@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
-from cwcli.simulation.truth import closest_approach, first_time_nearer_than_s
+from cwcli.simulation.truth import closest_approach_time_and_distance, first_time_nearer_than_s
 
 CONFLICT_M = 2.5
 CONFLICTS = ("rear-end", "intersection", "cut-in", "oncoming-left-turn", "stopped-behind-curve")
@@ -30,13 +30,13 @@ def test_every_scenario_with_two_cars_is_a_conflict_or_a_trap() -> None:
 def test_conflicts_collide_after_there_was_time_to_warn(name: str) -> None:
     host, other, end_s = pair(name)
     assert first_time_nearer_than_s(host, other, end_s, CONFLICT_M) > 5.0
-    assert closest_approach(host, other, end_s)[1] < 1.5
+    assert closest_approach_time_and_distance(host, other, end_s)[1] < 1.5
 
 
 @pytest.mark.parametrize("name", TRAPS)
 def test_traps_keep_their_distance(name: str) -> None:
     host, other, end_s = pair(name)
-    assert closest_approach(host, other, end_s)[1] == pytest.approx(TRAPS[name], abs=0.01)
+    assert closest_approach_time_and_distance(host, other, end_s)[1] == pytest.approx(TRAPS[name], abs=0.01)
 
 
 def test_following_keeps_20_m_throughout() -> None:

@@ -94,8 +94,10 @@ def intervals(drives: list[DriveEvidence], pooled: Calibration) -> bool:
     print("|---|---|---|---|---|---|---|")
     holds = True
     for row in constants():
-        found = pooled.find_constant(row.source, row.kind, row.name)
-        one = float(np.median([1.96 * each.find_constant(row.source, row.kind, row.name).sigma for each in single]))
+        found = pooled.find_constant_or_unknown(row.source, row.kind, row.name)
+        one = float(
+            np.median([1.96 * each.find_constant_or_unknown(row.source, row.kind, row.name).sigma for each in single])
+        )
         narrower = one / (1.96 * found.sigma)
         allowed = NOISE_PART * row.truth if row.name == "noise_sigma" else 3.0 * found.sigma
         is_right = abs(found.value - row.truth) < allowed

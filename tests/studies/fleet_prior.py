@@ -29,7 +29,13 @@ import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.prediction import fleet
-from cwcli.prediction.fleet import DERIVATIVE_PARTS, HORIZON_KNOTS_S, QUANTILE_LEVELS, FleetPrior, acting_time_s
+from cwcli.prediction.fleet import (
+    DERIVATIVE_PARTS,
+    HORIZON_KNOTS_S,
+    QUANTILE_LEVELS,
+    FleetPrior,
+    acting_time_from_displacement_share_s,
+)
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.outcome_history import (
@@ -148,7 +154,7 @@ def _left(group: Group, gain: FloatArray) -> FloatArray:
 
 def reached(group: Group, gain: FloatArray) -> FloatArray:
     """The share of what is promised that a path reaches at each knot, (n, 2, k)."""
-    acted = acting_time_s(np.einsum("naki,aki->nak", group.parts, gain))
+    acted = acting_time_from_displacement_share_s(np.einsum("naki,aki->nak", group.parts, gain))
     steps_s = np.diff(HORIZON_KNOTS_S, prepend=0.0)
     before = np.concatenate([np.zeros((*acted.shape[:2], 1)), acted[:, :, :-1]], axis=2)
     return np.asarray(((before + acted) * steps_s / 2.0).cumsum(axis=2) / (HORIZON_KNOTS_S**2 / 2.0))

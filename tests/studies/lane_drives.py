@@ -52,7 +52,7 @@ from cwcli.vision.ground import (
     boundary_end_rows_px,
     compute_lane_geometry,
     repeat_pinhole_per_frame,
-    image_curves_of_flat_road,
+    image_hyperbolas_of_flat_road,
 )
 from cwcli.vision.method import LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
@@ -166,7 +166,7 @@ def watched(
     top_px = boundary_end_rows_px(fits, camera, horizon_px)
     lines = BoundaryLines(
         fits.parabolas,
-        image_curves_of_flat_road(fits, camera),
+        image_hyperbolas_of_flat_road(fits, camera),
         horizon_px,
         top_px,
         repeat_pinhole_per_frame(camera, len(fits)),

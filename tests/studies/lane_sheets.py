@@ -39,7 +39,7 @@ from cwcli.simulation.road.sets import FRAME_SETS
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitCollector
-from cwcli.vision.ground import image_curves_of_flat_road, boundary_end_rows_px, repeat_pinhole_per_frame
+from cwcli.vision.ground import image_hyperbolas_of_flat_road, boundary_end_rows_px, repeat_pinhole_per_frame
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS, methods_without_model
 from tests.studies.road_sheets import DOCS, sheet, write
@@ -129,7 +129,7 @@ def drawn(fit: LaneFit, width_px: int, height_px: int) -> np.ndarray:
     top_px = boundary_end_rows_px(fits, camera, horizon_px)
     lines = BoundaryLines(
         fits.parabolas,
-        image_curves_of_flat_road(fits, camera),
+        image_hyperbolas_of_flat_road(fits, camera),
         horizon_px,
         top_px,
         repeat_pinhole_per_frame(camera, len(fits)),

@@ -3,9 +3,10 @@
     python -m tests.studies.lane_variants [--kinds haze bridges ...] [--keep ../before.npz] [--beside ../before.npz]
 
 40 pictures are too few to choose by, and constants were chosen in sight of them; what a change is worth shows in how
-it does on pictures that are worse. `CHOSEN_BY` were in sight when constants were chosen, `OTHERS` were not. The log is
-that of `lane_halves`; all boundaries count, whatever their probability. --keep writes the scores, and --beside tells
-what they gain on kept ones, with 95 % of a bootstrap over the pictures: all kinds of one picture are drawn together.
+it does on pictures that are worse. `CHOSEN_BY` were in sight when constants were chosen, `OTHERS` were not; `COPIES`
+are the same pictures compressed again or of another size, `WEATHER` is laid over them (`--seed` draws it). The log is
+that of `lane_halves`. --keep writes the scores, and --beside tells what they gain on kept ones, with 95 % of a
+bootstrap over the pictures: all kinds of one picture are drawn together.
 """
 
 from __future__ import annotations
@@ -18,19 +19,10 @@ import numpy as np
 
 from cwcli.metrics.lane_scores import lanes_beside_ego, tusimple_score
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Mounting, default_camera
-from cwcli.vision.lane_detect import search_first_frame, prior_with_vanishing_point
-from cwcli.vision.lane_model import (
-    fit_boundary_parabolas,
-    pinhole_of_camera,
-    pitch_from_horizon_rad,
-    first_frame_prior,
-    boundary_road_curves,
-)
-from cwcli.vision.lane_tracker import search_size
-from cwcli.vision.method import GreyImage, LaneFit
-from tests.studies.lane_halves import LOG, drawn, labelled
+from cwcli.vision.lane_tracker import LaneTracker, search_size
+from cwcli.vision.method import GreyImage, LaneFrame
+from tests.studies.lane_halves import LOG, drawn, labelled, matches
 from tests.studies.varied_pictures import (
     HEIGHT_PX,
     WIDTH_PX,
@@ -51,6 +43,7 @@ from tests.studies.varied_pictures import (
     turned,
     vignette,
 )
+from tests.studies.weather_pictures import WEATHER
 
 
 def blurred(picture: Picture, _: np.random.Generator) -> Picture:
@@ -107,36 +100,73 @@ OTHERS: dict[str, Change] = {
 }
 
 
-def score(picture: Picture) -> tuple[float, float]:
-    """TuSimple's accuracy and the share of false boundaries."""
-    size = search_size(WIDTH_PX, HEIGHT_PX)
-    camera = default_camera(WIDTH_PX, HEIGHT_PX, Mounting()).with_image_size(*size)
-    grey: GreyImage = np.asarray(cv2.resize(picture.grey, size, interpolation=cv2.INTER_AREA), np.uint8)
-    lane = search_first_frame(grey, camera, prior_with_vanishing_point(grey, first_frame_prior(camera)))[0][0]
-    sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in fit_boundary_parabolas(lane, camera).tolist()]
-    roads = boundary_road_curves(lane, pinhole_of_camera(camera))
-    lines = drawn(
-        LaneFit(sides[0], sides[1], pitch_rad=pitch_from_horizon_rad(lane, camera), roads=roads),
-        camera,
-        picture.rows,
-        HEIGHT_PX,
-    )
-    made = tusimple_score(list(lines), lanes_beside_ego(picture.lanes, picture.rows, WIDTH_PX, HEIGHT_PX), picture.rows)
-    return made.accuracy, made.false_positive
+def resized(by: float) -> Change:
+    """The same picture with fewer or more pixels; its labels stay in those of the original."""
+
+    def change(picture: Picture, _: np.random.Generator) -> Picture:
+        size = round(by * WIDTH_PX), round(by * HEIGHT_PX)
+        how = cv2.INTER_AREA if by < 1.0 else cv2.INTER_CUBIC
+        return Picture(np.asarray(cv2.resize(picture.grey, size, interpolation=how)), picture.lanes, picture.rows)
+
+    return change
 
 
-def scores(kinds: dict[str, Change]) -> dict[str, FloatArray]:
-    """Shape (n, 2) of each kind: accuracy and false share of every picture."""
+COPIES: dict[str, Change] = {
+    "JPEG 92": jpeg(92),
+    "JPEG 75": jpeg(75),
+    **{f"size {by:g}": resized(by) for by in (0.35, 0.5, 0.7, 0.85, 1.2, 1.5)},
+}
+KINDS = {"as it is": CHOSEN_BY["as it is"], **CHOSEN_BY, **OTHERS, **COPIES, **WEATHER}
+GROUPS = {"chosen by": CHOSEN_BY, "others": OTHERS, "copies": COPIES, "weather": WEATHER}
+
+
+def score(picture: Picture) -> list[float]:
+    """TuSimple's accuracy, false and missed share of the boundaries that are found; then probability and whether it is
+    right (0 or 1) of the left and of the right boundary."""
+    height, width = picture.grey.shape
+    size = search_size(width, height)
+    camera = default_camera(width, height, Mounting()).with_image_size(*size)
+    how = cv2.INTER_AREA if size[0] <= width else cv2.INTER_LINEAR
+    grey: GreyImage = np.asarray(cv2.resize(picture.grey, size, interpolation=how), np.uint8)
+    fit = LaneTracker().step(LaneFrame(grey, camera, 0, 0))
+    lines = drawn(fit, camera, picture.rows, HEIGHT_PX)
+    truth = lanes_beside_ego(picture.lanes, picture.rows, WIDTH_PX, HEIGHT_PX)
+    found = [line for line, side in zip(lines, (fit.left, fit.right), strict=True) if side.found]
+    made = tusimple_score(found, truth, picture.rows)
+    sides: list[float] = []
+    for line, side in zip(lines, (fit.left, fit.right), strict=True):
+        sides += [side.probability, float(matches(line, truth, picture.rows))]
+    return [made.accuracy, made.false_positive, made.false_negative, *sides]
+
+
+def scores(kinds: dict[str, Change], seed: int) -> dict[str, FloatArray]:
+    """Shape (n, 7) of each kind: `score` of every picture."""
     pictures = [
         Picture(np.asarray(frame.image), lanes, np.asarray(rows, np.float64))
         for frame, lanes, rows in labelled(LOG, lambda width, height: (width, height))
     ]
     return {
         name: np.array(
-            [score(change(each, np.random.default_rng([n, sum(map(ord, name))]))) for n, each in enumerate(pictures)]
+            [
+                score(change(each, np.random.default_rng([n, sum(map(ord, name)), seed])))
+                for n, each in enumerate(pictures)
+            ]
         )
         for name, change in kinds.items()
     }
+
+
+def reliability(made: FloatArray) -> str:
+    """Of the boundaries of a probability of 0.5 or more: how many, their mean probability, the share that is right."""
+    sides = made[..., 3:].reshape(-1, 2)
+    sure = sides[sides[:, 0] >= 0.5]
+    return "none" if not len(sure) else f"{len(sure)}: {sure[:, 0].mean():.2f}, {sure[:, 1].mean():.2f}"
+
+
+def row(name: str, made: FloatArray) -> str:
+    """One row of the table from scores (n, 7): even and odd pictures, and all."""
+    halves = [" / ".join(f"{each:.3f}" for each in part[:, :3].mean(axis=0)) for part in (made[::2], made[1::2], made)]
+    return f"| {name} | " + " | ".join(halves) + f" | {reliability(made)} |"
 
 
 def gain(made: FloatArray, before: FloatArray) -> str:
@@ -144,30 +174,33 @@ def gain(made: FloatArray, before: FloatArray) -> str:
     each = (made - before).mean(axis=0)
     drawn_again = each[np.random.default_rng(0).integers(0, len(each), (2000, len(each)))].mean(axis=1)
     low, high = np.quantile(drawn_again, [0.025, 0.975], axis=0)
-    return ", ".join(f"{each[:, k].mean():+.4f} ({low[k]:+.4f} to {high[k]:+.4f})" for k in range(2))
+    return ", ".join(f"{each[:, k].mean():+.4f} ({low[k]:+.4f} to {high[k]:+.4f})" for k in range(3))
 
 
 def main() -> None:
     """Score, and compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kinds", nargs="+", choices=[*CHOSEN_BY, *OTHERS], default=[*CHOSEN_BY, *OTHERS])
+    parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--groups", nargs="+", choices=list(GROUPS))
+    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--beside", type=Path)
     options = parser.parse_args()
-    made = scores({name: change for name, change in (CHOSEN_BY | OTHERS).items() if name in options.kinds})
-    print("| kind | accuracy | false |\n|---|---|---|")
+    chosen = options.kinds if options.groups is None else ["as it is", *(k for g in options.groups for k in GROUPS[g])]
+    made = scores({name: change for name, change in KINDS.items() if name in chosen}, options.seed)
+    print("accuracy / false / missed; of p >= 0.5: boundaries, mean p, right")
+    print("| kind | even | odd | all | p |\n|---|---|---|---|---|")
     for name, each in made.items():
-        print(f"| {name} | {each[:, 0].mean():.3f} | {each[:, 1].mean():.3f} |")
+        print(row(name, each))
     before = None if options.beside is None else dict(np.load(options.beside))
-    for title, kinds in (("chosen by", CHOSEN_BY), ("others", OTHERS)):
+    for title, kinds in GROUPS.items():
         names = [name for name in kinds if name in made]
         if not names:
             continue
         all_of = np.array([made[name] for name in names])
-        accuracy, wrong = all_of.mean(axis=(0, 1))
-        print(f"{title}: {accuracy:.4f}, {wrong:.4f}")
+        print(row(title, all_of.mean(axis=0)).rsplit("|", 2)[0] + f"| {reliability(all_of)} |")
         if before is not None:
-            print("  gain: " + gain(all_of, np.array([before[name] for name in names])))
+            print("  gain: " + gain(all_of[..., :3], np.array([before[name][:, :3] for name in names])))
     if options.keep is not None:
         np.savez(options.keep, **made)
 

@@ -24,7 +24,7 @@ import numpy as np
 from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
 from cwcli.estimation.contradiction import SourceQuantity
-from cwcli.estimation.prepare import clean_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.source_judgement import JudgedSources, judge_sources
 from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
 from cwcli.logs.read.reader import Log
@@ -92,7 +92,7 @@ def simulated(name: str, seed: int) -> SimulatedDrive:
 def judged(measurements: Sequence[Measurements]) -> JudgedSources:
     """What the vote says, without an estimate."""
     epoch = earliest_stamp_ns(measurements)
-    return judge_sources(measurements, lambda current: clean_measurements(current, epoch))
+    return judge_sources(measurements, lambda current: clean_and_sort_measurements(current, epoch))
 
 
 def estimated(drive: SimulatedDrive, measurements: Sequence[Measurements]) -> tuple[float, float, Track]:

@@ -42,6 +42,7 @@ from cwcli.vision.ground import compute_lane_geometry
 from cwcli.vision.lane_model import LANE_WIDTH_MEAN_AND_SIGMA_M
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneState
+from cwcli.vision.search_clock import SearchClock
 from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, evaluate_lane_departure
 from tests.studies.lane_halves import GREEN, ORANGE, YELLOW, drawn
 from tests.studies.real_clips import SPEED_MPS, VIDEO_KINDS, Shot, read_video, video_clip
@@ -104,8 +105,9 @@ class Seen:
     is_cut: np.ndarray
 
 
-def watched(shots: Iterable[Shot], folder: Path | None = None, name: str = "") -> Seen:
+def watched(shots: Iterable[Shot], folder: Path | None = None, name: str = "", *, is_every_frame: bool = False) -> Seen:
     """Find the lanes in a clip; with a folder, a picture of every jump and the frames around it."""
+    clock = SearchClock(is_every_frame=is_every_frame)
     search, recorder, errors, shares, stamps, cuts = LaneTracker(), FitCollector(), [], [], [], []
     pictures: list[GreyImage] = []
     camera = default_camera(64, 64, Mounting())
@@ -113,9 +115,12 @@ def watched(shots: Iterable[Shot], folder: Path | None = None, name: str = "") -
         height, width = shot.grey.shape
         if not number:
             camera = default_camera(width, height, Mounting()).with_image_size(*search_size(width, height))
-        small = cv2.resize(shot.grey, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)
         motion = shot.speed_mps, shot.yaw_rate_radps
-        fit = search.step(LaneFrame(small, camera, shot.stamp_ns, number, *motion))
+        if clock.is_search_due(shot.stamp_ns, (width, height)):
+            small = cv2.resize(shot.grey, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)
+            fit = search.step(LaneFrame(small, camera, shot.stamp_ns, number, *motion))
+        else:
+            fit = search.carry(shot.stamp_ns, *motion)
         recorder.append_fit(fit)
         stamps.append(shot.stamp_ns)
         if shot.is_cut:
@@ -248,12 +253,15 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=choices, default=choices)
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--each", action="store_true", help="a row for each clip that has a jump or a departure")
+    parser.add_argument(
+        "--every-frame", action="store_true", help="search every frame, as --every-frame of cwcli lanes"
+    )
     given = parser.parse_args()
     print("clips | frames | found | wrong of p > 0.5, 0.85 | jumps 0.15 m p > 0.5/0.85, 0.3 m | departures")
     for part in given.part:
         sums: dict[str, Counts] = {}
         for kind, name, shots in clips(part, given.kinds):
-            counts = counted(watched(shots, given.folder, f"{part} {name}"))
+            counts = counted(watched(shots, given.folder, f"{part} {name}", is_every_frame=given.every_frame))
             if given.each and (counts.jumps.any() or counts.departures):
                 print(f"  {name:28} | {counts.line()}", flush=True)
             sums.setdefault(kind, Counts()).add(counts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cwcli.errors import InputError
-from cwcli.url import name_url, redact_url, redact_urls
+from cwcli.url import display_name_of_url, redact_url, redact_urls
 
 
 @pytest.mark.parametrize(
@@ -49,18 +49,21 @@ def test_words_of_others_lose_the_secrets_of_their_urls() -> None:
 
 def test_two_signatures_of_one_file_are_one_name() -> None:
     names = {
-        name_url(f"https://{user}@host/drive.mcap?X-Amz-Signature={secret}&X-Amz-Date={secret}&Expires={secret}")
+        display_name_of_url(
+            f"https://{user}@host/drive.mcap?X-Amz-Signature={secret}&X-Amz-Date={secret}&Expires={secret}"
+        )
         for user, secret in (("a:b", "1"), ("c:d", "2"))
     }
     assert names == {"https://***@host/drive.mcap?***"}
     shared = "https://account.blob.core.windows.net/drives/a.mcap?sv=2022&se={0}&sr=b&sp=r&sig={0}"
-    assert name_url(shared.format(1)) == name_url(shared.format(2))
-    assert name_url("drive.mcap") == "drive.mcap"
+    assert display_name_of_url(shared.format(1)) == display_name_of_url(shared.format(2))
+    assert display_name_of_url("drive.mcap") == "drive.mcap"
 
 
 def test_parameters_that_name_the_file_keep_names_apart() -> None:
     first, again, second = (
-        name_url(f"https://host/download?id={number}&token={token}") for number, token in ((7, 1), (7, 2), (8, 1))
+        display_name_of_url(f"https://host/download?id={number}&token={token}")
+        for number, token in ((7, 1), (7, 2), (8, 1))
     )
     assert first == again != second
     assert first.startswith("https://host/download?*** (")

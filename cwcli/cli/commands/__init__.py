@@ -20,6 +20,7 @@ COMMANDS = {
     "report": "Make one HTML page of a run, or of one annotated log.",
     "simulate": "Make a log with known truth from a scenario.",
     "reproduce": "Reproduce a paper's tables and figures, and compare the numbers.",
+    "conform": "Judge warnings by the trials of public standards.",
     "export": "Write states, paths, warnings or measures as a file of another tool.",
     "plot": "Draw one plot of an annotated log as an image.",
     "view": "Show an annotated log in Rerun, or write a recording for it.",

@@ -16,7 +16,7 @@ from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import Cell, format_table
 from cwcli.cli.text import finite_or_none, format_count
 from cwcli.errors import EXIT_DONE, CwcliError, UsageError
-from cwcli.url import name_url
+from cwcli.url import display_name_of_url
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration, Constant
@@ -84,7 +84,7 @@ def command(
                 if len(logs) == 1:
                     raise
                 worst = error if worst is None or error.exit_code > worst.exit_code else worst
-                console.print_note(f"{error.where or name_url(log)}: {error.what}; left out")
+                console.print_note(f"{error.where or display_name_of_url(log)}: {error.what}; left out")
     if not drives:
         assert worst is not None
         raise worst
@@ -134,7 +134,7 @@ def _estimate_drive(name: str, reading: ReadingOptions, sensors: SensorOptions) 
     return DriveEvidence(Path(log.name).name, result.evaluation_inputs.ego, cameras)
 
 
-def _table_rows(found: Calibration) -> list[tuple[Cell, ...]]:
+def _constant_table_rows(found: Calibration) -> list[tuple[Cell, ...]]:
     from cwcli.estimation.calibration import ConstantStatus
 
     rows: list[tuple[Cell, ...]] = []
@@ -161,7 +161,7 @@ def _print_calibration(console: Console, found: Calibration) -> None:
     evidence = [f"{name} {value:.3g}" for name, value in found.evidence.items()]
     if evidence:
         console.print_summary(f"evidence: {', '.join(evidence)}")
-    console.print_summary(format_table(TABLE_HEADINGS, _table_rows(found)))
+    console.print_summary(format_table(TABLE_HEADINGS, _constant_table_rows(found)))
     for source, quantities in found.sensors.items():
         for quantity, constants in quantities.items():
             for name, constant in constants.items():

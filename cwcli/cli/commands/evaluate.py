@@ -44,9 +44,9 @@ EXAMPLES = (
 SYSTEM_TABLE_HEADINGS = ("metric", "the system", "cwcli", "states", "n")
 """Headings of the table of another system's metrics."""
 MAX_SHOWN_FAILURES = 20
-"""Failed logs, and failed checks of a gate, that the terminal shows; chosen by hand."""
+"""Greatest number of failed logs, and of failed checks of a gate, that the terminal shows. Chosen by hand."""
 MAX_MARKDOWN_ROWS = 200
-"""Failed checks that the Markdown summary shows; chosen by hand."""
+"""Greatest number of failed checks that the Markdown summary shows. Chosen by hand."""
 
 Document = dict[str, Any]
 
@@ -243,12 +243,14 @@ def _print_failed_gate(console: Console, result: GateResult) -> None:
     console.print_summary("")
     console.print_summary(wrap_paragraph(escape_control_characters(f"failed: {result.gate}"), rest="  "))
     for check in result.failed_checks[:MAX_SHOWN_FAILURES]:
-        console.print_summary(wrap_paragraph(escape_control_characters(_check_text(check)), first="  ", rest="    "))
+        console.print_summary(
+            wrap_paragraph(escape_control_characters(_format_gate_check(check)), first="  ", rest="    ")
+        )
     if len(result.failed_checks) > MAX_SHOWN_FAILURES:
         console.print_summary(f"  and {len(result.failed_checks) - MAX_SHOWN_FAILURES} more")
 
 
-def _check_text(check: GateCheck) -> str:
+def _format_gate_check(check: GateCheck) -> str:
     return f"{check.log}: {check.detail}" if check.log else check.detail
 
 

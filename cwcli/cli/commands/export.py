@@ -41,8 +41,6 @@ LOG_SUFFIX = ".mcap"
 """Suffix of the files of all formats that are logs."""
 EXPORT_FORMATS = (*TABLE_FORMATS, *TRACK_FORMATS, ROS_FORMAT)
 """Names of all formats."""
-MAX_NAMED_CHANNELS = 10
-"""Largest number of channels that a note names; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ def command(
     were recorded, and cwcli's as standard messages and cwcli_msgs below /cwcli/ros.
     """
     from cwcli.array_memory import bound_array_memory
-    from cwcli.export.content import names_of_ego_and_others, require_content_in_log
+    from cwcli.export.content import content_names_of_ego_and_others, require_content_in_log
     from cwcli.export.formats import load_track_format
     from cwcli.logs.read.reader import Log
     from cwcli.output import check_targets, write_file
@@ -113,10 +111,10 @@ def command(
         else:
             if not names:
                 of_all = form in TRACK_FORMATS and load_track_format(form).holds_all_vehicles
-                names = names_of_ego_and_others(opened) if of_all else ["ego"]
+                names = content_names_of_ego_and_others(opened) if of_all else ["ego"]
             for name in names:
                 require_content_in_log(opened, name)
-            encoded, n = _encode_contents(opened, names, form, vehicle)
+            encoded, n = _encode_contents_and_count_rows(opened, names, form, vehicle)
             said = {"what": ",".join(names), "rows": n}
             if output == "-" and is_text and is_terminal(sys.stdout):
                 console.print_data(
@@ -218,7 +216,9 @@ def _format_of_file_name(output: str) -> str:
     )
 
 
-def _encode_contents(opened: Log, names: list[str], form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:
+def _encode_contents_and_count_rows(
+    opened: Log, names: list[str], form: str, vehicle: str | None
+) -> tuple[bytes | memoryview, int]:
     """Encode contents of a log; returns the bytes of the file and the number of rows."""
     from cwcli.export.content import require_geographic_positions, table_to_export, tracks_to_export
     from cwcli.export.formats import load_track_format

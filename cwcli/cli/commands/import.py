@@ -102,7 +102,7 @@ def command(
     --mapping. What the files do not say is asked, never assumed.
     """
     from cwcli.array_memory import bound_array_memory
-    from cwcli.importing.mapping import mapping_name
+    from cwcli.importing.mapping import mapping_file_name
     from cwcli.importing.run import plan_import, write_import
     from cwcli.output import check_targets, write_file
 
@@ -111,32 +111,32 @@ def command(
     target = str(normalise_stdout_name(output or "-"))
     if target == "-" and talk.json and not preview:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
-    beside = mapping_name(target) if target != "-" else None
+    beside = mapping_file_name(target) if target != "-" else None
     if not preview:
         own = beside if beside != mapping else None
         check_targets([target, own], force=force, inputs=files)
     bound_array_memory()
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-" and not preview)
-    plan = plan_import(files, _answers(answers, mapping))
+    plan = plan_import(files, _merge_options_and_mapping_file(answers, mapping))
     if not preview:
         write_import(plan, target, force=force)
         if beside is not None and beside != mapping:
             write_file(beside, plan.mapping_text().encode(), force=force)
     if talk.json:
-        console.print_document("import", _document(plan, None if preview else target))
+        console.print_document("import", _import_plan_document(plan, None if preview else target))
         return
     _print_plan(console, plan)
     if not preview and target != "-":
         print_written_files(console, [target, *([beside] if beside not in (None, mapping) else [])])
 
 
-def _answers(options: AnswerOptions, mapping: str | None) -> Answers:
+def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None) -> Answers:
     """What the user decided, by options and by a mapping file.
 
     Raises:
         UsageError: An answer is none of its choices.
     """
-    from cwcli.importing.mapping import CHOICES, merge_answers, parse_column_option, read_mapping
+    from cwcli.importing.mapping import CHOICES, merge_answers, parse_table_quantity_and_column_unit, read_mapping
     from cwcli.importing.tables import Answers
 
     for option, value, known in (
@@ -145,7 +145,7 @@ def _answers(options: AnswerOptions, mapping: str | None) -> Answers:
     ):
         if value is not None and value not in known:
             raise UsageError(f"{option} {value}: it is none of {join_names(list(known))}")
-    columns = dict(map(parse_column_option, options.column or ()))
+    columns = dict(map(parse_table_quantity_and_column_unit, options.column or ()))
     given = Answers(
         columns,
         timezone=options.timezone or "",
@@ -160,7 +160,7 @@ def _answers(options: AnswerOptions, mapping: str | None) -> Answers:
     return given if mapping is None else merge_answers(read_mapping(mapping), given)
 
 
-def _document(plan: ImportPlan, target: str | None) -> dict[str, Any]:
+def _import_plan_document(plan: ImportPlan, target: str | None) -> dict[str, Any]:
     """The content of `--json`."""
     return {
         "files": dict(plan.kinds),

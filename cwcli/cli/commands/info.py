@@ -174,11 +174,11 @@ def _container_document(log: Log) -> Document:
 def _explain_can_channels(log: Log, why: dict[str, UnboundReason], files: list[str]) -> None:
     """Say of each channel of CAN frames without a role which signals of the DBC files a role could take."""
     from cwcli.channels.reasons import explain_can_frames
-    from cwcli.signals.can import list_signals
+    from cwcli.signals.can import list_dbc_signal_names
     from cwcli.signals.input_rows import CAN_FRAME_SCHEMAS
     from cwcli.signals.inputs import normalise_schema_name
 
-    signals = list_signals(files)
+    signals = list_dbc_signal_names(files)
     for channel in log.channels:
         if (
             channel.topic in why

@@ -71,7 +71,7 @@ class Hypothesis:
         )
 
 
-def with_combinations(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+def with_pairwise_combinations(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the hypotheses and each pair of two of different groups, a unit before a sign or a convention."""
     pairs = [
         second.combine_after(first)
@@ -82,7 +82,7 @@ def with_combinations(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...
     return (*hypotheses, *pairs)
 
 
-def compose_by_name(kind: Kind, known: Sequence[Hypothesis], name: str) -> Hypothesis | None:
+def compose_hypothesis_by_name(kind: Kind, known: Sequence[Hypothesis], name: str) -> Hypothesis | None:
     """Return the hypothesis with a name, or of several names joined by "+".
 
     They are repaired in the order of `known`, a unit before a convention, however they are named.

@@ -14,7 +14,7 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 AXIS_NAMES = ("x", "y", "z")
 """Names of the axes of an IMU."""
 NO_OFFSET = (0.0,) * 6
-"""No offset of accelerometer and gyroscope."""
+"""Offset of a hypothesis without one: zero for the three accelerations and the three turn rates."""
 
 
 def _scale_hypothesis(name: str, group: str, fault: str, action: str, accel: float, gyro: float) -> Hypothesis:
@@ -36,7 +36,7 @@ def axes_hypothesis(forward: int, left: int, up: int) -> Hypothesis:
     return Hypothesis(",".join(names), "axes", fault, "turned", tuple(map(tuple, turned.tolist())), NO_OFFSET)
 
 
-def rotations() -> tuple[tuple[int, int, int], ...]:
+def signed_axis_rotations() -> tuple[tuple[int, int, int], ...]:
     """Return the 24 rotations onto axes: which axes (1 to 3 with sign) point forward, left and up."""
     found = []
     for order, signs in product(permutations((1, 2, 3)), product((1, -1), repeat=3)):
@@ -49,28 +49,32 @@ def rotations() -> tuple[tuple[int, int, int], ...]:
     return tuple(sorted(found, key=lambda axes: axes != (1, 2, 3)))
 
 
-def _accel_unit(name: str, fault: str, mps2_per_unit: float) -> Hypothesis:
+def _accel_unit_hypothesis(name: str, fault: str, mps2_per_unit: float) -> Hypothesis:
     return _scale_hypothesis(name, "accel unit", f"measures acceleration in {fault}", "converted", mps2_per_unit, 1.0)
 
 
-def _gyro_unit(name: str, fault: str, radps_per_unit: float) -> Hypothesis:
+def _gyro_unit_hypothesis(name: str, fault: str, radps_per_unit: float) -> Hypothesis:
     return _scale_hypothesis(name, "gyro unit", f"measures turn rates in {fault}", "converted", 1.0, radps_per_unit)
 
 
 ACCEL_UNITS = (
-    _accel_unit("g", "g, not m/s^2", STANDARD_GRAVITY_MPS2),
-    _accel_unit("mg", "mg, not m/s^2", 1e-3 * STANDARD_GRAVITY_MPS2),
-    _accel_unit("cm/s^2", "cm/s^2, not m/s^2", 0.01),
-    _accel_unit("ft/s^2", "feet/s^2, not m/s^2", 0.3048),
-    _accel_unit("m/s^2-read-as-g", "m/s^2, but was converted as if it were in g", 1.0 / STANDARD_GRAVITY_MPS2),
+    _accel_unit_hypothesis("g", "g, not m/s^2", STANDARD_GRAVITY_MPS2),
+    _accel_unit_hypothesis("mg", "mg, not m/s^2", 1e-3 * STANDARD_GRAVITY_MPS2),
+    _accel_unit_hypothesis("cm/s^2", "cm/s^2, not m/s^2", 0.01),
+    _accel_unit_hypothesis("ft/s^2", "feet/s^2, not m/s^2", 0.3048),
+    _accel_unit_hypothesis(
+        "m/s^2-read-as-g", "m/s^2, but was converted as if it were in g", 1.0 / STANDARD_GRAVITY_MPS2
+    ),
 )
-"""Units of the accelerometer."""
+"""Hypotheses on the unit of an accelerometer."""
 GYRO_UNITS = (
-    _gyro_unit("degrees/s", "degrees/s, not rad/s", math.pi / 180.0),
-    _gyro_unit("milliradians/s", "milliradians/s, not rad/s", 1e-3),
-    _gyro_unit("rad/s-read-as-degrees/s", "rad/s, but was converted as if it were in degrees/s", 180.0 / math.pi),
+    _gyro_unit_hypothesis("degrees/s", "degrees/s, not rad/s", math.pi / 180.0),
+    _gyro_unit_hypothesis("milliradians/s", "milliradians/s, not rad/s", 1e-3),
+    _gyro_unit_hypothesis(
+        "rad/s-read-as-degrees/s", "rad/s, but was converted as if it were in degrees/s", 180.0 / math.pi
+    ),
 )
-"""Units of the gyroscope."""
+"""Hypotheses on the unit of a gyroscope."""
 SIGN_HYPOTHESES = (
     _scale_hypothesis(
         "accel-reversed", "accel sign", "has an accelerometer with the wrong sign", "reversed", -1.0, 1.0
@@ -78,10 +82,10 @@ SIGN_HYPOTHESES = (
     _scale_hypothesis("gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0),
 )
 """Signs of accelerometer and gyroscope."""
-AXES = tuple(axes_hypothesis(*axes) for axes in rotations()[1:])
+AXES = tuple(axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
 IMU = (*ACCEL_UNITS, *GYRO_UNITS, *SIGN_HYPOTHESES, *AXES)
-"""Units, signs and axes of `Kind.IMU`."""
+"""Hypotheses on units, signs and axes of a source of `Kind.IMU`."""
 
 
 def tilt_hypothesis(force: FloatArray) -> Hypothesis:

@@ -8,10 +8,10 @@ from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.speed import SPEED
 
 NO_OFFSET = (0.0, 0.0)
-"""No offset of east and north."""
+"""Offset of a hypothesis without one: zero east and north."""
 
 
-def _axes(name: str, fault: str, east: tuple[float, float], north: tuple[float, float]) -> Hypothesis:
+def _axes_hypothesis(name: str, fault: str, east: tuple[float, float], north: tuple[float, float]) -> Hypothesis:
     return Hypothesis(name, "axes", fault, "axes exchanged", (east, north), NO_OFFSET)
 
 
@@ -21,9 +21,9 @@ VELOCITY = (
         for each in SPEED
         if each.group == "unit"
     ),
-    _axes("north-east", "has north before east", (0.0, 1.0), (1.0, 0.0)),
-    _axes("west-north", "has west in place of east", (-1.0, 0.0), (0.0, 1.0)),
-    _axes("east-south", "has south in place of north", (1.0, 0.0), (0.0, -1.0)),
-    _axes("west-south", "points backward", (-1.0, 0.0), (0.0, -1.0)),
+    _axes_hypothesis("north-east", "has north before east", (0.0, 1.0), (1.0, 0.0)),
+    _axes_hypothesis("west-north", "has west in place of east", (-1.0, 0.0), (0.0, 1.0)),
+    _axes_hypothesis("east-south", "has south in place of north", (1.0, 0.0), (0.0, -1.0)),
+    _axes_hypothesis("west-south", "points backward", (-1.0, 0.0), (0.0, -1.0)),
 )
-"""Units and axes of `Kind.VELOCITY`."""
+"""Hypotheses on the unit and the axes of a source of `Kind.VELOCITY`."""

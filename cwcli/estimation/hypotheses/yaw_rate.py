@@ -18,4 +18,4 @@ YAW_RATE = (
     ),
     Hypothesis.of_scalar("clockwise", "sign", "counts clockwise, not counter-clockwise", "reversed", factor=-1.0),
 )
-"""Units and sign of `Kind.YAW_RATE`."""
+"""Hypotheses on the unit and the sign of a source of `Kind.YAW_RATE`."""

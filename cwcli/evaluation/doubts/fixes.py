@@ -11,11 +11,11 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
 from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_number
 
 MAX_SIGMAS = 4.0
-"""Offsets beyond as many sigmas are doubted. Chosen: by chance one in 3,000 two-dimensional errors is as large."""
+"""Greatest offset, in sigmas, that is not doubted. Chosen: by chance one in 3,000 two-dimensional errors is larger."""
 MIN_DOUBTED_OFFSET_M = 2.0
-"""Smaller offsets [m] are not doubted. Chosen: a car 2 m beside its place would be in another lane."""
+"""Least offset from the fixes, m, that is doubted. Chosen: a car 2 m beside its place would be in another lane."""
 LASTING_S = 2.0
-"""An offset counts that lasts so long, s. Chosen: longer than an outlier, shorter than the doubted stretches."""
+"""Least duration in s of an offset that counts. Chosen: longer than an outlier, shorter than the doubted stretches."""
 RECORD_KEY = "fix_offsets"
 """Entry of the record of `estimate` that holds the offsets as JSON."""
 

@@ -13,11 +13,11 @@ from cwcli.signals.vehicle_state import SPEED
 from cwcli.text import format_duration
 
 MAX_UNOBSERVED_S = 5.0
-"""Longer standstills without a heading, s in all, are doubted. Chosen: a stop at a sign is shorter."""
+"""Longest standstill without a heading, s in all, that is not doubted. Chosen: a stop at a sign is shorter."""
 STANDSTILL_MPS = 0.3
-"""Slower is standing, m/s. Chosen: fixes that scatter by 0.1 m look as fast."""
+"""Speed in m/s below which a car stands. Chosen: fixes that scatter by 0.1 m look as fast."""
 MAX_STEP_S = 1.0
-"""Longer steps between states, s, do not count as standing. Chosen by hand; not fitted."""
+"""Longest step between two states, s, that counts as standing. Chosen by hand; not fitted."""
 HEADING_QUANTITIES = frozenset({"heading", "yaw_rate"})
 """Quantities that tell the heading, or keep it, at standstill."""
 

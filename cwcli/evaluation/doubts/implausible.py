@@ -12,16 +12,17 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
 MAX_PLAUSIBLE_SPEED_KMH = 200.0
-"""Larger speeds, in km/h, are doubted: few motorways allow more than 130, and test tracks stay below 200."""
+"""Greatest plausible speed of a car, km/h: few motorways allow more than 130, and test tracks stay below 200. Chosen by
+hand."""
 MAX_PLAUSIBLE_ACCEL_MPS2 = 12.0
-"""Larger accelerations, in m/s^2, are doubted: tyres on a dry road transmit about 1.2 g at most."""
+"""Greatest plausible acceleration of a car, m/s^2: tyres on a dry road transmit about 1.2 g at most. Chosen by hand."""
 KMH_PER_MPS = 3.6
 """Kilometres per hour in a metre per second."""
 ADVICE = "Check the units and the axes of the sensors."
 """The advice for every implausible value, a sentence for users."""
 
 
-def _speed_kmh(state: FloatArray) -> FloatArray:
+def _absolute_speed_kmh(state: FloatArray) -> FloatArray:
     return KMH_PER_MPS * np.abs(state[:, SPEED])
 
 
@@ -55,7 +56,7 @@ def _make_rule(
     return DoubtRule(f"{what} that no car has", most, unit, source, ADVICE, find)
 
 
-SPEED_RULE = _make_rule("a speed", "km/h", MAX_PLAUSIBLE_SPEED_KMH, "chosen: above public roads", _speed_kmh)
+SPEED_RULE = _make_rule("a speed", "km/h", MAX_PLAUSIBLE_SPEED_KMH, "chosen: above public roads", _absolute_speed_kmh)
 _OF_TYRES = "tyres on a dry road transmit about 1.2 g"
 ACCELERATION_RULE = _make_rule("an acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _accel_mps2)
 LATERAL_ACCELERATION_RULE = _make_rule(

@@ -14,20 +14,20 @@ from cwcli.text import shorten_and_escape
 
 def find_understated_noise(evidence: DoubtEvidence) -> list[Finding]:
     """Return the sources, of the ego and of tracked targets, whose NIS is outside its bounds and too large."""
-    found = list(_iter_findings(evidence))
+    found = list(_iter_sources_with_understated_noise(evidence))
     return sorted(found, key=lambda each: -each.value)
 
 
-def _iter_findings(evidence: DoubtEvidence) -> Iterator[Finding]:
+def _iter_sources_with_understated_noise(evidence: DoubtEvidence) -> Iterator[Finding]:
     for source in evidence.ego_sources:
         if source.get("nis_inside") is False:
-            yield from _finding(source_name(source), read_number(source, "nis_per_dof"))
+            yield from _iter_finding_if_nis_too_large(source_name(source), read_number(source, "nis_per_dof"))
     for name, nis, inside in evidence.summary_of_stage("track").column_cells("sensors", "sensor", "NIS/dof", "inside"):
         if isinstance(nis, int | float) and not isinstance(nis, bool) and inside == "OUT":
-            yield from _finding(shorten_and_escape(str(name), 60), to_float_or_nan(nis))
+            yield from _iter_finding_if_nis_too_large(shorten_and_escape(str(name), 60), to_float_or_nan(nis))
 
 
-def _finding(name: str, nis: float) -> Iterator[Finding]:
+def _iter_finding_if_nis_too_large(name: str, nis: float) -> Iterator[Finding]:
     if TOLERATED_VARIANCE_FACTOR < nis < math.inf:
         yield Finding(nis, f"{name} scatters by {math.sqrt(nis):.1f} times its sigma (NIS {nis:.1f}).")
 

@@ -22,11 +22,11 @@ def find_rejected_inputs(evidence: DoubtEvidence) -> list[Finding]:
         for entry in read_input_counts(record):
             topic = str(entry.get("topic"))
             if topic not in found and not topic.startswith(OWN_TOPIC_PREFIX):
-                found.update((topic, each) for each in _iter_findings(topic, entry))
+                found.update((topic, each) for each in _iter_finding_if_too_many_rejected(topic, entry))
     return sorted(found.values(), key=lambda each: -each.value)
 
 
-def _iter_findings(topic: str, entry: Mapping[str, Any]) -> Iterator[Finding]:
+def _iter_finding_if_too_many_rejected(topic: str, entry: Mapping[str, Any]) -> Iterator[Finding]:
     reasons = entry.get("rejected")
     if not isinstance(reasons, dict) or not reasons:
         return

@@ -198,7 +198,7 @@ def _missing_field_error(log: Log, topic: str, condition: Condition, *, is_unlik
     known: dict[str, str] = {}
     for _, message in islice(log.iter_message_trees(topic), MAX_SCANNED_MESSAGES):
         if not isinstance(message, UndecodableMessage):
-            _collect_field_paths(message, "", known)
+            _collect_field_kinds(message, "", known)
     shown = tuple(f"{path} ({kind})" for path, kind in list(known.items())[:MAX_LISTED_FIELDS])
     if len(known) > MAX_LISTED_FIELDS:
         shown += (f"and {len(known) - MAX_LISTED_FIELDS} more",)
@@ -206,18 +206,18 @@ def _missing_field_error(log: Log, topic: str, condition: Condition, *, is_unlik
     return UsageError(f"{option}: {what}", where=log.name, found=shown, hint="name one of the fields found")
 
 
-def _collect_field_paths(value: object, path: str, known: dict[str, str]) -> None:
+def _collect_field_kinds(value: object, path: str, kind_text_by_path: dict[str, str]) -> None:
     """Add the paths of the values in a message: `status[].name`, with their kind, or with an example of a text."""
     if isinstance(value, dict):
         for name, inner in value.items():
-            _collect_field_paths(inner, f"{path}.{name}" if path else str(name), known)
+            _collect_field_kinds(inner, f"{path}.{name}" if path else str(name), kind_text_by_path)
     elif isinstance(value, list):
         for inner in value[:MAX_LISTED_FIELDS]:
-            _collect_field_paths(inner, f"{path}[]", known)
+            _collect_field_kinds(inner, f"{path}[]", kind_text_by_path)
         if not value:
-            known.setdefault(f"{path}[]", "an empty list")
-    elif path not in known:
-        known[path] = _value_kind_text(value)
+            kind_text_by_path.setdefault(f"{path}[]", "an empty list")
+    elif path not in kind_text_by_path:
+        kind_text_by_path[path] = _value_kind_text(value)
 
 
 def _value_kind_text(value: object) -> str:

@@ -26,11 +26,12 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.role import Role
 
 PATH_STEP_S = 0.1
-"""Step of the resampled paths, s."""
+"""Step of the resampled paths, s. Chosen by hand; not fitted."""
 VEHICLE_FRAMES = frozenset({"base_link", "base_footprint", "ego_vehicle", "vehicle"})
 """Frames whose origin is the car and whose x axis points ahead."""
 MIN_SPEED_MPS = 0.1
-"""Least speed along a path, m/s, so that its duration stays finite; below it the car stands at the path's end."""
+"""Least speed along a path, m/s, so that its duration stays finite; below it the car stands at the path's end. Chosen
+by hand; not fitted."""
 
 
 def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, FramePlacement] | None) -> None:

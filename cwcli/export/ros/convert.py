@@ -82,7 +82,9 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     made, left_messages, left_fields, unreadable = [], {}, {}, {}
     for topic, name in ros_topic_names(known).items():
         try:
-            channel, left_messages[topic], left_fields[topic] = _convert_channel(log, topic, name, local_map)
+            channel, left_messages[topic], left_fields[topic] = _convert_channel_and_count_left_out(
+                log, topic, name, local_map
+            )
         except DataError as error:
             if known[topic].startswith(OWN_SCHEMA_PREFIX):
                 raise
@@ -135,7 +137,7 @@ def ros_topic_names(topics: Iterable[str]) -> dict[str, str]:
     return names
 
 
-def _convert_channel(
+def _convert_channel_and_count_left_out(
     log: Log, topic: str, name: str, local_map: LocalMap | None
 ) -> tuple[OutputChannel, dict[str, int], list[str]]:
     """Convert a channel; returns it, the number of messages left out by field, and the names of fields left out."""

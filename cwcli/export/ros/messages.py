@@ -80,7 +80,7 @@ class RosConversion:
     make_fields: Callable[[Columns, LocalMap | None], Fields]
 
 
-def _fields_of_same_name(columns: Columns, _map: LocalMap | None) -> Fields:
+def _copy_fields_of_same_name(columns: Columns, _map: LocalMap | None) -> Fields:
     """Copy the fields that the ROS message has under the same names."""
     schema = ROS_CONVERSIONS[columns.schema_name].schema
     unknown = fields_unknown_to_ros(columns)
@@ -96,7 +96,7 @@ def _fields_of_same_name(columns: Columns, _map: LocalMap | None) -> Fields:
 def fields_unknown_to_ros(columns: Columns) -> list[str]:
     """Names of the fields of a channel copied field by field that the ROS message does not have."""
     message = ROS_CONVERSIONS[columns.schema_name]
-    if message.make_fields is not _fields_of_same_name:
+    if message.make_fields is not _copy_fields_of_same_name:
         return []
     root, definitions = parse_message_definitions(message.schema, ros2msg_schema_text(message.schema))
     return [path for path in columns.fields if not _has_field(definitions, root, path)]
@@ -312,12 +312,12 @@ ROS_CONVERSIONS = {
     "cwcli.v1.Target": RosConversion("nav_msgs/msg/Odometry", _odometry_of_target),
     "cwcli.v1.PredictedPath": RosConversion("nav_msgs/msg/Path", _path_fields),
     "cwcli.v1.Warning": RosConversion("diagnostic_msgs/msg/DiagnosticArray", _diagnostics_fields),
-    "cwcli.v1.Measures": RosConversion("cwcli_msgs/msg/Measures", _fields_of_same_name),
-    "cwcli.v1.Lanes": RosConversion("cwcli_msgs/msg/Lanes", _fields_of_same_name),
-    "cwcli.v1.LateralState": RosConversion("cwcli_msgs/msg/LateralState", _fields_of_same_name),
-    "cwcli.v1.ControlStep": RosConversion("cwcli_msgs/msg/ControlStep", _fields_of_same_name),
-    "cwcli.v1.Rejected": RosConversion("cwcli_msgs/msg/Rejected", _fields_of_same_name),
-    "cwcli.v1.RoadEvent": RosConversion("cwcli_msgs/msg/RoadEvent", _fields_of_same_name),
+    "cwcli.v1.Measures": RosConversion("cwcli_msgs/msg/Measures", _copy_fields_of_same_name),
+    "cwcli.v1.Lanes": RosConversion("cwcli_msgs/msg/Lanes", _copy_fields_of_same_name),
+    "cwcli.v1.LateralState": RosConversion("cwcli_msgs/msg/LateralState", _copy_fields_of_same_name),
+    "cwcli.v1.ControlStep": RosConversion("cwcli_msgs/msg/ControlStep", _copy_fields_of_same_name),
+    "cwcli.v1.Rejected": RosConversion("cwcli_msgs/msg/Rejected", _copy_fields_of_same_name),
+    "cwcli.v1.RoadEvent": RosConversion("cwcli_msgs/msg/RoadEvent", _copy_fields_of_same_name),
     "foxglove.LocationFix": RosConversion("sensor_msgs/msg/NavSatFix", _nav_sat_fix_fields),
     "foxglove.PoseInFrame": RosConversion("geometry_msgs/msg/PoseStamped", _pose_stamped_fields),
     "foxglove.FrameTransform": RosConversion("tf2_msgs/msg/TFMessage", _transform_fields),

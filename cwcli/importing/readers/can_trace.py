@@ -15,13 +15,13 @@ import numpy as np
 from cwcli.errors import DataError, InputError, MissingSignalError, UsageError, install_hint
 from cwcli.importing.names import QUANTITIES, quantities_of_name
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ask
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
 from cwcli.signals.can import MAX_FRAME_BYTES, decode_all_signals, load_dbc_messages
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
 CANDUMP = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
-"""A line of candump -l."""
+"""Pattern of a line that `candump -l` writes: time, bus, identifier and data."""
 ASC_HEADER = re.compile(r"^(date\s|base\s+(hex|dec)\b|\d+\.\d+\s+(\d+|CANFD)\s+[0-9A-Fa-f]+x?\s+[RT]x)", re.IGNORECASE)
 """A line near the start of an ASC trace."""
 BLF_MAGIC = b"LOGG"
@@ -44,7 +44,7 @@ def accepts_blf(head: FileHead) -> bool:
     return head.data.startswith(BLF_MAGIC)
 
 
-def read_trace(path: str, answers: Answers, kind: str) -> Sequence[SourceTable]:
+def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequence[SourceTable]:
     """Return a table of each message that has a signal which can be a quantity.
 
     Raises:
@@ -54,13 +54,15 @@ def read_trace(path: str, answers: Answers, kind: str) -> Sequence[SourceTable]:
         UsageError: A DBC file can't be read, or a package is missing.
     """
     if not answers.dbc:
-        raise ask([Question(path, "a CAN trace holds bytes; which signals they are is in a DBC file", "--dbc car.dbc")])
+        raise ambiguity_error_of_questions(
+            [Question(path, "a CAN trace holds bytes; which signals they are is in a DBC file", "--dbc car.dbc")]
+        )
     given = {column for column, _ in answers.columns.values() if column}
     messages = {}
     for message in load_dbc_messages(answers.dbc):
         if any(_can_be_quantity(signal.name) or signal.name in given for signal in message.signals):
             messages[message.frame_id, bool(message.is_extended_frame)] = message
-    frames, n_frames = _frames_of_messages(path, kind, messages)
+    frames, n_frames = _read_frames_by_message(path, kind, messages)
     found = [(messages[key], *rows) for key, rows in frames.items() if rows[0]]
     if not found:
         names = tuple(sorted(message.name for message in messages.values()))
@@ -70,14 +72,14 @@ def read_trace(path: str, answers: Answers, kind: str) -> Sequence[SourceTable]:
             found=names[:20],
             hint="--dbc FILE names the file of this bus; --column QUANTITY=SIGNAL names a signal",
         )
-    return [_table_of_message(path, kind, message, times, data, n) for message, times, data, n in found]
+    return [_build_table_of_message(path, kind, message, times, data, n) for message, times, data, n in found]
 
 
 def _can_be_quantity(name: str) -> bool:
     return any(QUANTITIES[quantity].kind not in {"time", "text", "number"} for quantity in quantities_of_name(name))
 
 
-def _table_of_message(
+def _build_table_of_message(
     path: str, kind: str, message: Any, times: list[int], data: bytearray, n: list[int]
 ) -> SourceTable:
     octets = np.frombuffer(data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
@@ -92,7 +94,7 @@ def _table_of_message(
     return SourceTable(path, message.name, kind, ("time", *names), read, units=units)
 
 
-def _frames_of_messages(
+def _read_frames_by_message(
     path: str, kind: str, messages: dict[tuple[int, bool], Any]
 ) -> tuple[dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]], int]:
     """Return stamps, padded data and lengths of the frames of each message, and how many frames there are."""
@@ -125,12 +127,14 @@ def _frames_of_messages(
     return frames, n_frames
 
 
-def _kind(name: str, summary: str, suffix: str, accepts: Any) -> ImportKind:
-    return ImportKind(summary, (suffix,), accepts, lambda path, answers: read_trace(path, answers, name))
+def _make_trace_kind(name: str, summary: str, suffix: str, accepts: Any) -> ImportKind:
+    return ImportKind(
+        summary, (suffix,), accepts, lambda path, answers: read_message_tables_of_trace(path, answers, name)
+    )
 
 
-ASC = _kind("asc", "CAN traces as ASC, with a DBC file (needs python-can and cantools)", ".asc", accepts_asc)
-BLF = _kind("blf", "CAN traces as BLF, with a DBC file (needs python-can and cantools)", ".blf", accepts_blf)
-CANDUMP_KIND = _kind(
+ASC = _make_trace_kind("asc", "CAN traces as ASC, with a DBC file (needs python-can and cantools)", ".asc", accepts_asc)
+BLF = _make_trace_kind("blf", "CAN traces as BLF, with a DBC file (needs python-can and cantools)", ".blf", accepts_blf)
+CANDUMP_KIND = _make_trace_kind(
     "candump", "CAN traces of candump, with a DBC file (needs python-can and cantools)", ".log", accepts_candump
 )

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import DataError, InputError
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ask
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
 from cwcli.importing.text_file import TextHead, decode_head, no_text_error, read_head
 from cwcli.importing.units import is_unit_text
 from cwcli.lazy_dataclass import dataclass
@@ -24,13 +24,13 @@ SEPARATORS = (";", "\t", ",", "|")
 N_SHOWN_LINES = 200
 """Lines at the start that show the layout; chosen by hand."""
 BLOCK_BYTES = 4 << 20
-"""Bytes that Arrow parses at a time."""
+"""Number of bytes that Arrow parses at a time, 4 MiB. Chosen by hand."""
 _NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
 _VALUE = re.compile(r"^[+-]?[\d.,:/ TZeE+-]+$")
 MAX_LINES_OF_CELL = 10
-"""A text in quotes has fewer lines; chosen by hand."""
+"""Greatest number of lines of a text in quotes. Chosen by hand."""
 MAX_BAD_SHARE = 0.05
-"""Largest share of rows with another number of cells that is left out; more show that the layout is not understood."""
+"""Largest share of rows with a wrong number of cells that are left out; more is an error. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -94,12 +94,12 @@ def find_layout(head: TextHead, where: str) -> Layout:
         numbered = numbered[1:]
     best: tuple[float, int, str] | None = None
     for separator in SEPARATORS:
-        rows = [_cells(line, separator) for _, line in numbered]
+        rows = [_split_line_into_cells(line, separator) for _, line in numbered]
         counts = Counter(len(cells) for cells in rows[-max(len(rows) - 5, 1) :])
         n_cells, n_alike = max(counts.items(), key=lambda item: (item[1], item[0]))
         if n_cells < 2:
             continue
-        has_names = any(len(cells) == n_cells and _is_names(cells) for cells in rows)
+        has_names = any(len(cells) == n_cells and _are_cells_names(cells) for cells in rows)
         score = n_alike / sum(counts.values()) + (1.0 if has_names else 0.0)
         if best is None or score > best[0] + 1e-9:
             best = (score, n_cells, separator)
@@ -108,14 +108,14 @@ def find_layout(head: TextHead, where: str) -> Layout:
             "its lines are not separated into columns", where=where, hint="columns are separated by , ; | or tabs"
         )
     _, n_cells, separator = best
-    return _layout_with(separator, n_cells, numbered, where)
+    return _layout_with_separator(separator, n_cells, numbered, where)
 
 
-def _layout_with(separator: str, n_cells: int, numbered: Sequence[tuple[int, str]], where: str) -> Layout:
-    rows = [(k, _cells(line, separator)) for k, line in numbered]
-    at = next((i for i, (_, cells) in enumerate(rows) if len(cells) == n_cells and _is_names(cells)), None)
+def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tuple[int, str]], where: str) -> Layout:
+    rows = [(k, _split_line_into_cells(line, separator)) for k, line in numbered]
+    at = next((i for i, (_, cells) in enumerate(rows) if len(cells) == n_cells and _are_cells_names(cells)), None)
     if at is None:
-        wide = next((cells for _, cells in rows if _is_names(cells) and 1 < len(cells) < n_cells), None)
+        wide = next((cells for _, cells in rows if _are_cells_names(cells) and 1 < len(cells) < n_cells), None)
         if wide is not None and n_cells % len(wide) in (0, 1) and separator == ",":
             raise DataError(
                 f"the line of names has {len(wide)} columns and the rows have {n_cells}: decimal commas between commas",
@@ -129,7 +129,7 @@ def _layout_with(separator: str, n_cells: int, numbered: Sequence[tuple[int, str
                 hint="give every column a name",
             )
         shown = separator.join(rows[0][1])[:60]
-        raise ask(
+        raise ambiguity_error_of_questions(
             [
                 Question(
                     where,
@@ -156,7 +156,7 @@ def _layout_with(separator: str, n_cells: int, numbered: Sequence[tuple[int, str
     return Layout(separator, unique, units, last + 1)
 
 
-def _cells(line: str, separator: str) -> list[str]:
+def _split_line_into_cells(line: str, separator: str) -> list[str]:
     try:
         cells = next(csv.reader([line], delimiter=separator), [])
     except csv.Error:
@@ -164,7 +164,7 @@ def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def _is_names(cells: Sequence[str]) -> bool:
+def _are_cells_names(cells: Sequence[str]) -> bool:
     """Tell whether cells are names: most are words, and none is a number or a time."""
     given = [cell.lstrip("#").strip() for cell in cells if cell.strip()]
     if not given or any(_NUMBER.match(cell) for cell in given):
@@ -224,14 +224,14 @@ def _read_rows(
                 n_rows += len(batch)
                 for name in columns:
                     for text in pc.filter(batch.column(name), pc.match_substring(batch.column(name), "\n")):
-                        _check_quotes(text.as_py(), where)
+                        _require_closed_quotes(text.as_py(), where)
                 yield {name: batch.column(name) for name in columns}
         except (pa.ArrowInvalid, UnicodeError) as error:
             said = str(error).splitlines()[0]
             if n_rows == 0 and n_bad[0] == 0 and "Empty" in said:
                 raise InputError("it has a line of names and no rows", where=where) from error
             raise InputError(f"it can't be read as separated text: {said}", where=where) from error
-    _check_quotes(longest[0], where)
+    _require_closed_quotes(longest[0], where)
     if n_bad[0] > MAX_BAD_SHARE * (n_rows + n_bad[0]):
         raise DataError(
             f"{n_bad[0]} of {n_rows + n_bad[0]} rows have not {len(layout.names)} columns",
@@ -244,7 +244,7 @@ def _read_rows(
             notes.append(said)
 
 
-def _check_quotes(text: str, where: str) -> None:
+def _require_closed_quotes(text: str, where: str) -> None:
     """Raise where a row or a cell holds many lines: a quote that is never closed has swallowed other rows.
 
     Raises:

@@ -23,12 +23,12 @@ _IGNORED = ("v_RS_R_", "b_w_RS_S_", "b_a_RS_S_")
 """Velocities in the axes of the world and biases: not read."""
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_euroc_file(head: FileHead) -> bool:
     first = head.lines[0] if head.lines else ""
     return first.startswith("#") and "timestamp" in first and any(name in first for name in ("p_RS_R_x", "w_RS_S_x"))
 
 
-def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
+def _read_euroc_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     table = read_delimited(path, answers, kind="euroc")
     presets = {}
     for column in table.columns:
@@ -40,5 +40,5 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
     return [replace(table, presets=presets)]
 
 
-KIND = ImportKind("EuRoC and ASL: ground truth and IMU", (".csv",), _accepts, _read)
+KIND = ImportKind("EuRoC and ASL: ground truth and IMU", (".csv",), _accepts_euroc_file, _read_euroc_tables)
 """The description of this kind."""

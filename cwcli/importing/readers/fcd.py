@@ -15,7 +15,7 @@ import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind, Recording
-from cwcli.importing.tables import Answers, Batch, Guess, Preset, Question, SourceTable, ask
+from cwcli.importing.tables import Answers, Batch, Guess, Preset, Question, SourceTable, ambiguity_error_of_questions
 from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
@@ -28,28 +28,27 @@ from cwcli.simulation.v2x_link import ReceivedMessages
 
 PLANE_ORIGIN = (52.0, 10.0)
 """Latitude and longitude of the origin of a plane that has no place on the globe, degrees; chosen by hand."""
-LONGEST_STEP_MPS = 150.0
-"""Faster than any car: positions in degrees change by far less than a speed says."""
 MAX_VALUE = 1e10
-"""No time, place, angle or speed of a simulated vehicle is as large."""
+"""Greatest size of a time, place, angle or speed of a simulated vehicle. Chosen by hand: ten thousand times the size of
+a map."""
 ROWS = ("time", "x", "y", "angle", "speed")
 """The time, and the attributes of a vehicle at a step that are read."""
 REMOTE_TOPIC = "/v2x/bsm"
 """Topic of the others' messages."""
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_fcd_file(head: FileHead) -> bool:
     return "<fcd-export" in "\n".join(head.lines[:60])
 
 
-def _read(path: str, answers: Answers) -> Sequence[SourceTable | Recording]:
-    vehicles = _vehicles(path)
+def _read_fcd_tables(path: str, answers: Answers) -> Sequence[SourceTable | Recording]:
+    vehicles = _read_rows_by_vehicle(path)
     if not vehicles:
         raise DataError("it holds no vehicle", where=path)
-    ego = _ego(path, list(vehicles), answers)
+    ego = _choose_ego_name(path, list(vehicles), answers)
     tables = {name: np.array(rows, np.float64) for name, rows in vehicles.items()}
     is_geographic = _is_geographic(tables[ego])
-    places = {name: _places(rows, is_geographic) for name, rows in tables.items()}
+    places = {name: _latitudes_and_longitudes(rows, is_geographic) for name, rows in tables.items()}
     origin = LocalMap(*PLANE_ORIGIN)
     latitude, longitude = places[ego]
     stamps = np.rint(tables[ego][:, 0] * 1e6).astype(np.int64) * 1000
@@ -79,13 +78,13 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable | Recording]:
     table = SourceTable(path, ego, "sumo fcd", tuple(columns), read, presets=presets, notes=notes)
     others = {}
     for name, values in tables.items():
-        rows = _rows_of_messages(values)
+        rows = _complete_row_indices_by_time(values)
         if name != ego and len(rows) > 1:
             others[name] = values[rows], (places[name][0][rows], places[name][1][rows])
     return [table, OtherVehicles(path, others, origin)] if others else [table]
 
 
-def _vehicles(path: str) -> dict[str, list[tuple[float, ...]]]:
+def _read_rows_by_vehicle(path: str) -> dict[str, list[tuple[float, ...]]]:
     """Return the rows of each vehicle.
 
     Raises:
@@ -113,14 +112,14 @@ def _vehicles(path: str) -> dict[str, list[tuple[float, ...]]]:
     return vehicles
 
 
-def _rows_of_messages(rows: FloatArray) -> Int64Array:
+def _complete_row_indices_by_time(rows: FloatArray) -> Int64Array:
     """Return the rows with every value that a message needs, one a time, in the order of time."""
     complete = np.flatnonzero(np.isfinite(rows).all(axis=1) & (np.abs(rows) < MAX_VALUE).all(axis=1))
     stamps = np.rint(rows[complete, 0] * 1e6).astype(np.int64)
     return complete[np.unique(stamps, return_index=True)[1]]
 
 
-def _ego(path: str, names: Sequence[str], answers: Answers) -> str:
+def _choose_ego_name(path: str, names: Sequence[str], answers: Answers) -> str:
     if answers.vehicle in names:
         return answers.vehicle
     if len(names) == 1:
@@ -129,7 +128,7 @@ def _ego(path: str, names: Sequence[str], answers: Answers) -> str:
     if len(own) == 1 and not answers.vehicle:
         return own[0]
     shown = ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
-    raise ask(
+    raise ambiguity_error_of_questions(
         [Question(path, f"it holds {len(names)} vehicles, and one of them is the ego: {shown}", f"--id {names[0]}")]
     )
 
@@ -144,7 +143,7 @@ def _is_geographic(rows: FloatArray) -> bool:
     return driven > 0 and way < 0.01 * driven
 
 
-def _places(rows: FloatArray, is_geographic: bool) -> tuple[FloatArray, FloatArray]:
+def _latitudes_and_longitudes(rows: FloatArray, is_geographic: bool) -> tuple[FloatArray, FloatArray]:
     if is_geographic:
         return rows[:, 2], rows[:, 1]
     latitude, longitude, _ = LocalMap(*PLANE_ORIGIN).wgs84_from_map(rows[:, 1], rows[:, 2], np.zeros(len(rows)))
@@ -212,5 +211,5 @@ def _messages_of_vehicle(
     )
 
 
-KIND = ImportKind("SUMO's floating car data (FCD)", (".xml",), _accepts, _read)
+KIND = ImportKind("SUMO's floating car data (FCD)", (".xml",), _accepts_fcd_file, _read_fcd_tables)
 """The description of this kind."""

@@ -45,13 +45,13 @@ _PRESETS = {
 }
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_gnsslogger_file(head: FileHead) -> bool:
     lines = head.lines
     named = any(line.startswith(("# Fix,", "# Raw,", "#Fix,", "#Raw,")) for line in lines)
     return named or (any("GnssLogger" in line for line in lines) and any(line.startswith("Fix,") for line in lines))
 
 
-def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
+def _read_gnsslogger_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     names: dict[str, str] = {}
     rows: dict[str, io.StringIO] = {}
     try:
@@ -71,14 +71,14 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
         lines = text.getvalue()
         notes = []
         if word == "Fix":
-            lines, said = _of_best_provider(lines)
+            lines, said = _rows_of_best_provider_and_note(lines)
             notes.append(said)
         table = read_delimited(path, answers, part=word, data=f"{names[word]}\n{lines}".encode(), kind="gnsslogger")
-        tables.append(_with_presets(table, notes))
-    return _one_of_each(tables)
+        tables.append(_with_gnsslogger_presets(table, notes))
+    return _without_calibrated_duplicates(tables)
 
 
-def _with_presets(table: SourceTable, notes: list[str]) -> SourceTable:
+def _with_gnsslogger_presets(table: SourceTable, notes: list[str]) -> SourceTable:
     from dataclasses import replace
 
     presets = {column: _PRESETS.get(column, Preset("ignored")) for column in table.columns}
@@ -87,7 +87,7 @@ def _with_presets(table: SourceTable, notes: list[str]) -> SourceTable:
     )
 
 
-def _of_best_provider(lines: str) -> tuple[str, str]:
+def _rows_of_best_provider_and_note(lines: str) -> tuple[str, str]:
     rows = lines.splitlines()
     found = {row.partition(",")[0] for row in rows}
     best = next((name for name in PROVIDERS if name in found), min(found))
@@ -96,11 +96,11 @@ def _of_best_provider(lines: str) -> tuple[str, str]:
     return "\n".join(kept) + "\n", f"positions of {best}" + (f"; those of {others} left out" if others else "")
 
 
-def _one_of_each(tables: Sequence[SourceTable]) -> list[SourceTable]:
+def _without_calibrated_duplicates(tables: Sequence[SourceTable]) -> list[SourceTable]:
     """Leave out calibrated measurements where the raw ones are there."""
     parts = {table.part for table in tables}
     return [table for table in tables if f"Uncal{table.part}" not in parts]
 
 
-KIND = ImportKind("recordings of Google's GNSSLogger", (".txt",), _accepts, _read)
+KIND = ImportKind("recordings of Google's GNSSLogger", (".txt",), _accepts_gnsslogger_file, _read_gnsslogger_tables)
 """The description of this kind."""

@@ -14,10 +14,10 @@ from xml.etree import ElementTree
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ask
+from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ambiguity_error_of_questions
 
 POINTS_AT_ONCE = 50_000
-"""Points of a batch."""
+"""Number of track points in a batch of rows. Chosen by hand: a batch takes a few megabytes."""
 PRESETS = {
     "time": Preset("time"),
     "lat": Preset("latitude", "deg"),
@@ -29,11 +29,11 @@ PRESETS = {
 """Column -> the quantity and unit that the format fixes."""
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_gpx_file(head: FileHead) -> bool:
     return "<gpx" in "\n".join(head.lines[:20])
 
 
-def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
+def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     tracks = [(name, n) for name, n in _list_tracks(path) if n]
     if not tracks:
         raise DataError("it has no track with points", where=path, hint="routes and way points have no times")
@@ -42,7 +42,9 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
         names = [name for name, _ in tracks]
         if answers.vehicle not in names:
             shown = ", ".join(f"{name} ({n} points)" for name, n in tracks[:10])
-            raise ask([Question(path, f"it has {len(tracks)} tracks: {shown}", f"--id '{names[0]}'")])
+            raise ambiguity_error_of_questions(
+                [Question(path, f"it has {len(tracks)} tracks: {shown}", f"--id '{names[0]}'")]
+            )
         wanted = names.index(answers.vehicle)
     found = set(_names_of_points(path, tracks[wanted][0]))
     columns = tuple(name for name in PRESETS if name in {"time", "lat", "lon"} or name in found)
@@ -130,5 +132,5 @@ def _fields_of_point(point: Any) -> dict[str, str]:
     return fields
 
 
-KIND = ImportKind("GPX tracks", (".gpx",), _accepts, _read)
+KIND = ImportKind("GPX tracks", (".gpx",), _accepts_gpx_file, _read_gpx_tables)
 """The description of this kind."""

@@ -17,16 +17,16 @@ import numpy as np
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
-from cwcli.importing.times import parse_start
+from cwcli.importing.times import parse_start_ns
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.nmea import SENTENCE_PARSERS, split_sentence
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 NS_PER_DAY = 86_400 * NS_PER_S
-"""Length of a day."""
+"""Number of nanoseconds in a day."""
 SENTENCE = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*\*[0-9A-Fa-f]{2}")
-"""A sentence with its checksum."""
+"""Pattern of an NMEA sentence with its checksum."""
 COLUMNS = {
     "position": ("latitude_deg", "longitude_deg", "altitude_m"),
     "velocity": ("speed_mps", "course_deg"),
@@ -71,21 +71,21 @@ class Collected:
     counts: Counter[str] = field(default_factory=Counter)
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_nmea_file(head: FileHead) -> bool:
     found = sum(bool(SENTENCE.search(line)) for line in head.lines)
     return found > 0 and found >= 0.3 * len(head.lines)
 
 
-def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
-    collected = _collect(path)
+def _read_nmea_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
+    collected = _collect_sentences(path)
     if not len(collected.ns_of_day):
         raise DataError("no sentence has a time", where=path, hint="GGA and RMC sentences have one")
-    stamps, has_date = _stamps(collected)
+    stamps, has_date = _stamps_ns_and_is_date_known(collected)
     notes = [f"{reason}: {n} sentences" for reason, n in collected.counts.items()]
     start_ns = 0
     if not has_date:
         if answers.start:
-            start_ns = parse_start(answers.start) // NS_PER_DAY * NS_PER_DAY
+            start_ns = parse_start_ns(answers.start) // NS_PER_DAY * NS_PER_DAY
         else:
             notes.append("no sentence has a date: stamps count from midnight (--start names the day)")
     tables: list[SourceTable] = []
@@ -93,14 +93,18 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
         kind = next((each for each in types if each in collected.by_type), None)
         if kind is None:
             continue
-        tables.append(_table(path, name, collected.by_type[kind], stamps + start_ns, notes if not tables else []))
+        tables.append(
+            _build_sentence_table(path, name, collected.by_type[kind], stamps + start_ns, notes if not tables else [])
+        )
         tables[-1].notes.append(f"from {kind} sentences")
     if not tables:
         raise DataError("it has no GGA, RMC, VTG or HDT sentence", where=path)
     return tables
 
 
-def _table(path: str, name: str, sentences: Sentences, stamps: Int64Array, notes: list[str]) -> SourceTable:
+def _build_sentence_table(
+    path: str, name: str, sentences: Sentences, stamps: Int64Array, notes: list[str]
+) -> SourceTable:
     rows = np.frombuffer(sentences.row, np.int64)
     columns = {"time": stamps[rows], **{key: np.frombuffer(sentences.values[key]) for key in COLUMNS[name]}}
     given = tuple(key for key, values in columns.items() if key == "time" or np.isfinite(values).any())
@@ -114,19 +118,19 @@ def _table(path: str, name: str, sentences: Sentences, stamps: Int64Array, notes
     return SourceTable(path, name, "nmea", given, read, presets=presets, notes=list(notes))
 
 
-def _collect(path: str) -> Collected:
+def _collect_sentences(path: str) -> Collected:
     collected = Collected()
     try:
         with Path(path).open(encoding="ascii", errors="replace") as file:
             for line in file:
                 if line.strip():
-                    _collect_line(collected, line)
+                    _collect_sentence_of_line(collected, line)
     except OSError as error:
         raise InputError(f"it can't be read: {error.strerror}", where=path) from error
     return collected
 
 
-def _collect_line(collected: Collected, line: str) -> None:
+def _collect_sentence_of_line(collected: Collected, line: str) -> None:
     kind, fields = split_sentence(line)
     if not fields:
         collected.counts[kind] += 1
@@ -156,14 +160,16 @@ def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> Non
     day = -1
     text = fields[8] if kind == "RMC" and len(fields) > 8 else ""
     if re.fullmatch(r"\d{6}", text):
-        day = _days(2000 + int(text[4:]) if int(text[4:]) < 80 else 1900 + int(text[4:]), int(text[2:4]), int(text[:2]))
+        day = _days_since_1970(
+            2000 + int(text[4:]) if int(text[4:]) < 80 else 1900 + int(text[4:]), int(text[2:4]), int(text[:2])
+        )
     if kind == "ZDA" and len(fields) > 3 and all(re.fullmatch(r"[0-9]{1,4}", text) for text in fields[1:4]):
-        day = _days(int(fields[3]), int(fields[2]), int(fields[1]))
+        day = _days_since_1970(int(fields[3]), int(fields[2]), int(fields[1]))
     collected.ns_of_day.append(((hour * 60 + minute) * 60 + second) * NS_PER_S + part)
     collected.day.append(day)
 
 
-def _days(year: int, month: int, day: int) -> int:
+def _days_since_1970(year: int, month: int, day: int) -> int:
     """Return the days since 1970, -1 for a date that does not exist or is not between 1980 and 2200."""
     if not 1980 <= year < 2200:
         return -1
@@ -173,7 +179,7 @@ def _days(year: int, month: int, day: int) -> int:
         return -1
 
 
-def _stamps(collected: Collected) -> tuple[Int64Array, bool]:
+def _stamps_ns_and_is_date_known(collected: Collected) -> tuple[Int64Array, bool]:
     """Return ns since 1970 of each time, and whether a date is known: each time is near the one before."""
     ns = np.frombuffer(collected.ns_of_day, np.int64)
     day = np.frombuffer(collected.day, np.int64)
@@ -185,5 +191,5 @@ def _stamps(collected: Collected) -> tuple[Int64Array, bool]:
     return ns + (day[nearest] + midnights - midnights[nearest]) * NS_PER_DAY, True
 
 
-KIND = ImportKind("NMEA 0183 sentences as text", (".nmea", ".txt", ".log"), _accepts, _read)
-"""The description of this kind."""
+KIND = ImportKind("NMEA 0183 sentences as text", (".nmea", ".txt", ".log"), _accepts_nmea_file, _read_nmea_tables)
+"""How files of NMEA sentences are recognised and read, for the table of import formats."""

@@ -21,7 +21,7 @@ _PRESETS = {
 }
 
 
-def with_own_presets(table: SourceTable) -> SourceTable:
+def with_presets_if_cwcli_table(table: SourceTable) -> SourceTable:
     """Return the table with the meaning of its columns, if cwcli wrote it."""
     if not set(table.columns) >= OWN_COLUMNS:
         return table

@@ -7,20 +7,20 @@ from typing import Any
 
 from cwcli.errors import InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.own_table import with_own_presets
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ask
+from cwcli.importing.readers.own_table import with_presets_if_cwcli_table
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
 
 MAGIC = b"PAR1"
 """First and last bytes of a Parquet file."""
 ROWS_AT_ONCE = 65_536
-"""Rows of a batch."""
+"""Number of rows of a batch. Chosen by hand: a batch takes a few megabytes."""
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_parquet_file(head: FileHead) -> bool:
     return head.data.startswith(MAGIC)
 
 
-def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
+def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -36,20 +36,22 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
     for name in names:
         kind = schema.field(name).type
         if pa.types.is_timestamp(kind) and kind.tz is None and not answers.timezone:
-            raise ask([Question(path, f"{name!r} has times without a zone", "--timezone UTC, Europe/Berlin or +02:00")])
+            raise ambiguity_error_of_questions(
+                [Question(path, f"{name!r} has times without a zone", "--timezone UTC, Europe/Berlin or +02:00")]
+            )
 
     def read(columns: Sequence[str]) -> Iterator[Batch]:
         try:
             for batch in file.iter_batches(ROWS_AT_ONCE, columns=list(columns)):
-                yield {name: _plain(batch.column(name)) for name in columns}
+                yield {name: _arrow_column_as_plain_values(batch.column(name)) for name in columns}
         except (pa.ArrowException, OSError) as error:
             raise InputError(f"the Parquet file is damaged: {str(error).splitlines()[0]}", where=path) from error
 
     table = SourceTable(path, "", "parquet", tuple(names), read, units={k: v for k, v in units.items() if v})
-    return [with_own_presets(table)]
+    return [with_presets_if_cwcli_table(table)]
 
 
-def _plain(array: Any) -> Any:
+def _arrow_column_as_plain_values(array: Any) -> Any:
     """Return times as texts of UTC or of local time, dictionaries as texts, other cells as they are."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -63,5 +65,5 @@ def _plain(array: Any) -> Any:
     return array
 
 
-KIND = ImportKind("Parquet tables", (".parquet", ".pq"), _accepts, _read)
+KIND = ImportKind("Parquet tables", (".parquet", ".pq"), _accepts_parquet_file, _read_parquet_tables)
 """The description of this kind."""

@@ -22,14 +22,14 @@ from cwcli.importing.names import split_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited
 from cwcli.importing.tables import Answers, Preset, SourceTable
-from cwcli.importing.times import MAX_STAMP_NS, parse_start
+from cwcli.importing.times import MAX_STAMP_NS, parse_start_ns
 
 MAX_MEMBER_BYTES = 256 << 20
 """Largest table in a zip that is unpacked: 256 MiB, five hours of 100 rows a second."""
 MAX_RATIO = 200
 """Largest ratio of a table's size to that in the zip: text of numbers has less than 20."""
 MAX_MEMBERS = 1000
-"""Largest number of files in a zip."""
+"""Largest number of files in a zip. Chosen by hand; not fitted."""
 LOCATIONS = ("location", "locationgps", "gps", "locationnetwork")
 """Tables of positions, the best first."""
 ACCELERATIONS = ("totalacceleration", "accelerometeruncalibrated", "accelerometer", "acceleration")
@@ -46,22 +46,22 @@ _SENSOR_LOGGER = {
 }
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_phone_archive_file(head: FileHead) -> bool:
     return head.data.startswith((b"PK\x03\x04", b"PK\x05\x06"))
 
 
-def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
+def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     try:
         with zipfile.ZipFile(path) as archive:
-            members = _tables_of_archive(archive, path)
-            wanted = _wanted_tables(members)
+            members = _archive_members_by_table_name(archive, path)
+            wanted = _names_of_tables_to_read(members)
             if not wanted:
                 shown = tuple(sorted(members))[:30]
                 raise DataError("it holds no table of positions, accelerations or turn rates", where=path, found=shown)
-            texts = {name: _unpack(archive, members[name], path) for name in wanted}
+            texts = {name: _unpack_archive_member(archive, members[name], path) for name in wanted}
             start = next(
                 (
-                    _unpack(archive, info, path)
+                    _unpack_archive_member(archive, info, path)
                     for info in archive.infolist()
                     if info.filename.endswith("meta/time.csv")
                 ),
@@ -74,7 +74,7 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
         if data.count(b"\n") < 2:
             continue
         table = read_delimited(path, answers, part=members[name].filename, data=data, kind="phone")
-        tables.append(with_phone_meaning(table, name, start))
+        tables.append(with_phone_units_and_time_base(table, name, start))
     if not tables:
         raise InputError("its tables have no rows", where=path)
     has_position = any(table.part and stem_of_table(table.part) in LOCATIONS for table in tables)
@@ -88,7 +88,7 @@ def stem_of_table(name: str) -> str:
     return "".join(character for character in base.lower() if character.isalnum())
 
 
-def _tables_of_archive(archive: zipfile.ZipFile, path: str) -> dict[str, zipfile.ZipInfo]:
+def _archive_members_by_table_name(archive: zipfile.ZipFile, path: str) -> dict[str, zipfile.ZipInfo]:
     """Return the tables by their names without case, blanks and folders.
 
     Raises:
@@ -105,7 +105,7 @@ def _tables_of_archive(archive: zipfile.ZipFile, path: str) -> dict[str, zipfile
     return {name: info for name, info in tables.items() if "/meta/" not in f"/{info.filename}"}
 
 
-def _wanted_tables(members: dict[str, zipfile.ZipInfo]) -> list[str]:
+def _names_of_tables_to_read(members: dict[str, zipfile.ZipInfo]) -> list[str]:
     """Return the names of the tables to read: one of positions, one of accelerations, one of turn rates."""
     wanted = []
     for choices in (LOCATIONS, ACCELERATIONS, GYROSCOPES):
@@ -115,7 +115,7 @@ def _wanted_tables(members: dict[str, zipfile.ZipInfo]) -> list[str]:
     return wanted
 
 
-def _unpack(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: str) -> bytes:
+def _unpack_archive_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: str) -> bytes:
     """Return the bytes of a member.
 
     Raises:
@@ -131,7 +131,7 @@ def _unpack(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: str) -> bytes
     return data
 
 
-def with_phone_meaning(table: SourceTable, name: str, start: bytes) -> SourceTable:
+def with_phone_units_and_time_base(table: SourceTable, name: str, start: bytes) -> SourceTable:
     """Return a table with what the apps fix: units, time base, gravity."""
     columns = set(table.columns)
     is_sensor_logger = {"time", "seconds_elapsed"} <= columns
@@ -158,11 +158,11 @@ def with_phone_meaning(table: SourceTable, name: str, start: bytes) -> SourceTab
         presets=presets,
         is_device_frame=True,
         attitude_is_of_device=True,
-        start_ns=_start_of_phyphox(start),
+        start_ns=_phyphox_start_ns(start),
     )
 
 
-def is_of_phone(table: SourceTable) -> bool:
+def is_phone_recording_table(table: SourceTable) -> bool:
     """Tell whether a table is one of a recording of Sensor Logger or phyphox, by its columns and its name."""
     columns = set(table.columns)
     if {"time", "seconds_elapsed"} <= columns:
@@ -173,7 +173,7 @@ def is_of_phone(table: SourceTable) -> bool:
     )
 
 
-def _start_of_phyphox(data: bytes) -> int | None:
+def _phyphox_start_ns(data: bytes) -> int | None:
     """Return the system time of the experiment's zero; None where it is not told, or pauses make it unclear."""
     if not data:
         return None
@@ -181,12 +181,17 @@ def _start_of_phyphox(data: bytes) -> int | None:
     starts = [row for row in rows if (row.get("event") or "").upper() == "START"]
     try:
         first = starts[0]
-        system_s = parse_start(str(first["system time"]))
+        system_s = parse_start_ns(str(first["system time"]))
         start_ns = system_s - round(float(first["experiment time"]) * 1e9)
     except (IndexError, KeyError, ValueError, OverflowError, UsageError):
         return None
     return start_ns if 0 <= start_ns <= MAX_STAMP_NS else None
 
 
-KIND = ImportKind("phone recordings of Sensor Logger and phyphox, as a zip", (".zip",), _accepts, _read)
+KIND = ImportKind(
+    "phone recordings of Sensor Logger and phyphox, as a zip",
+    (".zip",),
+    _accepts_phone_archive_file,
+    _read_phone_archive_tables,
+)
 """The description of this kind."""

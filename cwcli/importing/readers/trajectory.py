@@ -15,13 +15,13 @@ import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead
-from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ask
+from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ambiguity_error_of_questions
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
 LINES_AT_ONCE = 50_000
-"""Lines that are parsed at a time."""
+"""Number of lines that are parsed at a time. Chosen by hand: they take a few megabytes."""
 POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Position and quaternion, in the order of TUM."""
 POSE_PRESETS = {
@@ -31,28 +31,28 @@ POSE_PRESETS = {
 }
 """Column -> the quantity and unit that the format fixes."""
 MAX_UNEQUAL_LINES = 0.05
-"""Largest share of lines with another number of columns that is left out."""
+"""Largest share of lines with a wrong number of columns that are left out; more is an error. Chosen by hand."""
 
 
-def rows_of_numbers(head: FileHead, n: int) -> FloatArray | None:
+def first_lines_as_numbers(head: FileHead, n: int) -> FloatArray | None:
     """Return the first lines as numbers (m, n); None unless every one holds n, between blanks or between commas.
 
     Lines with # are remarks.
     """
     lines = [line for line in head.lines if not line.startswith(("#", "%"))]
-    rows = [_cells(line) for line in lines]
+    rows = [_split_line_into_cells(line) for line in lines]
     if not rows or any(len(row) != n or not all(NUMBER.match(cell) for cell in row) for row in rows):
         return None
     return np.array(rows, np.float64)
 
 
-def _cells(line: str) -> list[str]:
+def _split_line_into_cells(line: str) -> list[str]:
     """Return the cells of a line: between blanks, else between commas."""
     cells = line.split()
     return cells if len(cells) > 1 else [cell.strip() for cell in line.rstrip(", ").split(",")]
 
 
-def is_file_of_times(head: FileHead) -> bool:
+def is_one_number_per_line(head: FileHead) -> bool:
     """Tell whether a file holds one number a line, below a line of words at most."""
     lines = [line for line in head.lines if not line.startswith(("#", "%"))]
     numbers = [line for line in lines if NUMBER.match(line)]
@@ -70,7 +70,7 @@ def iter_number_lines(path: str, n: int, notes: list[str]) -> Iterator[list[list
     try:
         with Path(path).open(encoding="utf-8-sig", errors="replace") as file:
             while block := list(islice(file, LINES_AT_ONCE)):
-                rows = [_cells(line) for line in block if line.strip() and line[0] not in "#%"]
+                rows = [_split_line_into_cells(line) for line in block if line.strip() and line[0] not in "#%"]
                 good = [row for row in rows if len(row) == n and all(NUMBER.match(cell) for cell in row)]
                 n_bad += len(rows) - len(good)
                 n_good += len(good)
@@ -86,7 +86,7 @@ def iter_number_lines(path: str, n: int, notes: list[str]) -> Iterator[list[list
         notes.append(said)
 
 
-def read_tum(path: str, answers: Answers) -> Sequence[SourceTable]:
+def read_tum_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
     """Return the poses of a TUM file."""
     notes: list[str] = []
 
@@ -108,7 +108,7 @@ def _presets_without_time_unit() -> dict[str, Preset]:
     return {**POSE_PRESETS, "time": Preset("time")}
 
 
-def read_kitti(path: str, answers: Answers) -> Sequence[SourceTable]:
+def read_kitti_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
     """Return the poses of a KITTI file, with the times that the user names.
 
     Raises:
@@ -120,7 +120,7 @@ def read_kitti(path: str, answers: Answers) -> Sequence[SourceTable]:
     if not blocks:
         raise InputError("it has no poses", where=path)
     matrices = np.concatenate(blocks).reshape(-1, 3, 4)
-    stamp_ns, why = times_of_rows(path, answers, len(matrices))
+    stamp_ns, why = stamps_of_rows_and_origin(path, answers, len(matrices))
     quaternions = quaternions_of_rotations(matrices[:, :, :3])
     columns = {name: matrices[:, k, 3] for k, name in enumerate("xyz")}
     columns |= {f"q{axis}": quaternions[:, k] for k, axis in enumerate("xyzw")}
@@ -133,7 +133,7 @@ def read_kitti(path: str, answers: Answers) -> Sequence[SourceTable]:
     return [SourceTable(path, "", "kitti", ("time", *POSE_COLUMNS), read, presets=presets, notes=notes)]
 
 
-def times_of_rows(path: str, answers: Answers, n: int) -> tuple[Int64Array, str]:
+def stamps_of_rows_and_origin(path: str, answers: Answers, n: int) -> tuple[Int64Array, str]:
     """Return the stamps in ns (n,) of rows without a time: of `--times`, or of a times.txt beside the file.
 
     Raises:
@@ -148,9 +148,11 @@ def times_of_rows(path: str, answers: Answers, n: int) -> tuple[Int64Array, str]
     if not source:
         beside = Path(path).with_name("times.txt")
         if not beside.is_file():
-            raise ask([Question(path, "its rows have no times", "--times times.txt, or --times 10Hz")])
+            raise ambiguity_error_of_questions(
+                [Question(path, "its rows have no times", "--times times.txt, or --times 10Hz")]
+            )
         source = str(beside)
-    stamps = read_time_lines(source)
+    stamps = read_time_lines_ns(source)
     if len(stamps) != n:
         raise DataError(
             f"{source} has {len(stamps)} times for {n} rows", where=path, hint="--times FILE names another one"
@@ -158,7 +160,7 @@ def times_of_rows(path: str, answers: Answers, n: int) -> tuple[Int64Array, str]
     return stamps, source
 
 
-def read_time_lines(path: str) -> Int64Array:
+def read_time_lines_ns(path: str) -> Int64Array:
     """Return the times of a file with one a line, in ns: seconds, or ns since 1970 as EuRoC has them.
 
     Raises:
@@ -166,8 +168,8 @@ def read_time_lines(path: str) -> Int64Array:
     """
     import pyarrow as pa
 
-    from cwcli.importing.cells import read_instant_cells
-    from cwcli.importing.times import Instants, base_of_numbers
+    from cwcli.importing.cells import read_whole_units_fraction_and_validity
+    from cwcli.importing.times import Instants, time_base_of_numbers
 
     try:
         text = Path(path).read_text("utf-8-sig", errors="replace")
@@ -180,8 +182,8 @@ def read_time_lines(path: str) -> Int64Array:
         cells = cells[1:]
     if not cells or not all(NUMBER.match(cell) for cell in cells):
         raise InputError("it has no number at the start of each line", where=path)
-    instants = Instants(*read_instant_cells(pa.array(cells), "."))
-    base = base_of_numbers(instants, "", ())
+    instants = Instants(*read_whole_units_fraction_and_validity(pa.array(cells), "."))
+    base = time_base_of_numbers(instants, "", ())
     return instants.to_ns(base.unit if base.since == "1970" else "s")
 
 

@@ -14,9 +14,10 @@ from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
 from cwcli.signals.units import NS_PER_S
 
 SYNC = b"\xb5\x62"
-"""First bytes of a message."""
+"""The first two bytes of a UBX message (u-blox protocol specification)."""
 LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX = 0, 5
-"""Values of fixType without a position."""
+"""Values of the field fixType of NAV-PVT that have no position: no fix, and time only (u-blox protocol
+specification)."""
 PRESETS = {
     "time": Preset("time", "ns"),
     "latitude": Preset("latitude", "deg"),
@@ -28,13 +29,13 @@ PRESETS = {
 """Column -> the quantity and unit that the format fixes."""
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_ubx_file(head: FileHead) -> bool:
     at = head.data.find(SYNC + b"\x01")
     return head.data.startswith(SYNC) or (0 <= at < 4096 and head.text is None)
 
 
-def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
-    rows, counts = _solutions(path)
+def _read_ubx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
+    rows, counts = _read_solutions_and_count_skipped(path)
     if not rows:
         raise DataError("it has no NAV-PVT message with a fix", where=path, hint="let the receiver send NAV-PVT")
     table = np.array(rows, np.float64)
@@ -49,7 +50,7 @@ def _read(path: str, answers: Answers) -> Sequence[SourceTable]:
     return [SourceTable(path, "NAV-PVT", "ubx", tuple(PRESETS), read, presets=PRESETS, notes=notes)]
 
 
-def _solutions(path: str) -> tuple[list[tuple[float, ...]], dict[str, int]]:
+def _read_solutions_and_count_skipped(path: str) -> tuple[list[tuple[float, ...]], dict[str, int]]:
     try:
         from pyubx2 import ERR_IGNORE, UBX_PROTOCOL, UBXReader
     except ImportError as error:
@@ -63,7 +64,7 @@ def _solutions(path: str) -> tuple[list[tuple[float, ...]], dict[str, int]]:
                 if message is None:
                     counts["damaged"] += 1
                 elif message.identity == "NAV-PVT":
-                    _append_solution(rows, counts, message)
+                    _append_solution_or_count(rows, counts, message)
     except OSError as error:
         raise InputError(f"it can't be read: {error.strerror}", where=path) from error
     except Exception as error:
@@ -73,7 +74,7 @@ def _solutions(path: str) -> tuple[list[tuple[float, ...]], dict[str, int]]:
     return rows, counts
 
 
-def _append_solution(rows: list[tuple[float, ...]], counts: dict[str, int], message: Any) -> None:
+def _append_solution_or_count(rows: list[tuple[float, ...]], counts: dict[str, int], message: Any) -> None:
     if not (message.validDate and message.validTime):
         counts["no time"] += 1
         return
@@ -90,5 +91,5 @@ def _append_solution(rows: list[tuple[float, ...]], counts: dict[str, int], mess
     rows.append((stamp_ns, message.lat, message.lon, message.height / 1e3, message.velE / 1e3, message.velN / 1e3))
 
 
-KIND = ImportKind("u-blox UBX: NAV-PVT (needs pyubx2)", (".ubx",), _accepts, _read)
-"""The description of this kind."""
+KIND = ImportKind("u-blox UBX: NAV-PVT (needs pyubx2)", (".ubx",), _accepts_ubx_file, _read_ubx_tables)
+"""How u-blox UBX files are recognised and read, for the table of import formats."""

@@ -13,9 +13,9 @@ import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.trajectory import times_of_rows
-from cwcli.importing.tables import Answers, Guess, Question, ask
-from cwcli.importing.times import parse_start
+from cwcli.importing.readers.trajectory import stamps_of_rows_and_origin
+from cwcli.importing.tables import Answers, Guess, Question, ambiguity_error_of_questions
+from cwcli.importing.times import parse_start_ns
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import Int64Array, OutputField, Ragged, StreamedChannel, Strings
@@ -26,15 +26,15 @@ JPEG_QUALITY = 90
 """Quality of the frames, 0 to 100; chosen by hand."""
 
 
-def _accepts(head: FileHead) -> bool:
+def _accepts_video_file(head: FileHead) -> bool:
     is_mp4 = head.data[4:8] == b"ftyp"
     is_other = head.data.startswith((b"\x1a\x45\xdf\xa3",)) or (head.data[:4] == b"RIFF" and head.data[8:12] == b"AVI ")
     return is_mp4 or is_other
 
 
-def _read(path: str, answers: Answers) -> Sequence[Video]:
+def _read_video_file(path: str, answers: Answers) -> Sequence[Video]:
     if not answers.frame_times:
-        raise ask(
+        raise ambiguity_error_of_questions(
             [
                 Question(
                     path,
@@ -43,18 +43,18 @@ def _read(path: str, answers: Answers) -> Sequence[Video]:
                 )
             ]
         )
-    pts_ns = _container_times(path)
+    pts_ns = _container_times_ns(path)
     if answers.frame_times == "pts":
         stamps, why = pts_ns, "times in the container"
     else:
-        stamps, why = times_of_rows(path, answers, len(pts_ns))
+        stamps, why = stamps_of_rows_and_origin(path, answers, len(pts_ns))
     if (np.diff(stamps) <= 0).any():
         raise DataError("the times of the frames do not advance", where=path, hint="--times FILE or --times 30Hz")
-    start_ns = parse_start(answers.start) if answers.start else 0
+    start_ns = parse_start_ns(answers.start) if answers.start else 0
     return [Video(path, stamps + start_ns, why)]
 
 
-def _container_times(path: str) -> Int64Array:
+def _container_times_ns(path: str) -> Int64Array:
     """Return the time of each frame in the container, ns.
 
     Raises:
@@ -155,5 +155,10 @@ class _JpegRows:
         return self._kept[: stop - start]
 
 
-KIND = ImportKind("video (mp4, mkv, avi), with the times of its frames", (".mp4", ".mkv", ".avi"), _accepts, _read)
-"""The description of this kind."""
+KIND = ImportKind(
+    "video (mp4, mkv, avi), with the times of its frames",
+    (".mp4", ".mkv", ".avi"),
+    _accepts_video_file,
+    _read_video_file,
+)
+"""How video files are recognised and read, for the table of import formats."""

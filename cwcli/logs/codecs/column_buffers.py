@@ -70,7 +70,7 @@ class FixedColumnBuffer:
 
     def row_zero_address(self, first_row: int, n: int) -> int:
         """Return the memory address of row 0."""
-        return _memory_address(self.array)
+        return memory_address(self.array)
 
     def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: numbers need nothing more."""
@@ -101,7 +101,7 @@ class StringColumnBuffer:
     def row_zero_address(self, first_row: int, n: int) -> int:
         """Return the memory address that row 0 would have if the spans covered all rows, not only the batch."""
         self.spans = np.zeros((n, 2), np.int64)
-        return _memory_address(self.spans) - SPAN_BYTES * first_row
+        return memory_address(self.spans) - SPAN_BYTES * first_row
 
     def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: replace its spans by codes."""
@@ -119,7 +119,7 @@ class StringColumnBuffer:
     def build_strings(self, rows: Int64Array) -> Strings:
         """Return the strings of the given rows. Bytes that are not UTF-8 become escapes."""
         values = tuple(value.decode(errors="backslashreplace") for value in self.values)
-        return order_values_by_first_use(Strings(self.codes[rows], values).merge_equal())
+        return order_values_by_first_use(Strings(self.codes[rows], values).merge_equal_values())
 
 
 class BlobSpanBuffer(StringColumnBuffer):
@@ -202,8 +202,8 @@ def begin_ragged_batch(slots: Sequence[RaggedColumnBuffer], n: int, n_bytes: int
     for slot in slots:
         slot.begin_batch(n, n_bytes)
     return (
-        np.array([_memory_address(slot.buffer) for slot in slots], np.int64),
-        np.array([_memory_address(slot.cursors) for slot in slots], np.int64),
+        np.array([memory_address(slot.buffer) for slot in slots], np.int64),
+        np.array([memory_address(slot.cursors) for slot in slots], np.int64),
     )
 
 
@@ -239,7 +239,7 @@ def order_values_by_first_use(strings: Strings) -> Strings:
     return Strings(new_code[strings.codes], tuple(strings.values[code] for code in codes[order].tolist()))
 
 
-def _memory_address(array: npt.NDArray[np.generic]) -> int:
+def memory_address(array: npt.NDArray[np.generic]) -> int:
     """Return the memory address of an array."""
     address: int = array.__array_interface__["data"][0]
     return address

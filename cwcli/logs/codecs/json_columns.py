@@ -24,6 +24,7 @@ from cwcli.kernels.message_scan import intern_spans
 from cwcli.logs.codecs.column_buffers import (
     Payloads,
     matrix_if_equal_lengths,
+    memory_address,
     order_values_by_first_use,
     select_ragged_rows,
 )
@@ -116,8 +117,8 @@ class LeafBuffers:
             [
                 _row_addresses(self.tags),
                 _row_addresses(self.values),
-                [_memory_address(each) for each in self.element_tags],
-                [_memory_address(each) for each in self.element_values],
+                [memory_address(each) for each in self.element_tags],
+                [memory_address(each) for each in self.element_values],
                 _row_addresses(self.cursors),
             ],
             np.int64,
@@ -131,15 +132,9 @@ def _allocate_element_buffers(n: int, size: int, dtype: npt.DTypeLike) -> list[n
     return [np.empty(size, dtype) for _ in range(n)]
 
 
-def _memory_address(array: npt.NDArray[np.generic]) -> int:
-    """Return the memory address of an array."""
-    address: int = array.__array_interface__["data"][0]
-    return address
-
-
 def _row_addresses(matrix: npt.NDArray[np.generic]) -> Int64Array:
     """Return the memory address of each row of a matrix, shape (rows,)."""
-    return _memory_address(matrix) + matrix.strides[0] * np.arange(len(matrix), dtype=np.int64)
+    return memory_address(matrix) + matrix.strides[0] * np.arange(len(matrix), dtype=np.int64)
 
 
 class JsonColumnBuffer:
@@ -283,7 +278,7 @@ class JsonColumnBuffer:
         for row in np.flatnonzero(np.isin(tags, (TAG_BOOL, TAG_INT, TAG_FLOAT))).tolist():
             codes[row] = len(texts)
             texts.append(_scalar_text(int(tags[row]), values[row : row + 1]))
-        return order_values_by_first_use(Strings(codes, tuple(texts)).merge_equal())
+        return order_values_by_first_use(Strings(codes, tuple(texts)).merge_equal_values())
 
     def _intern_element_strings(
         self, payloads: Payloads, rows: npt.NDArray[np.intp], at: Int64Array, tags: TagArray, values: Int64Array

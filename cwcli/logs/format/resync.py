@@ -29,7 +29,7 @@ N_RECORDS_TO_VERIFY = 4
 SEARCH_BLOCK_BYTES = 4 << 20
 """Bytes that are searched at a time. Chosen by hand."""
 N_ZERO_HIGH_LENGTH_BYTES = 3
-"""The number of high bytes of a record's length that must be zero: records are shorter than 2^40 bytes."""
+"""Number of high bytes of a record length that must be zero: records are shorter than 2^40 bytes. Chosen by hand."""
 
 
 def find_next_record(data: ByteSource, at: int, channels: Container[int]) -> int:

@@ -17,7 +17,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.read.bounded_yaml import load_yaml
 from cwcli.logs.read.remote import file_names_below_url, is_remote_url, iter_remote_blocks
-from cwcli.url import name_url
+from cwcli.url import display_name_of_url
 
 METADATA_FILE_NAME = "metadata.yaml"
 """The file in which rosbag2 lists the parts of a recording."""
@@ -180,7 +180,7 @@ def _is_empty_file(name: str) -> bool:
 
 def name_of_joined_log(names: Sequence[str]) -> str:
     """Return a name for a log of these parts, for messages."""
-    first = name_url(names[0])
+    first = display_name_of_url(names[0])
     return f"{first} and {len(names) - 1} more" if len(names) > 1 else first
 
 

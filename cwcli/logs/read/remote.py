@@ -7,7 +7,7 @@ from typing import Any
 
 from cwcli.errors import UsageError, install_hint
 from cwcli.logs.read.remote_errors import unreadable_url_error
-from cwcli.url import name_url, redact_urls
+from cwcli.url import display_name_of_url, redact_urls
 
 FILE_SCHEME = "file://"
 """The scheme of URLs of files on this machine."""
@@ -82,14 +82,16 @@ def file_system_and_path(url: str) -> tuple[Any, str]:
         from fsspec.core import url_to_fs
     except ImportError as error:
         raise UsageError(
-            "remote logs need a package that is not installed", where=name_url(url), hint=install_hint("remote")
+            "remote logs need a package that is not installed",
+            where=display_name_of_url(url),
+            hint=install_hint("remote"),
         ) from error
     try:
         system, path = url_to_fs(url)
     except (ImportError, ValueError) as error:  # the store's own package is missing, or it can't make sense of the URL
         raise UsageError(
             redact_urls(next(iter(str(error).splitlines()), type(error).__name__), url),
-            where=name_url(url),
+            where=display_name_of_url(url),
             hint=f"{install_hint('remote')} reads s3://",
         ) from error
     except Exception as error:  # some stores connect at once

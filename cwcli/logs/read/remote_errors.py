@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 
 from cwcli.errors import InputError
-from cwcli.url import name_url, redact_url, redact_urls
+from cwcli.url import display_name_of_url, redact_url, redact_urls
 
 MAX_CAUSES = 20
 """The greatest number of errors of one chain that are examined; a chain may lead back to itself. Chosen by hand."""
@@ -68,7 +68,7 @@ def unreadable_url_error(url: str, error: BaseException) -> InputError:
         bucket = next((each for each in said if "bucket does not exist" in each.lower()), "")
         detail = f" ({redact_urls(bucket, url)})" if bucket else detail
     what, hint = (words, "") if reason is None else TEXT_AND_HINT_BY_REASON[reason]
-    return InputError(f"it can't be read: {what}{detail}", where=name_url(url), hint=hint)
+    return InputError(f"it can't be read: {what}{detail}", where=display_name_of_url(url), hint=hint)
 
 
 def _format_cause(error: BaseException, url: str) -> str:

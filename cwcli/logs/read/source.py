@@ -17,7 +17,7 @@ from cwcli.logs.format.faults import not_mcap_error
 from cwcli.logs.format.records import MCAP_MAGIC
 from cwcli.logs.read.converted import convert_if_needed
 from cwcli.logs.read.remote import FILE_SCHEME, file_names_below_url, is_remote_url, iter_remote_blocks
-from cwcli.url import name_url
+from cwcli.url import display_name_of_url
 
 if TYPE_CHECKING:
     from cwcli.logs.read.recording import Opener
@@ -60,7 +60,7 @@ def open_source(
         return _open_parts(source, name, opener)
     if str(source) == STDIN_ARGUMENT:
         return _open_standard_input(max_pipe_bytes)
-    name = name_url(str(source)) if name is None else name
+    name = display_name_of_url(str(source)) if name is None else name
     if is_remote_url(str(source)):
         return _copy_remote_log(str(source), name, opener, max_pipe_bytes)
     path = Path(str(source).removeprefix(FILE_SCHEME))

@@ -192,7 +192,7 @@ def write_body_and_summary(
     for each in new:
         writer.write_channel(each.channel)
     for item in copy.items:
-        last_ns = copy.copy_item(writer, item)
+        last_ns = copy.copy_item_and_get_last_log_time(writer, item)
         if last_ns is not None:
             last_ns = last_ns if until_ns is None else min(last_ns, until_ns)
             for payload in merge.iter_chunk_payloads_until(last_ns, min_waiting_bytes=MIN_NEW_CHUNK_BYTES):

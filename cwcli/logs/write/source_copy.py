@@ -179,13 +179,13 @@ class SourceCopy:
         """Check that the source has not changed during the copy, before the end is written."""
         self._source.check_unchanged()
 
-    def copy_item(self, writer: RecordWriter, item: Item) -> int | None:
+    def copy_item_and_get_last_log_time(self, writer: RecordWriter, item: Item) -> int | None:
         """Copy one item; return its last log time in ns, or None if it holds no message."""
         if isinstance(item, ChunkIndex):
-            return self._copy_chunk(writer, item)
+            return self._copy_chunk_and_get_last_log_time(writer, item)
         if isinstance(item, UnchunkedRange):
             records = self._index.records_with_log_ids(item.start, self._source[item.start : item.end])
-            return self._write_messages_as_chunk(writer, records, compress=False)
+            return self._write_chunk_and_get_last_log_time(writer, records, compress=False)
         if isinstance(item, UnchunkedRecord):
             left_out = {OPCODE_CHANNEL: self._replaced_ids, OPCODE_SCHEMA: self._written_schema_ids}.get(
                 item.opcode, ()
@@ -199,7 +199,7 @@ class SourceCopy:
                 writer.copy_metadata(self._source, run, self._index.metadata)
         return None
 
-    def _copy_chunk(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
+    def _copy_chunk_and_get_last_log_time(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
         """Copy a chunk, rebuilt if needed; return its last log time in ns."""
         if chunk.chunk_start in self._index.cut_chunks:
             try:
@@ -208,12 +208,12 @@ class SourceCopy:
             except ChunkError:
                 self._faults.chunks_lost += 1
                 return None
-            return self._write_messages_as_chunk(writer, records, compress=True)
+            return self._write_chunk_and_get_last_log_time(writer, records, compress=True)
         counts = chunk.counts or {}
         is_filtered = not self._replaced_ids.isdisjoint(counts)
         is_renumbered = self._index.renumbering_at(chunk.chunk_start) is not None
         if is_filtered or is_renumbered or chunk.chunk_start in self._reindexed:
-            return self._rebuild_chunk(writer, chunk, is_changed=is_filtered or is_renumbered)
+            return self._rebuild_chunk_and_get_last_log_time(writer, chunk, is_changed=is_filtered or is_renumbered)
         writer.copy_chunk(self._source, chunk)
         self.n_chunks += 1
         self.n_messages += sum(counts.values())
@@ -223,7 +223,9 @@ class SourceCopy:
         payload = decompress_chunk(self._source, chunk, verify=True)
         return self._index.records_with_log_ids(chunk.chunk_start, payload)
 
-    def _rebuild_chunk(self, writer: RecordWriter, chunk: ChunkIndex, *, is_changed: bool) -> int | None:
+    def _rebuild_chunk_and_get_last_log_time(
+        self, writer: RecordWriter, chunk: ChunkIndex, *, is_changed: bool
+    ) -> int | None:
         try:
             records = self._decompress_with_log_ids(chunk)
             if is_changed:
@@ -238,9 +240,11 @@ class SourceCopy:
                     writer.write_raw_record(records[start:end])
             return None
         stored = None if is_changed else stored_chunk_bytes(self._source, chunk)
-        return self._write_new_chunk(writer, records, entries, chunk.compression, stored)
+        return self._write_indexed_chunk_and_get_last_log_time(writer, records, entries, chunk.compression, stored)
 
-    def _write_messages_as_chunk(self, writer: RecordWriter, records: memoryview, *, compress: bool) -> int | None:
+    def _write_chunk_and_get_last_log_time(
+        self, writer: RecordWriter, records: memoryview, *, compress: bool
+    ) -> int | None:
         """Write records that have no intact chunk as a new chunk; return the last log time in ns."""
         entries = message_index_entries(records)
         if not self._replaced_ids.isdisjoint(entries) or (self._index.renumberings and entries):
@@ -248,9 +252,11 @@ class SourceCopy:
             entries = message_index_entries(records)
         if not entries:
             return None
-        return self._write_new_chunk(writer, records, entries, "", None if compress else records)
+        return self._write_indexed_chunk_and_get_last_log_time(
+            writer, records, entries, "", None if compress else records
+        )
 
-    def _write_new_chunk(
+    def _write_indexed_chunk_and_get_last_log_time(
         self, writer: RecordWriter, records: memoryview, entries: Entries, compression: str, stored: memoryview | None
     ) -> int:
         """Write a chunk with its indexes; `stored`: its compressed bytes, if known. Return its last log time in ns."""

@@ -18,6 +18,7 @@ from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES, MessageFeed
 from cwcli.logs.write.new_messages import feed_from_columns, feed_from_encoded_messages
 from cwcli.output import open_output
+from cwcli.output_stream import OutputStream
 from cwcli.signals.columns import Int64Array, OutputChannel
 from cwcli.text import replace_surrogates
 
@@ -35,7 +36,7 @@ class LogWriter:
             log.write_columns(channel)
 
     Args:
-        target: File name, or `-` for standard output.
+        target: File name, `-` for standard output, or an open output, which stays open.
         profile: MCAP profile, e.g. `ros2`.
         library: Name of the program that writes the log.
         force: Overwrite a file that exists.
@@ -45,13 +46,16 @@ class LogWriter:
     """
 
     def __init__(
-        self, target: str | Path, *, profile: str = "", library: str = LIBRARY_NAME, force: bool = False
+        self, target: str | Path | OutputStream, *, profile: str = "", library: str = LIBRARY_NAME, force: bool = False
     ) -> None:
         self._schema_ids: dict[tuple[str, str, bytes], int] = {}
         self._feeds: list[MessageFeed] = []
         self._counts: dict[int, int] = {}
         self._open = ExitStack()
-        output = self._open.enter_context(open_output(target, force=force))
+        if isinstance(target, OutputStream):
+            output = target
+        else:
+            output = self._open.enter_context(open_output(target, force=force))
         self._writer = Writer(cast("IO[bytes]", output), chunk_size=NEW_CHUNK_BYTES)
         self._writer.start(replace_surrogates(profile), library)
 

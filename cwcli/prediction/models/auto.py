@@ -2,7 +2,7 @@
 
 How much of an acceleration or a yaw rate follows is measured, not taken from its covariance: by the outcomes of the
 vehicle's own states, of the log's other vehicles and of the fleet (`prediction.outcome_history`). Each acts for the
-time A(t) that its gain at each horizon needs (`prediction.fleet.acting_time_s`):
+time A(t) that its gain at each horizon needs (`prediction.fleet.acting_time_from_displacement_share_s`):
 
     v(t) = v0 + a0 A(t),    phi(t) = phi0 + w0 W(t).
 
@@ -16,7 +16,12 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.fleet import DERIVATIVE_PARTS, acting_time_s, interpolate_acting_time_s, load_fleet_prior
+from cwcli.prediction.fleet import (
+    DERIVATIVE_PARTS,
+    acting_time_from_displacement_share_s,
+    interpolate_acting_time_s,
+    load_fleet_prior,
+)
 from cwcli.prediction.models.base import Model, Responses
 from cwcli.prediction.outcome_history import derivative_clarity_weights
 from cwcli.signals.columns import FloatArray
@@ -24,7 +29,9 @@ from cwcli.signals.columns import FloatArray
 
 def fleet_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
     """The responses A, J, W, D of a vehicle without a history, each of the shape of `time_s`."""
-    along, across = acting_time_s(load_fleet_prior().gain[:, :, DERIVATIVE_PARTS.index("lasting")])
+    along, across = acting_time_from_displacement_share_s(
+        load_fleet_prior().gain[:, :, DERIVATIVE_PARTS.index("lasting")]
+    )
     none = np.zeros_like(time_s)
     return Responses(interpolate_acting_time_s(along, time_s), none, interpolate_acting_time_s(across, time_s), none)
 

@@ -26,11 +26,12 @@ ACCEL_LIMIT_MPS2 = 5.0
 LATERAL_ACCEL_LIMIT_MPS2 = 4.0
 """Lateral acceleration at which a turn stops growing: that of a brisk turn. Chosen by hand; not fitted."""
 MIN_YAW_LIMIT_SPEED_MPS = 1.0
-"""The yaw rate's limit of slower cars is that at this speed. Chosen by hand; not fitted."""
+"""Least speed in m/s from which the yaw rate's limit is computed; slower cars get the limit of this speed. Chosen by
+hand; not fitted."""
 MIN_JERK_SIGMAS = 1.0
-"""A jerk within this many of its sigmas counts as 0; the module's text says why."""
+"""Size of a jerk, in its sigmas, up to which it counts as 0. Chosen by hand; the module says why."""
 MIN_YAW_ACCEL_SIGMAS = 2.0
-"""A yaw acceleration within this many of its sigmas counts as 0; the module's text says why."""
+"""Size of a yaw acceleration, in its sigmas, up to which it counts as 0. Chosen by hand; the module says why."""
 
 
 def constant_jerk_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:

@@ -8,8 +8,8 @@ from cwcli.control.closed_loop import (
     COLLISION_DISTANCE_M,
     RecordedMotion,
     ReplayedRuns,
-    braking_driver_pedals,
-    fuzzy_controller_pedals,
+    braking_driver_throttle_and_pressure,
+    fuzzy_controller_throttle_and_pressure,
     replay_with_policy,
 )
 from cwcli.reproduction.classes import MeasuredNumber
@@ -38,13 +38,17 @@ def control_part(name: str, moments: WarningMoments) -> StudyPart:
     host = true_recorded_motion(moments.scenario, HOST_NAME)
     other = true_recorded_motion(moments.scenario, moments.other)
     outcomes = {
-        method: replay_with_policy(host, other, np.where(np.isnan(when), np.inf, when), fuzzy_controller_pedals)
+        method: replay_with_policy(
+            host, other, np.where(np.isnan(when), np.inf, when), fuzzy_controller_throttle_and_pressure
+        )
         for method, when in moments.warned_s_by_method.items()
         if method in METHOD_LABELS
     }
     jerk = moments.warned_s_by_method["jerk"]
-    nothing = replay_with_policy(host, other, np.array([np.inf]), fuzzy_controller_pedals)
-    driver = replay_with_policy(host, other, np.where(np.isnan(jerk), np.inf, jerk), braking_driver_pedals)
+    nothing = replay_with_policy(host, other, np.array([np.inf]), fuzzy_controller_throttle_and_pressure)
+    driver = replay_with_policy(
+        host, other, np.where(np.isnan(jerk), np.inf, jerk), braking_driver_throttle_and_pressure
+    )
     figure = FIGURES_BY_SCENARIO[name][0]
     measured = [
         MeasuredNumber(

@@ -14,7 +14,12 @@ from cwcli.estimation.consistency import ErrorTableRow, compare_errors_with_trut
 from cwcli.metrics.intervals import normal_interval
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
-from cwcli.reproduction.song2016.methods import MeasuredRun, estimate_our_track, measure_vehicle, paper_filter_states
+from cwcli.reproduction.song2016.methods import (
+    MeasuredRun,
+    estimate_our_track,
+    measure_vehicle,
+    paper_filter_states_with_derivatives,
+)
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
 
@@ -45,7 +50,7 @@ def estimate_with_all_methods(run: MeasuredRun) -> dict[str, FloatArray]:
         "smoothed": estimate_our_track(run, causal=False).state,
         "default": estimate_our_track(run, causal=False, latency="auto").state,
         "causal": estimate_our_track(run).state,
-        "song2016": paper_filter_states(run),
+        "song2016": paper_filter_states_with_derivatives(run),
     }
 
 

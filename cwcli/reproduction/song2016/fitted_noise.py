@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cwcli.dynamics.riccati import steady_predicted_covariance
-from cwcli.estimation.song2016 import SAMPLING_TIME_S, filter_measurement_matrix, trailing_slope
+from cwcli.estimation.song2016 import SAMPLING_TIME_S, filtered_states_and_covariances_of_matrix, trailing_slope
 from cwcli.metrics.intervals import normal_interval
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import StudyPart, median_with_interval
@@ -23,7 +23,7 @@ from cwcli.reproduction.song2016.estimation import (
 from cwcli.reproduction.song2016.methods import (
     PREDICTION_HORIZON_S,
     measure_vehicle,
-    paper_filter_states,
+    paper_filter_states_with_derivatives,
     paper_predicted_points_m,
 )
 from cwcli.reproduction.song2016.prediction import starts_and_error_function
@@ -94,7 +94,7 @@ def fitted_noise_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
         for seed in range(n_seeds):
             run = measure_vehicle(scenario, HOST_NAME, seed)
             q = np.diag(np.square(fitted[[0, 0, 1, 2, 3, 4]]))
-            states, _ = filter_measurement_matrix(run.vectors, tuple(run.sigma), q=q)
+            states, _ = filtered_states_and_covariances_of_matrix(run.vectors, tuple(run.sigma), q=q)
             for row in table1_error_rows(run, states):
                 changes[row.name].append(row.change_percent)
             tick()
@@ -113,7 +113,7 @@ def slope_window_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
     means: dict[int, list[float]] = {window: [] for window in SLOPE_WINDOWS}
     for seed in range(n_seeds):
         run = measure_vehicle(scenario, HOST_NAME, seed)
-        filtered = paper_filter_states(run)[:, :6]
+        filtered = paper_filter_states_with_derivatives(run)[:, :6]
         for window in SLOPE_WINDOWS:
             slopes = (trailing_slope(filtered[:, k], window) for k in (4, 5))
             states = np.column_stack([filtered, *slopes])

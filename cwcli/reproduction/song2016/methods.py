@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.estimation.config import EstimatorConfig, LatencyOption
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
-from cwcli.estimation.song2016 import SAMPLING_TIME_S, filter_measurement_matrix, trailing_slope
+from cwcli.estimation.song2016 import SAMPLING_TIME_S, filtered_states_and_covariances_of_matrix, trailing_slope
 from cwcli.estimation.track import estimate_track
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
@@ -77,9 +77,9 @@ def measure_vehicle(scenario: Scenario, vehicle: str, seed: int) -> MeasuredRun:
     return MeasuredRun(time_s, motion.states_at(time_s), vectors, sigma)
 
 
-def paper_filter_states(run: MeasuredRun) -> FloatArray:
+def paper_filter_states_with_derivatives(run: MeasuredRun) -> FloatArray:
     """Run song2016's filter (eq. 8) and add the derivatives that its prediction needs, shape (n, 8)."""
-    states, _ = filter_measurement_matrix(run.vectors, tuple(run.sigma))
+    states, _ = filtered_states_and_covariances_of_matrix(run.vectors, tuple(run.sigma))
     return np.column_stack([states[:, :6], trailing_slope(states[:, 4]), trailing_slope(states[:, 5])])
 
 

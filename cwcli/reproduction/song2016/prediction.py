@@ -19,7 +19,7 @@ from cwcli.reproduction.song2016.methods import (
     estimate_our_track,
     measure_vehicle,
     online_acting_durations_s,
-    paper_filter_states,
+    paper_filter_states_with_derivatives,
     paper_predicted_points_m,
 )
 from cwcli.signals.columns import FloatArray
@@ -67,7 +67,7 @@ def compute_prediction_errors(name: str, n_seeds: int, tick: Callable[[], None])
     start_s = np.zeros(0)
     for seed in range(n_seeds):
         run = measure_vehicle(scenario, HOST_NAME, seed)
-        states = paper_filter_states(run)
+        states = paper_filter_states_with_derivatives(run)
         start_s, errors = starts_and_error_function(
             run.time_s, scenario.duration_s, PREDICTION_HORIZON_S, motion.states_at
         )
@@ -146,7 +146,7 @@ def horizon_part(errors: PredictionErrors) -> StudyPart:
 def filtered_path_part() -> StudyPart:
     """Plot figure 4: the path of the car in the curve, true, measured and filtered (seed 0)."""
     run = measure_vehicle(load_scenario("curve"), HOST_NAME, 0)
-    states = paper_filter_states(run)
+    states = paper_filter_states_with_derivatives(run)
     curves = [
         Curve("measured", run.vectors[:, 0], run.vectors[:, 1]),
         Curve("the paper's filter", states[:, 0], states[:, 1]),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.control.car import CarResponse
-from cwcli.control.closed_loop import fuzzy_controller_pedals, replay_with_policy
+from cwcli.control.closed_loop import fuzzy_controller_throttle_and_pressure, replay_with_policy
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import SummaryTable
 from cwcli.reproduction.classes import MeasuredNumber
@@ -19,7 +19,7 @@ from cwcli.reproduction.song2016.methods import (
     MODEL_BY_FAMILY,
     PREDICTION_HORIZON_S,
     measure_vehicle,
-    paper_filter_states,
+    paper_filter_states_with_derivatives,
     paper_predicted_points_m,
 )
 from cwcli.reproduction.song2016.warning import (
@@ -171,7 +171,7 @@ def _moments_and_collision_percent(name: str, variant: ChoiceVariant, n_seeds: i
     when = np.array(found["speed"])
     host, remote = true_recorded_motion(scenario, HOST_NAME), true_recorded_motion(scenario, other)
     collided = replay_with_policy(
-        host, remote, np.where(np.isnan(when), np.inf, when), fuzzy_controller_pedals, car=car
+        host, remote, np.where(np.isnan(when), np.inf, when), fuzzy_controller_throttle_and_pressure, car=car
     ).collided
     return moments, 100.0 * float(collided.mean())
 
@@ -179,7 +179,7 @@ def _moments_and_collision_percent(name: str, variant: ChoiceVariant, n_seeds: i
 def paper_warning_times_s(scenario: Scenario, other: str, seed: int) -> dict[str, float]:
     """Return when each family first predicts a collision, in s, NaN if it never does."""
     runs = [measure_vehicle(scenario, vehicle, seed) for vehicle in (HOST_NAME, other)]
-    states = [paper_filter_states(run) for run in runs]
+    states = [paper_filter_states_with_derivatives(run) for run in runs]
     found = {}
     for family in MODEL_BY_FAMILY:
         host_xy, other_xy = (paper_predicted_points_m(own, family, PREDICTION_HORIZON_S) for own in states)

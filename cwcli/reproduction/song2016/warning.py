@@ -19,7 +19,7 @@ from cwcli.reproduction.song2016.methods import (
     KnownVehicle,
     host_and_received_vehicles,
     measure_vehicle,
-    paper_filter_states,
+    paper_filter_states_with_derivatives,
     paper_predicted_points_m,
     vehicle_known_without_delay,
 )
@@ -77,7 +77,7 @@ def simulate_warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) 
     time_s = np.zeros(0)
     for seed in range(n_seeds):
         runs = [measure_vehicle(scenario, vehicle, seed) for vehicle in (HOST_NAME, other)]
-        states = [paper_filter_states(run) for run in runs]
+        states = [paper_filter_states_with_derivatives(run) for run in runs]
         time_s = runs[0].time_s
         for family in MODEL_BY_FAMILY:
             host_xy, other_xy = (paper_predicted_points_m(own, family, PREDICTION_HORIZON_S) for own in states)
@@ -229,4 +229,4 @@ def _warning_times_ns(
     with_onset = RULES[config.rule].uses_onset
     partners = [other.with_predicted_paths(model, with_onset=with_onset) for other in others]
     result = find_warnings(host.with_predicted_paths(model), partners, config)
-    return [int(event["raised_stamp_ns"]) for event in result.events.rows_as_dicts()]
+    return [int(event["raised_stamp_ns"]) for event in result.events_table.rows_as_dicts()]

@@ -23,10 +23,10 @@ from cwcli.simulation.dual_sensor import (
     TARGET_PATHS,
     observe_single_target,
     simulate_static_target,
-    true_states_on_path,
+    times_and_true_states_on_path,
 )
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER
-from cwcli.tracking.single_target import run_filter
+from cwcli.tracking.single_target import filter_single_target
 
 SENSOR_NAMES = ("lidar", "radar")
 """Names of the two sensors in tables."""
@@ -176,9 +176,9 @@ def filter_tracks_part() -> StudyPart:
         lines: dict[str, list[FloatArray]] = {"detected": [], "true": [], "estimated": []}
         for k, segment in enumerate(TARGET_PATHS):
             scene = observe_single_target(
-                *true_states_on_path(segment, N_SEGMENT_SAMPLES), SCENE_NOISE, np.random.default_rng([0, k])
+                *times_and_true_states_on_path(segment, N_SEGMENT_SAMPLES), SCENE_NOISE, np.random.default_rng([0, k])
             )
-            state = run_filter(
+            state = filter_single_target(
                 detection_rows_of_scene(scene, SCENE_NOISE),
                 replace(PAPER_FILTER_CONFIG, filter="ekf" if name == "ekf" else "ukf"),
             ).state

@@ -22,12 +22,12 @@ from cwcli.simulation.dual_sensor import (
     SensorNoise,
     observe_single_target,
     simulate_static_target,
-    true_states_on_path,
+    times_and_true_states_on_path,
 )
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import DetectionRows, prepare_detections
-from cwcli.tracking.single_target import run_filter
+from cwcli.tracking.single_target import filter_single_target
 
 SCENE_NOISE = SensorNoise()
 """Noise of both sensors, which the paper leaves open (docs/papers/xiang2019-filter.md)."""
@@ -97,7 +97,7 @@ def distance_error_table(n_seeds: int) -> Table:
         for seed in range(n_seeds):
             rng = np.random.default_rng([seed, round(100 * true_m)])
             scene = simulate_static_target(true_m, 2 * N_LOOKS_PER_SENSOR, SCENE_NOISE, rng)
-            state = run_filter(detection_rows_of_scene(scene, SCENE_NOISE), config).state[-1]
+            state = filter_single_target(detection_rows_of_scene(scene, SCENE_NOISE), config).state[-1]
             lidar_m, radar_m = np.hypot(*scene.lidar_xy.T) - true_m, scene.radar[:, 0] - true_m
             errors[seed] = (
                 abs(lidar_m.mean()),
@@ -126,7 +126,9 @@ def combined_error_by_looks_table(n_seeds: int) -> Table:
         errors = np.zeros(n_seeds)
         for seed in range(n_seeds):
             scene = simulate_static_target(4.90, 2 * n_looks, SCENE_NOISE, np.random.default_rng([seed, n_looks]))
-            state = run_filter(detection_rows_of_scene(scene, SCENE_NOISE), replace(config, noise=1e-4)).state[-1]
+            state = filter_single_target(
+                detection_rows_of_scene(scene, SCENE_NOISE), replace(config, noise=1e-4)
+            ).state[-1]
             errors[seed] = abs(np.hypot(state[0], state[1]) - 4.90)
         mean, low, high = _mean_with_interval(errors)
         _append_row(table, looks=float(n_looks), error_m=mean, low_m=low, high_m=high)
@@ -148,7 +150,7 @@ def _paired_squared_errors_m2(
         rows = detection_rows_of_scene(scene, noise, **which)
         at = np.searchsorted(scene.truth_stamp_ns, rows.stamp_ns)
         for name in IS_UNSCENTED_BY_FILTER:
-            state = run_filter(rows, replace(config, filter=name)).state
+            state = filter_single_target(rows, replace(config, filter=name)).state
             out[name][seed] = np.square(state[:, :2] - scene.truth_state[at, :2]).mean(axis=0)
     return out
 
@@ -166,7 +168,7 @@ def segment_error_table(n_seeds: int) -> Table:
     table: Table = {}
     for k, name in enumerate(TARGET_PATHS):
         errors = _paired_squared_errors_m2(
-            n_seeds, true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, PAPER_FILTER_CONFIG, k
+            n_seeds, times_and_true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, PAPER_FILTER_CONFIG, k
         )
         for axis, label in enumerate("xy"):
             ekf, ukf = (1e3 * errors[f][:, axis] for f in ("ekf", "ukf"))
@@ -188,7 +190,9 @@ def process_noise_table(n_seeds: int) -> Table:
     for noise in (0.1, 0.3, 1.0, 3.0):
         config = replace(PAPER_FILTER_CONFIG, noise=noise)
         errors = [
-            _paired_squared_errors_m2(n_seeds, true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, config, k)
+            _paired_squared_errors_m2(
+                n_seeds, times_and_true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, config, k
+            )
             for k, name in enumerate(TARGET_PATHS)
         ]
         ekf, ukf = (1e3 * float(np.mean([e[f].mean() for e in errors])) for f in ("ekf", "ukf"))
@@ -198,14 +202,14 @@ def process_noise_table(n_seeds: int) -> Table:
 
 def ukf_and_ekf_time_table(repeats: int = 200) -> Table:
     """Measure the time of 500 samples, the best of `repeats`, inside the process."""
-    truth = true_states_on_path("arc", N_TIMED_SAMPLES)
+    truth = times_and_true_states_on_path("arc", N_TIMED_SAMPLES)
     rows = detection_rows_of_scene(observe_single_target(*truth, SCENE_NOISE, np.random.default_rng(0)), SCENE_NOISE)
     table: Table = {}
     for name in ("ukf", "ekf"):
         config, best = replace(PAPER_FILTER_CONFIG, filter=name), np.inf
         for _ in range(repeats):
             start = time.perf_counter()
-            run_filter(rows, config)
+            filter_single_target(rows, config)
             best = min(best, time.perf_counter() - start)
         _append_row(
             table, filter=name, samples=float(N_TIMED_SAMPLES), time_ms=1e3 * best, paper_ms=PAPER_TABLE_2_MS[name]
@@ -221,7 +225,7 @@ def radar_scene_table(n_seeds: int) -> Table:
     29(3), 1993, give r a^2 / sigma_r = 0.4 as the limit of an extended filter).
     """
     table: Table = {}
-    times, arc = true_states_on_path("arc", N_SEGMENT_SAMPLES)
+    times, arc = times_and_true_states_on_path("arc", N_SEGMENT_SAMPLES)
     for range_m in (5.0, 15.0, 50.0, 150.0):
         state = arc.copy()
         state[:, 1] += range_m - 3.0

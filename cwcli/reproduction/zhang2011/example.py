@@ -18,7 +18,7 @@ import numpy as np
 
 from cwcli.dynamics.blended import OUTPUT_MATRIX, design_observer_bank
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.matrix_exponential import discretise_held_input
+from cwcli.dynamics.matrix_exponential import transition_and_input_matrices
 from cwcli.dynamics.riccati import steady_predicted_covariance
 from cwcli.dynamics.single_track import preview_state_matrices, understeer_gradient
 from cwcli.dynamics.steering import dynamic_steering_correction
@@ -197,7 +197,7 @@ def lane_transition(kmh: float) -> FloatArray:
 def _example_transition_and_input(kmh: float) -> tuple[FloatArray, FloatArray]:
     """Return transition and input matrix of eq. 21 over a frame at half load."""
     model = preview_state_matrices(load_vehicle(), kmh * MPS_PER_KMH, ObserverConfig().preview_m)
-    return discretise_held_input(*model, FRAME_PERIOD_S)
+    return transition_and_input_matrices(*model, FRAME_PERIOD_S)
 
 
 def _lane_noise_covariance() -> FloatArray:
@@ -238,7 +238,7 @@ def _model_state_numbers() -> list[MeasuredNumber]:
 
 def simulate_example_states(kmh: float) -> FloatArray:
     """Simulate the linear model from straight running under the example's angle, shape (21, 4), our signs."""
-    phi, gamma = discretise_held_input(
+    phi, gamma = transition_and_input_matrices(
         *preview_state_matrices(load_vehicle(), kmh * MPS_PER_KMH, ObserverConfig().preview_m), FRAME_PERIOD_S
     )
     states = np.zeros((N_EXAMPLE_FRAMES + 1, 4))

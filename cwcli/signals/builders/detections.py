@@ -8,7 +8,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionKind, DetectionSignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, build_timeline
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
-from cwcli.signals.elements import Elements, find_ragged_field, take_sequences
+from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_elements_of_sequences
 from cwcli.signals.leaf_fields import find_field, read_stamps
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
@@ -133,7 +133,7 @@ def make_detection_signal(
     with np.errstate(invalid="ignore", over="ignore"):
         marks = [elements.counts.astype(np.float64), *(elements.sum_per_message(column) for column in values.T)]
     timeline = build_timeline(ledger, *stamps, reading.clock, marks)
-    offsets, index = take_sequences(elements.offsets, timeline.rows)
+    offsets, index = offsets_and_elements_of_sequences(elements.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,
         kind=kind,

@@ -15,7 +15,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.motion import NO_ORIENTATION_REASON
 from cwcli.signals.builders.position import NO_FIX_REASON, reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, VelocitySignal
-from cwcli.signals.clocks import Timeline, build_timeline, signal_with_quality
+from cwcli.signals.clocks import Timeline, build_signal_and_quality, build_timeline
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, nan_beyond_limit, reject_rows_beyond_limit
@@ -75,7 +75,7 @@ def make_position_builder(read: Read) -> Callable[[Columns, Reading], tuple[Posi
         covariance = usable_plane_covariance_or_nan(ledger, given[:, 0], given[:, 1], given[:, 2])
         values = [latitude_deg, longitude_deg, altitude_m]
         timeline = _timeline_with_clock_note(ledger, fix, reading, values)
-        return signal_with_quality(
+        return build_signal_and_quality(
             PositionSignal,
             ledger,
             timeline,
@@ -101,7 +101,7 @@ def make_velocity_builder(read: Read) -> Callable[[Columns, Reading], tuple[Velo
         given = _values_or_nan(fix.velocity_covariance_m2ps2, columns, 3)
         covariance = usable_plane_covariance_or_nan(ledger, given[:, 0], given[:, 1], given[:, 2])
         timeline = _timeline_with_clock_note(ledger, fix, reading, [velocity_mps])
-        return signal_with_quality(
+        return build_signal_and_quality(
             VelocitySignal,
             ledger,
             timeline,
@@ -123,7 +123,9 @@ def make_heading_builder(read: Read) -> Callable[[Columns, Reading], tuple[Headi
         ledger.reject(~fix.is_fix | ~np.isfinite(heading_rad), NO_ORIENTATION_REASON)
         variance = usable_variances_or_nan(ledger, _values_or_nan(fix.heading_variance_rad2, columns))
         timeline = _timeline_with_clock_note(ledger, fix, reading, [heading_rad])
-        return signal_with_quality(HeadingSignal, ledger, timeline, heading_rad=heading_rad, variance_rad2=variance)
+        return build_signal_and_quality(
+            HeadingSignal, ledger, timeline, heading_rad=heading_rad, variance_rad2=variance
+        )
 
     return build
 

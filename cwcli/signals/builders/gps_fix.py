@@ -26,7 +26,7 @@ def read_gps_fix(columns: Columns, ledger: RowLedger) -> GnssFix:
     matrices = read_matrix(columns, "position_covariance", 9)[:, [0, 1, 4]]
     is_known = (read_numbers(columns, "position_covariance_type") > 0) & (matrices[:, 0] > 0.0)
     by_error = isotropic_covariance(
-        _sigma_from_95_percent_error(columns, "err_horz", SIGMAS_PER_95_PERCENT_ELLIPSE) ** 2
+        _one_sigma_from_stated_error(columns, "err_horz", SIGMAS_PER_95_PERCENT_ELLIPSE) ** 2
     )
     speed_mps, course_deg = read_numbers(columns, "speed"), read_numbers(columns, "track")
     return GnssFix(
@@ -45,7 +45,7 @@ build_position = make_position_builder(read_gps_fix)
 build_velocity = make_velocity_builder(read_gps_fix)
 
 
-def _sigma_from_95_percent_error(columns: Columns, name: str, sigmas: float) -> FloatArray:
+def _one_sigma_from_stated_error(columns: Columns, name: str, sigmas: float) -> FloatArray:
     values = read_numbers(columns, name)
     with np.errstate(over="ignore"):
         return np.where((values > 0.0) & (values < 1e6), values, np.nan) / sigmas
@@ -53,8 +53,8 @@ def _sigma_from_95_percent_error(columns: Columns, name: str, sigmas: float) -> 
 
 def _velocity_covariance_from_errors(columns: Columns, speed_mps: FloatArray, course_deg: FloatArray) -> FloatArray:
     """Return velocity covariances (n, 3) from the errors of speed and track; without a track error, they are round."""
-    along = _sigma_from_95_percent_error(columns, "err_speed", SIGMAS_PER_95_PERCENT)
-    across = np.abs(speed_mps) * np.deg2rad(_sigma_from_95_percent_error(columns, "err_track", SIGMAS_PER_95_PERCENT))
+    along = _one_sigma_from_stated_error(columns, "err_speed", SIGMAS_PER_95_PERCENT)
+    across = np.abs(speed_mps) * np.deg2rad(_one_sigma_from_stated_error(columns, "err_track", SIGMAS_PER_95_PERCENT))
     across = np.where(np.isfinite(across) & (across > 0.0), across, along)
     own = np.stack([along**2, 0.0 * along, across**2], axis=1)
     with np.errstate(invalid="ignore"):

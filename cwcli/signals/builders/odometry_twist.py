@@ -11,20 +11,22 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.motion import nan_if_always_zero, read_rotation_matrices
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.direction_of_travel import ComplexArray, heading_and_speed
+from cwcli.signals.direction_of_travel import ComplexArray, travel_direction_and_signed_speed
 from cwcli.signals.leaf_fields import find_field, read_matrix, read_numbers, read_stamps
 from cwcli.signals.quality import RowLedger
 
 MIN_SPEED_FOR_AXES_MPS = 0.5
-"""Slower rows do not tell in which axes a twist is."""
+"""Least speed in m/s of rows that tell in which axes a twist is. Chosen by hand."""
 MIN_ROWS_FOR_AXES = 10
-"""Fewer rows in motion do not tell in which axes a twist is. Chosen by hand; not fitted."""
+"""Least number of rows in motion that tell in which axes a twist is. Chosen by hand; not fitted."""
 MAX_SLIP = 0.1
-"""A car's velocity points to the side by less than this part of what it points forward."""
+"""Greatest sideways part of a car's velocity, as a share of its forward part. Chosen by hand."""
 MOVED_M = 2.0
-"""Positions that span more are of a car that moved: a twist of zeros throughout was then never filled."""
+"""Least extent of the positions, m, of a car that moved: a twist of zeros throughout was then never filled. Chosen by
+hand."""
 UNMEASURED_M2PS2 = 1e3
-"""A component of a velocity with a greater variance, more than 30 m/s of sigma, is stated but not measured."""
+"""Greatest variance of a measured component of a velocity, (m/s)^2; one of more than 30 m/s of sigma is stated but not
+measured. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -66,18 +68,18 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     linear, variance = _zero_unmeasured_components(_read_twist_vector(columns, "linear"), covariance[:, :3, :3])
     yaw_rate_variance = covariance[:, 5, 5]
     if not np.isfinite(yaw_rad).any():
-        speed, towards = _speed_without_orientation(ledger, linear)
+        speed, towards = _speed_and_direction_without_orientation(ledger, linear)
         yaw_rate = _read_yaw_rate(columns, ledger, None)
         return Twist(nothing + 0j, speed, _variance_along(variance, towards), yaw_rate, yaw_rate_variance)
     rotation = read_rotation_matrices(columns, "pose.pose.orientation")
     in_map, in_child = linear[:, 0] + 1j * linear[:, 1], _rotated_horizontal_part(rotation, linear)
-    if _is_map_twist(columns, position_m, in_map, in_child):
+    if _is_twist_in_map_axes(columns, position_m, in_map, in_child):
         ledger.add_note("the twist is in the axes of the pose, not of the child frame: taken as it stands")
         velocity, rotation = in_map, np.broadcast_to(np.eye(3), rotation.shape)
         yaw_rate = _read_yaw_rate(columns, ledger, None)
     else:
         velocity, yaw_rate = in_child, _read_yaw_rate(columns, ledger, rotation)
-    heading, speed = heading_and_speed(velocity, yaw_rad, 0.0)
+    heading, speed = travel_direction_and_signed_speed(velocity, yaw_rad, 0.0)
     ahead = np.column_stack([np.cos(heading), np.sin(heading), np.zeros(n)])
     towards = np.einsum("nij,ni->nj", rotation, ahead)
     is_turned = np.isfinite(velocity)
@@ -119,7 +121,7 @@ def _zero_unmeasured_components(linear: FloatArray, variance: FloatArray) -> tup
     return linear, variance
 
 
-def _speed_without_orientation(ledger: RowLedger, linear: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _speed_and_direction_without_orientation(ledger: RowLedger, linear: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The speed (n,) and the direction (n, 3) that it is taken in, where no orientation is given."""
     towards = np.zeros_like(linear)
     towards[:, 0] = 1.0
@@ -156,7 +158,9 @@ def _read_yaw_rate(columns: Columns, ledger: RowLedger, rotation: FloatArray | N
     return np.where(np.isfinite(vertical) & np.isfinite(about_z), vertical, about_z)
 
 
-def _is_map_twist(columns: Columns, position_m: FloatArray, in_map: ComplexArray, in_child: ComplexArray) -> bool:
+def _is_twist_in_map_axes(
+    columns: Columns, position_m: FloatArray, in_map: ComplexArray, in_child: ComplexArray
+) -> bool:
     """Whether the way from pose to pose follows the twist clearly better as it stands than turned by the yaw."""
     stamp_ns, has_stamp = read_stamps(columns)
     step_s = np.diff(stamp_ns) * 1e-9

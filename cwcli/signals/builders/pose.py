@@ -13,10 +13,14 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.motion import BodyMotion, read_yaw_rad, speed_signal_from_body_motion
 from cwcli.signals.builders.odometry_twist import read_twist
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
-from cwcli.signals.clocks import build_timeline, signal_with_quality
+from cwcli.signals.clocks import build_signal_and_quality, build_timeline
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
-from cwcli.signals.direction_of_travel import find_yaw_mounting, heading_and_speed, velocity_of_positions
+from cwcli.signals.direction_of_travel import (
+    find_yaw_mounting,
+    travel_direction_and_signed_speed,
+    velocity_of_positions,
+)
 from cwcli.signals.leaf_fields import (
     find_field,
     read_frame_id,
@@ -108,7 +112,7 @@ def _make_pose_signal(
     speed_mps = nan_beyond_limit(ledger, speed_mps, MAX_SPEED_MPS, "speed")
     yaw_rate_radps = nan_beyond_limit(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
     timeline = build_timeline(ledger, *stamps, reading.clock, [position_m, yaw_rad])
-    return signal_with_quality(
+    return build_signal_and_quality(
         partial(PoseSignal, frame_id=read_frame_id(columns)),
         ledger,
         timeline,
@@ -133,7 +137,7 @@ def _with_direction_of_travel(signal: PoseSignal) -> PoseSignal:
     left_rad = 0.0 if mounting is None else mounting.correction_rad
     if not has_velocity:
         return replace(signal, heading_rad=wrap_angle(signal.yaw_rad - left_rad), mounting=mounting)
-    heading_rad, speed_mps = heading_and_speed(velocity, signal.yaw_rad, left_rad)
+    heading_rad, speed_mps = travel_direction_and_signed_speed(velocity, signal.yaw_rad, left_rad)
     is_known = np.isfinite(velocity) & np.isfinite(signal.yaw_rad)
     return replace(
         signal,

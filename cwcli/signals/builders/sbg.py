@@ -23,7 +23,7 @@ from cwcli.signals.builders.gnss import (
     make_velocity_builder,
 )
 from cwcli.signals.canonical import ImuSignal
-from cwcli.signals.clocks import build_timeline, signal_with_quality
+from cwcli.signals.clocks import build_signal_and_quality, build_timeline
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaf_fields import read_frame_id, read_numbers, read_stamps, read_vector
 from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_rows_beyond_limit
@@ -99,7 +99,7 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     reject_rows_beyond_limit(ledger, gyro_radps, MAX_TURN_RATE_RADPS)
     timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [accel_mps2, gyro_radps])
     nothing = np.full((len(columns), 3), np.nan)
-    return signal_with_quality(
+    return build_signal_and_quality(
         ImuSignal,
         ledger,
         timeline,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import SteerSignal
-from cwcli.signals.clocks import build_timeline, signal_with_quality
+from cwcli.signals.clocks import build_signal_and_quality, build_timeline
 from cwcli.signals.columns import Columns
 from cwcli.signals.leaf_fields import read_numbers, read_stamps
 from cwcli.signals.limits import MAX_STEER_RAD, reject_rows_beyond_limit
@@ -17,4 +17,4 @@ def build_steering_report(columns: Columns, reading: Reading) -> tuple[SteerSign
     steer_rad = read_numbers(columns, "steering_tire_angle", "drive.steering_angle")
     reject_rows_beyond_limit(ledger, steer_rad, MAX_STEER_RAD)
     timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [steer_rad])
-    return signal_with_quality(SteerSignal, ledger, timeline, steer_rad=steer_rad)
+    return build_signal_and_quality(SteerSignal, ledger, timeline, steer_rad=steer_rad)

@@ -45,7 +45,7 @@ def remote_builder(codec: V2xCodec) -> Build:
         senders = codec.identify(columns)
         events, is_unread = codec.events(columns)
         events = _drop_own_events(events, senders, reading) if len(events) else events
-        quality.notes += format_flag_notes(events, is_unread & ~_is_own_message(senders, reading))
+        quality.notes += format_flag_notes(events, is_unread & ~_own_message_mask(senders, reading))
         return replace(signal, events=_align_flag_events_with_states(events, signal)) if len(
             events
         ) else signal, quality
@@ -54,7 +54,7 @@ def remote_builder(codec: V2xCodec) -> Build:
         ledger = RowLedger(columns, reading.role)
         senders = codec.identify(columns)
         ledger.set_aside(senders.is_roadside, ROADSIDE_UNIT_REASON)
-        ledger.set_aside(_is_own_message(senders, reading), OWN_STATION_REASON)
+        ledger.set_aside(_own_message_mask(senders, reading), OWN_STATION_REASON)
         decoded = codec.decode(columns, ledger)
         timeline = _timeline_per_station(columns, reading, ledger, decoded, senders.station)
         _note_timing_anomalies(ledger, decoded, senders.station, timeline)
@@ -126,7 +126,7 @@ def _make_own_signal_builder(
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
         ledger = RowLedger(columns, reading.role)
         senders = codec.identify(columns)
-        ledger.set_aside(~_is_own_message(senders, reading), OTHER_STATION_REASON)
+        ledger.set_aside(~_own_message_mask(senders, reading), OTHER_STATION_REASON)
         decoded = codec.decode(columns, ledger)
         if needs:
             ledger.set_aside(~np.isfinite(getattr(decoded, needs)), MISSING_QUANTITY_REASON)
@@ -140,7 +140,7 @@ def _make_own_signal_builder(
 
 def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
     """Return the events without those of the ego's own messages."""
-    own_codes = np.unique(senders.station.codes[_is_own_message(senders, reading)])
+    own_codes = np.unique(senders.station.codes[_own_message_mask(senders, reading)])
     own = {senders.station.values[code] for code in own_codes if code >= 0}
     is_own = np.array([*(name in own for name in events.station.values), False])
     return events.select_rows(np.flatnonzero(~is_own[events.station.codes]))
@@ -165,7 +165,7 @@ def _align_flag_events_with_states(events: RoadEvents, signal: RemoteSignal) -> 
     return replace(events, stamp_ns=stamp_ns, until_ns=until_ns)
 
 
-def _is_own_message(senders: Senders, reading: Reading) -> BoolArray:
+def _own_message_mask(senders: Senders, reading: Reading) -> BoolArray:
     """Return which messages (n,) the recording vehicle sent: they say so, or the user has named its station."""
     if reading.ego_station is None:
         return senders.is_own

@@ -39,7 +39,7 @@ MIN_MOVED_DISTANCE_M = 1.0
 MIN_COURSE_SPEED_MPS = 0.3
 """The speed in m/s above which an object's velocity says where it is heading. Chosen by hand; not fitted."""
 MAX_SIDEWAYS_SINE = 0.7
-"""No vehicle drives at more than 45 degrees to its axis."""
+"""Greatest sine of the angle between the motion and the axis of a vehicle: that of 45 degrees. Chosen by hand."""
 LIMITS = {
     "yaw": (("base.orientation.yaw",), MAX_ANGLE_RAD),
     "velocity": (("base.velocity.x", "base.velocity.y"), MAX_SPEED_MPS),
@@ -123,7 +123,7 @@ def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, p
         is_placed = (np.abs(place) < MAX_POSITION_M).all(axis=1)
     if not is_placed.all():
         ledger.add_note(f"{np.count_nonzero(~is_placed)} objects without a usable position left out")
-    is_first = _is_first_in_message(message, ids)
+    is_first = _first_of_id_in_message_mask(message, ids)
     if not is_first.all():
         ledger.add_note(f"{np.count_nonzero(~is_first)} objects are in their message twice: the first counts")
     _note_unused_parts(columns, ledger, prefix)
@@ -132,12 +132,12 @@ def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, p
     message, ids, place = message[keep], ids[keep], place[keep]
     host = _choose_host_id(columns, reading, ledger, prefix, ids, place, values["type"] == VEHICLE_TYPE_CODE)
     is_of_role = np.isin(ids, [] if host is None else [np.uint64(host)]) == (reading.role in OF_HOST)
-    _leave_out_of_range(values, message, is_of_role, ledger)
+    _blank_out_of_range_values(values, message, is_of_role, ledger)
     keep = ledger.keep[message]
     return _derive_object_motion(message, ids, host, place, values, keep)
 
 
-def _leave_out_of_range(
+def _blank_out_of_range_values(
     values: dict[str, FloatArray], message: npt.NDArray[np.intp], is_of_role: BoolArray, ledger: RowLedger
 ) -> None:
     """Replace values that no road user has by NaN, and count the messages in which the role's objects have one.
@@ -187,7 +187,7 @@ def read_world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, Bo
 
 def read_timestamps(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
     """Read an `osi3.Timestamp` in ns, 0 where it is left out, and whether a message has it, both (n,)."""
-    parts = [_read_first_values(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
+    parts = [_read_first_number_and_presence(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
     (seconds, has_seconds), (nanos, has_nanos) = parts
     is_sane = (seconds >= 0) & (seconds < 2**33) & (nanos >= 0) & (nanos < NS_PER_S)
     stamp_ns = np.where(is_sane, seconds, 0) * NS_PER_S + np.where(is_sane, nanos, 0)
@@ -203,7 +203,7 @@ def encode_station_names(ids: npt.NDArray[np.uint64]) -> Strings:
     return Strings(rank[inverse].astype(np.int32), tuple(str(each) for each in distinct[order].tolist()))
 
 
-def _read_first_values(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
+def _read_first_number_and_presence(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
     """Read a number of each message, the first where it holds several (views of several sensors)."""
     field = find_field(columns, path)
     if not isinstance(field, Ragged):
@@ -229,7 +229,7 @@ def _read_object_ids(columns: Columns, elements: Elements, path: str) -> npt.NDA
     return out
 
 
-def _is_first_in_message(message: npt.NDArray[np.intp], ids: npt.NDArray[np.uint64]) -> BoolArray:
+def _first_of_id_in_message_mask(message: npt.NDArray[np.intp], ids: npt.NDArray[np.uint64]) -> BoolArray:
     order = np.lexsort((ids, message))
     is_again = np.zeros(len(ids), np.bool_)
     same = (np.diff(message[order]) == 0) & (ids[order][1:] == ids[order][:-1])
@@ -256,7 +256,7 @@ def _choose_host_id(
         return int(reading.ego_station)
     paths = (f"{prefix.removesuffix(SENSOR_VIEW_PREFIX)}host_vehicle_id.value", f"{prefix}host_vehicle_id.value")
     for path in dict.fromkeys(paths):
-        said, is_said = _read_first_values(columns, path)
+        said, is_said = _read_first_number_and_presence(columns, path)
         said = said.astype(np.uint64)
         is_there = is_said & np.isin(said, ids) & ledger.keep
         if not is_there.any():
@@ -268,12 +268,14 @@ def _choose_host_id(
             ledger.add_note(f"several host vehicles, {named_hosts}: {host} is the ego (--ego-station chooses another)")
             ledger.set_aside(is_there & (said != host), OTHER_HOST_REASON)
         return host
-    host, why = _smallest_moving_id(ids, place, is_vehicle)
+    host, why = _smallest_moving_id_and_reason(ids, place, is_vehicle)
     ledger.add_note(f"no message names the host vehicle: {host}, {why}, is the ego (--ego-station chooses another)")
     return host
 
 
-def _smallest_moving_id(ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: BoolArray) -> tuple[int, str]:
+def _smallest_moving_id_and_reason(
+    ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: BoolArray
+) -> tuple[int, str]:
     """Return the smallest id of a vehicle that moves, else of an object that moves, of a vehicle, of any object; and
     why."""
     distinct, inverse = np.unique(ids, return_inverse=True)

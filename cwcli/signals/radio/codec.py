@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals import cpm, etsi, j2735, perceived, sdsm
 from cwcli.signals.columns import Columns, Field, Strings
-from cwcli.signals.denm import events_from_codes, format_notice
+from cwcli.signals.denm import events_from_codes, format_event_counts_notice
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.radio import bsm, frames, messages
 from cwcli.signals.radio import etsi as packed_etsi
@@ -118,9 +118,9 @@ def make_radio_codec(form: str) -> V2xCodec:
         rows, denms, notified = _decode_denms(columns, found, form)
         _reject_undecodable_rows(ledger, rows, denms.status)
         if len(notified):
-            ledger.add_note(format_notice(notified))
+            ledger.add_note(format_event_counts_notice(notified))
         for name, kind in PERCEPTION_MESSAGES.items():
-            rows, decoded_objects = _decode_messages_by_name(found, form, name, kind.packed)
+            rows, decoded_objects = _rows_and_contents_of_messages_named(found, form, name, kind.packed)
             _reject_undecodable_rows(ledger, rows, decoded_objects.status)
         _set_aside_other_messages(ledger, found, is_known, form)
         n_signed = int(np.count_nonzero(found.is_signed & ledger.keep))
@@ -132,7 +132,7 @@ def make_radio_codec(form: str) -> V2xCodec:
         found = frames.unwrap_frames(columns, form)
         made = []
         for name, kind in PERCEPTION_MESSAGES.items():
-            rows, decoded = _decode_messages_by_name(found, form, name, kind.packed)
+            rows, decoded = _rows_and_contents_of_messages_named(found, form, name, kind.packed)
             of_row = decoded.rows[kind.packed.objects_path]
             if len(of_row):
                 quantities = kind.read_fields(decoded)
@@ -150,7 +150,7 @@ def make_radio_codec(form: str) -> V2xCodec:
     return V2xCodec(identify, decode_all, objects, events)
 
 
-def _decode_messages_by_name(
+def _rows_and_contents_of_messages_named(
     found: frames.UnwrappedFrames, form: str, name: str, kind: messages.PackedMessage
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages]:
     """Decode the messages with a name; return their rows and their contents."""
@@ -170,7 +170,7 @@ def _decode_sender_messages(
         kind = SENDER_MESSAGES.get(name)
         if kind is None or not (found.message == number).any():
             continue
-        rows, decoded = _decode_messages_by_name(found, form, name, kind.packed)
+        rows, decoded = _rows_and_contents_of_messages_named(found, form, name, kind.packed)
         part = replace(
             columns,
             log_time_ns=columns.log_time_ns[rows],
@@ -187,7 +187,7 @@ def _decode_denms(
     columns: Columns, found: frames.UnwrappedFrames, form: str
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages, RoadEvents]:
     """Decode the DENMs; return their rows, their contents, and the events that they notify."""
-    rows, decoded = _decode_messages_by_name(found, form, "DENM", packed_etsi.DENM)
+    rows, decoded = _rows_and_contents_of_messages_named(found, form, "DENM", packed_etsi.DENM)
     is_ok = decoded.status == 0
     codes = {name: decoded.component_numbers(path)[is_ok] for name, path in packed_etsi.DENM.components.items()}
     return rows, decoded, events_from_codes(codes, columns.log_time_ns[rows][is_ok])

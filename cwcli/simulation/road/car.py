@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cwcli.dynamics.single_track import lateral_state_derivatives
+from cwcli.dynamics.single_track import lateral_acceleration_and_yaw_acceleration
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
@@ -36,7 +36,7 @@ def understeer_factor_s2pm2(vehicle: Vehicle) -> float:
     return vehicle.mass_kg * moment / (vehicle.wheelbase_m**2 * kf * kr)
 
 
-def simulate_drive_along_lane(
+def times_and_states_of_drive_along_lane(
     curvature_at: Callable[[float], float],
     speed_at: Callable[[float], float],
     driver: SwayingDriver,
@@ -81,7 +81,7 @@ def simulate_drive_along_lane(
         bearing = q[BEARING]
         return np.array(
             [
-                *lateral_state_derivatives(vehicle, v, v_y, yaw_rate, steer),
+                *lateral_acceleration_and_yaw_acceleration(vehicle, v, v_y, yaw_rate, steer),
                 along,
                 v * math.sin(heading) + v_y * math.cos(heading),
                 yaw_rate - kappa * along,

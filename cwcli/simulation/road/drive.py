@@ -14,7 +14,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
-from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, simulate_drive_along_lane
+from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, times_and_states_of_drive_along_lane
 from cwcli.simulation.road.conditions import CONDITIONS, draw_shadow_band
 from cwcli.simulation.road.defects import DEFECT_KNOT_SPACING_M as FINE_KNOT_M
 from cwcli.simulation.road.defects import (
@@ -117,7 +117,7 @@ class RoadDrive:
         scene: The scene at the start.
         time_s: Shape (n,): times of the frames.
         fine_time_s: Shape (m,): a grid of 10 ms.
-        fine_states: Shape (m, 9), see `car.simulate_drive_along_lane`.
+        fine_states: Shape (m, 9), see `car.times_and_states_of_drive_along_lane`.
         knots_m, curvature_1pm: Curvature of the lane at stations, linear between them; left positive.
         vertical_1pm: Shape (k,): crests and sags at the same stations.
         pitch_rad: Shape (n,): pitch of the body at the frames, nose down positive.
@@ -215,13 +215,15 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     driver = SwayingDriver(wander_rad=wander_rad)
     if any(getattr(config, name) != getattr(RoadDriveConfig, name) for name in DEFECT_FIELDS):
         own = random_stream(config.seed, "road-drive", "defects")
-        knots_m, curvature, vertical = _add_bends_and_ramps(config, knots_m, curvature, vertical, own)
+        knots_m, curvature, vertical = _knots_and_curvatures_with_bends_and_ramps(
+            config, knots_m, curvature, vertical, own
+        )
         scene = _add_defects_to_scene(scene, config, length_m, own)
         change_s = draw_lane_change_times_s(config.lane_changes_per_min, config.duration_s, own)
         driver = LaneChangingDriver(
             wander_rad=wander_rad, lane_change_start_s=change_s, lane_width_m=scene.lane_width_m
         )
-    fine_time_s, states = simulate_drive_along_lane(
+    fine_time_s, states = times_and_states_of_drive_along_lane(
         lambda station: float(np.interp(station, knots_m, curvature)),
         lambda t: config.speed_mps + config.accel_mps2 * t,
         driver,
@@ -232,7 +234,7 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     return RoadDrive(config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, pitch_rad)
 
 
-def _add_bends_and_ramps(
+def _knots_and_curvatures_with_bends_and_ramps(
     config: RoadDriveConfig, knots_m: FloatArray, curvature: FloatArray, vertical: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Knots, curvature and crests with mountain bends and ramps, if the configuration has them."""

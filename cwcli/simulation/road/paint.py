@@ -17,7 +17,7 @@ from cwcli.simulation.road.surface import (
     REMAINING_PAINT_LEVELS,
     WEAR_CELL_WIDTH_M,
     Float32Array,
-    remaining_paint_texture,
+    remaining_paint_texture_and_mean,
 )
 
 UNWORN_PAINT_SHARE = 0.97
@@ -109,7 +109,7 @@ def _remaining_paint_share(
 ) -> FloatArray:
     """Share of the paint that is left at the pixels of a stripe, shape of `columns`."""
     level = min(REMAINING_PAINT_LEVELS, key=lambda each: abs(each - marking.remaining_paint_share))
-    texture, mean = remaining_paint_texture(level)
+    texture, mean = remaining_paint_texture_and_mean(level)
     shift_m = 37.0 * offset_m  # so that neighbouring markings wear differently
     strip = texture.mean_over_stretches(rows.start_m[at] + shift_m, rows.end_m[at] + shift_m) + mean
     across = (columns - middle_px) / np.maximum(width_px, 1e-3) * marking.width_m / WEAR_CELL_WIDTH_M + N_WEAR_CELLS / 2

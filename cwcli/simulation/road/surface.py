@@ -142,7 +142,7 @@ def leaf_shadow_texture() -> Texture:
 
 
 @cache
-def remaining_paint_texture(level: float) -> tuple[Texture, FloatArray]:
+def remaining_paint_texture_and_mean(level: float) -> tuple[Texture, FloatArray]:
     """The texture of worn paint, 1 where paint is left and 0 where it is gone less the mean, and the mean per cell."""
     rng = np.random.default_rng(105)
     shape = (N_CELLS_ALONG, N_WEAR_CELLS)

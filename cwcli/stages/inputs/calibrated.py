@@ -50,7 +50,7 @@ def _is_calibrated_signal(signal: Signal) -> bool:
 def _apply_calibration(signal: Signal, calibration: Calibration) -> Signal:
     """Return the signal without the latency, scale, bias and tilt that the calibration knows of it."""
     if isinstance(signal, SpeedSignal):
-        scale = calibration.find_constant(signal.source, Kind.SPEED, "scale").value
+        scale = calibration.find_constant_or_unknown(signal.source, Kind.SPEED, "scale").value
         return replace(
             signal,
             stamp_ns=signal.stamp_ns - _calibrated_latency_ns(calibration, signal.source, Kind.SPEED),
@@ -74,10 +74,10 @@ def _apply_calibration(signal: Signal, calibration: Calibration) -> Signal:
 
 def _calibrated_latency_ns(calibration: Calibration, source: str, kind: Kind) -> int:
     """Return the latency of a source for one quantity [ns]; 0 where it is not known."""
-    latency_s = calibration.find_constant(source, kind, "latency_s").value
+    latency_s = calibration.find_constant_or_unknown(source, kind, "latency_s").value
     return 0 if np.isnan(latency_s) else round(latency_s * NS_PER_S)
 
 
 def _calibrated_bias(calibration: Calibration, source: str) -> float:
     """Return the bias of a source's yaw rate [rad/s]; 0 where it is not known."""
-    return float(np.nan_to_num(calibration.find_constant(source, Kind.YAW_RATE, "bias").value))
+    return float(np.nan_to_num(calibration.find_constant_or_unknown(source, Kind.YAW_RATE, "bias").value))

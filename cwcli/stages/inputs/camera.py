@@ -36,7 +36,7 @@ from cwcli.signals.transforms import (
     CameraPose,
     Transform,
     camera_pose_from_matrix,
-    find_body_from_frame,
+    find_body_frame_and_transform,
 )
 from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, camera_from_calibration, default_camera
@@ -142,7 +142,7 @@ def find_camera_source(
     return CameraSource(info, mounting, fov_rad, is_rectified, counts, tuple(notes))
 
 
-def camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> tuple[str, CameraSource]:
+def topic_and_camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> tuple[str, CameraSource]:
     """Return the topic of the camera in whose frames `cwcli lanes` found the lanes, and the camera.
 
     The settings come from the record of `cwcli lanes`; the defaults stand in for those that it lacks.
@@ -248,7 +248,7 @@ def _pose_from_transforms(
 ) -> tuple[CameraPose | None, tuple[InputMessageCount, ...], tuple[str, ...]]:
     """Return the camera's pose on the car from the log's transforms or None, message counts, and notes."""
     topics = sorted(
-        {channel.topic for channel in log.transform_channels() if not _is_option_disabled(channel.topic)},
+        {channel.topic for channel in log.transform_channels() if not _is_unused_transform_topic(channel.topic)},
         key=lambda topic: ("static" not in topic, topic),
     )
     if not topics or not frame_id:
@@ -257,9 +257,9 @@ def _pose_from_transforms(
     counts = []
     for topic in topics:
         counts.append(InputMessageCount.from_transforms(*fill_transform_tree(log, topic, tree, frame_id)))
-        if find_body_from_frame(tree, frame_id) is not None:
+        if find_body_frame_and_transform(tree, frame_id) is not None:
             break
-    found = find_body_from_frame(tree, frame_id)
+    found = find_body_frame_and_transform(tree, frame_id)
     if found is None:
         note = f"no transform leads from {frame_id} to {' or '.join(BODY_FRAME_NAMES)}: {', '.join(topics)} not used"
         return None, tuple(counts), (note,)
@@ -291,7 +291,7 @@ def _implausible_pose_text(pose: CameraPose | None, frame_id: str, body: str) ->
     return ""
 
 
-def _is_option_disabled(topic: str) -> bool:
+def _is_unused_transform_topic(topic: str) -> bool:
     """Return whether the transforms of a topic are not used: cwcli wrote them, or they are a truth."""
     return topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(topic)
 

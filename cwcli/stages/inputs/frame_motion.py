@@ -17,7 +17,7 @@ from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
 from cwcli.signals.resample import Series
 from cwcli.signals.role import Role
-from cwcli.signals.row_order import sort_rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.calibrated import apply_calibration_to_sources
 from cwcli.stages.inputs.sources import read_sensor_signals
@@ -47,7 +47,7 @@ def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | 
     if topic is not None:
         states = read_vehicle_states(log.columns(topic))
         count = InputMessageCount(topic, EGO_STATE.role, len(states), len(states))
-        rows = sort_rows_by_stamp(states.stamp_ns)
+        rows = rows_by_stamp_without_repeats(states.stamp_ns)
         stamp_ns, state = states.stamp_ns[rows], states.state[rows]
         return MotionSeries(Series(stamp_ns, state[:, SPEED]), Series(stamp_ns, state[:, YAW_RATE]), (count,))
     sources = read_sensor_signals(log, Selection(topics=topics), command="lanes", optional=(Role.EGO_SPEED, Role.IMU))

@@ -21,7 +21,7 @@ from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, Velocit
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.role import Role
-from cwcli.signals.row_order import sort_rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import SensorSignals
 from cwcli.vision.method import LaneState
@@ -88,12 +88,12 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     usable = np.flatnonzero((stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS))
     if not len(usable):
         raise DataError("no frame has a usable stamp", where=place)
-    rows = usable[sort_rows_by_stamp(stamp_ns[usable])]
+    rows = usable[rows_by_stamp_without_repeats(stamp_ns[usable])]
     values, sigma = lanes.preview[rows], lanes.preview_sigma[rows]
     with np.errstate(invalid="ignore"):
         is_beyond = np.abs(values) > PREVIEW_VALUE_LIMITS
         sigma = np.where((sigma > 0.0) & (sigma <= MAX_PREVIEW_SIGMA), sigma, np.nan)  # the observer then takes its own
-    is_held = lanes.state[rows] == LaneState.HELD  # what no frame shows is no measurement
+    is_held = np.isin(lanes.state[rows], (LaneState.HELD, LaneState.CARRIED))  # what no frame shows is no measurement
     values = np.where(is_beyond | is_held[:, None], np.nan, values)
     lines = np.where(is_held[:, None, None], np.nan, lanes.curved_road_lines()[rows])
     is_empty = ~np.isfinite(values).any(axis=1) & ~is_held
@@ -108,7 +108,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     }
     samples = LaneSamples(
         *(stamp_ns[rows], values[:, 0], values[:, 1], values[:, 2], sigma[:, 0], sigma[:, 1], sigma[:, 2]),
-        yaw_sigma_rad=lanes.least_yaw_sigma_rad(),
+        yaw_sigma_rad=lanes.least_shared_yaw_sigma_rad(),
         lines=lines,
         curvature_change_1pm2=lanes.curvature_change_1pm2[rows],
     )
@@ -172,11 +172,11 @@ def choose_observer_inputs(
     """
     used: set[str] = set()
     counts = list(sources.input_message_counts())
-    speed, speed_source = _choose_speed(sources)
-    yaw_rate, yaw_rate_source = _choose_yaw_rate(sources) if use_gyro else (None, "")
+    speed, speed_source = _choose_speed_and_topic(sources)
+    yaw_rate, yaw_rate_source = _choose_yaw_rate_and_topic(sources) if use_gyro else (None, "")
     if ego_state is not None and len(ego_state) and (speed is None or (use_gyro and yaw_rate is None)):
         states = read_vehicle_states(ego_state)
-        rows = sort_rows_by_stamp(states.stamp_ns)
+        rows = rows_by_stamp_without_repeats(states.stamp_ns)
         stamp_ns, state = states.stamp_ns[rows], states.state[rows]
         variance = np.maximum(states.covariance[rows, YAW_RATE, YAW_RATE], 0.0)
         if speed is None:
@@ -186,8 +186,8 @@ def choose_observer_inputs(
             yaw_rate_source = ego_state.topic
         counts.append(InputMessageCount(ego_state.topic, EGO_STATE.role, len(states), len(states)))
     if speed is None:
-        speed, speed_source = _speed_from_velocity(sources)
-    steer, steer_source = _choose_steering(sources) if use_steer else (None, "")
+        speed, speed_source = _speed_and_topic_from_velocity(sources)
+    steer, steer_source = _choose_steering_and_topic(sources) if use_steer else (None, "")
     used |= {speed_source, yaw_rate_source, steer_source}
     return ObserverInputs(
         speed=speed,
@@ -201,7 +201,7 @@ def choose_observer_inputs(
     )
 
 
-def _choose_speed(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
+def _choose_speed_and_topic(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     """Return the samples of the speed channel and its topic; None and "" without one."""
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal):
@@ -209,7 +209,7 @@ def _choose_speed(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     return None, ""
 
 
-def _speed_from_velocity(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
+def _speed_and_topic_from_velocity(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     """Return the magnitude of the velocity over ground and its topic; None and "" without one."""
     for signal in sources.by_role.get(Role.EGO_VELOCITY, ()):
         if isinstance(signal, VelocitySignal):
@@ -217,7 +217,7 @@ def _speed_from_velocity(sources: SensorSignals) -> tuple[ScalarSamples | None, 
     return None, ""
 
 
-def _choose_yaw_rate(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
+def _choose_yaw_rate_and_topic(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     """Return the yaw rate of the gyroscope, else that of the speed channel, and its topic."""
     for signal in sources.by_role.get(Role.IMU, ()):
         if isinstance(signal, ImuSignal):
@@ -230,7 +230,7 @@ def _choose_yaw_rate(sources: SensorSignals) -> tuple[ScalarSamples | None, str]
     return None, ""
 
 
-def _choose_steering(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
+def _choose_steering_and_topic(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     """Return the samples of the steering angle and their topic; None and "" without any."""
     for signal in sources.by_role.get(Role.EGO_STEER, ()):
         if isinstance(signal, SteerSignal):

@@ -126,7 +126,7 @@ def read_sensor_signals(
             columns = replace(loaded[one.topic], schema_name=one.schema_name)  # which the user may have said
             strays_ns = columns.log_time_ns[:0]
             if role not in ROLES_WITHOUT_TIME:
-                columns, strays_ns = _drop_rows_outside_span(columns, *usual_ns)
+                columns, strays_ns = _rows_in_span_and_times_of_others(columns, *usual_ns)
             signal, quality = build_signal(
                 role,
                 columns,
@@ -135,7 +135,9 @@ def read_sensor_signals(
                 is_override=one.is_override,
                 mapping=one.mapping,
                 parts=[
-                    (_drop_rows_outside_span(loaded[p.topic], *usual_ns)[0], p.mapping) for p in one.parts if p.mapping
+                    (_rows_in_span_and_times_of_others(loaded[p.topic], *usual_ns)[0], p.mapping)
+                    for p in one.parts
+                    if p.mapping
                 ],
             )
             quality.count_rejected_before_build(STRAY_LOG_TIME_REASON, strays_ns)
@@ -166,7 +168,7 @@ def read_bound_columns(log: Log, bound: Bindings, *, without: Collection[str] = 
     return {role: columns[topic] for role, topic in topics.items()}
 
 
-def _drop_rows_outside_span(columns: Columns, first_ns: int, last_ns: int) -> tuple[Columns, Int64Array]:
+def _rows_in_span_and_times_of_others(columns: Columns, first_ns: int, last_ns: int) -> tuple[Columns, Int64Array]:
     """Return the messages logged from `first_ns` to `last_ns`, and the log times of the others.
 
     Log times are unsigned in a file, and the rows are in that order.

@@ -29,7 +29,7 @@ def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
     columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "max")
     title = "Online states: what could have been known, and when"
     rows: list[tuple[Cell, ...]] = [
-        (each.topic, each.n_states, each.parameters, *each.delay_quantiles_s()) for each in online
+        (each.topic, each.n_states, each.parameters, *each.delay_median_p95_and_max_s()) for each in online
     ]
     after = tuple(f"known_after_{name}_s" for name in ("median", "p95", "max"))
     return SummaryTable("online", title, columns, tuple(rows), names=(*columns[:3], *after))
@@ -51,8 +51,8 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
     columns = ("source", "quantity", "accepted", "gated", "latency [ms]", "latency status")
     names = (*columns[:2], "used", *columns[3:])
     gated = any(report.n_gated for report in ego.sources)
-    where = f" (gated: {REJECTED.topic})" if gated else ""
-    title = f"Ego sources: measurements accepted and gated, latencies{where}"
+    where = f" (in {REJECTED.topic})" if gated else ""
+    title = f"Ego sources: numbers of measurements accepted and gated{where}, and latencies"
     return SummaryTable("sources", title, columns, tuple(rows), names=names)
 
 
@@ -102,7 +102,7 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
         for report in ego.sources
     ]
     columns = ("source", "quantity", "white noise", "noise from", "NIS/dof", "95 % bounds", "inside")
-    title = "Ego sources: noise and consistency of the innovations"
+    title = "Ego sources: white noise (one sigma), and whether NIS lies inside its bounds"
     return SummaryTable(
         "noise", title, columns, tuple(rows), names=(*columns[:3], "from", "NIS/dof", "bounds_95", "inside")
     )
@@ -131,7 +131,9 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
         "gated",
         *(str(f.name).lower().replace("_", " ") for f in StateFlag),
     )
-    return SummaryTable("vehicles", "Estimated tracks", columns, tuple(rows))
+    return SummaryTable(
+        "vehicles", "Estimated tracks (gated: measurements; starting to rejecting: states)", columns, tuple(rows)
+    )
 
 
 def _status_cell(status: ParameterStatus) -> CellWithValues:

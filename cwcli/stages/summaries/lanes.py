@@ -64,19 +64,22 @@ def lanes_table(frames: LaneFrames) -> Table:
         "curvature_1pm": ColumnDoc(doc="of the lane there, right bend positive (K_L)"),
         "lane_width_m": ColumnDoc(doc="10 m ahead of the camera"),
         "pitch_rad": ColumnDoc(doc="of the camera as the method estimates it, nose down positive"),
-        "state": ColumnDoc(doc="found, held (carried on from earlier frames), lost; untold: the method does not tell"),
+        "state": ColumnDoc(
+            doc="found, held (hardly seen), carried (not searched), lost; untold: the method does not tell"
+        ),
         "steady_s": ColumnDoc(doc="since the lane was found or took the place of another one"),
         "lane_change": ColumnDoc(doc="1: the camera has come into the next lane to the left, -1: to the right"),
     }
     return Table("lanes", columns, docs)
 
 
-def lanes_summary_table(frames: LaneFrames, *, n_searches: int, search_s: float) -> SummaryTable:
+def lanes_summary_table(frames: LaneFrames, *, n_searches: int, n_searched: int, search_s: float) -> SummaryTable:
     """Return the table of how often boundaries were found, the lane's median values, and the search time."""
     found = frames.fits.found
     n = len(frames)
     rows: list[tuple[Cell, ...]] = [
         ("frames", n),
+        ("frames searched", n_searched),
         ("left boundary found (%)", 100.0 * float(found[:, 0].mean())),
         ("right boundary found (%)", 100.0 * float(found[:, 1].mean())),
         ("both found (%)", 100.0 * float(found.all(axis=1).mean())),

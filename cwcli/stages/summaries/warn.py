@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.channels.published import WARNINGS
-from cwcli.channels.warning import read_warnings, write_warning_channels
+from cwcli.channels.warning import read_warnings, write_warnings_and_log_channels
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
@@ -45,15 +45,15 @@ def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[Wa
         after: Warnings that are in the channel already.
     """
     result: list[RuleOutcome] = []
-    n_before = max(map(_last_event_id, after), default=0)
+    n_before = max(map(_greatest_event_id_or_zero, after), default=0)
     for outcome in outcomes:
-        n = _last_event_id(outcome.rows)
+        n = _greatest_event_id_or_zero(outcome.rows)
         result.append(_shift_event_ids(outcome, n_before) if n_before else outcome)
         n_before += n
     return result
 
 
-def _last_event_id(rows: WarningRows) -> int:
+def _greatest_event_id_or_zero(rows: WarningRows) -> int:
     """Return the greatest event id; 0 without events."""
     return int(np.max(rows.event_id, initial=0))
 
@@ -111,7 +111,7 @@ def build_warnings_result(
     is_there = any(channel.topic == WARNINGS.topic for channel in log.added_channels)
     earlier = (read_warnings(log.columns(WARNINGS.topic)),) if is_there else ()
     outcomes = number_events_over_rules(outcomes, after=earlier)
-    channels = write_warning_channels([*earlier, *(outcome.rows for outcome in outcomes)])
+    channels = write_warnings_and_log_channels([*earlier, *(outcome.rows for outcome in outcomes)])
     sections = tuple(section for outcome in outcomes for section in outcome.sections)
     summary = StageSummary(stage, sections, inputs, notes)
     result = StageResult(

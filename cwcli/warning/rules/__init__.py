@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from cwcli.registry import Plugin, Registry, accept_dataclass_of
-from cwcli.warning.rule_inputs import problem_with_measure_names
+from cwcli.warning.rule_inputs import describe_problem_with_measure_names
 from cwcli.warning.rules.base import Rule, check_decision
 
 
 def _accept_plugin_rule(entry: object, plugin: Plugin) -> Rule:
     """Check a plug-in's rule, its measures and its words, guard its function, and return it."""
     rule = accept_dataclass_of(Rule, {"decide": check_decision})(entry, plugin)
-    problem = problem_with_measure_names(rule.measures)
+    problem = describe_problem_with_measure_names(rule.measures)
     if problem:
         raise plugin.plugin_error(problem)
     try:

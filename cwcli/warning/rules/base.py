@@ -73,7 +73,7 @@ class Rule:
     leaves_out_kinds: bool = False
 
 
-def leave_out_raised(decision: Decision, rows: BoolArray) -> Decision:
+def leave_out_raised_warnings(decision: Decision, rows: BoolArray) -> Decision:
     """The decision with no warning raised in the masked rows (m,); it is confirmed there, and may be raised behind."""
     at_once = None if decision.at_once is None else decision.at_once & ~rows
     return replace(decision, raised=decision.raised & ~rows, at_once=at_once)

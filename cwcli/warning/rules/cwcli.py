@@ -32,9 +32,9 @@ from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 RELEASE_SHARE = 0.5
-"""A warning ends below this share of the threshold. Chosen by hand; not fitted."""
+"""Share of the probability threshold below which a warning ends. Chosen by hand; not fitted."""
 AVOIDED_PROBABILITY = 0.01
-"""Contact that is less probable than this counts as avoided. Chosen by hand; not fitted."""
+"""Probability of contact below which it counts as avoided. Chosen by hand; not fitted."""
 
 
 def decide_by_contact_probability(

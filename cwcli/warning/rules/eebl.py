@@ -26,18 +26,18 @@ from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 HARD_BRAKING_MPS2 = 4.0
-"""Hard braking begins here: about the 0.4 g of `eventHardBraking` (SAE J2735)."""
+"""Least deceleration of hard braking, m/s^2: about the 0.4 g of `eventHardBraking` (SAE J2735)."""
 RELEASE_SHARE = 0.5
-"""A warning ends when the other brakes with less than this share of hard braking. Chosen by hand; not fitted."""
+"""Share of hard braking below which the other's braking ends a warning. Chosen by hand; not fitted."""
 LANE_WIDTH_M = 3.6
 """Assumed width of a lane, m: 12 feet, as on US highways."""
 MAX_LATERAL_OFFSET_M = 1.5 * LANE_WIDTH_M
-"""A vehicle within this distance of the host's path, m, is in its lane or in an adjacent one: one and a half
+"""Greatest distance in m of a vehicle from the host's path that is in its lane or an adjacent one: one and a half
 `LANE_WIDTH_M`."""
 MAX_HEADING_DIFFERENCE_RAD = np.deg2rad(45.0)
 """Largest angle between directions of vehicles that drive the same way. Chosen by hand; not fitted."""
 MIN_HOST_SPEED_MPS = 2.0
-"""A slower host has no usable path. Chosen by hand; not fitted."""
+"""Least speed in m/s of a host with a usable path. Chosen by hand; not fitted."""
 
 
 def decide_by_hard_braking_ahead(
@@ -46,9 +46,9 @@ def decide_by_hard_braking_ahead(
     """Decide by hard braking of a vehicle ahead in the same direction to which the host would have to react."""
     states = measures.states
     assert states is not None  # RULE asks for them
-    gap_m, follows = _gap_to_vehicle_ahead(states)
+    gap_m, follows = _gap_and_mask_of_vehicle_ahead(states)
     braking_mps2 = -states.other[:, ACCEL] * np.where(states.other[:, SPEED] < 0.0, -1.0, 1.0)
-    needed_mps2, left_m = _needed_deceleration(
+    needed_mps2, left_m = _deceleration_and_distance_to_stop_behind(
         states, gap_m, np.fmax(braking_mps2, HARD_BRAKING_MPS2), config.horizon_s
     )
     matters = follows & ~(needed_mps2 < config.min_deceleration_mps2)
@@ -67,7 +67,7 @@ def decide_by_hard_braking_ahead(
     )
 
 
-def _gap_to_vehicle_ahead(states: PairStates) -> tuple[FloatArray, BoolArray]:
+def _gap_and_mask_of_vehicle_ahead(states: PairStates) -> tuple[FloatArray, BoolArray]:
     """Gap of the outlines along the host's arc (m), and whether the other is ahead in the same direction, (m,) each."""
     host, other = states.host, states.other
     dx, dy = other[:, X] - host[:, X], other[:, Y] - host[:, Y]
@@ -89,7 +89,7 @@ def _gap_to_vehicle_ahead(states: PairStates) -> tuple[FloatArray, BoolArray]:
     return gap, np.asarray(follows)
 
 
-def _needed_deceleration(
+def _deceleration_and_distance_to_stop_behind(
     states: PairStates, gap_m: FloatArray, braking_mps2: FloatArray, wait_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """The deceleration that the host needs after a wait to stop behind the other; infinity where none is enough.

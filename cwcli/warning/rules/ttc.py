@@ -11,7 +11,7 @@ from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 RELEASE_FACTOR = 1.2
-"""A warning ends when the time to collision exceeds this many horizons. Chosen by hand; not fitted."""
+"""Time to collision, in horizons, beyond which a warning ends. Chosen by hand; not fitted."""
 
 
 def decide_by_time_to_collision(

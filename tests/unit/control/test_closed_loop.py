@@ -7,8 +7,8 @@ from cwcli.control.car import CarResponse, CarState, advance_car
 from cwcli.control.closed_loop import (
     PedalSituation,
     RecordedMotion,
-    braking_driver_pedals,
-    fuzzy_controller_pedals,
+    braking_driver_throttle_and_pressure,
+    fuzzy_controller_throttle_and_pressure,
     replay_with_policy,
     time_to_close_gap_s,
 )
@@ -57,7 +57,9 @@ def test_brake_lag_is_first_order() -> None:
 
 
 def test_never_warned_replays_the_recording() -> None:
-    outcome = replay_with_policy(straight(10.0, 0.0), straight(0.0, 60.0), np.array([np.inf]), fuzzy_controller_pedals)
+    outcome = replay_with_policy(
+        straight(10.0, 0.0), straight(0.0, 60.0), np.array([np.inf]), fuzzy_controller_throttle_and_pressure
+    )
     np.testing.assert_allclose(outcome.x_m[0], 10.0 * outcome.time_s, atol=1e-9)
     # The host drives through the standing car's position at 6 s.
     assert outcome.collided[0]
@@ -66,19 +68,23 @@ def test_never_warned_replays_the_recording() -> None:
 
 def test_runs_of_one_batch_do_not_influence_each_other() -> None:
     host, other = straight(15.0, 0.0), straight(0.0, 80.0)
-    both = replay_with_policy(host, other, np.array([2.0, 3.0]), fuzzy_controller_pedals)
-    alone = replay_with_policy(host, other, np.array([3.0]), fuzzy_controller_pedals)
+    both = replay_with_policy(host, other, np.array([2.0, 3.0]), fuzzy_controller_throttle_and_pressure)
+    alone = replay_with_policy(host, other, np.array([3.0]), fuzzy_controller_throttle_and_pressure)
     np.testing.assert_allclose(both.x_m[1], alone.x_m[0], rtol=0.0, atol=1e-9)
 
 
 def test_fuzzy_controller_stops_before_a_standing_car_when_warned_in_time() -> None:
-    outcome = replay_with_policy(straight(15.0, 0.0), straight(0.0, 80.0), np.array([1.0]), fuzzy_controller_pedals)
+    outcome = replay_with_policy(
+        straight(15.0, 0.0), straight(0.0, 80.0), np.array([1.0]), fuzzy_controller_throttle_and_pressure
+    )
     assert not outcome.collided[0]
     assert outcome.speed_mps[0, -1] == 0.0
 
 
 def test_driver_brakes_after_the_reaction_time() -> None:
-    outcome = replay_with_policy(straight(15.0, 0.0), straight(0.0, 500.0), np.array([2.0]), braking_driver_pedals)
+    outcome = replay_with_policy(
+        straight(15.0, 0.0), straight(0.0, 500.0), np.array([2.0]), braking_driver_throttle_and_pressure
+    )
     before = outcome.time_s < 3.5 - 1e-9
     assert np.all(outcome.speed_mps[0, before] == 15.0)
     assert outcome.speed_mps[0, np.searchsorted(outcome.time_s, 3.8)] < 15.0
@@ -97,7 +103,7 @@ def test_motions_that_do_not_overlap_are_refused() -> None:
     late = straight(1.0, 0.0)
     late = RecordedMotion(late.time_s + 100.0, late.x_m, late.y_m, late.heading_rad, late.speed_mps)
     with pytest.raises(ValueError, match="overlap"):
-        replay_with_policy(straight(1.0, 0.0), late, np.array([1.0]), fuzzy_controller_pedals)
+        replay_with_policy(straight(1.0, 0.0), late, np.array([1.0]), fuzzy_controller_throttle_and_pressure)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
-from cwcli.dynamics.filter import observe_filter
+from cwcli.dynamics.filter import observe_with_kalman_filter
 from cwcli.dynamics.samples import LaneSamples, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
 
@@ -15,7 +15,7 @@ def start_covariance(noise: FilterNoise) -> np.ndarray:
     """Of the first frame, whose y_L and e_L are known no better than the frame tells."""
     one = np.zeros(1, np.int64)
     lanes = LaneSamples(one, np.zeros(1), np.zeros(1), np.zeros(1), np.full(1, 0.04), np.full(1, 0.003), None)
-    track = observe_filter(lanes, ScalarSamples(one, np.full(1, 25.0)), CAR, ObserverConfig(noise=noise))
+    track = observe_with_kalman_filter(lanes, ScalarSamples(one, np.full(1, 25.0)), CAR, ObserverConfig(noise=noise))
     return track.covariance[0]
 
 

@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 
-from cwcli.dynamics.matrix_exponential import discretise_held_input, discretise_noise_covariance, matrix_exponential
+from cwcli.dynamics.matrix_exponential import (
+    discretise_noise_covariance,
+    matrix_exponential,
+    transition_and_input_matrices,
+)
 from cwcli.dynamics.riccati import steady_kalman_gain, steady_predicted_covariance
 from cwcli.dynamics.single_track import (
     critical_speed_mps,
     lateral_state_matrices,
     preview_state_matrices,
+    steady_lateral_speed_and_yaw_rate,
     steady_lateral_speed_per_yaw_rate_m,
-    steady_turn_state,
     steady_yaw_gain,
     understeer_gradient,
 )
@@ -33,7 +37,7 @@ H = np.eye(4)[2:]
     ],
 )
 def test_steady_states_of_the_worked_example(speed_kmh: float, lateral_mps: float, yaw_rate_radps: float) -> None:
-    assert steady_turn_state(CAR, speed_kmh * MPS_PER_KMH, 0.05) == pytest.approx(
+    assert steady_lateral_speed_and_yaw_rate(CAR, speed_kmh * MPS_PER_KMH, 0.05) == pytest.approx(
         (lateral_mps, yaw_rate_radps), abs=1e-3
     )
 
@@ -42,7 +46,7 @@ def test_steady_state_is_where_equation_11_rests() -> None:
     for speed in (3.0, 15.0, 40.0):
         a, b = lateral_state_matrices(CAR, speed)
         rest = np.linalg.solve(a, -b[:, 0] * 0.02)
-        assert steady_turn_state(CAR, speed, 0.02) == pytest.approx(tuple(rest), rel=1e-12)
+        assert steady_lateral_speed_and_yaw_rate(CAR, speed, 0.02) == pytest.approx(tuple(rest), rel=1e-12)
 
 
 def test_understeer_gradient_by_hand() -> None:
@@ -62,7 +66,7 @@ def test_equation_12_gives_the_same_radius_with_and_without_slip() -> None:
 @pytest.mark.parametrize("speed_kmh", [10, 60, 88, 160])
 def test_discretisation_equals_a_fine_integration(speed_kmh: float) -> None:
     a, b = preview_state_matrices(CAR, speed_kmh * MPS_PER_KMH, 33.5)
-    phi, gamma = discretise_held_input(a, b, 0.1)
+    phi, gamma = transition_and_input_matrices(a, b, 0.1)
     x, u = np.array([0.3, -0.1, 0.5, 0.02]), np.array([0.03, 0.001])
     fine, n = x.copy(), 4000
     for _ in range(n):
@@ -126,7 +130,7 @@ def test_lateral_speed_changes_sign_where_the_rear_axle_slips_as_much_as_it_lead
 @pytest.mark.parametrize("speed_kmh", range(10, 161, 10))
 def test_gains_equal_scipys_riccati_solution(speed_kmh: int) -> None:
     a, b = preview_state_matrices(CAR, speed_kmh * MPS_PER_KMH, 33.5)
-    phi, _ = discretise_held_input(a, b, 0.1)
+    phi, _ = transition_and_input_matrices(a, b, 0.1)
     noise, r = discretise_noise_covariance(a, 0.01 * np.eye(4), 0.1), 0.01 * np.eye(2)
     expected = solve_discrete_are(phi.T, H.T, noise, r)
     np.testing.assert_allclose(steady_predicted_covariance(phi, H, noise, r), expected, rtol=1e-9)

@@ -41,15 +41,15 @@ def from_text(text: str) -> Calibration:
 
 def test_file_of_ones_own() -> None:
     car = from_text(GOOD)
-    latency = car.find_constant("/gps/fix", Kind.POSITION, "latency_s")
+    latency = car.find_constant_or_unknown("/gps/fix", Kind.POSITION, "latency_s")
     assert (latency.value, latency.sigma, latency.status) == (0.12, 0.01, ConstantStatus.FOUND)
     assert latency.sigma_in_another_drive == pytest.approx(math.hypot(0.01, 0.02))
-    assert latency.interval_95 == pytest.approx(
+    assert latency.interval_of_95_percent_of_drives == pytest.approx(
         (0.12 - 1.96 * math.hypot(0.01, 0.02), 0.12 + 1.96 * math.hypot(0.01, 0.02))
     )
-    assert car.find_constant("/imu", "imu", "nose_up_rad").sigma == 0.0  # as if exact
-    assert not car.find_constant("/imu", Kind.ACCEL, "bias").has_value
-    assert not car.find_constant("/other", Kind.SPEED, "scale").has_value
+    assert car.find_constant_or_unknown("/imu", "imu", "nose_up_rad").sigma == 0.0  # as if exact
+    assert not car.find_constant_or_unknown("/imu", Kind.ACCEL, "bias").has_value
+    assert not car.find_constant_or_unknown("/other", Kind.SPEED, "scale").has_value
     assert (car.logs, car.minutes, dict(car.evidence)) == (("a.mcap",), 4.5, {"distance_km": 3.0})
 
 

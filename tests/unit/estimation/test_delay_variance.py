@@ -7,12 +7,16 @@ import pytest
 
 from cwcli.estimation.delay_variance import (
     DelaySigmas,
-    combine_delay_sigmas,
     covariance_from_delays,
+    delay_sigmas_of_best_known_sources,
     unknown_delay_sigma_s,
 )
 from cwcli.estimation.latency import Latency, LatencyStatus
-from cwcli.estimation.latency_clock import SourceLatency, disputed_clock_sigma_s, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_clock import (
+    SourceLatency,
+    disputed_clock_sigma_s,
+    shift_latencies_to_agreed_clock_and_note,
+)
 from cwcli.estimation.measurements import Kind
 from tests.unit.estimation.made_drive import as_series
 
@@ -59,8 +63,8 @@ def test_the_best_known_source_of_a_quantity_counts_and_a_speed_before_fixes() -
     series = [as_series(kind, time_s, np.zeros((10, 2 if kind is Kind.POSITION else 1))) for kind in kinds]
     sigmas_s = (0.03, 0.02, 0.04)
     latencies = [Latency(LatencyStatus.APPLIED, 0.3, sigma_s, sigma_s) for sigma_s in sigmas_s]
-    assert combine_delay_sigmas(series, latencies) == DelaySigmas(position=0.02, speed=0.04, heading=0.0)
-    assert combine_delay_sigmas(series[:2], latencies[:2]).speed == 0.02
+    assert delay_sigmas_of_best_known_sources(series, latencies) == DelaySigmas(position=0.02, speed=0.04, heading=0.0)
+    assert delay_sigmas_of_best_known_sources(series[:2], latencies[:2]).speed == 0.02
 
 
 def test_one_source_ahead_of_the_imu_leaves_the_clock_open() -> None:
@@ -69,4 +73,6 @@ def test_one_source_ahead_of_the_imu_leaves_the_clock_open() -> None:
     early = Latency(LatencyStatus.APPLIED, -0.03, 0.003, 0.003)
     for others, expected_s in ((("speed",), 0.03), (("speed", "heading"), 0.0), ((), 0.0)):
         told = [imu, *(SourceLatency(name, Kind.SPEED, False, early) for name in others)]
-        assert disputed_clock_sigma_s(told, shift_latencies_to_agreed_clock(told)[0]) == pytest.approx(expected_s)
+        assert disputed_clock_sigma_s(told, shift_latencies_to_agreed_clock_and_note(told)[0]) == pytest.approx(
+            expected_s
+        )

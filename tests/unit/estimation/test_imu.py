@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.imu import interpolated_sample_mask, level_imu
-from cwcli.estimation.odd_sensors import find_tilt
+from cwcli.estimation.odd_sensors import find_tilt_and_evidence
 from cwcli.estimation.prepare import burst_row_mask
 
 TIME = 0.01 * np.arange(2000)
@@ -91,7 +91,7 @@ def test_a_circle_without_end_does_not_look_like_a_rolled_mount(yaw_rate_radps: 
     assert levelled.mounting is not None
     assert levelled.mounting.left_up_rad == pytest.approx(0.0, abs=np.radians(0.1))
     assert levelled.yaw_rate_radps.mean() == pytest.approx(yaw_rate_radps, rel=1e-3)
-    assert find_tilt(values) is None
+    assert find_tilt_and_evidence(values) is None
 
 
 def test_an_imu_that_is_rolled_is_found_to_be_tilted_on_a_circle_too() -> None:
@@ -101,7 +101,7 @@ def test_an_imu_that_is_rolled_is_found_to_be_tilted_on_a_circle_too() -> None:
     turn = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
     force, gyro = turn @ [0.0, 3.0, 9.80665], turn @ [0.0, 0.0, 0.3]
     values = np.tile(np.concatenate([force, gyro]), (len(time_s), 1))
-    assert find_tilt(values) is not None
+    assert find_tilt_and_evidence(values) is not None
     levelled = level_imu(time_s, values, None)
     assert levelled.mounting is not None
     assert levelled.mounting.left_up_rad == pytest.approx(np.radians(30.0), abs=1e-9)

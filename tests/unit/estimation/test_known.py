@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus, Measurements, SourceReport
-from cwcli.estimation.online_availability import OnlineAvailability, not_overtaken_message_mask, states_available_at_ns
+from cwcli.estimation.online_availability import (
+    OnlineAvailability,
+    available_times_of_states_ns,
+    not_overtaken_message_mask,
+)
 
 MS = 1_000_000
 
@@ -21,7 +25,7 @@ def rows(kind: Kind, stamps_ms: list[int], delays_ms: list[int], source: str = "
 def known_ms(measurements: list[Measurements], stamps_ms: list[int], latency_s: float = 0.0) -> list[int]:
     latency = Latency(LatencyStatus.GIVEN, latency_s)
     sources = [SourceReport(m.source, m.kind, latency=latency) for m in measurements if m.kind is Kind.POSITION]
-    found = states_available_at_ns(measurements, sources, np.array(stamps_ms, np.int64) * MS, max_pause_s=60.0)
+    found = available_times_of_states_ns(measurements, sources, np.array(stamps_ms, np.int64) * MS, max_pause_s=60.0)
     return (found // MS).tolist()
 
 
@@ -63,7 +67,7 @@ def test_a_message_that_a_newer_one_overtook_is_not_in_time() -> None:
 def test_states_that_come_seconds_late_are_noted(after_s: float, n_notes: int) -> None:
     stamp_ns = np.arange(10, dtype=np.int64) * 1_000_000_000
     told = OnlineAvailability("/cwcli/ego/online", "this log", stamp_ns, stamp_ns + round(after_s * 1e9))
-    assert told.delay_quantiles_s() == pytest.approx((after_s,) * 3)
+    assert told.delay_median_p95_and_max_s() == pytest.approx((after_s,) * 3)
     assert len(told.late_state_notes) == n_notes
     assert all("up to 2.5 s" in note for note in told.late_state_notes)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus
-from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock
+from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock_and_note
 
 KINDS = {"imu": Kind.ACCEL, "gnss": Kind.POSITION, "wheel": Kind.SPEED, "compass": Kind.HEADING}
 
@@ -27,7 +27,7 @@ def agreed(latencies: dict[str, Latency]) -> tuple[dict[str, Latency], list[str]
     """On the agreed clock, by source; the IMU is what the search compared with."""
     all_of = {"imu": Latency(LatencyStatus.REFERENCE), **latencies}
     told = [SourceLatency(name, KINDS[name], name == "imu", latency) for name, latency in all_of.items()]
-    moved, notes = shift_latencies_to_agreed_clock(told)
+    moved, notes = shift_latencies_to_agreed_clock_and_note(told)
     return dict(zip(all_of, moved, strict=True)), notes
 
 

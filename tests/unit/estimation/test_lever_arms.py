@@ -11,7 +11,7 @@ from cwcli.errors import UsageError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
 from cwcli.estimation.calibration import parse_calibration_table
 from cwcli.estimation.config import parse_lever_arm_options
-from cwcli.estimation.lever_arms import move_states_to_antenna
+from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import SensorSeries
 from tests.studies.sensor_model import NEES_BOUNDS, one_run
@@ -48,7 +48,9 @@ def test_states_move_to_the_antenna_with_their_covariance() -> None:
     state = np.zeros((1, 9))
     state[0, [0, 1, 3, 8]] = 10.0, 20.0, np.pi / 2, 2.0
     variances = np.array([0.5, 0.6, 1.0, 0.01, 1.0, 1.0, 1.0, 1.0, 0.04])
-    moved, covariance = move_states_to_antenna([antenna(ahead_state=8)], state, np.diag(variances)[None])
+    moved, covariance = move_states_and_covariances_to_antenna(
+        [antenna(ahead_state=8)], state, np.diag(variances)[None]
+    )
     np.testing.assert_allclose(moved[0, :4], [10.0, 22.0, 0.0, np.pi / 2], atol=1e-12)
     np.testing.assert_allclose(np.diagonal(covariance[0])[:2], [0.5 + 2.0**2 * 0.01, 0.6 + 0.04], atol=1e-12)
     assert covariance[0, 0, 3] == pytest.approx(-2.0 * 0.01)
@@ -57,7 +59,7 @@ def test_states_move_to_the_antenna_with_their_covariance() -> None:
 def test_states_stay_where_the_place_of_an_antenna_was_given() -> None:
     state = np.ones((1, 9))
     series = [antenna(ahead_state=8), antenna(place_m=(1.0, 0.0))]
-    moved, _ = move_states_to_antenna(series, state, np.eye(9)[None])
+    moved, _ = move_states_and_covariances_to_antenna(series, state, np.eye(9)[None])
     np.testing.assert_array_equal(moved, state[:, :8])
 
 

@@ -13,7 +13,7 @@ import pytest
 from cwcli.estimation import EstimatorConfig, estimate_track, sensor_limits
 from cwcli.estimation.contradiction import GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.imu import ImuMounting
-from cwcli.estimation.latency import Latency, LatencyStatus, reject_latency_beyond_limits
+from cwcli.estimation.latency import Latency, LatencyStatus, mark_latency_beyond_limits
 from cwcli.estimation.limit_check import CAR_MOTION_TEXT, find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
@@ -48,6 +48,10 @@ PITCHED = ImuMounting(0.5, 0.0)  # 29 degrees nose up: 9.80665 sin 0.5 = 4.70 m/
         (FIX, {"slow_error": SlowError(9.0, 30.0, USED)}, ""),
         (FIX, {"slow_error": SlowError(22.2, status=BEYOND)}, "a slow error of 22.2 m, and such"),
         (FIX, {"sigma": 31.0}, "white noise of 31 m"),
+        (FIX, {"sigma": 8.3, "scatter_m": 0.6, "noise_origin": "log"}, "8.3 m beside the motion for long, and scatter"),
+        (FIX, {"sigma": 8.3, "scatter_m": 2.8, "noise_origin": "log"}, ""),
+        (FIX, {"sigma": 1.4, "scatter_m": 0.2, "noise_origin": "log"}, ""),
+        (FIX, {"sigma": 8.3, "scatter_m": 0.6, "noise_origin": "message"}, ""),
         (FIX, {"stamp_error": Parameter(0.1, 0.01, USED)}, ""),
         (FIX, {"stamp_error": Parameter(0.0, status=BEYOND)}, "its stamps err by more than 0.2 s from row to row"),
         (FIX, {"latency": Latency(LatencyStatus.APPLIED, 1.0, 0.1)}, ""),
@@ -71,6 +75,16 @@ def test_each_bound(report: SourceReport, changes: dict[str, Any], words: str) -
         assert found[0].who == SourceQuantity(report.source, report.kind)
         assert found[0].against == SourceQuantity(others[0].source, others[0].kind)
         assert found[0].left_out == ()
+
+
+def test_a_biased_gyroscope_is_blamed_for_errors_that_last() -> None:
+    fixes = replace(FIX, sigma=8.3, scatter_m=0.6, noise_origin="log")
+    found = find_values_beyond_sensor_limits([fixes, replace(ACCEL, bias=0.17), replace(YAW_RATE, bias=-0.083)])
+    assert [(each.who, each.against) for each in found] == [
+        (SourceQuantity("/imu", Kind.YAW_RATE), SourceQuantity("/fix", Kind.POSITION))
+    ]
+    assert found[0].what == "with it the fixes lie 8.3 m beside the motion for long, and scatter by only 0.60 m"
+    assert "no third source tells" in found[0].consequence_text
 
 
 def test_a_source_alone_contradicts_how_cars_move() -> None:
@@ -97,7 +111,7 @@ def test_what_is_told_already_is_not_told_again() -> None:
     ],
 )
 def test_a_latency_beyond_what_sensors_have_is_not_corrected(latency: Latency, status: LatencyStatus) -> None:
-    limited = reject_latency_beyond_limits(latency)
+    limited = mark_latency_beyond_limits(latency)
     assert limited.status is status
     if status is LatencyStatus.CONTRADICTS:
         assert limited.applied_s == 0.0

@@ -12,7 +12,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.parameter import Parameter
 from cwcli.estimation.passes import FilterStart, PitchRateSeries, SensorSeries, run_filter_pass
-from cwcli.estimation.song2016 import filter_measurement_matrix, process_noise_covariance
+from cwcli.estimation.song2016 import filtered_states_and_covariances_of_matrix, process_noise_covariance
 from tests.unit.estimation import naive_ekf
 
 ATOL = 2e-6  # finite-difference Jacobians of the twin limit the comparison
@@ -125,7 +125,7 @@ def test_song2016_equals_filterpy_ekf_over_the_matrix_update() -> None:
         ekf.x = np.array([x + s * c, y + s * sn, v + a * dt, phi + w * dt, a, w])
         ekf.update(row, lambda _: np.eye(6), lambda state: state)
         expected.append(ekf.x.copy())
-    state, covariance = filter_measurement_matrix(z, SIGMA)
+    state, covariance = filtered_states_and_covariances_of_matrix(z, SIGMA)
     np.testing.assert_allclose(state, expected, atol=1e-9)
     np.testing.assert_allclose(covariance[-1], ekf.P, atol=1e-9)
 
@@ -140,7 +140,7 @@ def test_song2016_on_a_straight_line_equals_filterpy_kalman_and_rts() -> None:
     z[:, 4] = 0.05 * rng.standard_normal(n)
     sigma = (0.6, 0.6, 0.5, 1e-9, 0.05, 1e-9)
     q = process_noise_covariance(dt, jerk=1.0, yaw_accel=1e-12)
-    state, covariance = filter_measurement_matrix(z, sigma, q=q, smooth=True)
+    state, covariance = filtered_states_and_covariances_of_matrix(z, sigma, q=q, smooth=True)
     use = [0, 2, 4]
     kf = KalmanFilter(dim_x=3, dim_z=3)
     kf.F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])

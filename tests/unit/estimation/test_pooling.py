@@ -48,7 +48,7 @@ def test_a_new_drive_of_logs_that_disagree_is_known_by_their_scatter_alone() -> 
         [ConstantOfDrive(0.0, 1.0, 5.0, "monday"), ConstantOfDrive(10.0, 1.0, 5.0, "tuesday")]
     )
     assert found.sigma_in_another_drive == pytest.approx(math.hypot(5.0, 7.0) * 12.706 / 1.96, rel=1e-3)
-    assert found.interval_95 == pytest.approx(
+    assert found.interval_of_95_percent_of_drives == pytest.approx(
         (5.0 - 12.706 * math.hypot(5.0, 7.0), 5.0 + 12.706 * math.hypot(5.0, 7.0)), rel=1e-3
     )
     assert found.i_squared_between_drives == pytest.approx(1.0 - 1.0 / 50.0)
@@ -79,7 +79,9 @@ def test_intervals_of_new_drives_hold_what_they_say() -> None:
     n_inside = 0
     for _ in range(400):
         values = 0.1 + rng.normal(0.0, 0.05, 5) + rng.normal(0.0, 0.01, 5)
-        low, high = pool_constant_over_drives([ConstantOfDrive(value, 0.01, 5.0) for value in values[:4]]).interval_95
+        low, high = pool_constant_over_drives(
+            [ConstantOfDrive(value, 0.01, 5.0) for value in values[:4]]
+        ).interval_of_95_percent_of_drives
         n_inside += low <= values[4] - rng.normal(0.0, 0.01) <= high
     assert n_inside / 400 > 0.9
 
@@ -135,10 +137,10 @@ def test_constants_of_a_simulated_car_are_within_three_sigma(car: Calibration) -
         ("gnss", Kind.POSITION, "noise_sigma"): 0.6,
     }
     for (source, kind, name), value in truth.items():
-        constant = car.find_constant(source, kind, name)
+        constant = car.find_constant_or_unknown(source, kind, name)
         assert abs(constant.value - value) < 3.0 * constant.sigma, name
         assert constant.n_logs == 3
-    assert car.find_constant("gnss", Kind.POSITION, "latency_s").sigma < 0.006
+    assert car.find_constant_or_unknown("gnss", Kind.POSITION, "latency_s").sigma < 0.006
     assert car.minutes == pytest.approx(6.0, abs=0.1)
     assert car.evidence["accel_rms_mps2"] > 0.5
 
@@ -147,9 +149,9 @@ def test_an_imu_that_is_late_in_every_drive_is_found_late() -> None:
     """In drives of a minute each alone is hardly sure of 50 ms; all together are."""
     drives = [measure(city_drive(seed, 90.0), seed, {"imu": 0.05}) for seed in range(4)]
     car = calibrate_from_drives([DriveEvidence("", estimate_track(m, EstimatorConfig())) for m in drives])
-    late = car.find_constant("imu", Kind.YAW_RATE, "latency_s")
+    late = car.find_constant_or_unknown("imu", Kind.YAW_RATE, "latency_s")
     assert late.value == pytest.approx(0.05, abs=max(3.0 * late.sigma, 0.005))
-    assert car.find_constant("gnss", Kind.POSITION, "latency_s").value == pytest.approx(0.0, abs=0.02)
+    assert car.find_constant_or_unknown("gnss", Kind.POSITION, "latency_s").value == pytest.approx(0.0, abs=0.02)
 
 
 def test_causal_estimate_with_a_calibration_knows_nothing_of_what_comes_later(car: Calibration) -> None:
@@ -187,7 +189,7 @@ def test_with_the_smoother_the_calibration_is_weighed_with_the_log(car: Calibrat
     measurements = measure(city_drive(9, DURATION_S), 9, LATE)
     alone = estimate_track(measurements, EstimatorConfig()).sources[0].latency
     both = estimate_track(measurements, EstimatorConfig(calibration=car)).sources[0].latency
-    prior = car.find_constant("gnss", Kind.POSITION, "latency_s")
+    prior = car.find_constant_or_unknown("gnss", Kind.POSITION, "latency_s")
     assert both.status is LatencyStatus.CALIBRATED
     # The IMU is levelled by the calibration, not by the drive: that moves the last digits.
     assert both.sigma_s == pytest.approx((alone.sigma_s**-2 + prior.sigma**-2) ** -0.5, rel=1e-3)
@@ -239,8 +241,8 @@ def test_constant_that_no_log_shows_is_not_observable() -> None:
         Measurements("imu", Kind.IMU, stamp_ns, at_rest + 0.01 * rng.standard_normal(at_rest.shape)),
     ]
     car = calibrate_from_drives([DriveEvidence("", estimate_track(parked, EstimatorConfig()))])
-    assert car.find_constant("gnss", Kind.POSITION, "latency_s").status is ConstantStatus.NOT_OBSERVABLE
-    assert car.find_constant("gnss", Kind.POSITION, "latency_s") == replace(Constant(), n_logs=0)
+    assert car.find_constant_or_unknown("gnss", Kind.POSITION, "latency_s").status is ConstantStatus.NOT_OBSERVABLE
+    assert car.find_constant_or_unknown("gnss", Kind.POSITION, "latency_s") == replace(Constant(), n_logs=0)
 
 
 OUTPUT_NS = EPOCH_NS + np.arange(1_000_000_000, DURATION_S * 1e9 - 1e9, 50_000_000).astype(np.int64)
@@ -261,7 +263,7 @@ def disagreeing() -> Calibration:
 
 
 def test_drives_that_disagree_do_no_harm_to_a_third_one(disagreeing: Calibration) -> None:
-    latency = disagreeing.find_constant("gnss", Kind.POSITION, "latency_s")
+    latency = disagreeing.find_constant_or_unknown("gnss", Kind.POSITION, "latency_s")
     assert latency.status is ConstantStatus.DISAGREE
     assert latency.value == pytest.approx(-0.092, abs=0.02)
     third = measure(city_drive(7, DURATION_S), 7, {})
@@ -310,7 +312,7 @@ def test_calibrated_biases_do_not_make_the_noise_greater(car: Calibration) -> No
 
 
 def test_source_that_the_latencies_are_against_is_the_reference(car: Calibration) -> None:
-    constant = car.find_constant("imu", Kind.ACCEL, "latency_s")
+    constant = car.find_constant_or_unknown("imu", Kind.ACCEL, "latency_s")
     assert (constant.status, constant.value) == (ConstantStatus.REFERENCE, 0.0)
     track = estimate_track(measure(city_drive(9, 60.0), 9, LATE), EstimatorConfig(calibration=car, causal=True))
     assert next(r for r in track.sources if r.kind is Kind.ACCEL).latency.status is LatencyStatus.REFERENCE

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.source_clocks import align_source_clocks, notes_on_hidden_clock_steps
+from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from tests.unit.estimation.made_drive import made_drive
 
 NS = 1_000_000_000
@@ -41,7 +41,7 @@ def with_stamps(m: Measurements, change_s: np.ndarray | float) -> Measurements:
 def test_a_clock_that_steps_in_mid_log_is_set_back(step_s: float, begin: int) -> None:
     fixes, *others = drive()
     late = np.where(np.arange(len(fixes)) >= begin, step_s, 0.0)
-    aligned, notes = align_source_clocks([with_stamps(fixes, late), *others])
+    aligned, notes = align_source_clocks_and_note([with_stamps(fixes, late), *others])
     np.testing.assert_allclose((aligned[0].stamp_ns - fixes.stamp_ns) / NS, 0.0, atol=0.01)
     assert aligned[1:] == others
     (note,) = notes
@@ -51,7 +51,7 @@ def test_a_clock_that_steps_in_mid_log_is_set_back(step_s: float, begin: int) ->
 def test_a_clock_that_is_off_for_a_piece_is_set_right_there() -> None:
     fixes, *others = drive()
     piece = (np.arange(len(fixes)) >= 300) & (np.arange(len(fixes)) < 700)
-    (aligned, *_), (note,) = align_source_clocks([with_stamps(fixes, np.where(piece, -2.0, 0.0)), *others])
+    (aligned, *_), (note,) = align_source_clocks_and_note([with_stamps(fixes, np.where(piece, -2.0, 0.0)), *others])
     np.testing.assert_allclose((aligned.stamp_ns - fixes.stamp_ns) / NS, 0.0, atol=0.01)
     assert "for 40 s (400 messages)" in note
 
@@ -59,14 +59,14 @@ def test_a_clock_that_is_off_for_a_piece_is_set_right_there() -> None:
 @pytest.mark.parametrize("offset_s", [1.0, 18.0, 3600.0, -1.0, -18.0, -3600.0])
 def test_a_constant_offset_of_whole_seconds_is_taken_off(offset_s: float) -> None:
     fixes, *others = drive()
-    (aligned, *_), (note,) = align_source_clocks([with_stamps(fixes, offset_s), *others])
+    (aligned, *_), (note,) = align_source_clocks_and_note([with_stamps(fixes, offset_s), *others])
     np.testing.assert_array_equal(aligned.stamp_ns, fixes.stamp_ns)
     assert note.startswith(f"/position: its clock is {offset_s:+.2f} s off")
 
 
 def test_of_two_sources_the_one_that_is_off_the_log_times_moves() -> None:
     fixes, speed, _ = drive()
-    aligned, _ = align_source_clocks([fixes, with_stamps(speed, 18.0)])
+    aligned, _ = align_source_clocks_and_note([fixes, with_stamps(speed, 18.0)])
     np.testing.assert_array_equal(aligned[0].stamp_ns, fixes.stamp_ns)
     np.testing.assert_array_equal(aligned[1].stamp_ns, speed.stamp_ns)
 
@@ -77,7 +77,9 @@ def test_two_topics_of_one_receiver_are_outvoted_by_the_log_times(offset_s: floa
     fixes, speed, yaw_rate = drive()
     heading = made_drive()[1][Kind.HEADING] + 0.02 * np.random.default_rng(1).standard_normal(len(speed))
     course = replace(speed, source="/course", kind=Kind.HEADING, values=heading, log_time_ns=speed.stamp_ns + NS // 12)
-    aligned, notes = align_source_clocks([with_stamps(fixes, offset_s), with_stamps(course, offset_s), speed, yaw_rate])
+    aligned, notes = align_source_clocks_and_note(
+        [with_stamps(fixes, offset_s), with_stamps(course, offset_s), speed, yaw_rate]
+    )
     for own, right in zip(aligned, [fixes, course, speed, yaw_rate], strict=True):
         np.testing.assert_array_equal(own.stamp_ns, right.stamp_ns)
     assert len(notes) == 2
@@ -88,7 +90,7 @@ def test_two_topics_of_one_receiver_are_outvoted_by_the_log_times(offset_s: floa
 )
 def test_late_messages_and_a_log_that_was_written_later_change_nothing(delays_s: Sequence[float]) -> None:
     given = drive(delays_s=delays_s)
-    aligned, notes = align_source_clocks(given)
+    aligned, notes = align_source_clocks_and_note(given)
     assert aligned == given
     assert notes == []
 
@@ -100,7 +102,7 @@ def test_a_recorder_that_stalls_changes_nothing() -> None:
         log_s = (m.received_ns - EPOCH_NS) / NS
         stalled_s = np.where((log_s > 50.0) & (log_s < 54.0), 54.0 + 0.02 * (log_s - 50.0), log_s)
         given.append(replace(m, log_time_ns=EPOCH_NS + np.rint(stalled_s * 1e9).astype(np.int64)))
-    aligned, notes = align_source_clocks(given)
+    aligned, notes = align_source_clocks_and_note(given)
     assert aligned == given
     assert notes == []
 
@@ -110,7 +112,7 @@ def test_fixes_that_pause_in_a_tunnel_keep_their_stamps() -> None:
     fixes = fixes.select_rows(np.abs((fixes.stamp_ns - EPOCH_NS) / NS - 60.0) > 5.0)
     reception = replace(fixes, log_time_ns=fixes.stamp_ns)
     for own in (fixes, reception):
-        aligned, notes = align_source_clocks([own, *others])
+        aligned, notes = align_source_clocks_and_note([own, *others])
         assert aligned == [own, *others]
         assert notes == []
 
@@ -127,7 +129,7 @@ def test_a_step_of_the_logs_clock_is_taken_off_the_stamps_that_it_makes() -> Non
         replace(fixes, log_time_ns=late(fixes.received_ns)),
         *(replace(m, stamp_ns=late(m.stamp_ns), log_time_ns=late(m.received_ns)) for m in others),
     ]
-    aligned, notes = align_source_clocks(given)
+    aligned, notes = align_source_clocks_and_note(given)
     for own, right in zip(aligned, [fixes, *others], strict=True):
         np.testing.assert_allclose((own.stamp_ns - right.stamp_ns) / NS, 0.0, atol=0.02)
     assert len(notes) == 2
@@ -146,7 +148,7 @@ def test_a_step_of_the_logs_clock_that_two_receivers_show_is_taken_off_once() ->
         *(replace(m, log_time_ns=late(m.received_ns)) for m in own),
         replace(yaw_rate, stamp_ns=late(yaw_rate.stamp_ns), log_time_ns=late(yaw_rate.received_ns)),
     ]
-    aligned, notes = align_source_clocks(given)
+    aligned, notes = align_source_clocks_and_note(given)
     for each, right in zip(aligned, [*own, yaw_rate], strict=True):
         np.testing.assert_allclose((each.stamp_ns - right.stamp_ns) / NS, 0.0, atol=0.02)
     (note,) = notes
@@ -156,10 +158,10 @@ def test_a_step_of_the_logs_clock_that_two_receivers_show_is_taken_off_once() ->
 def test_stamps_that_are_trusted_are_told_and_stay() -> None:
     fixes, *others = drive()
     given = [with_stamps(fixes, 18.0), *others]
-    aligned, (note,) = align_source_clocks(given, corrects=False)
+    aligned, (note,) = align_source_clocks_and_note(given, corrects=False)
     assert aligned == given
     assert note.endswith("not corrected, because the stamps are trusted")
-    assert align_source_clocks(given, trusted=["/position"]) == (given, [])
+    assert align_source_clocks_and_note(given, trusted=["/position"]) == (given, [])
 
 
 def test_only_stamps_that_are_log_times_hide_a_step() -> None:

@@ -12,12 +12,12 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.estimation.config import parse_source_units
 from cwcli.estimation.hypotheses import HYPOTHESES
-from cwcli.estimation.hypotheses.base import with_combinations
-from cwcli.estimation.hypotheses.imu import rotations
+from cwcli.estimation.hypotheses.base import with_pairwise_combinations
+from cwcli.estimation.hypotheses.imu import signed_axis_rotations
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
-from cwcli.estimation.prepare import clean_measurements
-from cwcli.estimation.source_judgement import JudgedSources, correct_as_user_says, judge_sources
-from cwcli.estimation.wrong_rows import set_wrong_rows_aside
+from cwcli.estimation.prepare import clean_and_sort_measurements
+from cwcli.estimation.source_judgement import JudgedSources, correct_and_list_what_user_says, judge_sources
+from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
 from tests.unit.estimation.made_drive import made_drive
 
 G = 9.80665
@@ -52,7 +52,7 @@ def _with_fault(
 
 
 def _judge(measurements: Sequence[Measurements], **options: object) -> JudgedSources:
-    return judge_sources(measurements, lambda current: clean_measurements(current, 0), **options)  # type: ignore[arg-type]
+    return judge_sources(measurements, lambda current: clean_and_sort_measurements(current, 0), **options)  # type: ignore[arg-type]
 
 
 def _turned(*axes: Sequence[float]) -> Callable[[np.ndarray], np.ndarray]:
@@ -241,7 +241,7 @@ def _smooth_drive() -> list[Measurements]:
 def test_sensors_without_noise_are_not_stuck_where_the_car_drives_evenly(turned_rad: float) -> None:
     """The headings from -pi to pi, with and without a jump by a whole turn."""
     wrapped = _with_fault(_smooth_drive(), Kind.HEADING, lambda v: (v + turned_rad + np.pi) % (2.0 * np.pi) - np.pi)
-    corrected, corrections = set_wrong_rows_aside(wrapped, ())
+    corrected, corrections = set_wrong_rows_aside_and_list_them(wrapped, ())
     assert corrections == []
     assert all(np.isfinite(m.values).all() for m in corrected)
 
@@ -296,7 +296,7 @@ def test_an_imu_that_repeats_one_row_is_set_aside_for_that_time() -> None:
 
 
 def test_what_the_user_says_is_done_without_asking_the_log() -> None:
-    corrected, told = correct_as_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "km/h+reversed"})
+    corrected, told = correct_and_list_what_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "km/h+reversed"})
     np.testing.assert_allclose(corrected[1].values, -_drive(Kind.POSITION, Kind.SPEED)[1].values / 3.6)
     assert told[0].is_by_user
     assert told[0].sentence == (
@@ -308,7 +308,7 @@ def test_what_the_user_says_is_done_without_asking_the_log() -> None:
 def test_the_order_in_which_the_user_names_faults_does_not_matter(name: str) -> None:
     """Clockwise from north in degrees: east is 90, north 0, west 270."""
     m = Measurements("/heading", Kind.HEADING, np.arange(3), np.array([[90.0], [0.0], [270.0]]))
-    (corrected,), _ = correct_as_user_says([m], {"/heading": name})
+    (corrected,), _ = correct_and_list_what_user_says([m], {"/heading": name})
     np.testing.assert_allclose(np.cos(corrected.values[:, 0]), [1.0, 0.0, -1.0], atol=1e-12)
     np.testing.assert_allclose(np.sin(corrected.values[:, 0]), [0.0, 1.0, 0.0], atol=1e-12)
 
@@ -316,12 +316,12 @@ def test_the_order_in_which_the_user_names_faults_does_not_matter(name: str) -> 
 @pytest.mark.parametrize("name", ["km/h+mph", "km/h+km/h"])
 def test_two_units_of_one_source_are_refused(name: str) -> None:
     with pytest.raises(UsageError, match="/speed"):
-        correct_as_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": name})
+        correct_and_list_what_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": name})
 
 
 def test_units_that_a_source_cannot_have_are_refused() -> None:
     with pytest.raises(UsageError, match="there is no such fault of /speed"):
-        correct_as_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "clockwise-from-north"})
+        correct_and_list_what_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "clockwise-from-north"})
     with pytest.raises(UsageError, match="no unit or convention 'furlongs'"):
         parse_source_units(["/speed=furlongs"])
     with pytest.raises(UsageError, match="twice"):
@@ -342,9 +342,9 @@ def test_every_hypothesis_is_a_map_of_its_kind_and_no_two_are_the_same() -> None
             maps.add((*np.round(matrix, 9).ravel(), *np.round(offset, 9)))
         assert len(maps) == len({each.name for each in known}) == len(known)
         assert all("+" not in each.name for each in known)
-        assert len(with_combinations(known)) >= len(known)
+        assert len(with_pairwise_combinations(known)) >= len(known)
 
 
 def test_there_are_24_rotations_and_the_first_is_none() -> None:
-    assert len(set(rotations())) == 24
-    assert rotations()[0] == (1, 2, 3)
+    assert len(set(signed_axis_rotations())) == 24
+    assert signed_axis_rotations()[0] == (1, 2, 3)

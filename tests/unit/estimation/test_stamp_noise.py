@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track
-from cwcli.estimation.calibrated import with_calibrated_noise
+from cwcli.estimation.calibrated import with_calibrated_noise_and_stamp_error
 from cwcli.estimation.calibration import Calibration, Constant
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.parameter import Parameter, ParameterStatus
@@ -85,7 +85,7 @@ def test_blind_online_states_take_no_error_from_the_log() -> None:
 def test_a_calibration_gives_the_error() -> None:
     constants = {"/gps": {"position": {"noise_sigma": Constant(value=0.1), "stamp_sigma_s": Constant(value=0.02)}}}
     series = SensorSeries("/gps", Kind.POSITION, np.zeros(1), np.zeros((1, 2)), np.ones((1, 3)))
-    known = with_calibrated_noise(series, Calibration("car", constants))
+    known = with_calibrated_noise_and_stamp_error(series, Calibration("car", constants))
     assert (known.stamp_error.value, known.stamp_error.status) == (0.02, ParameterStatus.GIVEN)
 
 

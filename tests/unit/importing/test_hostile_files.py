@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cwcli.errors import CwcliError, DataError, InputError, UsageError
-from cwcli.importing.mapping import parse_column_option, read_mapping
+from cwcli.importing.mapping import parse_table_quantity_and_column_unit, read_mapping
 from cwcli.importing.run import ImportPlan, plan_import, write_import
 from cwcli.importing.tables import AmbiguousError, Answers
 from cwcli.logs.read.reader import Log
@@ -190,13 +190,13 @@ def test_nmea_with_an_impossible_time_is_read_without_it(text: str, tmp_path: Pa
 def test_answer_that_fits_nothing_is_refused(option: str, words: str, tmp_path: Path) -> None:
     path = table(tmp_path, T, "time,lat,lon,v,text", digits(D.speed_mps, 3), ["a"] * N)
     with pytest.raises((UsageError, DataError), match=words):
-        plan_import([str(path)], Answers(dict([parse_column_option(option)])))
+        plan_import([str(path)], Answers(dict([parse_table_quantity_and_column_unit(option)])))
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("kmh", 1 / 3.6), ("km/h", 1 / 3.6), ("m/s", 1.0), ("mph", 0.44704)])
 def test_unit_of_an_answer_may_be_spelled_as_in_a_header(unit: str, factor: float, tmp_path: Path) -> None:
     path = write_table(tmp_path / "drive.csv", "time,v", [T, digits(D.speed_mps, 3)])
-    made = plan_import([str(path)], Answers(dict([parse_column_option(f"speed=v*{unit}")])))
+    made = plan_import([str(path)], Answers(dict([parse_table_quantity_and_column_unit(f"speed=v*{unit}")])))
     (channel,) = [each for _, each in made.channels]
     np.testing.assert_allclose(channel.fields["twist.linear.x"], D.speed_mps * factor, atol=0.002)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.errors import CwcliError, DataError, InputError
-from cwcli.importing.mapping import parse_column_option
+from cwcli.importing.mapping import parse_table_quantity_and_column_unit
 from cwcli.importing.run import ImportPlan, plan_import
 from cwcli.importing.tables import AmbiguousError, Answers
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
@@ -87,7 +87,7 @@ ASKED: dict[str, tuple[str, list[list[str]], str]] = {
 
 
 def plan(path: Path, *columns: str, **answers: str) -> ImportPlan:
-    return plan_import([str(path)], Answers(dict(map(parse_column_option, columns)), **answers))
+    return plan_import([str(path)], Answers(dict(map(parse_table_quantity_and_column_unit, columns)), **answers))
 
 
 def table(folder: Path, names: str, columns: Sequence[list[str]], separator: str = ",") -> Path:
@@ -152,7 +152,7 @@ def test_two_tables_of_positions_are_asked_about(tmp_path: Path) -> None:
     files = [str(write_table(tmp_path / name, "time,lat,lon", [T, LAT, LON])) for name in ("a.csv", "b.csv")]
     with pytest.raises(AmbiguousError, match="holds the same"):
         plan_import(files, Answers())
-    answers = Answers(dict(map(parse_column_option, ["latitude@b.csv=", "longitude@b.csv="])))
+    answers = Answers(dict(map(parse_table_quantity_and_column_unit, ["latitude@b.csv=", "longitude@b.csv="])))
     with pytest.raises(CwcliError):
         plan_import([files[1]], answers)
     assert len(plan_import(files, answers).channels) == 1

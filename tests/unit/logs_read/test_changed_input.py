@@ -11,7 +11,14 @@ import numpy as np
 import pytest
 
 from cwcli.errors import InputError, OutputError
-from cwcli.input import InputFile, check_unchanged, names_of_inputs_in_folder, note_input, read_file, remember_inputs
+from cwcli.input import (
+    InputFile,
+    check_unchanged,
+    names_of_inputs_in_folder,
+    read_file,
+    remember_input_file,
+    remember_inputs,
+)
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from cwcli.output import AtomicGroup, check_target, write_file
@@ -178,9 +185,9 @@ def test_a_run_minds_the_logs_that_are_open(path: Path) -> None:
 
 def test_what_nobody_can_read_is_not_remembered(tmp_path: Path) -> None:
     with remember_inputs():
-        note_input(tmp_path / "none")
-        note_input("a\0b")
-        note_input(tmp_path)
+        remember_input_file(tmp_path / "none")
+        remember_input_file("a\0b")
+        remember_input_file(tmp_path)
         assert names_of_inputs_in_folder(tmp_path.parent) == []
 
 

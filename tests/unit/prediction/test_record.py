@@ -8,7 +8,7 @@ from cwcli.prediction.calibrate import plan_vehicle_paths
 from cwcli.prediction.fleet import (
     HORIZON_KNOTS_S,
     FleetPrior,
-    acting_time_s,
+    acting_time_from_displacement_share_s,
     interpolate_acting_time_s,
     load_fleet_prior,
 )
@@ -77,14 +77,16 @@ def test_prior_that_ships_has_gains_between_0_and_1_and_nothing_for_what_is_uncl
 
 
 def test_derivative_that_goes_on_acts_all_the_time() -> None:
-    np.testing.assert_allclose(acting_time_s(np.ones((2, 4))), [HORIZON_KNOTS_S, HORIZON_KNOTS_S])
+    np.testing.assert_allclose(
+        acting_time_from_displacement_share_s(np.ones((2, 4))), [HORIZON_KNOTS_S, HORIZON_KNOTS_S]
+    )
 
 
 def test_acted_time_by_hand() -> None:
     # full until 1 s: 0.5 s^2; at 2.5 s then 0.4 * 3.125 = 1.25 s^2 asks for 0.75 s^2 more: at -2/3, back to 0
     # until 5 s nothing more: 0.1 * 12.5 = 1.25 s^2
     share = np.tile([1.0, 1.0, 0.4, 0.1], (2, 1))
-    np.testing.assert_allclose(acting_time_s(share), [[0.5, 1.0, 0.0, 0.0]] * 2, atol=1e-12)
+    np.testing.assert_allclose(acting_time_from_displacement_share_s(share), [[0.5, 1.0, 0.0, 0.0]] * 2, atol=1e-12)
 
 
 def test_acceleration_is_taken_back_to_the_speed_of_the_start_and_a_turn_as_fast_as_it_was_made() -> None:
@@ -92,11 +94,13 @@ def test_acceleration_is_taken_back_to_the_speed_of_the_start_and_a_turn_as_fast
     # a turn: -1 for 0.5 s, so 0 and 0.25 s^2; then -2 0.25 / 1.5^2 = -0.222 until 2.5 s: -0.333 and 0 s^2; then
     # 2 0.333 2.5 / 2.5^2 = 0.267 until 5 s: 0.333 and again 0 s^2
     share = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
-    np.testing.assert_allclose(acting_time_s(share), [[0.5, 0.0, 0.0, 0.0], [0.5, 0.0, -1 / 3, 1 / 3]], atol=1e-12)
+    np.testing.assert_allclose(
+        acting_time_from_displacement_share_s(share), [[0.5, 0.0, 0.0, 0.0], [0.5, 0.0, -1 / 3, 1 / 3]], atol=1e-12
+    )
 
 
 def test_no_derivative_acts_faster_than_it_said_nor_an_acceleration_against_its_sign() -> None:
-    acted = acting_time_s(np.random.default_rng(0).uniform(size=(500, 2, 4)))
+    acted = acting_time_from_displacement_share_s(np.random.default_rng(0).uniform(size=(500, 2, 4)))
     assert (acted[:, 0] >= -1e-12).all()
     rate = np.diff(acted, axis=2, prepend=0.0) / np.diff(HORIZON_KNOTS_S, prepend=0.0)
     assert (rate <= 1.0 + 1e-12).all()

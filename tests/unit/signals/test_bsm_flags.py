@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.logs.read.reader import Log
-from cwcli.signals.bsm_flags import read_json_event_flags
+from cwcli.signals.bsm_flags import read_json_event_flags_and_unreadable
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.inputs import find_input_for_role
@@ -116,7 +116,7 @@ def test_what_is_no_flag_tells_nothing_and_is_counted() -> None:
         ([1.0, np.nan, 0.0, 0.0], 1),
     ):
         columns = columns_of("BasicSafetyMessage", {"partII.partII-Value.events": values}, message_encoding="json")
-        flags, is_unread = read_json_event_flags(columns, ("",))
+        flags, is_unread = read_json_event_flags_and_unreadable(columns, ("",))
         assert flags.tolist() == [0, 0, 0, 0]
         assert np.count_nonzero(is_unread) == n_unread
 

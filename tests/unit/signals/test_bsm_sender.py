@@ -10,9 +10,9 @@ from cwcli.signals.bsm_sender import (
     ACCEL_FILTER_DELAY_S,
     FILTER_STEP_S,
     apply_low_pass_filter,
-    is_latched_heading,
     latch_heading_at_standstill,
-    undo_low_pass_filter,
+    latched_heading_mask,
+    undo_low_pass_filter_and_noise_gain,
 )
 from tests.studies.bsm_senders import compared
 
@@ -37,7 +37,7 @@ def test_a_ramp_is_found_again_without_a_delay(step: int) -> None:
     time_s = np.arange(0.0, 8.0, FILTER_STEP_S)
     ramp = -3.0 * time_s
     rows = np.arange(0, len(time_s), step)
-    found, gain = undo_low_pass_filter(time_s[rows], apply_low_pass_filter(ramp)[rows])
+    found, gain = undo_low_pass_filter_and_noise_gain(time_s[rows], apply_low_pass_filter(ramp)[rows])
     settled = time_s[rows] > 2.0
     np.testing.assert_allclose(found[settled], ramp[rows][settled], atol=1e-3)
     assert (gain[2:] > 1.0).all()
@@ -46,14 +46,14 @@ def test_a_ramp_is_found_again_without_a_delay(step: int) -> None:
 def test_the_noise_grows_as_the_gain_says() -> None:
     rng = np.random.default_rng(2)
     time_s = 0.1 * np.arange(20_000)
-    found, gain = undo_low_pass_filter(time_s, 0.01 * rng.normal(size=len(time_s)))
+    found, gain = undo_low_pass_filter_and_noise_gain(time_s, 0.01 * rng.normal(size=len(time_s)))
     assert np.std(found[2:]) == pytest.approx(0.01 * gain[2], rel=0.02)
 
 
 def test_over_a_pause_or_without_a_value_it_stays_as_it_was_sent() -> None:
     time_s = np.array([0.0, 0.1, 0.2, 1.2, 1.3, 1.4, 1.5])
     sent = np.array([0.0, 1.0, 2.0, 3.0, 4.0, np.nan, 5.0])
-    found, gain = undo_low_pass_filter(time_s, sent)
+    found, gain = undo_low_pass_filter_and_noise_gain(time_s, sent)
     np.testing.assert_array_equal(found[[0, 1, 3, 4, 6]], sent[[0, 1, 3, 4, 6]])
     assert np.isnan(found[5])
     np.testing.assert_array_equal(gain[[0, 1, 3, 4, 5, 6]], 1.0)
@@ -65,7 +65,7 @@ def test_the_heading_is_latched_below_and_released_above() -> None:
     speed = np.array([1.0, 0.6, 0.5, 0.6, 0.69, 0.70, 0.6])
     heading = np.arange(7.0)
     assert latch_heading_at_standstill(heading, speed).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 5.0, 6.0]
-    assert is_latched_heading(latch_heading_at_standstill(heading, speed), speed).tolist() == [
+    assert latched_heading_mask(latch_heading_at_standstill(heading, speed), speed).tolist() == [
         False,
         False,
         True,
@@ -74,7 +74,7 @@ def test_the_heading_is_latched_below_and_released_above() -> None:
         False,
         False,
     ]
-    assert not is_latched_heading(np.ones(3), np.full(3, 5.0)).any()  # straight on at speed: measured anew
+    assert not latched_heading_mask(np.ones(3), np.full(3, 5.0)).any()  # straight on at speed: measured anew
 
 
 def test_a_braking_car_is_estimated_and_predicted_better() -> None:

@@ -18,7 +18,7 @@ from cwcli.signals.clocks import (
     find_stamp_gaps,
     format_clock_disagreements,
     log_time_span_without_strays,
-    repair_clock_jumps,
+    repair_clock_jumps_and_mask,
 )
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.quality import Quality, RowLedger
@@ -215,7 +215,7 @@ def test_repair_jumps_keeps_the_spacing_inside_a_stretch() -> None:
     stamps = steady(20) + np.random.default_rng(3).integers(-20, 20, 20) * MS
     jumped = stamps.copy()
     jumped[8:13] += HOUR_NS
-    repaired, moved = repair_clock_jumps(jumped, steady(20) + DELAY_NS)
+    repaired, moved = repair_clock_jumps_and_mask(jumped, steady(20) + DELAY_NS)
     np.testing.assert_array_equal(np.flatnonzero(moved), np.arange(8, 13))
     np.testing.assert_array_equal(np.diff(repaired[8:13]), np.diff(stamps[8:13]))
     assert np.abs(repaired - stamps).max() < 50 * MS

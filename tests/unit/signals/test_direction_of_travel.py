@@ -11,7 +11,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.targets import build_pose_truth
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.direction_of_travel import find_yaw_mounting, heading_and_speed
+from cwcli.signals.direction_of_travel import find_yaw_mounting, travel_direction_and_signed_speed
 from cwcli.signals.role import Role
 from tests.unit.signals.mounted_device import DEG, odometry
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
@@ -168,7 +168,7 @@ def test_yaw_that_does_not_follow_the_way_shows_no_mounting() -> None:
 def test_heading_and_speed_of_single_velocities() -> None:
     """Yaw 10 degrees, mounted 5 to the left: the front points to 5 degrees."""
     velocity = np.array([10.0 * np.exp(0.1j), -10.0 * np.exp(0.1j), 0.5 * np.exp(0.1j), -0.5 + 0.0j])
-    heading, speed = heading_and_speed(velocity, np.full(4, 10.0 * DEG), 5.0 * DEG)
+    heading, speed = travel_direction_and_signed_speed(velocity, np.full(4, 10.0 * DEG), 5.0 * DEG)
     np.testing.assert_allclose(heading, [0.1, 0.1, 5.0 * DEG, 5.0 * DEG])
     np.testing.assert_allclose(speed, [10.0, -10.0, 0.5 * np.cos(0.1 - 5.0 * DEG), -0.5 * np.cos(5.0 * DEG)])
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from cwcli.signals import inputs
-from cwcli.signals.input_rows import load_from_signals
+from cwcli.signals.input_rows import load_attribute_of_signals
 
 
 def test_every_named_builder_exists() -> None:
@@ -16,7 +16,7 @@ def test_every_named_builder_exists() -> None:
         names = dict(zip(build.__code__.co_freevars, (cell.cell_contents for cell in build.__closure__), strict=True))
         places = [names["codec"], f"builders.v2x.{names['maker']}"] if "codec" in names else ["{room}.{name}"]
         for place in places:
-            assert load_from_signals(place.format(**names)) is not None
+            assert load_attribute_of_signals(place.format(**names)) is not None
 
 
 def test_fields_of_every_input_can_be_looked_up() -> None:

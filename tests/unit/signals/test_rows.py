@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 
-from cwcli.signals.row_order import sort_rows_by_stamp
+from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, median_outline_m
 
 
 def test_rows_by_stamp_keep_the_first_of_each_stamp() -> None:
     stamp_ns = np.array([30, 10, 20, 10, 30])
-    np.testing.assert_array_equal(sort_rows_by_stamp(stamp_ns), [1, 2, 0])
-    np.testing.assert_array_equal(sort_rows_by_stamp(stamp_ns, np.array([4, 3, 0])), [3, 4])
-    assert len(sort_rows_by_stamp(stamp_ns[:0])) == 0
-    assert len(sort_rows_by_stamp(stamp_ns, np.zeros(0, np.intp))) == 0
+    np.testing.assert_array_equal(rows_by_stamp_without_repeats(stamp_ns), [1, 2, 0])
+    np.testing.assert_array_equal(rows_by_stamp_without_repeats(stamp_ns, np.array([4, 3, 0])), [3, 4])
+    assert len(rows_by_stamp_without_repeats(stamp_ns[:0])) == 0
+    assert len(rows_by_stamp_without_repeats(stamp_ns, np.zeros(0, np.intp))) == 0
 
 
 def test_outline_is_the_median_of_what_was_said_or_the_default() -> None:

@@ -9,7 +9,7 @@ from cwcli.simulation.dual_sensor import (
     simulate_crossing_targets,
     simulate_static_target,
     simulate_target_on_path,
-    true_states_on_path,
+    times_and_true_states_on_path,
 )
 
 NOISE = SensorNoise(lidar_m=0.1, range_m=0.25, azimuth_rad=0.01, rate_mps=0.12)
@@ -43,7 +43,7 @@ def test_a_standing_target_is_straight_ahead_and_the_sensors_alternate():
 
 @pytest.mark.parametrize("name", TARGET_PATHS)
 def test_segments_are_smooth_walks_in_front_of_the_car(name):
-    _, state = true_states_on_path(name, 240)
+    _, state = times_and_true_states_on_path(name, 240)
     speed = np.hypot(state[:, 2], state[:, 3])
     assert (speed > 0.5).all()
     assert (speed < 2.0).all()

@@ -12,7 +12,7 @@ from cwcli.simulation.scenario import (
     apply_override,
     load_scenario,
     parse_scenario,
-    read_scenario_document,
+    read_scenario_name_and_document,
 )
 from cwcli.simulation.spec import (
     DETECTOR_KEYS,
@@ -66,7 +66,7 @@ def test_station_ids_are_stable_and_can_be_given() -> None:
 
 
 def test_override_by_vehicle_name_by_path_and_by_index() -> None:
-    _, document = read_scenario_document("rear-end")
+    _, document = read_scenario_name_and_document("rear-end")
     assert apply_override(document, "host.speed_mps=12")["vehicles"]["host"]["speed_mps"] == 12
     assert apply_override(document, "vehicles.host.speed_mps = 12.5")["vehicles"]["host"]["speed_mps"] == 12.5
     changed = apply_override(document, "lead.longitudinal.2.accel_mps2=-4")
@@ -76,8 +76,8 @@ def test_override_by_vehicle_name_by_path_and_by_index() -> None:
 
 
 def test_override_leaves_its_argument_alone() -> None:
-    _, document = read_scenario_document("rear-end")
-    _, untouched = read_scenario_document("rear-end")
+    _, document = read_scenario_name_and_document("rear-end")
+    _, untouched = read_scenario_name_and_document("rear-end")
     apply_override(document, "lead.longitudinal.2.accel_mps2=-4")
     assert document == untouched
 
@@ -145,7 +145,7 @@ def test_bad_value_names_file_key_and_permitted_range(setting: str, message: str
     "text", ["host.speed_mps", "=3", "host..speed_mps=3", "lead.longitudinal.9.accel_mps2=1", "duration_s.x.y=1"]
 )
 def test_bad_override_is_refused(text: str) -> None:
-    _, document = read_scenario_document("rear-end")
+    _, document = read_scenario_name_and_document("rear-end")
     with pytest.raises(UsageError, match="--set"):
         apply_override(document, text)
 

@@ -10,7 +10,12 @@ from scipy.special import fresnel
 from cwcli.errors import UsageError
 from cwcli.simulation.profile import read_motion_profile
 from cwcli.simulation.scenario import load_scenario
-from cwcli.simulation.truth import TrueMotion, check_motion_is_drivable, closest_approach, first_time_nearer_than_s
+from cwcli.simulation.truth import (
+    TrueMotion,
+    check_motion_is_drivable,
+    closest_approach_time_and_distance,
+    first_time_nearer_than_s,
+)
 
 ATOL_M = 1e-6
 ATOL_RAD = 1e-9
@@ -141,7 +146,7 @@ def test_closest_approach_of_two_crossing_cars_by_hand() -> None:
     east = motion(speed_mps=10, end_s=8)
     profile = read_motion_profile(None, None, speed_mps=10, end_s=8, path="b", source="drive.toml")
     north = TrueMotion(profile, x_m=30.0, y_m=-38.0, heading_rad=np.pi / 2)
-    time_s, distance_m = closest_approach(east, north, 8)
+    time_s, distance_m = closest_approach_time_and_distance(east, north, 8)
     assert time_s == pytest.approx(3.4, abs=1e-3)
     assert distance_m == pytest.approx(8 / np.sqrt(2), abs=1e-5)
     assert np.isnan(first_time_nearer_than_s(east, north, 8, 5.0))

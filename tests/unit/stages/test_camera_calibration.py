@@ -93,7 +93,7 @@ def test_pitches_of_drives_are_pooled() -> None:
         DriveEvidence(name, track, {CAMERA: said}) for name, said in (("a", (0.050, 0.001)), ("b", (0.052, 0.002)))
     ]
     found: Calibration = calibrate_from_drives(drives)
-    pitch: Constant = found.find_constant(CAMERA, "camera", "pitch_rad")
+    pitch: Constant = found.find_constant_or_unknown(CAMERA, "camera", "pitch_rad")
     assert pitch.status is ConstantStatus.FOUND
     assert pitch.value == pytest.approx(0.0504)
     assert pitch.sigma == pytest.approx(0.001 / math.sqrt(1.25))

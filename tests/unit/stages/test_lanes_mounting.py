@@ -15,7 +15,7 @@ from mcap_ros2.writer import Writer as Ros2Writer
 from scipy.spatial.transform import Rotation
 
 from cwcli.logs.read.reader import Log
-from cwcli.signals.transforms import Transform, camera_pose_from_matrix, find_body_from_frame
+from cwcli.signals.transforms import Transform, camera_pose_from_matrix, find_body_frame_and_transform
 from cwcli.simulate.road_log import CAMERA_FRAME_ID, parse_road_log_config, plan_configured_drive, write_road_log
 from cwcli.stages.inputs.camera import find_mounting
 from cwcli.vision.camera import Camera, Mounting
@@ -228,7 +228,7 @@ def test_base_footprint_below_base_link_counts() -> None:
     # Some cars publish base_link -> base_footprint.
     edges = (edge("base_link", "base_footprint", (0.0, 0.0, -0.3)), edge("base_link", "cam", (1.0, 0.0, 1.0)))
     tree = {each.child: each for each in edges}
-    found = find_body_from_frame(tree, "cam")
+    found = find_body_frame_and_transform(tree, "cam")
     assert found is not None
     assert found[0] == "base_footprint"
     assert found[1][2, 3] == pytest.approx(1.3)

@@ -22,7 +22,7 @@ from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.result import StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.registry import Registry, accept_dataclass_of
-from cwcli.report.frames import make_thumbnails
+from cwcli.report.frames import make_thumbnails_and_explain_gaps
 from cwcli.signals.columns import Columns, Strings
 from cwcli.simulation.road.drive import RoadDrive
 from cwcli.stages.lanes import LanesConfig, lanes
@@ -211,7 +211,7 @@ def test_painted_frames_and_thumbnails_have_their_lines_on_the_markings(bent: Se
     data = channels[1].make_rows(3, 4)["data"]
     painted = cv2.imdecode(np.asarray(data.values, np.uint8), cv2.IMREAD_COLOR)
     drive = read_drive(bent.log)
-    pictures, _ = make_thumbnails(bent.log, drive, [int(times[3])])
+    pictures, _ = make_thumbnails_and_explain_gaps(bent.log, drive, [int(times[3])])
     small = pictures[int(times[3])]
     file = base64.b64decode(small.data_uri.partition(",")[2])
     thumbnail = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR)

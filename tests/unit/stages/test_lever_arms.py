@@ -10,7 +10,7 @@ from mcap_ros2.writer import Writer as Ros2Writer
 from cwcli.channels.transforms import read_lever_arms
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.signals.transforms import Transform, find_carrying_body_frame
+from cwcli.signals.transforms import Transform, find_carrying_body_frame_and_transform
 from tests.unit.stages.test_lanes_mounting import TF_MESSAGE, edge, ros_message
 
 POINT = """std_msgs/Header header
@@ -52,7 +52,7 @@ def log_of(path: Path, edges: tuple[Transform, ...]) -> Path:
 
 
 def test_a_frame_that_the_body_carries_has_a_place_on_it() -> None:
-    found = find_carrying_body_frame(tree(*TREE), "antenna")
+    found = find_carrying_body_frame_and_transform(tree(*TREE), "antenna")
     assert found is not None
     assert found[0] == "base_link"
     assert found[1][:3, 3] == pytest.approx([1.25, -0.5, 1.5])
@@ -60,7 +60,7 @@ def test_a_frame_that_the_body_carries_has_a_place_on_it() -> None:
 
 @pytest.mark.parametrize("frame", ["map", "elsewhere", "base_link", "base_footprint", ""])
 def test_a_frame_that_the_body_does_not_carry_has_none(frame: str) -> None:
-    assert find_carrying_body_frame(tree(*TREE), frame) is None
+    assert find_carrying_body_frame_and_transform(tree(*TREE), frame) is None
 
 
 def test_places_come_from_the_transforms(tmp_path: Path) -> None:

@@ -23,9 +23,10 @@ from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.call import run_stage
 from cwcli.pipeline.records import RUN_RECORD_PREFIX, VEHICLE_KEY, vehicle_from_log
 from cwcli.pipeline.result import StageResult
-from cwcli.signals.columns import OutputChannel
+from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.simulation.lane_camera import LaneSensorNoise
 from cwcli.stages import STAGES
+from cwcli.stages.inputs.observer import lane_samples_at_preview
 from cwcli.stages.observe import ObserveConfig
 from tests.unit.stages.lateral_logs import (
     IMU,
@@ -56,6 +57,20 @@ def run(path: Path, config: ObserveConfig = ALL, *more: OutputChannel) -> StageR
 
 def errors(result: StageResult) -> dict[str, dict[str, float]]:
     return {row["state"]: row for row in result.tables["observer_errors"].rows_as_dicts()}
+
+
+@pytest.mark.parametrize(("state", "is_measurement"), [(1, True), (2, False), (4, False)])
+def test_a_lane_that_no_frame_shows_is_no_measurement(state: int, *, is_measurement: bool) -> None:
+    """Found, held and carried lanes: the observer would take the same measurement several times."""
+    channel = lanes_channel(DRIVE.sensed)
+    fields = dict(channel.fields) | {"state": np.where(np.arange(len(DRIVE.sensed.lanes)) % 2, state, 1)}
+    sequence = np.zeros(len(channel.log_time_ns), np.uint32)
+    columns = Columns(
+        LANES, "cwcli.v1.Lanes", "protobuf", channel.log_time_ns, channel.log_time_ns, sequence, fields, 0
+    )
+    samples = lane_samples_at_preview(columns, where="").samples
+    assert np.isfinite(samples.lateral_deviation_m[::2]).all()
+    assert np.isfinite(samples.lateral_deviation_m[1::2]).all() == is_measurement
 
 
 def statuses(result: StageResult) -> list[str]:

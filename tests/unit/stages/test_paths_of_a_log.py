@@ -14,7 +14,7 @@ from cwcli.channels.published import EGO_ONLINE, EGO_PATH, EGO_STATE, REMOTE_ONL
 from cwcli.errors import DataError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
-from cwcli.pipeline.paths import replanned_or_logged_paths
+from cwcli.pipeline.paths import replanned_or_logged_paths_and_notes
 from cwcli.pipeline.states import StatesSelection, read_selected_states
 from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.stages.estimate import EstimateConfig, estimate
@@ -50,7 +50,7 @@ def pairs_of(log: Log, window_rows: int) -> tuple[PairEvaluation, ...]:
     tracks = {}
     for state, online, path in ((EGO_STATE, EGO_ONLINE, EGO_PATH), (REMOTE_STATE, REMOTE_ONLINE, REMOTE_PATH)):
         states, _ = read_selected_states(log, log.columns(online.topic), state.role, StatesSelection())
-        paths, notes = replanned_or_logged_paths(log, path.topic, state.role)
+        paths, notes = replanned_or_logged_paths_and_notes(log, path.topic, state.role)
         assert notes == () and len(paths) == len(states)
         tracks[state.role] = build_vehicle_tracks(states, paths, with_onset=True)
     (host,), config = tracks[EGO_STATE.role], WarningConfig()
@@ -85,7 +85,7 @@ def test_the_size_of_a_window_changes_no_bit(predicted: Log) -> None:
 
 
 def test_a_path_is_the_same_bits_alone_and_among_others(predicted: Log) -> None:
-    paths, _ = replanned_or_logged_paths(predicted, REMOTE_PATH.topic, REMOTE_STATE.role)
+    paths, _ = replanned_or_logged_paths_and_notes(predicted, REMOTE_PATH.topic, REMOTE_STATE.role)
     every = paths.select_paths(np.arange(len(paths))).take(np.arange(len(paths)))
     for rows in (np.array([3]), np.arange(5, 90, 7), np.array([60, 4, 17])):
         some = paths.select_paths(rows).take(np.arange(len(rows)))
@@ -96,7 +96,7 @@ def test_a_path_is_the_same_bits_alone_and_among_others(predicted: Log) -> None:
 def test_a_written_log_holds_some_paths_and_gives_all_again(predicted: Log, written: Log) -> None:
     assert not written.added_channels
     n_written = len(read_predicted_paths(written.columns(REMOTE_PATH.topic)))
-    paths, _ = replanned_or_logged_paths(written, REMOTE_PATH.topic, REMOTE_STATE.role)
+    paths, _ = replanned_or_logged_paths_and_notes(written, REMOTE_PATH.topic, REMOTE_STATE.role)
     assert isinstance(paths, LazyPaths)
     assert 0 < n_written < 0.6 * len(paths)
     (one,), (other,) = pairs_of(predicted, 512), pairs_of(written, 512)
@@ -116,7 +116,9 @@ def whole_channel(log: Log, more_m: float) -> OutputChannel:
 def test_paths_that_the_states_do_not_give_are_used_as_they_are_and_told(predicted: Log) -> None:
     """Another version predicted them: here with 3 m/s more."""
     channel = whole_channel(predicted, 0.75)
-    found, notes = replanned_or_logged_paths(predicted.with_channels([channel]), REMOTE_PATH.topic, REMOTE_STATE.role)
+    found, notes = replanned_or_logged_paths_and_notes(
+        predicted.with_channels([channel]), REMOTE_PATH.topic, REMOTE_STATE.role
+    )
     assert isinstance(found, PredictedPaths) and len(found) == len(channel)
     told = f"/cwcli/remote/path: {len(channel)} paths of the log are used, as its states do not give the same again"
     assert notes == (told,)
@@ -126,7 +128,7 @@ def test_a_log_whose_record_tells_no_rate_holds_all_its_paths(predicted: Log) ->
     """As older versions wrote it."""
     record = {"cwcli.run.predict": {"configuration": '{"path_rate_hz": null}'}}
     older = predicted.with_channels([whole_channel(predicted, 0.0)], record)
-    found, notes = replanned_or_logged_paths(older, REMOTE_PATH.topic, REMOTE_STATE.role)
+    found, notes = replanned_or_logged_paths_and_notes(older, REMOTE_PATH.topic, REMOTE_STATE.role)
     assert isinstance(found, PredictedPaths) and notes == ()
 
 
@@ -144,7 +146,7 @@ def test_a_log_without_its_first_half_keeps_its_ellipses(predicted: Log) -> None
     middle_ns = int(np.median(log.columns(EGO_ONLINE.topic).log_time_ns))
     topics = (EGO_ONLINE.topic, REMOTE_ONLINE.topic, EGO_PATH.topic)
     half = log.with_channels([only(log.columns(topic), middle_ns) for topic in topics])
-    found, notes = replanned_or_logged_paths(half, EGO_PATH.topic, EGO_STATE.role)
+    found, notes = replanned_or_logged_paths_and_notes(half, EGO_PATH.topic, EGO_STATE.role)
     assert isinstance(found, PredictedPaths)
     assert notes[0].startswith(f"{EGO_PATH.topic}: {len(found)} paths of the log are used")
 
@@ -159,7 +161,7 @@ def test_states_that_can_not_be_read_are_an_error(predicted: Log) -> None:
     path = predicted.columns(EGO_PATH.topic)
     given = OutputChannel(path.topic, path.schema_name, path.log_time_ns, path.fields)
     with pytest.raises(DataError, match="sigma"):
-        replanned_or_logged_paths(predicted.with_channels([broken, given]), EGO_PATH.topic, EGO_STATE.role)
+        replanned_or_logged_paths_and_notes(predicted.with_channels([broken, given]), EGO_PATH.topic, EGO_STATE.role)
 
 
 def test_a_fault_in_the_planning_is_not_taken_for_another_log(written: Log, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,4 +170,4 @@ def test_a_fault_in_the_planning_is_not_taken_for_another_log(written: Log, monk
 
     monkeypatch.setattr("cwcli.pipeline.paths.plan_paths_from_states", faulty)
     with pytest.raises(ValueError, match="broadcast"):
-        replanned_or_logged_paths(written, EGO_PATH.topic, EGO_STATE.role)
+        replanned_or_logged_paths_and_notes(written, EGO_PATH.topic, EGO_STATE.role)

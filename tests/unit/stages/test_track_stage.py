@@ -16,7 +16,7 @@ from cwcli.stages.track import TrackConfig
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.from_signals import SensorSetting, build_sensor_models, detections_from_signal, require_common_frame
-from cwcli.tracking.tracker import track_many_targets, track_one_target, track_targets
+from cwcli.tracking.tracker import track_many_targets, track_one_target, track_targets_and_name_method
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
@@ -97,7 +97,7 @@ def lidar(xy, stamps=None):
 
 def run(data, **config):
     made = TrackConfig(tracker=PLAIN, **config)
-    return track_targets(made.targets, [data], {}, made.tracker)
+    return track_targets_and_name_method(made.targets, [data], {}, made.tracker)
 
 
 def test_auto_takes_one_target_where_no_scan_holds_two():

@@ -1,14 +1,18 @@
 import numpy as np
 import pytest
 
-from cwcli.tracking.convert import radar_values_from_cartesian, target_rows_of_result, vehicle_states_of_target
+from cwcli.tracking.convert import (
+    radar_values_and_covariances_from_cartesian,
+    target_rows_of_result,
+    vehicle_states_and_covariances_of_target,
+)
 from cwcli.tracking.detections import DetectionKind, Detections
 from cwcli.tracking.gospa import TargetMoments
 from cwcli.tracking.tracker import track_many_targets, track_one_target
 
 
 def test_a_cartesian_radar_track_becomes_range_azimuth_and_rate():
-    values, covariance = radar_values_from_cartesian(np.array([[3.0, 4.0]]), np.array([[1.0, 2.0]]))
+    values, covariance = radar_values_and_covariances_from_cartesian(np.array([[3.0, 4.0]]), np.array([[1.0, 2.0]]))
     np.testing.assert_allclose(values, [[5.0, np.arctan2(4.0, 3.0), 2.2]])
     assert np.isnan(covariance).all()
 
@@ -18,8 +22,10 @@ def test_its_covariance_is_that_of_many_samples():
     p, v = np.array([30.0, 40.0]), np.array([-5.0, 2.0])
     cov_p, cov_v = np.array([[0.2, 0.05], [0.05, 0.1]]), np.diag([0.3, 0.1])
     n = 200_000
-    samples, _ = radar_values_from_cartesian(rng.multivariate_normal(p, cov_p, n), rng.multivariate_normal(v, cov_v, n))
-    _, covariance = radar_values_from_cartesian(p[None], v[None], cov_p[None], cov_v[None])
+    samples, _ = radar_values_and_covariances_from_cartesian(
+        rng.multivariate_normal(p, cov_p, n), rng.multivariate_normal(v, cov_v, n)
+    )
+    _, covariance = radar_values_and_covariances_from_cartesian(p[None], v[None], cov_p[None], cov_v[None])
     scale = np.sqrt(np.diag(covariance[0]))
     np.testing.assert_allclose(
         np.cov(samples.T) / np.outer(scale, scale), covariance[0] / np.outer(scale, scale), atol=0.02
@@ -28,7 +34,7 @@ def test_its_covariance_is_that_of_many_samples():
 
 def test_no_covariance_at_range_0_and_where_it_is_not_given():
     given = np.stack([np.eye(2), np.full((2, 2), np.nan), np.eye(2)])
-    values, covariance = radar_values_from_cartesian(
+    values, covariance = radar_values_and_covariances_from_cartesian(
         np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), np.zeros((3, 2)), given, given
     )
     assert np.isnan(covariance).all(axis=(1, 2)).tolist() == [True, True, False]
@@ -49,7 +55,7 @@ def test_rows_of_all_tracks_are_in_the_order_of_time():
 
 def test_vehicle_states_hold_the_heading_when_the_target_stops():
     state = np.array([[0, 0, 0.01, 0.2], [0, 0, 3.0, 4.0], [1, 1, 0.1, -0.1], [1, 1, -2.0, 0.0]])
-    out, covariance = vehicle_states_of_target(state, np.tile(np.eye(4) * 0.01, (4, 1, 1)))
+    out, covariance = vehicle_states_and_covariances_of_target(state, np.tile(np.eye(4) * 0.01, (4, 1, 1)))
     heading = np.arctan2(4.0, 3.0)
     np.testing.assert_allclose(out[:, 3], [heading, heading, heading, np.pi - 2 * np.pi])
     np.testing.assert_allclose(out[:, 2], np.hypot(state[:, 2], state[:, 3]))
@@ -59,7 +65,7 @@ def test_vehicle_states_hold_the_heading_when_the_target_stops():
 
 
 def test_an_unknown_velocity_gives_a_heading_that_may_be_anything():
-    _, covariance = vehicle_states_of_target(np.zeros((1, 4)), np.eye(4)[None] * 100.0)
+    _, covariance = vehicle_states_and_covariances_of_target(np.zeros((1, 4)), np.eye(4)[None] * 100.0)
     assert covariance[0, 3, 3] == pytest.approx(np.pi**2 / 3)
 
 

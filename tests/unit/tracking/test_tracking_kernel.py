@@ -12,7 +12,7 @@ from cwcli.simulation.dual_sensor import SensorNoise, simulate_target_on_path
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, MOTION_MODELS, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import prepare_detections
-from cwcli.tracking.single_target import log_likelihood_of_rows, run_filter
+from cwcli.tracking.single_target import filter_single_target, log_likelihood_of_rows
 from tests.unit.tracking import tracking_oracle as oracle
 
 NOISE = SensorNoise(azimuth_rad=0.03)
@@ -46,7 +46,7 @@ def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate):
     config = FilterConfig(
         filter=name, model=model, noise=0.7, turn_noise=0.3, kappa=kappa, cartesian_below=0.0, gate_probability=1.0
     )
-    causal, smoothed = run_filter(rows, config, smooth=False), run_filter(rows, config, smooth=True)
+    causal, smoothed = filter_single_target(rows, config, smooth=False), filter_single_target(rows, config, smooth=True)
     x0, p0 = causal.state[0], causal.covariance[0]
     expected = oracle.run(
         name, model, rows.stamp_ns * 1e-9, rows.kind, rows.z, rows.r, rows.origin, x0, p0, 0.7, 0.3, kappa
@@ -62,7 +62,7 @@ def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate):
 
 def test_start_from_lidar_is_the_point_with_an_open_velocity():
     rows = rows_with_moving_sensor().select_rows(slice(0, 1))
-    out = run_filter(rows, FilterConfig(model="cv", start_speed_mps=7.0))
+    out = filter_single_target(rows, FilterConfig(model="cv", start_speed_mps=7.0))
     assert out.status[0] == RowStatus.STARTED
     np.testing.assert_allclose(out.state[0], [*rows.z[0, :2], 0.0, 0.0])
     np.testing.assert_allclose(out.covariance[0, :2, :2], rows.r[0, :2, :2])
@@ -73,7 +73,7 @@ def test_start_from_radar_knows_the_speed_along_the_beam():
     # 10 m along 30 deg, receding at 4 m/s from a sensor at rest: the beam direction takes the rate, the rest is open
     data = Detections("r", DetectionKind.RADAR, np.array([0]), np.array([[10.0, np.radians(30.0), 4.0]]))
     rows = prepare_detections([data], {"r": SensorModel(sigma=(0.2, 0.001, 0.01))}).rows
-    out = run_filter(rows, FilterConfig(model="cv", start_speed_mps=10.0))
+    out = filter_single_target(rows, FilterConfig(model="cv", start_speed_mps=10.0))
     along = np.array([np.cos(np.radians(30.0)), 0.5])
     np.testing.assert_allclose(out.state[0, :2], 10.0 * along, atol=1e-12)
     np.testing.assert_allclose(out.state[0, 2:], 4.0 * along, atol=1e-3)
@@ -105,7 +105,7 @@ def test_a_target_at_the_origin_starts_and_is_followed(name, first):
         Detections("l", DetectionKind.POSITION, stamp[lidar], truth[lidar] + 0.05 * rng.standard_normal((100, 2))),
         Detections("r", DetectionKind.RADAR, stamp[radar], seen),
     ]
-    out = run_filter(prepare_detections(data).rows, FilterConfig(filter=name, smooth=False))
+    out = filter_single_target(prepare_detections(data).rows, FilterConfig(filter=name, smooth=False))
     assert np.isfinite(out.state).all()
     assert (np.linalg.eigvalsh(out.covariance) > 0.0).all()
     np.testing.assert_allclose(out.state[-1, :4], [truth[-1, 0], 0.0, 1.0, 0.0], atol=0.25)
@@ -123,7 +123,7 @@ def test_a_bearing_across_pi_is_wrapped():
     rate = (truth[:, :2] * truth[:, 2:]).sum(axis=1) / r
     rows = prepare_detections([Detections("r", DetectionKind.RADAR, stamp, np.stack([r, azimuth, rate], axis=1))]).rows
     for name in IS_UNSCENTED_BY_FILTER:
-        out = run_filter(rows, FilterConfig(filter=name, model="cv", smooth=False))
+        out = filter_single_target(rows, FilterConfig(filter=name, model="cv", smooth=False))
         assert (out.status[1:] == RowStatus.USED).all()
         np.testing.assert_allclose(out.state[-1], truth[-1], atol=0.05)
 
@@ -135,7 +135,7 @@ def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start():
     xy[30] += 20.0
     xy[50:] += 40.0  # another target from here on
     rows = prepare_detections([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
-    out = run_filter(rows, FilterConfig(model="cv", noise=0.1, smooth=False, gate_probability=0.999))
+    out = filter_single_target(rows, FilterConfig(model="cv", noise=0.1, smooth=False, gate_probability=0.999))
     gated = np.flatnonzero(out.status == RowStatus.GATED)
     assert gated[0] == 30
     restart = np.flatnonzero(out.status == RowStatus.STARTED)
@@ -148,7 +148,7 @@ def test_a_gap_longer_than_is_bridged_makes_a_new_start():
     stamp = np.concatenate([np.arange(10), 100 + np.arange(10)]) * 100_000_000
     xy = np.concatenate([np.zeros((10, 2)), np.full((10, 2), 30.0)])
     rows = prepare_detections([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
-    out = run_filter(rows, FilterConfig(max_gap_s=2.0))
+    out = filter_single_target(rows, FilterConfig(max_gap_s=2.0))
     assert np.flatnonzero(out.status == RowStatus.STARTED).tolist() == [0, 10]
     np.testing.assert_allclose(out.state[:10, :2], 0.0, atol=1e-9)  # nothing is smoothed across the gap
     np.testing.assert_allclose(out.state[10:, :2], 30.0, atol=1e-9)
@@ -156,6 +156,6 @@ def test_a_gap_longer_than_is_bridged_makes_a_new_start():
 
 def test_no_rows_give_no_states():
     rows = prepare_detections([]).rows
-    out = run_filter(rows, FilterConfig())
+    out = filter_single_target(rows, FilterConfig())
     assert out.state.shape == (0, 5)
     assert out.log_likelihood == 0.0

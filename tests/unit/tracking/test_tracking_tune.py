@@ -5,8 +5,8 @@ from scipy.optimize import minimize
 from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import prepare_detections
-from cwcli.tracking.single_target import nis_consistency_by_source, run_filter
-from cwcli.tracking.tune import minimise_by_nelder_mead, scale_sigmas, tune_noise
+from cwcli.tracking.single_target import filter_single_target, nis_consistency_by_source
+from cwcli.tracking.tune import minimise_by_nelder_mead_and_count_calls, scale_sigmas, tune_noise
 
 TRUE = {"noise": 0.8, "lidar": 0.06, "range": 0.5, "azimuth": 0.004, "rate": 0.1}
 
@@ -47,7 +47,7 @@ def test_noise_is_found_although_the_defaults_are_wrong_by_up_to_fifteen_times(n
         assert sigma[key] == pytest.approx(value, rel=0.12), key
     assert found.log_likelihood > found.log_likelihood_before
     tuned = scale_sigmas(rows, found.scale)
-    out = run_filter(tuned, found.config, smooth=False)
+    out = filter_single_target(tuned, found.config, smooth=False)
     for check in nis_consistency_by_source(tuned.sources, tuned.source, out.nis, out.n_values, out.status).values():
         assert check.is_within_bounds
 
@@ -64,7 +64,7 @@ def test_the_search_finds_what_scipy_finds():
     def valley(x):
         return float(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2 + (x[2] - 0.5) ** 2)
 
-    point, value, calls = minimise_by_nelder_mead(valley, np.array([-1.0, 1.5, 0.0]), tolerance=1e-7)
+    point, value, calls = minimise_by_nelder_mead_and_count_calls(valley, np.array([-1.0, 1.5, 0.0]), tolerance=1e-7)
     expected = minimize(valley, [-1.0, 1.5, 0.0], method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-8})
     np.testing.assert_allclose(point, expected.x, atol=1e-3)
     assert value < 1e-5

@@ -8,7 +8,7 @@ import pytest
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.ground import boundary_end_rows_px, image_curves_of_flat_road
+from cwcli.vision.ground import boundary_end_rows_px, image_hyperbolas_of_flat_road
 from cwcli.vision.lane_model import fit_boundary_parabolas
 from cwcli.vision.method import LaneFit
 from tests.unit.vision.fit_lists import columns_of
@@ -32,7 +32,7 @@ def lines_of(*lanes: np.ndarray) -> BoundaryLines:
     horizon_px = CAMERA.horizon_row_px(fits.pitch_rad)
     return BoundaryLines(
         fits.parabolas,
-        image_curves_of_flat_road(fits, CAMERA),
+        image_hyperbolas_of_flat_road(fits, CAMERA),
         horizon_px,
         boundary_end_rows_px(fits, CAMERA, horizon_px),
     )
@@ -76,7 +76,7 @@ def test_where_the_method_finds_no_horizon_lines_end_at_five_eighths_or_below_th
     upright = columns_of(
         [LaneFit(Boundary(0.0, 0.0, 100.0, 1.0, 1.0, True), Boundary(0.0, 0.0, 200.0, 1.0, 1.0, True))]
     )
-    roads = image_curves_of_flat_road(upright, CAMERA)
+    roads = image_hyperbolas_of_flat_road(upright, CAMERA)
     assert np.isnan(roads).all()
     lines = BoundaryLines(
         upright.parabolas, roads, np.array([horizon_px]), boundary_end_rows_px(upright, CAMERA, np.array([horizon_px]))
@@ -101,7 +101,7 @@ def test_one_boundary_alone_is_a_line() -> None:
     horizon_px = CAMERA.horizon_row_px(fits.pitch_rad)
     lines = BoundaryLines(
         fits.parabolas,
-        image_curves_of_flat_road(fits, CAMERA),
+        image_hyperbolas_of_flat_road(fits, CAMERA),
         horizon_px,
         boundary_end_rows_px(fits, CAMERA, horizon_px),
     )

@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.prediction.paths import Paths
 from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, LaneDepartureConfig, evaluate_lane_departure
-from cwcli.warning.lane_gap import boundary_at_distances, first_crossing_time_s, last_known_gap_m
+from cwcli.warning.lane_gap import boundary_y_and_direction_at_distances, first_crossing_time_s, last_known_gap_m
 
 RADIUS_M, HALF_LANE_M = 23.0, 1.8
 
@@ -17,7 +17,7 @@ RADIUS_M, HALF_LANE_M = 23.0, 1.8
 def test_a_boundary_is_a_circle_ahead_and_is_told_a_little_behind_the_camera() -> None:
     # 50 m to the left through (0, 1): y = 51 - sqrt(50^2 - x^2), and its direction there is asin(x / 50)
     line = np.array([[1.0, 0.0, 0.02]])
-    y_m, direction_rad = boundary_at_distances(line, np.array([[-1.0, 0.0, 30.0, 60.0]]), np.zeros(1))
+    y_m, direction_rad = boundary_y_and_direction_at_distances(line, np.array([[-1.0, 0.0, 30.0, 60.0]]), np.zeros(1))
     np.testing.assert_allclose(y_m[0], [1.01, 1.0, 11.0, math.nan])
     np.testing.assert_allclose(direction_rad[0], [-math.atan(0.02), 0.0, math.asin(0.6), math.nan])
 

@@ -11,7 +11,7 @@ from cwcli.measures import MEASURES
 from cwcli.warning.evaluate import _evaluation_times_s
 from cwcli.warning.measures import Measures
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
-from cwcli.warning.rule_inputs import problem_with_measure_names
+from cwcli.warning.rule_inputs import describe_problem_with_measure_names
 from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import VehicleTrack, WarningConfig
 from tests.unit.warning.vehicles import seconds, straight
@@ -101,4 +101,4 @@ def test_nothing_that_came_later_counts() -> None:
     ],
 )
 def test_what_a_rule_may_ask_for(names: object, said: str) -> None:
-    assert problem_with_measure_names(names) == said
+    assert describe_problem_with_measure_names(names) == said

@@ -19,7 +19,7 @@ from cwcli.simulation.road.car import (
     YAW_RATE,
     X,
     Y,
-    simulate_drive_along_lane,
+    times_and_states_of_drive_along_lane,
     understeer_factor_s2pm2,
 )
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
@@ -35,7 +35,7 @@ def test_understeer_is_the_papers() -> None:
 def test_steady_bend_settles_at_the_papers_steady_state() -> None:
     # Radius 250 m at 20 m/s: gamma = v / R; v_y and steer from eq. 11 (corrected) with both rates zero.
     v, kappa = 20.0, 1 / 250
-    _, states = simulate_drive_along_lane(lambda s: kappa, lambda t: v, STILL, 20.0, CAR)
+    _, states = times_and_states_of_drive_along_lane(lambda s: kappa, lambda t: v, STILL, 20.0, CAR)
     end = states[-1]
     gamma = v * kappa
     a = np.array([[-120000 / v, 60000.0], [60000 * 0.16 / v, 54000.0]])
@@ -48,7 +48,7 @@ def test_steady_bend_settles_at_the_papers_steady_state() -> None:
 
 
 def test_straight_road_without_sway_stays_straight() -> None:
-    time_s, states = simulate_drive_along_lane(lambda s: 0.0, lambda t: 25.0, STILL, 3.0, CAR)
+    time_s, states = times_and_states_of_drive_along_lane(lambda s: 0.0, lambda t: 25.0, STILL, 3.0, CAR)
     np.testing.assert_allclose(states[:, STATION], 25.0 * time_s, atol=1e-9)
     np.testing.assert_allclose(states[:, [OFFSET, HEADING, YAW_RATE]], 0.0, atol=1e-12)
 
@@ -56,7 +56,7 @@ def test_straight_road_without_sway_stays_straight() -> None:
 def test_map_track_and_lane_coordinates_tell_the_same_drive() -> None:
     # On a circle of the lane: the distance to the circle's centre gives the offset, the angle the station.
     kappa = 1 / 400
-    _, states = simulate_drive_along_lane(lambda s: kappa, lambda t: 22.0, SwayingDriver(), 12.0, CAR)
+    _, states = times_and_states_of_drive_along_lane(lambda s: kappa, lambda t: 22.0, SwayingDriver(), 12.0, CAR)
     first = states[0]
     bearing = first[BEARING] - first[HEADING]  # of the lane at the start
     normal = np.array([-np.sin(bearing), np.cos(bearing)])

@@ -16,7 +16,7 @@ from cwcli.simulation.road.render import RoadFrame, compute_frame_truth, render_
 from cwcli.simulation.road.rows import compute_road_rows
 from cwcli.simulation.road.scene import Light, Marking, RoadScene, SceneVehicle
 from cwcli.simulation.road.sets import FRAME_SETS, render_set_frame
-from cwcli.simulation.road.surface import asphalt_texture, remaining_paint_texture
+from cwcli.simulation.road.surface import asphalt_texture, remaining_paint_texture_and_mean
 
 WIDTH_M = 3.6
 CAMERA = paper_camera()
@@ -96,7 +96,7 @@ def test_texture_mean_over_a_whole_period_is_zero_and_wear_levels_hold() -> None
     start = np.array([0.0, 13.7])
     period = 2048 * 0.05
     np.testing.assert_allclose(asphalt_texture().mean_over_stretches(start, start + period), 0.0, atol=1e-4)
-    assert remaining_paint_texture(0.6)[1].mean() == pytest.approx(0.6, abs=0.01)
+    assert remaining_paint_texture_and_mean(0.6)[1].mean() == pytest.approx(0.6, abs=0.01)
 
 
 def test_markings_are_brighter_than_the_road_at_the_truth_and_asphalt_has_its_grey() -> None:

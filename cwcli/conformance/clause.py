@@ -1,0 +1,374 @@
+"""Clauses: the published numbers of one standard, `clauses/NAME.toml`, and the trials that follow from them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+from functools import cache
+from importlib import import_module
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from cwcli.errors import UsageError, names_hint
+from cwcli.input import read_file
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
+from cwcli.toml_text import parse_toml
+
+SI_PER_UNIT = {
+    "": 1.0,
+    "s": 1.0,
+    "m": 1.0,
+    "m/s": 1.0,
+    "km/h": 1.0 / 3.6,
+    "mph": 0.44704,
+    "m/s^2": 1.0,
+    "g": STANDARD_GRAVITY_MPS2,
+}
+"""Unit of a number in a clause -> its size in SI units."""
+LARGEST_BY_UNIT = {"s": 60.0, "m": 500.0, "m/s": 70.0, "km/h": 252.0, "mph": 156.0, "m/s^2": 15.0, "g": 1.5, "": 1e6}
+"""Unit -> the largest number that is possible in a trial with road vehicles. Chosen by hand: what the simulation can
+drive (`cwcli.simulation.spec`)."""
+BASIS_WORDS = {
+    "read": "as published",
+    "memory": "as commonly stated, not checked",
+    "own": "chosen here",
+}
+"""Basis of a number -> its words in the output: it was read in its source, it is commonly stated but was not checked
+there, or it is a choice of this project that the source leaves open."""
+TTC_DEFINITIONS = {
+    "constant velocities": "gap over closing speed",
+    "constant accelerations": "time until the gap is closed at the present accelerations",
+    "": "does not apply",
+}
+"""Definitions of the time to collision that a number can refer to."""
+CLAUSE_KEYS = {
+    "title",
+    "source",
+    "reading",
+    "repetitions",
+    "grade",
+    "policy",
+    "numbers",
+    "tolerances",
+    "trials",
+    "left_out",
+}
+NUMBER_KEYS = {"value", "unit", "source", "page", "basis", "ttc"}
+TRIAL_KEYS = {"name", "scene", "judge", "given", "demands", "combine", "rule"}
+"""The keys that the tables of a clause's file may have."""
+CLAUSE_SUFFIX = ".toml"
+"""File name ending of clauses."""
+MAX_TRIALS = 200
+"""Largest number of trials of a clause. Chosen by hand: the largest published grid has about 100."""
+
+
+@dataclass(frozen=True)
+class PublishedNumber:
+    """A number of a clause, or a list of them for several trials.
+
+    Attributes:
+        name: Its key in the file.
+        values: As printed, in `unit`.
+        unit: A key of `SI_PER_UNIT`.
+        source, page: Where it is printed; the page or section, "" where the notes have none.
+        basis: A key of `BASIS_WORDS`.
+        ttc: A key of `TTC_DEFINITIONS`: how the source defines the time to collision that the number is.
+    """
+
+    name: str
+    values: tuple[float, ...]
+    unit: str
+    source: str
+    page: str
+    basis: str
+    ttc: str = ""
+
+    @property
+    def si_values(self) -> tuple[float, ...]:
+        """The values in SI units."""
+        return tuple(value * SI_PER_UNIT[self.unit] for value in self.values)
+
+    @property
+    def text(self) -> str:
+        """The values with their unit."""
+        return f"{', '.join(f'{value:g}' for value in self.values)} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial.
+
+    Attributes:
+        name: Unique in the clause.
+        scene: A key of `scenes.SCENES`.
+        judge: Name of a module in `cwcli.conformance.judges`.
+        given: What the scene is built from, SI units.
+        demands: What the judge asks for, SI units.
+        rule: Warning rule that the trial is about; "" is the one that the user chose.
+    """
+
+    name: str
+    scene: str
+    judge: str
+    given: Mapping[str, float]
+    demands: Mapping[str, float]
+    rule: str = ""
+
+
+@dataclass(frozen=True)
+class Clause:
+    """A family of trials of one standard.
+
+    Attributes:
+        name: Name of the file without ending.
+        title, source: What it is, and where its numbers are published.
+        reading: How its numbers are read where the source leaves a choice; "" if it leaves none.
+        n_repetitions, n_required: Repetitions of each trial, and how many of them must pass.
+        grade: Default grade of noise, a key of `grades.GRADES`.
+        policy: Default braking policy, a key of `policies.POLICIES`.
+        numbers: Of the trials, by name.
+        tolerances: Within which a recorded trial is valid, by name.
+        trials: In the order of the file.
+        left_out: Trials of the standard that are not judged here, with the reason.
+    """
+
+    name: str
+    title: str
+    source: str
+    reading: str
+    n_repetitions: int
+    n_required: int
+    grade: str
+    policy: str
+    numbers: Mapping[str, PublishedNumber]
+    tolerances: Mapping[str, PublishedNumber]
+    trials: tuple[Trial, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+    def required_passes(self, n_repetitions: int) -> int:
+        """Return how many of n repetitions must pass: the same share as published, rounded up."""
+        return math.ceil(n_repetitions * self.n_required / self.n_repetitions - 1e-9)
+
+    @property
+    def n_unchecked_numbers(self) -> int:
+        """Number of numbers that were not checked in their source."""
+        return sum(number.basis == "memory" for number in (*self.numbers.values(), *self.tolerances.values()))
+
+    def tolerance(self, name: str) -> float | None:
+        """A tolerance in SI units; None where the clause has none."""
+        return self.tolerances[name].si_values[0] if name in self.tolerances else None
+
+
+def clause_names() -> tuple[str, ...]:
+    """Names of the clauses that come with cwcli."""
+    folder = files("cwcli.conformance") / "clauses"
+    names = (entry.name for entry in folder.iterdir() if entry.name.endswith(CLAUSE_SUFFIX))
+    return tuple(sorted(name.removesuffix(CLAUSE_SUFFIX) for name in names))
+
+
+@cache
+def load_clause(name_or_path: str) -> Clause:
+    """Load a clause by its name, or from a file of the user's.
+
+    Raises:
+        UsageError: There is no such clause (the message names the closest one), or its content is wrong.
+    """
+    if name_or_path in clause_names():
+        name = name_or_path
+        text = (files("cwcli.conformance") / "clauses" / f"{name}{CLAUSE_SUFFIX}").read_text(encoding="utf-8")
+    elif Path(name_or_path).is_file():
+        name = Path(name_or_path).name.removesuffix(CLAUSE_SUFFIX)
+        try:
+            text = read_file(Path(name_or_path)).decode()
+        except (OSError, UnicodeDecodeError) as error:
+            raise UsageError(f"can't be read: {error}", where=name_or_path) from error
+    else:
+        raise UsageError(
+            f"there is no clause {name_or_path!r}", hint=names_hint(name_or_path, clause_names(), "clauses")
+        )
+    try:
+        document = parse_toml(text)
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"not TOML: {error}", where=f"{name}{CLAUSE_SUFFIX}") from error
+    return parse_clause(document, name)
+
+
+def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
+    """Check the content of a clause's file.
+
+    Raises:
+        UsageError: A key is unknown or missing, a number is impossible, or a name is not defined.
+    """
+    where = f"{name}{CLAUSE_SUFFIX}"
+    _check_keys(document, CLAUSE_KEYS, {"title", "source", "repetitions", "numbers", "trials"}, "", where)
+    numbers = {key: _parse_number(key, table, where) for key, table in _table(document, "numbers", where).items()}
+    tolerances = {
+        key: _parse_number(key, table, where, place="tolerances")
+        for key, table in _table(document, "tolerances", where).items()
+    }
+    trials = [trial for table in document["trials"] for trial in _parse_trials(table, numbers, where)]
+    if not 0 < len(trials) <= MAX_TRIALS:
+        raise UsageError(f"it has {len(trials)} trials; permitted: 1 to {MAX_TRIALS}", where=where)
+    names = [trial.name for trial in trials]
+    for trial_name in names:
+        if names.count(trial_name) > 1:
+            raise UsageError(f"two trials are called {trial_name!r}", where=where, hint="give each a name of its own")
+    n, required = _parse_repetitions(document["repetitions"], where)
+    _check_choices(document, where)
+    return Clause(
+        name=name,
+        title=str(document["title"]),
+        source=str(document["source"]),
+        reading=" ".join(str(document.get("reading", "")).split()),
+        n_repetitions=n,
+        n_required=required,
+        grade=document.get("grade", "nominal"),
+        policy=document.get("policy", "none"),
+        numbers=numbers,
+        tolerances=tolerances,
+        trials=tuple(trials),
+        left_out=dict(document.get("left_out", {})),
+    )
+
+
+def _check_choices(document: Mapping[str, Any], where: str) -> None:
+    """Refuse a grade or a policy that does not exist."""
+    from cwcli.conformance.grades import GRADES
+    from cwcli.conformance.policies import POLICIES
+
+    for key, known in (("grade", GRADES), ("policy", POLICIES)):
+        if key in document and document[key] not in known:
+            raise UsageError(f"{key} is {document[key]!r}", where=where, hint=names_hint(str(document[key]), known))
+
+
+def _parse_repetitions(table: Any, where: str) -> tuple[int, int]:
+    """The number of repetitions, and how many must pass."""
+    _check_keys(table, {"n", "required", "source", "basis"}, {"n", "required"}, "repetitions", where)
+    n, required = table["n"], table["required"]
+    if not (type(n) is int and type(required) is int and 1 <= required <= n <= 1000):
+        raise UsageError(
+            f"repetitions are n = {n!r} and required = {required!r}; permitted: 1 <= required <= n <= 1000",
+            where=where,
+        )
+    return n, required
+
+
+def _table(document: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+    """A table of the document, empty where it is missing."""
+    table = document.get(key, {})
+    if not isinstance(table, Mapping):
+        raise UsageError(f"{key} is {table!r}; permitted: a table", where=where)
+    return table
+
+
+def _check_keys(table: Any, known: set[str], required: set[str], place: str, where: str) -> None:
+    """Refuse what is no table, an unknown key, and a missing one."""
+    if not isinstance(table, Mapping):
+        raise UsageError(f"{place or 'the file'} is {table!r}; permitted: a table", where=where)
+    prefix = f"{place}." if place else ""
+    for key in table:
+        if key not in known:
+            raise UsageError(f"{prefix}{key} is unknown", where=where, hint=names_hint(str(key), sorted(known)))
+    for key in sorted(required - set(table)):
+        raise UsageError(f"{prefix}{key} is missing", where=where)
+
+
+def _parse_number(name: str, table: Any, where: str, place: str = "numbers") -> PublishedNumber:
+    """Check one number: finite, of a known unit, physically possible, and with a source."""
+    path = f"{place}.{name}"
+    _check_keys(table, NUMBER_KEYS, {"value", "unit", "source", "basis"}, path, where)
+    if table["unit"] not in SI_PER_UNIT:
+        raise UsageError(f"{path}.unit is {table['unit']!r}", where=where, hint=f"one of: {', '.join(SI_PER_UNIT)}")
+    if table["basis"] not in BASIS_WORDS:
+        raise UsageError(f"{path}.basis is {table['basis']!r}", where=where, hint=f"one of: {', '.join(BASIS_WORDS)}")
+    if table.get("ttc", "") not in TTC_DEFINITIONS:
+        raise UsageError(f"{path}.ttc is {table['ttc']!r}", where=where, hint=f"one of: {', '.join(TTC_DEFINITIONS)}")
+    if not isinstance(table["source"], str) or not table["source"]:
+        raise UsageError(f"{path}.source is empty", where=where, hint="name the publication")
+    raw = (
+        table["value"]
+        if isinstance(table["value"], Sequence) and not isinstance(table["value"], str)
+        else [table["value"]]
+    )
+    largest = LARGEST_BY_UNIT[table["unit"]]
+    for value in raw:
+        is_number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not is_number or abs(value) > largest or (place == "tolerances" and not value > 0.0):
+            least = f"more than 0, at most {largest:g}" if place == "tolerances" else f"-{largest:g} to {largest:g}"
+            raise UsageError(f"{path}.value is {value!r}; permitted: {least} {table['unit']}".rstrip(), where=where)
+    if not raw:
+        raise UsageError(f"{path}.value is empty", where=where)
+    return PublishedNumber(
+        name, tuple(map(float, raw)), table["unit"], table["source"], str(table.get("page", "")), table["basis"],
+        table.get("ttc", ""),
+    )  # fmt: skip
+
+
+def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str) -> list[Trial]:
+    """The trials of one table: one, or one for each entry of its lists of numbers."""
+    from cwcli.conformance.scenes import SCENES
+
+    _check_keys(table, TRIAL_KEYS, {"name", "scene", "judge"}, "trials", where)
+    title = str(table["name"])
+    if table["scene"] not in SCENES:
+        hint = names_hint(str(table["scene"]), SCENES)
+        raise UsageError(f"{title}: there is no scene {table['scene']!r}", where=where, hint=hint)
+    require_judge_module(str(table["judge"]), where)
+    used: dict[tuple[str, str], PublishedNumber] = {}
+    for group in ("given", "demands"):
+        for key, number in _table(table, group, where).items():
+            if number not in numbers:
+                raise UsageError(
+                    f"{title}: {group}.{key} names the number {number!r}, which is not defined",
+                    where=where,
+                    hint=names_hint(str(number), numbers),
+                )
+            used[group, key] = numbers[number]
+    SCENES[table["scene"]].check_keys([key for group, key in used if group == "given"], title, where)
+    lists = list(dict.fromkeys(number.name for number in used.values() if len(number.values) > 1))
+    if table.get("combine", "one by one") == "all":
+        rows = list(itertools.product(*(range(len(numbers[name].values)) for name in lists)))
+    else:
+        lengths = {len(numbers[name].values) for name in lists}
+        if len(lengths) > 1:
+            raise UsageError(f"{title}: its lists of numbers differ in length", where=where, hint='or combine = "all"')
+        rows = [(k,) * len(lists) for k in range(lengths.pop() if lengths else 1)]
+    trials = []
+    for row in rows:
+        index = dict(zip(lists, row, strict=True))
+        values = {place: number.si_values[index.get(number.name, 0)] for place, number in used.items()}
+        shown = {name: f"{numbers[name].values[k]:g} {numbers[name].unit}".rstrip() for name, k in index.items()}
+        labels = [
+            text for name, text in shown.items() if any(n.name == name for (g, _), n in used.items() if g == "given")
+        ]
+        trials.append(
+            Trial(
+                name=f"{title}, {' / '.join(labels)}" if labels else title,
+                scene=table["scene"],
+                judge=table["judge"],
+                given={key: value for (group, key), value in values.items() if group == "given"},
+                demands={key: value for (group, key), value in values.items() if group == "demands"},
+                rule=table.get("rule", ""),
+            )
+        )
+    return trials
+
+
+def require_judge_module(judge: str, where: str) -> Any:
+    """Return the module of a judge.
+
+    Raises:
+        UsageError: There is none.
+    """
+    module = f"cwcli.conformance.judges.{judge.replace('-', '_')}"
+    if not judge.replace("-", "").isalnum() or find_spec(module) is None:
+        folder = files("cwcli.conformance") / "judges"
+        names = [entry.name.removesuffix(".py").replace("_", "-") for entry in folder.iterdir()]
+        known = sorted(name for name in names if name.isascii() and not name.startswith("-"))
+        raise UsageError(f"there is no judge {judge!r}", where=where, hint=names_hint(judge, known))
+    return import_module(module)

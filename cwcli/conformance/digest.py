@@ -1,0 +1,104 @@
+"""What a clause's trials came to: at most 12 lines of 80 columns, the same for the terminal and Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult, TrialResult
+from cwcli.text import format_count
+
+MAX_LINES = 12
+"""Largest number of lines of a digest."""
+MAX_COLUMNS = 80
+"""Largest number of characters of a line."""
+NAME_COLUMNS = 40
+"""Width of the column of names, characters."""
+KEPT_COLUMNS = 22
+"""Width of the end of a long name that is kept, characters."""
+PUBLISHED_WORDS = "numbers as published"
+"""Words of every output about the clauses: their numbers are the published ones, and nothing is certified."""
+_ORDER = {FAILED: 0, NOT_VALID: 1, PASSED: 2, NOT_JUDGED: 3}
+"""Outcome -> its place in the digest: what needs attention comes first."""
+
+
+def format_digest(results: Sequence[ClauseResult]) -> list[str]:
+    """Format the digest of one clause (a line a trial) or of several (a line a clause)."""
+    if len(results) == 1:
+        return _digest_of_clause(results[0])
+    ordered = sorted(results, key=lambda result: _ORDER[result.outcome])
+    rows = [(result.clause.name, result.outcome, _clause_share(result), _clause_margin(result)) for result in ordered]
+    counts = ", ".join(
+        f"{sum(result.outcome == outcome for result in results)} {outcome}"
+        for outcome in _ORDER
+        if any(result.outcome == outcome for result in results)
+    )
+    heading = f"{format_count(len(results), 'clause')}: {counts} ({PUBLISHED_WORDS})"
+    return _cut([heading, *_format_rows(rows, MAX_LINES - 2, "clauses")], "`cwcli conform NAME` shows the trials")
+
+
+def _digest_of_clause(result: ClauseResult) -> list[str]:
+    """The digest of one clause."""
+    clause = result.clause
+    driven = sorted(result.driven_trials, key=lambda trial: _ORDER[trial.outcome])
+    rows = [(trial.trial.name, trial.outcome, _trial_share(trial), trial.margin_text) for trial in driven]
+    settings = ", ".join(value if name == "grade" else f"{name} {value}" for name, value in result.settings.items())
+    lines = [
+        f"{clause.name}: {result.outcome} ({PUBLISHED_WORDS}; {settings})",
+        *_format_rows(rows, MAX_LINES - 4, "trials"),
+    ]
+    n_idle = len(result.trials) - len(driven)
+    if n_idle:
+        lines.append(f"{format_count(n_idle, 'trial')} of the clause not in this log")
+    worst = result.worst_trial
+    if worst is not None and worst.outcome == FAILED and worst.worst is not None and worst.worst.verdict is not None:
+        lines.append(f"worst: {worst.trial.name}: {worst.worst.verdict.text}")
+    invalid = next((each for trial in driven for each in trial.repetitions if each.breaches), None)
+    if invalid is not None:
+        lines.append(f"not valid: {invalid.breaches[0]}")
+    if clause.n_unchecked_numbers:
+        lines.append(f"{format_count(clause.n_unchecked_numbers, 'number')} as commonly stated, not checked")
+    return _cut(lines, "--details shows repetitions, numbers and sources")
+
+
+def _cut(lines: Sequence[str], last: str) -> list[str]:
+    """The lines, cut to the digest's size, and a last one."""
+    cut = [line if len(line) <= MAX_COLUMNS else line[: MAX_COLUMNS - 3] + "..." for line in lines]
+    return [*cut[: MAX_LINES - 1], last]
+
+
+def _format_rows(rows: Sequence[tuple[str, str, str, str]], n_lines: int, words: str) -> list[str]:
+    """Format rows in columns, the first ones, and how many more there are."""
+    shown = list(rows[: n_lines if len(rows) <= n_lines else n_lines - 1])
+    lines = [
+        f"  {_shorten(name):{NAME_COLUMNS}} {outcome:10} {share:>9} {margin:>14}".rstrip()
+        for name, outcome, share, margin in shown
+    ]
+    if len(shown) < len(rows):
+        left = rows[len(shown) :]
+        failed = sum(row[1] == FAILED for row in left)
+        lines.append(f"  and {len(left)} more {words}, {failed} of which fail")
+    return lines
+
+
+def _shorten(name: str) -> str:
+    """A name that fits its column."""
+    if len(name) <= NAME_COLUMNS:
+        return name
+    last = name.rpartition(", ")[2][-KEPT_COLUMNS:]  # the numbers, which tell the trials apart
+    return f"{name[: NAME_COLUMNS - len(last) - 3]}...{last}"
+
+
+def _trial_share(trial: TrialResult) -> str:
+    """How many repetitions passed."""
+    return f"{trial.n_passed} of {len(trial.repetitions)}"
+
+
+def _clause_share(result: ClauseResult) -> str:
+    """How many trials passed."""
+    driven = result.driven_trials
+    return f"{sum(trial.outcome == PASSED for trial in driven)} of {len(driven)}"
+
+
+def _clause_margin(result: ClauseResult) -> str:
+    """The worst margin of a clause."""
+    return "" if result.worst_trial is None else result.worst_trial.margin_text

@@ -1,0 +1,15 @@
+"""No warning at all: a scene in which a warning is false. Demands: none."""
+
+from __future__ import annotations
+
+import math
+
+from cwcli.conformance.verdict import DrivenTrial, Verdict
+
+
+def judge(driven: DrivenTrial) -> Verdict:
+    """Judge one repetition."""
+    if not driven.warnings:
+        return Verdict(math.nan, "", "no warning")
+    first_s, n = driven.warnings[0].raised_s, len(driven.warnings)
+    return Verdict(-float(n), "warnings", f"false warning at {first_s:.2f} s", {"warned_s": first_s}, has_failed=True)

@@ -1,0 +1,168 @@
+"""A trial's warnings: the scenario as a log in memory, and the stages on it, as they would run on line."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
+from cwcli.conformance.encounter import TRUTH_STEP_S, Encounter
+from cwcli.conformance.grades import GRADES
+from cwcli.conformance.scenes import BuiltScene
+from cwcli.conformance.verdict import JudgedMotion, RaisedWarning
+from cwcli.errors import MissingSignalError
+from cwcli.input import InputFile
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+from cwcli.output_stream import OutputStream
+from cwcli.pipeline.execute import ALL_CHANNELS
+from cwcli.pipeline.result import StageResult
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import NS_PER_S
+from cwcli.simulate.sensor_log import write_simulated_log
+from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
+from cwcli.simulation.scenario import HOST_NAME, Scenario, parse_scenario
+from cwcli.stages import STAGES
+
+TRUTH_AFTER_TRIAL_S = 8.0
+"""Time for which the truth goes on after a trial, s, so that a braking host comes to rest in it. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class SimulatedTrial:
+    """A trial as it is simulated with one seed.
+
+    Attributes:
+        drive: The host's measurements and the messages that it received; None where only the truth is needed.
+        encounter: The truth.
+    """
+
+    drive: SimulatedDrive | None
+    encounter: JudgedMotion
+
+
+STAGE_NAMES = ("estimate", "predict", "warn")
+"""The stages that warn, in their order."""
+Warner = Callable[[SimulatedTrial], tuple[RaisedWarning, ...]]
+"""A system that warns: it gets a simulated trial and returns its warnings."""
+
+
+def build_trial_scenario(built: BuiltScene, grade: str, *, name: str) -> Scenario:
+    """Return a scene with the sensors of a grade as a checked scenario.
+
+    Raises:
+        UsageError: No vehicle can drive it.
+    """
+    settings = GRADES[grade]
+    sensors = {sensor: dict(table) for sensor, table in settings.items() if sensor != "v2x"}
+    document: dict[str, Any] = {**built.document, "sensors": sensors, "v2x": dict(settings["v2x"])}
+    return parse_scenario(document, name=name)
+
+
+def true_encounter(scenario: Scenario, built: BuiltScene) -> Encounter:
+    """Return the true motion of the host and the principal other vehicle."""
+    host, other = scenario.vehicles[HOST_NAME], scenario.vehicles[built.other]
+    n = int((scenario.duration_s + TRUTH_AFTER_TRIAL_S) / TRUTH_STEP_S) + 1
+    time_s: FloatArray = np.arange(n, dtype=np.float64) * TRUTH_STEP_S
+    return Encounter(
+        time_s=time_s,
+        host=host.motion.states_at(time_s),
+        other=other.motion.states_at(time_s),
+        host_size=(host.length_m, host.width_m),
+        other_size=(other.length_m, other.width_m),
+        other_id=other.station_id,
+        event_s=built.event_s,
+    )
+
+
+def simulate_trial(scenario: Scenario, encounter: Encounter, seed: int) -> SimulatedTrial:
+    """Simulate the sensors of one repetition."""
+    return SimulatedTrial(simulate_scenario(scenario, seed), encounter)
+
+
+@contextmanager
+def open_in_memory(drive: SimulatedDrive) -> Iterator[Log]:
+    """Open a simulated drive as a log that has no file name."""
+    with (
+        tempfile.TemporaryFile()
+        if not hasattr(os, "memfd_create")
+        else os.fdopen(os.memfd_create(drive.scenario.name), "w+b") as file
+    ):
+        descriptor = os.dup(file.fileno())
+        output = OutputStream(descriptor, drive.scenario.name)
+        try:
+            write_simulated_log(drive, output)
+            output.flush()
+        finally:
+            os.close(descriptor)
+        with Log.open(InputFile(os.dup(file.fileno()), drive.scenario.name)) as log:
+            yield log
+
+
+def pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
+    """Return cwcli itself as a system that warns: `estimate`, `predict` and `warn` with online states.
+
+    Args:
+        rule: A key of `warning.rules.RULES`.
+        horizon_s: How far the paths and the rule look ahead; None: the defaults.
+    """
+
+    def warn(trial: SimulatedTrial) -> tuple[RaisedWarning, ...]:
+        assert trial.drive is not None
+        with open_in_memory(trial.drive) as log:
+            _, result = _run_stages(log, rule, STAGE_NAMES, horizon_s)
+        events = result.evaluation_inputs.found[0].events_table
+        start_ns = trial.drive.scenario.start_ns
+        rows = sorted((int(row["raised_ns"]), str(row["other_id"])) for row in events.rows_as_dicts())
+        return tuple(RaisedWarning((raised - start_ns) / NS_PER_S, other) for raised, other in rows)
+
+    return warn
+
+
+def add_stages(log: Log, rule: str, *, horizon_s: float | None = None, with_warnings: bool) -> Log:
+    """Return a log with the channels of the stages that have not run on it yet.
+
+    Args:
+        log: The log, annotated or not.
+        rule, horizon_s: Rule of the warnings, if they are computed, and how far it looks ahead.
+        with_warnings: Whether the warnings are needed, or the states alone.
+
+    Raises:
+        MissingSignalError: It lacks a signal that a stage needs.
+    """
+    topics = {channel.topic for channel in log.channels}
+    if EGO_STATE.topic not in topics:
+        log = _run_stages(log, rule, STAGE_NAMES[:1])[0]
+        topics = {channel.topic for channel in log.channels}
+    if topics.isdisjoint((REMOTE_STATE.topic, TARGETS.topic)):
+        raise MissingSignalError(
+            "no vehicle beside the ego is known in it, so there is no trial to judge",
+            where=log.name,
+            hint="the log needs the other vehicle's V2X messages, or tracks (`cwcli track`)",
+        )
+    if with_warnings and WARNINGS.topic not in topics:
+        missing = STAGE_NAMES[1:] if EGO_PATH.topic not in topics else STAGE_NAMES[2:]
+        return _run_stages(log, rule, missing, horizon_s)[0]
+    return log
+
+
+def _run_stages(log: Log, rule: str, names: Sequence[str], horizon_s: float | None = None) -> tuple[Log, StageResult]:
+    """Run stages on a log in memory, without their evaluation; return the log with their channels, and the last."""
+    current = log
+    for name in names:
+        config = STAGES[name].configuration_class()
+        if name == "predict" and horizon_s is not None:
+            config = replace(config, horizon_s=horizon_s)
+        if name == "warn":
+            changed = {"rule": rule} | ({} if horizon_s is None else {"horizon_s": horizon_s})
+            config = replace(config, rule=replace(config.rule, **changed))
+        result: StageResult = STAGES[name].stage_function(current, config)
+        record = {f"cwcli.run.{name}": ALL_CHANNELS.record_with_written_topics(result)}
+        current = current.with_channels(result.channels, record)
+    return current, result

@@ -1,0 +1,137 @@
+"""Clauses as tables, Markdown and JUnit XML: every trial, every number with its source, and the failures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from xml.etree import ElementTree as ET
+
+from cwcli.conformance.clause import BASIS_WORDS, TTC_DEFINITIONS, Clause
+from cwcli.conformance.digest import PUBLISHED_WORDS
+from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
+from cwcli.pipeline.result import Cell, SummaryTable
+
+TRIAL_COLUMNS = ("trial", "outcome", "passed", "needed", "worst margin", "what happened")
+REPETITION_COLUMNS = ("trial", "seed or log", "outcome", "margin", "what happened")
+NUMBER_COLUMNS = ("number", "value", "basis", "source", "page", "time to collision")
+
+
+def trials_table(result: ClauseResult) -> SummaryTable:
+    """One row a trial, with its worst repetition."""
+    rows: list[tuple[Cell, ...]] = []
+    for trial in result.trials:
+        worst = trial.worst
+        text = "" if worst is None or worst.verdict is None else worst.verdict.text
+        rows.append(
+            (trial.trial.name, trial.outcome, trial.n_passed, trial.n_required, trial.margin_text, text)
+            if trial.outcome != NOT_JUDGED
+            else (trial.trial.name, trial.outcome, None, None, "", "")
+        )
+    return SummaryTable("trials", f"{result.clause.name}: trials", TRIAL_COLUMNS, tuple(rows))
+
+
+def repetitions_table(result: ClauseResult) -> SummaryTable:
+    """One row a repetition."""
+    rows: list[tuple[Cell, ...]] = []
+    for trial in result.trials:
+        for each in trial.repetitions:
+            verdict = each.verdict
+            known = verdict is not None and not math.isnan(verdict.margin)
+            margin = f"{verdict.margin:+.3f} {verdict.unit}".rstrip() if verdict is not None and known else ""
+            text = "; ".join(each.breaches) or ("" if verdict is None else verdict.text)
+            rows.append((trial.trial.name, each.label, each.outcome, margin, text))
+    return SummaryTable("repetitions", f"{result.clause.name}: repetitions", REPETITION_COLUMNS, tuple(rows))
+
+
+def numbers_table(clause: Clause) -> SummaryTable:
+    """One row a number, with its source."""
+    named = [*clause.numbers.items(), *((f"tolerance of {name}", each) for name, each in clause.tolerances.items())]
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            name,
+            number.text,
+            BASIS_WORDS[number.basis],
+            number.source,
+            number.page,
+            TTC_DEFINITIONS[number.ttc] if number.ttc else "",
+        )
+        for name, number in named
+    )
+    return SummaryTable("numbers", f"{clause.name}: numbers", NUMBER_COLUMNS, rows)
+
+
+def detail_tables(result: ClauseResult) -> list[SummaryTable]:
+    """What `--details` shows."""
+    tables = [trials_table(result), repetitions_table(result), numbers_table(result.clause)]
+    if result.clause.left_out:
+        rows = tuple(result.clause.left_out.items())
+        tables.append(SummaryTable("left_out", f"{result.clause.name}: not judged here", ("trials", "why"), rows))
+    return tables
+
+
+def format_markdown(results: Sequence[ClauseResult]) -> str:
+    """Format clauses as sections of a page in Markdown."""
+    lines = [
+        "| clause | outcome | trials passed | worst margin |",
+        "| --- | --- | --- | --- |",
+        *(
+            f"| {result.clause.name} | {result.outcome} | "
+            f"{sum(trial.outcome == 'pass' for trial in result.driven_trials)} of {len(result.driven_trials)} | "
+            f"{'' if result.worst_trial is None else result.worst_trial.margin_text} |"
+            for result in results
+        ),
+    ]
+    for result in results:
+        clause = result.clause
+        settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())
+        lines += [
+            f"\n## {clause.name}\n",
+            f"{clause.title}. Source: {clause.source}; {PUBLISHED_WORDS}. {settings}; "
+            f"{result.n_repetitions} repetitions of each trial.",
+        ]
+        if clause.reading:
+            lines += ["", f"How the numbers are read: {clause.reading}"]
+        lines += ["", _format_table(trials_table(result))]
+        if clause.left_out:
+            lines += ["", "Not judged here:", "", *(f"- {name}: {why}." for name, why in clause.left_out.items())]
+    return "\n".join(lines) + "\n"
+
+
+def format_junit(results: Sequence[ClauseResult]) -> bytes:
+    """Format clauses as JUnit XML: one suite a clause, one case a trial."""
+    root = ET.Element("testsuites", {"name": "cwcli conform"})
+    for result in results:
+        outcomes = [trial.outcome for trial in result.trials]
+        n_skipped = sum(outcome in (NOT_VALID, NOT_JUDGED) for outcome in outcomes)
+        counts = {
+            "tests": str(len(outcomes)),
+            "failures": str(outcomes.count(FAILED)),
+            "errors": "0",
+            "skipped": str(n_skipped),
+            "time": "0",
+        }
+        suite = ET.SubElement(root, "testsuite", {"name": result.clause.name, **counts})
+        for trial in result.trials:
+            case = ET.SubElement(suite, "testcase", classname=result.clause.name, name=trial.trial.name, time="0")
+            worst = trial.worst
+            text = "" if worst is None or worst.verdict is None else worst.verdict.text
+            text = f"{trial.n_passed} of {len(trial.repetitions)} passed, {trial.n_required} needed; {text}"
+            if trial.outcome == FAILED:
+                ET.SubElement(case, "failure", message=text, type="clause").text = text
+            elif trial.outcome in (NOT_VALID, NOT_JUDGED):
+                breaches = [breach for each in trial.repetitions for breach in each.breaches]
+                ET.SubElement(case, "skipped", message="; ".join(breaches) or trial.outcome)
+            else:
+                ET.SubElement(case, "system-out").text = text
+    ET.indent(root)
+    document: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
+    return document + b"\n"
+
+
+def _format_table(section: SummaryTable) -> str:
+    """Format a table in Markdown."""
+    lines = [f"| {' | '.join(section.columns)} |", f"| {' | '.join('---' for _ in section.columns)} |"]
+    for row in section.rows:
+        cells = ["" if cell is None else str(cell).replace("|", "\\|").replace("<", "&lt;") for cell in row]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)

@@ -1,0 +1,245 @@
+"""A recorded trial: found in a log, checked against the clause's tolerances, and judged like a simulated one.
+
+After the driver has reacted, the recorded motion no longer shows when the contact would have been. So the motion goes
+on without a reaction from there: the host at its speed, the other at its deceleration until it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from cwcli.channels.published import WARNINGS
+from cwcli.channels.warning import read_warnings, warning_events
+from cwcli.conformance.clause import Clause, Trial, load_clause
+from cwcli.conformance.encounter import Encounter
+from cwcli.conformance.online import add_stages
+from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
+from cwcli.conformance.run import ConformConfig, judge_driven_trial
+from cwcli.conformance.validity import RECORDED_SCENES, find_breaches, how_far_from_trial, validity_span_s
+from cwcli.conformance.verdict import DrivenTrial, RaisedWarning
+from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes
+from cwcli.evaluation.system.flag import read_flag_from_topic
+from cwcli.evaluation.system_topics import parse_other_system_options
+from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
+from cwcli.measures.pair import Pair
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import NS_PER_S
+from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, X, Y
+
+MAX_TRIAL_DISTANCE = 4.0
+"""A recorded drive is a trial of the clause if its speeds are within this many tolerances of the trial's. Chosen by
+hand: the trials of the clauses differ by more."""
+CONTINUED_S = 12.0
+"""Time for which the motion goes on without a reaction, s. Chosen by hand: longer than every time to collision."""
+CONTINUED_STEP_S = 0.02
+"""Time step of that motion, s. Chosen by hand."""
+REACTION_MPS2 = 0.15 * 9.80665
+"""Deceleration from which on the host reacts, m/s^2, where the clause gives none (49 CFR 571.127: 0.15 g)."""
+
+
+@dataclass(frozen=True)
+class LogTrial:
+    """Where a recorded trial is.
+
+    Attributes:
+        name: Name of the log.
+        system: Topic and condition of another system's warnings, or None: those of cwcli.
+        lead: Id of the other vehicle, or None: the only one that could be it.
+        start_s, end_s: The trial's window, seconds from the log's start; None: the whole log.
+    """
+
+    name: str
+    system: str | None = None
+    lead: str | None = None
+    start_s: float | None = None
+    end_s: float | None = None
+
+
+def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> ClauseResult:
+    """Judge the trial of a clause that was recorded in a log.
+
+    Raises:
+        UsageError: The clause, the window or the lead does not exist.
+        DataError: The log holds no trial of the clause.
+        MissingSignalError: It lacks the states or the warnings, or several vehicles could be the lead.
+        InputError: It can't be read.
+    """
+    clause = load_clause(clause_name)
+    if not clause.tolerances:
+        raise UsageError(f"{clause.name} has no tolerances of recorded trials", hint="judge simulated ones")
+    if place.start_s is not None and place.end_s is not None and not place.start_s < place.end_s:
+        raise UsageError(f"--start {place.start_s:g} is not before --end {place.end_s:g}")
+    with Log.open(place.name) as log:
+        with_states = add_stages(log, config.rule, horizon_s=config.horizon_s, with_warnings=place.system is None)
+        real = find_actual_outcomes(with_states)
+        if real is None or not real.pairs:
+            raise MissingSignalError(
+                "the ego and another vehicle are never known together in it, so there is no trial to judge",
+                where=log.name,
+                hint="check that the log covers the whole trial",
+            )
+        warnings = _warnings_of_system(with_states, place) if place.system else _own_warnings(with_states, config.rule)
+        encounters = _encounters(real, place, log.start_ns)
+        trial, encounter = _find_trial(clause, encounters, place)
+        result = _judge(clause, trial, encounter, warnings, config, place)
+    return ClauseResult(
+        clause,
+        tuple(TrialResult(each, (result,) if each is trial else (), 1) for each in clause.trials),
+        1,
+        {"log": place.name, "system": place.system or f"cwcli, rule {config.rule}"},
+    )
+
+
+def _own_warnings(log: Log, rule: str) -> tuple[RaisedWarning, ...]:
+    """The warnings of cwcli's rule in a log, when they could be known."""
+    if WARNINGS.topic not in {channel.topic for channel in log.channels}:
+        return ()
+    events = warning_events(read_warnings(log.columns(WARNINGS.topic)))
+    own = sorted((event.raised_ns, event.other_id) for event in events if event.rule == rule)
+    return tuple(RaisedWarning((raised - log.start_ns) / NS_PER_S, other) for raised, other in own)
+
+
+def _warnings_of_system(log: Log, place: LogTrial) -> tuple[RaisedWarning, ...]:
+    """The warnings of another system, by the option `--system`."""
+    assert place.system is not None
+    system = parse_other_system_options([f"warning={place.system}"])
+    if system.condition is None:
+        raise UsageError(
+            f"--system {place.system}: it names no condition", hint="for example --system /adas/fcw:data==true"
+        )
+    flag = read_flag_from_topic(log, system.warning, system.condition)
+    return tuple(RaisedWarning((raised - log.start_ns) / NS_PER_S) for raised, _ in flag.warning_spans_ns())
+
+
+def _encounters(real: ActualOutcomes, place: LogTrial, start_ns: int) -> dict[str, Encounter]:
+    """The motion of the host and each other vehicle in the trial's window."""
+    if place.lead is not None and place.lead not in real.pairs:
+        raise UsageError(f"--lead {place.lead}: no such vehicle", found=tuple(real.pairs), hint="name one of these")
+    found = {}
+    for vehicle, pair in real.pairs.items():
+        if place.lead in (None, vehicle):
+            encounter = _encounter_of_pair(pair, vehicle, place, start_ns)
+            if encounter is not None:
+                found[vehicle] = encounter
+    return found
+
+
+def _encounter_of_pair(pair: Pair, vehicle: str, place: LogTrial, start_ns: int) -> Encounter | None:
+    """The motion of a pair where both are known; None where that is less than a second."""
+    time_s = (pair.stamp_ns - start_ns) / NS_PER_S
+    states = np.concatenate([pair.other_states, pair.other_derivatives, np.zeros((len(time_s), 1))], axis=1)
+    wanted = np.isfinite(states).all(axis=1) & np.isfinite(pair.host.state).all(axis=1)
+    wanted &= (time_s >= (place.start_s or 0.0)) & (time_s < (math.inf if place.end_s is None else place.end_s))
+    rows = np.flatnonzero(wanted)
+    if len(rows) < 2 or time_s[rows[-1]] - time_s[rows[0]] < 1.0:
+        return None
+    host, other = pair.host.state[rows].copy(), states[rows]
+    host[:, HEADING] = np.unwrap(host[:, HEADING])
+    other[:, HEADING] = np.unwrap(other[:, HEADING])
+    return Encounter(np.asarray(time_s[rows]), host, other, pair.host_size, pair.other_size, vehicle)
+
+
+def _find_trial(clause: Clause, encounters: Mapping[str, Encounter], place: LogTrial) -> tuple[Trial, Encounter]:
+    """Find which trial of the clause was driven, and with which vehicle.
+
+    Raises:
+        DataError: None was.
+        MissingSignalError: Several vehicles could be the lead.
+    """
+    near: list[tuple[float, Trial, Encounter]] = []
+    seen: list[str] = []
+    for vehicle, encounter in encounters.items():
+        for trial in clause.trials:
+            if trial.scene not in RECORDED_SCENES:
+                continue
+            match = how_far_from_trial(clause, trial, encounter)
+            seen.append(f"{vehicle} as {trial.name}: {match.text}")
+            if match.distance <= MAX_TRIAL_DISTANCE:
+                near.append((match.distance, trial, match.encounter))
+    if not near:
+        raise DataError(
+            f"it holds no trial of {clause.name}",
+            where=place.name,
+            found=tuple(seen) or ("no vehicle is known together with the ego for a second",),
+            hint="name the window with --start and --end, or the vehicle with --lead",
+        )
+    vehicles = list(dict.fromkeys(encounter.other_id for _, _, encounter in near))
+    if len(vehicles) > 1:
+        raise MissingSignalError(
+            "several vehicles could be the lead of the trial",
+            where=place.name,
+            found=tuple(f"{vehicle}: {_distance_text(encounters[vehicle])}" for vehicle in vehicles),
+            hint=f"name one with --lead, for example --lead {vehicles[0]}",
+        )
+    _, trial, encounter = min(near, key=lambda entry: entry[0])
+    return trial, encounter
+
+
+def _distance_text(encounter: Encounter) -> str:
+    """Where a vehicle is at the window's begin, in words."""
+    return f"{encounter.gap_m[0]:.1f} m ahead, {encounter.other[0, SPEED]:.1f} m/s, at {encounter.time_s[0]:.1f} s"
+
+
+def _judge(
+    clause: Clause,
+    trial: Trial,
+    encounter: Encounter,
+    warnings: tuple[RaisedWarning, ...],
+    config: ConformConfig,
+    place: LogTrial,
+) -> Repetition:
+    """Check a recorded trial's tolerances, and judge its warnings."""
+    onset = clause.tolerance("subject-onset") or REACTION_MPS2
+    begin_s, end_s = encounter.time_s[0], encounter.time_s[-1]
+    inside = tuple(each for each in warnings if begin_s <= each.raised_s <= end_s)
+    reaction_s = host_reaction_s(encounter, onset)
+    whole = continue_without_reaction(encounter, reaction_s)
+    driven = DrivenTrial(whole, inside, trial.demands, config.policy or clause.policy)
+    verdict = judge_driven_trial(trial, driven, clause.name)
+    breaches = find_breaches(clause, trial, encounter, validity_span_s(trial, whole, driven.warned_s, verdict))
+    return Repetition(place.name, verdict, tuple(breaches))
+
+
+def host_reaction_s(encounter: Encounter, onset_mps2: float) -> float:
+    """When the host first brakes harder than an onset after the event began; the end of the data if it never does."""
+    brakes = (encounter.host[:, ACCEL] < -onset_mps2) & (encounter.time_s >= encounter.event_s)
+    rows = np.flatnonzero(brakes)
+    return float(encounter.time_s[rows[0]] if len(rows) else encounter.time_s[-1])
+
+
+def continue_without_reaction(encounter: Encounter, from_s: float) -> Encounter:
+    """Return the encounter with both going on from a time: the host at its speed, the other at its acceleration."""
+    keep = encounter.time_s <= from_s
+    last = int(np.flatnonzero(keep)[-1])
+    n = int(CONTINUED_S / CONTINUED_STEP_S)
+    ahead_s: FloatArray = np.arange(1, n + 1, dtype=np.float64) * CONTINUED_STEP_S
+    host = _carry_on(np.asarray(encounter.host[last]), ahead_s, 0.0)
+    other = _carry_on(np.asarray(encounter.other[last]), ahead_s, min(float(encounter.other[last, ACCEL]), 0.0))
+    return Encounter(
+        np.concatenate([encounter.time_s[: last + 1], encounter.time_s[last] + ahead_s]),
+        np.concatenate([encounter.host[: last + 1], host]),
+        np.concatenate([encounter.other[: last + 1], other]),
+        encounter.host_size,
+        encounter.other_size,
+        encounter.other_id,
+        encounter.event_s,
+    )
+
+
+def _carry_on(state: FloatArray, ahead_s: FloatArray, accel_mps2: float) -> FloatArray:
+    """The states (k, 8) of a vehicle that goes straight on at an acceleration until it stands."""
+    speed = float(state[SPEED])
+    moving_s = np.minimum(ahead_s, -speed / accel_mps2) if accel_mps2 < 0.0 else ahead_s
+    way_m = speed * moving_s + 0.5 * accel_mps2 * moving_s**2
+    out = np.zeros((len(ahead_s), len(state)))
+    out[:, X] = state[X] + way_m * math.cos(state[HEADING])
+    out[:, Y] = state[Y] + way_m * math.sin(state[HEADING])
+    out[:, SPEED] = np.maximum(speed + accel_mps2 * moving_s, 0.0)
+    out[:, HEADING] = state[HEADING]
+    out[:, ACCEL] = np.where(moving_s < ahead_s, 0.0, accel_mps2)
+    return out

@@ -1,0 +1,216 @@
+"""Run a clause: every trial simulated, warned of and judged, over all seeds, in several processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+
+from cwcli.conformance.clause import Clause, Trial, load_clause, require_judge_module
+from cwcli.conformance.grades import GRADES
+from cwcli.conformance.lane_trials import simulate_lane_trial, warn_of_lane_departure
+from cwcli.conformance.online import (
+    SimulatedTrial,
+    Warner,
+    build_trial_scenario,
+    pipeline_warner,
+    simulate_trial,
+    true_encounter,
+)
+from cwcli.conformance.policies import NO_BRAKING, POLICIES
+from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
+from cwcli.conformance.scenes import SCENES
+from cwcli.conformance.verdict import DrivenTrial, Verdict
+from cwcli.errors import UsageError, names_hint
+from cwcli.lazy_dataclass import dataclass
+from cwcli.warning.rules import DEFAULT_RULE, RULES
+
+Tick = Callable[[str], None]
+MAX_HORIZON_S = 10.0
+"""Longest horizon, s. Chosen by hand: no prediction means anything beyond."""
+MAX_SEEDS = 1000
+"""Largest number of repetitions of a trial. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class ConformConfig:
+    """How clauses are run.
+
+    Attributes:
+        seeds: Repetitions of each trial, with seeds 0, 1, 2, ...; None: as many as the clause says.
+        jobs: Processes; the results do not depend on it.
+        rule: Warning rule that is judged.
+        horizon_s: How far the paths and the rule look ahead; None: the defaults of `predict` and `warn`.
+        policy: Braking policy, or None: the clause's own.
+        grade: Grade of noise, or None: the clause's own.
+    """
+
+    seeds: int | None = None
+    jobs: int = 2
+    rule: str = DEFAULT_RULE
+    horizon_s: float | None = None
+    policy: str | None = None
+    grade: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            UsageError: A number is out of range, or a name does not exist.
+        """
+        if self.seeds is not None and not 1 <= self.seeds <= MAX_SEEDS:
+            raise UsageError(f"--seeds {self.seeds}: permitted are 1 to {MAX_SEEDS}")
+        if self.jobs < 1:
+            raise UsageError(f"--jobs {self.jobs} must be at least 1")
+        if self.horizon_s is not None and not 0.5 <= self.horizon_s <= MAX_HORIZON_S:
+            raise UsageError(f"--horizon {self.horizon_s:g}: permitted are 0.5 to {MAX_HORIZON_S:g} s")
+        RULES.require(self.rule)
+        for option, value, known in (("policy", self.policy, POLICIES), ("grade", self.grade, GRADES)):
+            if value is not None and value not in known:
+                raise UsageError(f"there is no {option} {value!r}", hint=names_hint(value, known))
+
+
+def run_clauses(names: Sequence[str], config: ConformConfig, tick: Tick = lambda text: None) -> list[ClauseResult]:
+    """Run clauses; `tick` is called with a text when a trial is done.
+
+    Args:
+        names: Names or files of clauses.
+        config: How.
+
+    Raises:
+        UsageError: A clause does not exist, is wrong, or has a trial that nobody can drive.
+    """
+    clauses = [load_clause(name) for name in names]
+    tasks = [(name, k) for name, clause in zip(names, clauses, strict=True) for k in range(len(clause.trials))]
+    for name, clause in zip(names, clauses, strict=True):
+        check_trials(clause, name)
+    seeds = {name: range(config.seeds or clause.n_repetitions) for name, clause in zip(names, clauses, strict=True)}
+    done: dict[tuple[str, int], tuple[Repetition, ...]] = {}
+    if config.jobs == 1:
+        for name, k in tasks:
+            done[name, k] = run_trial(name, k, tuple(seeds[name]), config)
+            tick(f"{name}: {load_clause(name).trials[k].name}")
+    else:
+        with _process_pool(config.jobs) as pool:
+            running = {
+                (name, k): [
+                    pool.submit(run_trial, name, k, tuple(seeds[name][part :: config.jobs]), config)
+                    for part in range(min(config.jobs, len(seeds[name])))
+                ]
+                for name, k in tasks
+            }
+            for (name, k), parts in running.items():
+                found = [each for part in parts for each in part.result()]
+                done[name, k] = tuple(sorted(found, key=lambda each: int(each.label)))
+                tick(f"{name}: {load_clause(name).trials[k].name}")
+    return [
+        ClauseResult(
+            clause,
+            tuple(
+                TrialResult(trial, done[name, k], clause.required_passes(len(seeds[name])))
+                for k, trial in enumerate(clause.trials)
+            ),
+            len(seeds[name]),
+            _settings(clause, config),
+        )
+        for name, clause in zip(names, clauses, strict=True)
+    ]
+
+
+def check_trials(clause: Clause, where: str) -> None:
+    """Build every scene once, so that an impossible trial is refused before anything is run.
+
+    Raises:
+        UsageError: A trial is impossible.
+    """
+    for trial in clause.trials:
+        build = SCENES[trial.scene].build
+        if build is None:
+            continue
+        try:
+            scene = build(trial.given)
+            build_trial_scenario(scene, clause.grade, name="trial")
+        except UsageError as error:
+            raise UsageError(f"{trial.name}: {error.what}", where=where, hint=error.hint) from error
+
+
+def run_trial(
+    clause_name: str, index: int, seeds: Sequence[int], config: ConformConfig, warner: Warner | None = None
+) -> tuple[Repetition, ...]:
+    """Run one trial of a clause with some seeds, in this process.
+
+    Args:
+        clause_name: Name or file of the clause.
+        index: Of the trial.
+        seeds: One repetition each.
+        config: How.
+        warner: The system that is judged, which gets the truth alone; None: cwcli with the rule of the configuration.
+    """
+    clause = load_clause(clause_name)
+    trial = clause.trials[index]
+    build = SCENES[trial.scene].build
+    policy = config.policy or clause.policy
+    if build is None:
+        return _run_lane_trial(trial, seeds, policy, clause_name, warner)
+    scene = build(trial.given)
+    scenario = build_trial_scenario(scene, config.grade or clause.grade, name="trial")
+    encounter = true_encounter(scenario, scene)
+    own = pipeline_warner(trial.rule or config.rule, config.horizon_s)
+    found = []
+    for seed in seeds:
+        if warner is None:
+            warnings = own(simulate_trial(scenario, encounter, seed))
+        else:
+            warnings = warner(SimulatedTrial(None, encounter))
+        driven = DrivenTrial(encounter, warnings, trial.demands, policy)
+        found.append(Repetition(str(seed), judge_driven_trial(trial, driven, clause_name)))
+    return tuple(found)
+
+
+def _run_lane_trial(
+    trial: Trial, seeds: Sequence[int], policy: str, where: str, warner: Warner | None
+) -> tuple[Repetition, ...]:
+    """Run one trial of leaving the lane; the rule is the lane-departure rule."""
+    found = []
+    for seed in seeds:
+        driven = simulate_lane_trial(trial.given, seed)
+        warnings = warn_of_lane_departure(driven) if warner is None else warner(SimulatedTrial(None, driven.drift))
+        judged = DrivenTrial(driven.drift, warnings, trial.demands, policy)
+        found.append(Repetition(str(seed), judge_driven_trial(trial, judged, where)))
+    return tuple(found)
+
+
+def judge_driven_trial(trial: Trial, driven: DrivenTrial, where: str) -> Verdict:
+    """Judge a trial that was driven.
+
+    Raises:
+        UsageError: The clause's numbers do not fit the trial.
+    """
+    judge: Callable[[DrivenTrial], Verdict] = require_judge_module(trial.judge, where).judge
+    try:
+        return judge(driven)
+    except UsageError as error:
+        raise UsageError(f"{trial.name}: {error.what}", where=where, found=error.found, hint=error.hint) from error
+
+
+def _settings(clause: Clause, config: ConformConfig) -> dict[str, str]:
+    """How a clause was run, for the output."""
+    horizon = {} if config.horizon_s is None else {"horizon": f"{config.horizon_s:g} s"}
+    settings = {"rule": config.rule, **horizon, "grade": config.grade or clause.grade}
+    policy = config.policy or clause.policy
+    return settings if policy == NO_BRAKING else {**settings, "policy": policy}
+
+
+@contextmanager
+def _process_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Open a pool of processes, which are ended if the block is left by an error or an interruption."""
+    pool = ProcessPoolExecutor(jobs)
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in multiprocessing.active_children():
+            child.kill()
+        raise
+    pool.shutdown()

@@ -1,0 +1,153 @@
+"""The files of clauses: the numbers of the sources, and what is refused in a file."""
+
+from __future__ import annotations
+
+import tomllib
+from copy import deepcopy
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cwcli.conformance.clause import clause_names, load_clause, parse_clause
+from cwcli.conformance.run import ConformConfig, run_clauses
+from cwcli.errors import UsageError
+
+SOURCE_NUMBERS: dict[str, dict[str, tuple[tuple[float, ...], str]]] = {
+    "nhtsa-fcw": {  # DOT HS 811 501
+        "subject-speed": ((45,), "mph"),
+        "slower-speed": ((20,), "mph"),
+        "following-gap": ((30,), "m"),
+        "lead-deceleration": ((0.3,), "g"),
+        "ttc-stopped": ((2.1,), "s"),
+        "ttc-decelerating": ((2.4,), "s"),
+        "ttc-slower": ((2.0,), "s"),
+    },
+    "un-r152": {  # M1, maximum mass; pedestrians below
+        "speeds": ((10, 20, 30, 40, 42, 45, 50, 55, 60), "km/h"),
+        "impact-speeds": ((0, 0, 0, 0, 10, 15, 25, 30, 35), "km/h"),
+        "pedestrian-speeds": ((20, 30, 35, 40, 45, 50, 55, 60), "km/h"),
+        "pedestrian-impact-speeds": ((0, 0, 20, 25, 30, 35, 40, 45), "km/h"),
+        "lead-time": ((0.8,), "s"),
+        "braking": ((5.0,), "m/s^2"),
+        "false-speed": ((50,), "km/h"),
+    },
+    "un-r131": {  # above 8 t
+        "speeds": ((40, 50, 60, 70, 80, 90, 100), "km/h"),
+        "impact-speeds": ((0, 0, 0, 0, 28, 42, 54), "km/h"),
+        "lead-time": ((0.8,), "s"),
+        "braking": ((4.0,), "m/s^2"),
+        "false-speed": ((50,), "km/h"),
+    },
+    "iso-15623": {
+        "reaction-time": ((0.8,), "s"),
+        "required-deceleration": ((0.68,), "g"),
+        "longest-ttc": ((4.0,), "s"),
+    },
+    "iso-17361": {},  # nothing in it is checked
+    "un-r130": {
+        "speed": ((65,), "km/h"),
+        "rates": ((0.1, -0.1, 0.3, -0.3, 0.5, -0.5, 0.8, -0.8), "m/s"),
+        "latest-outside": ((0.3,), "m"),
+    },
+    "un-r157-cut-in": {},  # the criterion itself is in `control.driver_models`
+    "fmvss-127": {},
+    "euro-ncap-c2c": {
+        "standing-speeds": ((10, 15, 20, 25, 30, 35, 40, 45, 50), "km/h"),
+        "moving-speeds": ((30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80), "km/h"),
+        "slower-speed": ((20,), "km/h"),
+        "braking-speed": ((50,), "km/h"),
+        "braking-gaps": ((12, 40), "m"),
+        "braking-decelerations": ((2, 6), "m/s^2"),
+    },
+    "euro-ncap-crossing": {
+        "turning-speeds": ((10, 15, 20), "km/h"),
+        "oncoming-speeds": ((30, 45, 60), "km/h"),
+        "straight-speeds": ((20, 40, 60), "km/h"),
+        "crossing-speeds": ((20, 40, 60), "km/h"),
+    },
+    "etsi-101-539": {"longest-ttc": ((5,), "s"), "shortest-ttc": ((3,), "s")},
+    "j2945-1": {},
+}
+"""Clause -> number -> values and unit, copied from the sources by hand, apart from the files."""
+
+
+def document(name: str = "nhtsa-fcw") -> dict[str, Any]:
+    text = (files("cwcli.conformance") / "clauses" / f"{name}.toml").read_text()
+    return deepcopy(tomllib.loads(text))
+
+
+@pytest.mark.parametrize("name", clause_names())
+def test_the_numbers_are_those_of_the_source(name: str) -> None:
+    numbers = load_clause(name).numbers
+    expected = SOURCE_NUMBERS[name]
+    assert {key: (numbers[key].values, numbers[key].unit) for key in expected} == expected
+    unexplained = {
+        key for key, number in numbers.items() if key not in expected and number.basis == "read" and any(number.values)
+    }
+    assert not unexplained, "a number that is said to be read has no row in the table"
+
+
+@pytest.mark.parametrize("name", clause_names())
+def test_what_is_not_checked_says_so_and_every_number_is_used(name: str) -> None:
+    clause = load_clause(name)
+    groups = [table.get(group, {}) for table in document(name)["trials"] for group in ("given", "demands")]
+    used = {number for group in groups for number in group.values()}
+    assert used == set(document(name)["numbers"])
+    assert all(number.source for number in clause.numbers.values())
+
+
+def test_the_trial_of_a_cut_in_has_the_criterion_s_time() -> None:
+    """UN R157, 5.2.5.2: v_rel / (2 * 6 m/s^2) + 0.35 s, and the 0.6 s that the clause's reading adds."""
+    for trial in load_clause("un-r157-cut-in").trials:
+        closing_mps = trial.given["host_speed"] - trial.given["other_speed"]
+        assert trial.given["ttc_at_cut_in"] == pytest.approx(closing_mps / 12.0 + 0.35 + 0.6, abs=0.006)
+
+
+def test_five_of_seven_is_a_share_of_other_numbers_of_seeds() -> None:
+    clause = load_clause("nhtsa-fcw")
+    assert [clause.required_passes(n) for n in (1, 2, 7, 14, 20)] == [1, 2, 5, 10, 15]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d["numbers"]["ttc-stopped"].update(value=float("nan")), "ttc-stopped.value is nan"),
+        (lambda d: d["numbers"]["subject-speed"].update(value=900), "permitted: -156 to 156 mph"),
+        (lambda d: d["numbers"]["subject-speed"].update(unit="furlong"), "unit is 'furlong'"),
+        (lambda d: d["numbers"]["subject-speed"].update(basis="sure"), "basis is 'sure'"),
+        (lambda d: d["numbers"]["subject-speed"].pop("source"), "source is missing"),
+        (lambda d: d["tolerances"]["gap"].update(value=-2.0), "permitted: more than 0"),
+        (lambda d: d["tolerances"]["gap"].update(value="wide"), "gap.value is 'wide'"),
+        (lambda d: d["trials"][0].update(scene="aproach"), "no scene 'aproach'"),
+        (lambda d: d["trials"][0].update(judge="oracle"), "no judge 'oracle'"),
+        (lambda d: d["trials"][0]["given"].update(host_speed="speed"), "the number 'speed', which is not defined"),
+        (lambda d: d["trials"][0]["given"].update(color="subject-speed"), "given.color is unknown"),
+        (lambda d: d["trials"][0]["given"].pop("host_speed"), "given.host_speed is missing"),
+        (lambda d: d.update(repetitions={"n": 5, "required": 7}), "1 <= required <= n"),
+        (lambda d: d.update(trial=[]), "trial is unknown"),
+        (lambda d: d["trials"].append(d["trials"][0]), "two trials are called"),
+        (lambda d: d.update(policy="hope"), "policy is 'hope'"),
+    ],
+)
+def test_nonsense_in_a_file_is_refused_with_its_place(change: Any, words: str) -> None:
+    broken = document()
+    change(broken)
+    with pytest.raises(UsageError, match=words.replace("(", r"\(")) as caught:
+        parse_clause(broken, "mine")
+    assert caught.value.where == "mine.toml"
+
+
+def test_an_unknown_clause_names_the_closest_one() -> None:
+    with pytest.raises(UsageError) as caught:
+        load_clause("nhtsa-fwc")
+    assert caught.value.hint == "did you mean nhtsa-fcw?"
+
+
+def test_impossible_physics_in_a_file_of_the_users_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    text = (files("cwcli.conformance") / "clauses" / "nhtsa-fcw.toml").read_text()
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace("slower-speed = { value = 20", "slower-speed = { value = 60"))
+    with pytest.raises(UsageError, match="lead vehicle slower: an impossible trial"):
+        run_clauses([str(path)], ConformConfig(jobs=1))

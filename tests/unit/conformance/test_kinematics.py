@@ -1,0 +1,181 @@
+"""The trials that are made are those that were asked for: against closed forms, on the true motion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cwcli.conformance.encounter import Encounter, time_to_close_gap_s
+from cwcli.conformance.online import build_trial_scenario, true_encounter
+from cwcli.conformance.scenes import LANE_WIDTH_M, SCENES
+from cwcli.errors import UsageError
+
+MPH = 0.44704
+ATOL_M = 1e-6
+ATOL_S = 2e-3
+"""The truth has a step of 10 ms and is linear between; times are as good as that."""
+
+
+def drive(scene: str, **given: float) -> Encounter:
+    built = SCENES[scene].build(given)
+    return true_encounter(build_trial_scenario(built, "nominal", name="trial"), built)
+
+
+def at(encounter: Encounter, values: np.ndarray, time_s: float) -> float:
+    return encounter.value_at(values, time_s)
+
+
+def test_an_approach_starts_at_its_time_to_collision_and_ends_in_contact() -> None:
+    encounter = drive("approach", host_speed=45 * MPH, other_speed=20 * MPH, approach_time=6.0)
+    assert encounter.gap_m[0] == pytest.approx(25 * MPH * 6.0, abs=ATOL_M)
+    assert encounter.ttc_s[0] == pytest.approx(6.0, abs=1e-9)
+    assert at(encounter, encounter.ttc_s, 2.5) == pytest.approx(3.5, abs=1e-9)
+    assert encounter.contact_s == pytest.approx(6.0, abs=ATOL_S)
+    assert np.ptp(encounter.host[:, 2]) == 0.0
+
+
+def test_a_lead_brakes_as_prescribed_and_is_hit_when_the_closed_form_says() -> None:
+    speed, gap, decel, ramp = 45 * MPH, 30.0, 0.3 * 9.80665, 0.5
+    encounter = drive("braking-lead", host_speed=speed, gap=gap, deceleration=decel, ramp_time=ramp)
+    assert encounter.gap_m[0] == pytest.approx(gap, abs=ATOL_M)
+    assert at(encounter, encounter.other_accel_mps2, 4.99) == 0.0
+    assert at(encounter, encounter.other_accel_mps2, 5.25) == pytest.approx(-decel / 2, abs=1e-6)
+    assert at(encounter, encounter.other_accel_mps2, 5.5) == pytest.approx(-decel, abs=1e-6)
+    assert at(encounter, encounter.other_accel_mps2, 9.0) == pytest.approx(-decel, abs=1e-6)
+    # after a linear ramp of r the way lost t after its begin is a (t - r/2)^2 / 2 + a r^2 / 24
+    lost = decel * (2.0 - ramp / 2) ** 2 / 2 + decel * ramp**2 / 24
+    assert at(encounter, encounter.gap_m, 7.0) == pytest.approx(gap - lost, abs=1e-4)
+    contact = 5.0 + ramp / 2 + math.sqrt(2 * (gap - decel * ramp**2 / 24) / decel)
+    assert encounter.contact_s == pytest.approx(contact, abs=ATOL_S)
+    # under a constant deceleration the time to collision with it counts down to the contact
+    assert at(encounter, encounter.ttc_with_accelerations_s, 7.0) == pytest.approx(contact - 7.0, abs=ATOL_S)
+    assert at(encounter, encounter.ttc_s, 7.0) > contact - 7.0 + 1.0
+
+
+def test_a_lead_that_stops_before_the_contact_stays_where_it_is() -> None:
+    encounter = drive("braking-lead", host_speed=50 / 3.6, gap=40.0, deceleration=6.0, ramp_time=0.1)
+    stopped = encounter.other[-1, 2]
+    way = (50 / 3.6) ** 2 / 12.0  # of the lead from its braking to standstill
+    assert stopped == 0.0
+    contact = 5.0 + 0.05 + (40.0 + way) / (50 / 3.6)
+    assert encounter.contact_s == pytest.approx(contact, abs=0.02)
+    assert at(encounter, encounter.ttc_with_accelerations_s, 6.0) == pytest.approx(contact - 6.0, abs=0.03)
+
+
+def test_a_cut_in_has_its_time_to_collision_in_the_middle_of_the_lane_change() -> None:
+    encounter = drive("cut-in", host_speed=20.0, other_speed=14.0, ttc_at_cut_in=3.0, lane_change_time=3.0)
+    assert at(encounter, encounter.lateral_offset_m, 5.0) == pytest.approx(LANE_WIDTH_M, abs=1e-6)
+    assert at(encounter, encounter.lateral_offset_m, 6.5) == pytest.approx(LANE_WIDTH_M / 2, abs=0.01)
+    assert at(encounter, encounter.lateral_offset_m, 8.0) == pytest.approx(0.0, abs=0.02)
+    assert at(encounter, encounter.other[:, 3], 8.2) == pytest.approx(0.0, abs=1e-6)
+    # the cutter is turned by psi = w D there: its outline reaches farther back, its speed along the road is smaller
+    psi = encounter.value_at(encounter.other[:, 3], 6.5)
+    reach = 0.5 * (4.5 * math.cos(psi) - 1.8 * math.sin(psi) - 4.5)  # psi is negative, to the right
+    expected = (6.0 * 3.0 - reach) / (20.0 - 14.0 * math.cos(psi))
+    assert at(encounter, encounter.ttc_s, 6.5) == pytest.approx(expected, abs=0.04)
+    assert expected == pytest.approx(3.0, rel=0.05)
+
+
+def test_a_cut_out_reveals_the_standing_vehicle_at_its_time_to_collision() -> None:
+    encounter = drive("cut-out", host_speed=20.0, gap=20.0, reveal_ttc=4.3)
+    assert at(encounter, encounter.ttc_s, 5.0) == pytest.approx(4.3, abs=1e-9)
+
+
+def test_a_crossing_hits_the_middle_of_the_front() -> None:
+    encounter = drive("crossing", host_speed=10.0, other_speed=1.39, other_length=0.5, other_width=0.5)
+    assert at(encounter, encounter.lateral_offset_m, 7.0) == pytest.approx(0.0, abs=ATOL_M)
+    # its own depth is 0.5 m across the host's way: contact half of both extents before the centres meet
+    assert encounter.contact_s == pytest.approx(7.0 - (2.25 + 0.25) / 10.0, abs=ATOL_S)
+
+
+def test_an_oncoming_vehicle_closes_with_both_speeds() -> None:
+    encounter = drive("oncoming", host_speed=12.0, other_speed=13.0, approach_time=6.0)
+    assert encounter.closing_mps[0] == pytest.approx(25.0)
+    assert encounter.gap_m[0] == pytest.approx(150.0, abs=ATOL_M)
+
+
+def test_a_turn_across_meets_the_oncoming_vehicle() -> None:
+    encounter = drive("turn-across", host_speed=15 / 3.6, other_speed=45 / 3.6)
+    distance = np.hypot(*(encounter.other[:, :2] - encounter.host[:, :2]).T)
+    assert distance.min() < 0.1
+    assert math.isfinite(encounter.contact_s)
+
+
+@pytest.mark.parametrize(
+    ("scene", "given"),
+    [
+        ("parked-on-both-sides", {"host_speed": 50 / 3.6, "clearance": 4.5}),
+        ("parked-in-curve", {"host_speed": 50 / 3.6, "radius": 100.0}),
+        ("following", {"host_speed": 25.0, "gap": 30.0, "deceleration": 2.0, "lower_speed": 20.0}),
+        ("oncoming", {"host_speed": 25.0, "other_speed": 25.0, "lateral_offset": LANE_WIDTH_M}),
+    ],
+)
+def test_a_scene_for_false_warnings_has_no_contact(scene: str, given: dict[str, float]) -> None:
+    encounter = drive(scene, **given)
+    assert math.isnan(encounter.contact_s)
+    assert encounter.separation_m.min() > 0.2
+
+
+def test_a_convoy_brakes_one_after_the_other() -> None:
+    built = SCENES["convoy"].build({"host_speed": 25.0, "gap": 25.0, "deceleration": 6.0, "reaction_time": 1.0})
+    scenario = build_trial_scenario(built, "nominal", name="trial")
+    accel = [scenario.vehicles[name].motion.states_at(np.array([5.9, 6.9]))[:, 4] for name in ("first", "other")]
+    assert accel[0] == pytest.approx([-6.0, -6.0])
+    assert accel[1] == pytest.approx([0.0, -6.0])
+
+
+@pytest.mark.parametrize(
+    ("gap", "own", "own_accel", "other", "other_accel", "expected"),
+    [
+        (30.0, 20.0, 0.0, 10.0, 0.0, 3.0),
+        (30.0, 10.0, 0.0, 20.0, 0.0, math.inf),
+        (12.0, 10.0, 0.0, 10.0, -6.0, 2.0),  # 12 = 6 t^2 / 2; the lead stops at 1.667 s: 12 + 25/3 = 10 t
+        (30.0, 20.0, -5.0, 0.0, 0.0, 2.0),  # 30 = 20 t - 2.5 t^2
+        (41.0, 20.0, -5.0, 0.0, 0.0, math.inf),  # it stops after 40 m
+        (100.0, 15.0, 0.0, -10.0, 0.0, 4.0),
+        (0.0, 5.0, 0.0, 5.0, 0.0, 0.0),
+    ],
+)
+def test_the_time_to_close_a_gap(
+    gap: float, own: float, own_accel: float, other: float, other_accel: float, expected: float
+) -> None:
+    if other_accel == -6.0:
+        expected = (12.0 + 100.0 / 12.0) / 10.0
+    assert time_to_close_gap_s(gap, own, own_accel, other, other_accel) == pytest.approx(expected)
+
+
+def test_the_time_to_close_a_gap_agrees_with_steps_of_a_millisecond() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        gap, own, other = rng.uniform(1, 60), rng.uniform(0, 30), rng.uniform(0, 30)
+        a_own, a_other = rng.uniform(-6, 3), rng.uniform(-8, 3)
+        t = np.arange(0.0, 30.0, 0.001)
+
+        def way(speed: float, accel: float, t: np.ndarray = t) -> np.ndarray:
+            until = np.minimum(t, -speed / accel) if accel < 0 else t
+            return speed * until + 0.5 * accel * until**2
+
+        left = gap + way(other, a_other) - way(own, a_own)
+        hit = np.flatnonzero(left <= 0.0)
+        found = time_to_close_gap_s(gap, own, a_own, other, a_other)
+        if len(hit):
+            assert found == pytest.approx(t[hit[0]], abs=2e-3)
+        else:
+            assert found > 29.9
+
+
+@pytest.mark.parametrize(
+    ("scene", "given", "words"),
+    [
+        ("approach", {"host_speed": 10.0, "other_speed": 12.0}, "does not close in"),
+        ("braking-lead", {"host_speed": 10.0, "gap": -1.0, "deceleration": 3.0}, "must be positive"),
+        ("braking-lead", {"host_speed": 30.0, "gap": 20.0, "deceleration": 14.9}, "of the tyres"),
+        ("cut-out", {"host_speed": 10.0, "gap": 60.0, "reveal_ttc": 4.0}, "beyond the standing vehicle"),
+        ("parked-on-both-sides", {"host_speed": 10.0, "clearance": 1.5}, "does not fit"),
+    ],
+)
+def test_an_impossible_trial_is_refused(scene: str, given: dict[str, float], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        drive(scene, **given)

@@ -1,0 +1,133 @@
+"""Recorded trials: found in a log, refused out of tolerance with the number, and judged like simulated ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cwcli.conformance.clause import load_clause
+from cwcli.conformance.online import build_trial_scenario
+from cwcli.conformance.recorded import LogTrial, judge_log
+from cwcli.conformance.results import FAILED, NOT_VALID, PASSED, ClauseResult
+from cwcli.conformance.run import ConformConfig, run_trial
+from cwcli.conformance.scenes import SCENES, BuiltScene
+from cwcli.errors import DataError, MissingSignalError, UsageError
+from cwcli.simulate.sensor_log import write_simulated_log
+from cwcli.simulation.drive import simulate_scenario
+
+CLAUSE = "nhtsa-fcw"
+CONFIG = ConformConfig(jobs=1)
+MPH = 0.44704
+
+
+def write_trial(path: Path, number: int, change: Mapping[str, Any] | None = None, seed: int = 0) -> LogTrial:
+    """Write a trial of the clause as a log, with changed vehicles."""
+    trial = load_clause(CLAUSE).trials[number]
+    built = SCENES[trial.scene].build(trial.given)
+    document = deepcopy(dict(built.document))
+    for name, table in (change or {}).items():
+        document["vehicles"][name] = {**document["vehicles"].get(name, {}), **table}
+    scenario = build_trial_scenario(BuiltScene(document, built.event_s), "fine", name="trial")
+    write_simulated_log(simulate_scenario(scenario, seed), path)
+    return LogTrial(str(path))
+
+
+def outcomes(result: ClauseResult) -> dict[str, str]:
+    return {trial.trial.name: trial.outcome for trial in result.driven_trials}
+
+
+def breaches(result: ClauseResult) -> tuple[str, ...]:
+    return result.driven_trials[0].repetitions[0].breaches
+
+
+@pytest.mark.parametrize(("number", "name"), [(0, "lead vehicle stopped"), (2, "lead vehicle slower")])
+def test_a_trial_is_found_and_judged_as_it_was_simulated(tmp_path: Path, number: int, name: str) -> None:
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", number), CONFIG)
+    assert outcomes(result) == {name: PASSED}, breaches(result)
+    simulated = run_trial(CLAUSE, number, (0,), ConformConfig(jobs=1, grade="fine"))[0].verdict
+    recorded = result.driven_trials[0].repetitions[0].verdict
+    assert simulated is not None
+    assert recorded is not None
+    # the same warning, judged on the truth and on states in hindsight
+    assert recorded.margin == pytest.approx(simulated.margin, abs=0.03)
+
+
+def test_a_braking_lead_is_found_with_its_gap_and_its_onset(tmp_path: Path) -> None:
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 1), CONFIG)
+    assert list(outcomes(result)) == ["lead vehicle decelerating"]
+    assert not breaches(result)
+
+
+def test_a_subject_that_is_too_slow_makes_the_trial_not_valid(tmp_path: Path) -> None:
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0, {"host": {"speed_mps": 43.0 * MPH}}), CONFIG)
+    assert outcomes(result) == {"lead vehicle stopped": NOT_VALID}
+    assert result.outcome == NOT_VALID
+    (breach,) = breaches(result)
+    assert breach.startswith("subject speed 19.2")
+    assert breach.endswith("permitted 20.12 +- 0.45 m/s")
+
+
+def test_a_lead_off_the_lane_s_middle_makes_the_trial_not_valid(tmp_path: Path) -> None:
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0, {"other": {"y_m": 0.9}}), CONFIG)
+    assert outcomes(result) == {"lead vehicle stopped": NOT_VALID}
+    assert any(breach.startswith("lateral offset 0.9") for breach in breaches(result))
+
+
+def test_a_subject_that_brakes_before_the_warning_makes_the_trial_not_valid(tmp_path: Path) -> None:
+    braking = [{"from_s": 0, "accel_mps2": 0}, {"from_s": 3.0, "accel_mps2": -2.0, "jerk_mps3": 10.0}]
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0, {"host": {"longitudinal": braking}}), CONFIG)
+    assert outcomes(result) == {"lead vehicle stopped": NOT_VALID}
+    assert any(breach.startswith("subject onset -2.") for breach in breaches(result))
+
+
+def test_a_lead_that_brakes_too_weakly_makes_the_trial_not_valid(tmp_path: Path) -> None:
+    weak = [{"from_s": 0, "accel_mps2": 0}, {"from_s": 5.0, "speed_mps": 0.5, "limit_mps2": 2.5, "jerk_mps3": 50.0}]
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 1, {"other": {"longitudinal": weak}}), CONFIG)
+    assert outcomes(result) == {"lead vehicle decelerating": NOT_VALID}
+    assert any("permitted 2.94 +- 0.29" in breach for breach in breaches(result))
+
+
+def test_a_driver_who_reacts_to_the_warning_does_not_spoil_the_trial(tmp_path: Path) -> None:
+    braking = [{"from_s": 0, "accel_mps2": 0}, {"from_s": 5.2, "accel_mps2": -7.0, "jerk_mps3": 30.0}]
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0, {"host": {"longitudinal": braking}}), CONFIG)
+    assert outcomes(result) == {"lead vehicle stopped": PASSED}, breaches(result)
+
+
+def test_a_drive_that_is_no_trial_is_refused_with_what_was_found(tmp_path: Path) -> None:
+    place = write_trial(tmp_path / "a.mcap", 0, {"host": {"speed_mps": 12.0}, "other": {"x_m": 80.0}})
+    with pytest.raises(DataError, match="it holds no trial of nhtsa-fcw") as caught:
+        judge_log(CLAUSE, place, CONFIG)
+    assert any("host 12.0 m/s" in line for line in caught.value.found)
+
+
+def test_two_vehicles_that_could_be_the_lead_are_named(tmp_path: Path) -> None:
+    second = {"second": {"speed_mps": 0, "x_m": 130.0, "station_id": "0badcafe"}}
+    change = {**second, "other": {"station_id": "00c0ffee"}}
+    place = write_trial(tmp_path / "a.mcap", 0, change)
+    with pytest.raises(MissingSignalError, match="several vehicles") as caught:
+        judge_log(CLAUSE, place, CONFIG)
+    assert {line.split(":")[0] for line in caught.value.found} == {"00c0ffee", "0badcafe"}
+    named = LogTrial(place.name, lead="0badcafe")
+    assert list(outcomes(judge_log(CLAUSE, named, CONFIG))) == ["lead vehicle stopped"]
+    with pytest.raises(UsageError, match="no such vehicle"):
+        judge_log(CLAUSE, LogTrial(place.name, lead="12345678"), CONFIG)
+
+
+def test_a_log_without_others_says_so(tmp_path: Path) -> None:
+    place = write_trial(tmp_path / "a.mcap", 0, {"other": {"v2x": False}})
+    with pytest.raises(MissingSignalError, match="no vehicle beside the ego"):
+        judge_log(CLAUSE, place, CONFIG)
+
+
+def test_a_window_that_ends_before_it_begins_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--start 5 is not before --end 2"):
+        judge_log(CLAUSE, LogTrial("drive.mcap", start_s=5.0, end_s=2.0), CONFIG)
+
+
+def test_a_failed_recording_fails(tmp_path: Path) -> None:
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0), ConformConfig(jobs=1, rule="eebl"))
+    assert outcomes(result) == {"lead vehicle stopped": FAILED}  # nobody brakes hard, so that rule never warns
