@@ -40,6 +40,13 @@ def gain(v: float, mass: float) -> tuple[Array, Array, Array]:
     return phi, g, p @ C.T @ np.linalg.inv(C @ p @ C.T + R2 * np.eye(2))
 
 
+def gain_with_curvature_noise(v: float, mass: float) -> Array:
+    """The filter's gain at rest with R1 as one number: the variance of the curvature input alone."""
+    phi, g = sampled(*model(v, mass))
+    p = solve_discrete_are(phi.T, C.T, R1 * np.outer(g[:, 1], g[:, 1]), R2 * np.eye(2))
+    return np.asarray(p @ C.T @ np.linalg.inv(C @ p @ C.T + R2 * np.eye(2)))
+
+
 def steady(v: float, mass: float, delta: float) -> Array:
     a, b = model(v, mass)
     return np.linalg.solve(a[:2, :2], -b[:2, 0] * delta)
