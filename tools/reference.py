@@ -3,8 +3,9 @@
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
 docs/digest.md, docs/evaluation.md, docs/find.md, docs/lanes.md, docs/prediction.md, docs/signals.md and
 docs/warning.md, the tables of keys in docs/scenarios.md, of data elements in docs/v2x.md and of bounds in
-docs/estimation.md, the output of `cwcli info` and `cwcli run` and the exit codes in README.md, and the map in
-CONTRIBUTING.md. Installed plug-ins of other packages are left out: the pages are about cwcli.
+docs/estimation.md, the output of `cwcli info` and `cwcli run` and the exit codes in README.md, the map in
+CONTRIBUTING.md, and the numbers of the measured pages (`tools.results`). Installed plug-ins of other packages are left
+out: the pages are about cwcli.
 """
 
 from __future__ import annotations
@@ -126,6 +127,7 @@ def _pages() -> dict[Path, str]:
         signals_page,
         warning_page,
     )
+    from tools.results.pages import filled_pages
     from tools.table_reference import estimation_page, scenario_page, v2x_page
 
     docs = ROOT / "docs"
@@ -141,7 +143,7 @@ def _pages() -> dict[Path, str]:
         "v2x.md": v2x_page,
         "warning.md": warning_page,
     }
-    return {
+    made = {
         **{docs / name: page((docs / name).read_text(encoding="utf-8")) for name, page in lists.items()},
         docs / "commands.md": reference(),
         docs / "channels.md": channel_reference(),
@@ -149,6 +151,7 @@ def _pages() -> dict[Path, str]:
         ROOT / "README.md": readme(),
         ROOT / "CONTRIBUTING.md": guide_page((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), ROOT),
     }
+    return {**made, **filled_pages(docs, made)}
 
 
 def main() -> None:

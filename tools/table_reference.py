@@ -13,6 +13,7 @@ def scenario_page(text: str) -> str:
     """docs/scenarios.md with one table for each group of keys."""
     from cwcli.simulation.spec import (
         COMMON_SENSOR_KEYS,
+        DETECTOR_KEYS,
         LATERAL_KEYS,
         LONGITUDINAL_KEYS,
         ORIGIN_KEYS,
@@ -31,7 +32,7 @@ def scenario_page(text: str) -> str:
         "every sensor": COMMON_SENSOR_KEYS,
         "v2x": V2X_KEYS,
     }
-    for sensor, keys in SENSOR_KEYS.items():
+    for sensor, keys in {**SENSOR_KEYS, **DETECTOR_KEYS}.items():
         tables[sensor] = {name: key for name, key in keys.items() if name not in COMMON_SENSOR_KEYS}
     for name, keys in tables.items():
         text = replace_marked_block(text, f"keys: {name}", _key_table(keys))

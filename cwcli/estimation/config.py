@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.calibration import Calibration
+from cwcli.estimation.stated_noise import Sigmas, parse_sigma_options
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 
@@ -123,6 +124,7 @@ class EstimatorConfig:
             arm of a speed, and uses those that predict the log better; "none" models biases and white noise only.
         lever_arms: Source -> lever arm, m ahead and to the left of the reference point, whose course is the heading
             (about the middle of the rear axle); the published states are then of that point.
+        sigmas: Role or topic -> noise where the messages state none, see `stated_noise`.
         gate_probability: Probability with which the gate keeps a measurement that fits the model; 1 = off.
         reset_after: Consecutive rejections of one source after which its next measurement is used.
         calibration: Constants of the sensors from earlier drives. With `causal` they are used unchanged, and nothing
@@ -175,6 +177,18 @@ class EstimatorConfig:
             metavar="NAME=AHEAD,LEFT",
             kind=list[str],
             parse=parse_lever_arm_options,
+        ),
+    ] = field(default_factory=dict)
+    sigmas: Annotated[
+        Sigmas,
+        Option(
+            "--sigma",
+            "Noise of a sensor whose messages state none, 1 sigma in m, m/s or rad (deg behind a number: degrees), by "
+            "role or topic: ego_speed=0.5, ego_heading=1deg, imu=0.05/0.1deg. Else it is found from the log. "
+            "Repeatable.",
+            metavar="NAME=VALUE",
+            kind=list[str],
+            parse=parse_sigma_options,
         ),
     ] = field(default_factory=dict)
     gate_probability: Annotated[

@@ -11,12 +11,10 @@ from cwcli.input import remember_inputs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import check_targets
 from cwcli.simulation.catalogue import scenario_names
+from cwcli.simulation.road.names import ROAD_SCENARIOS
 
 if TYPE_CHECKING:
     from cwcli.simulate.sensor_log import WrittenChannel
-
-ROAD_SCENARIO = "road"
-"""Name that selects a rendered drive on a road instead of a scenario."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ def write_simulation(
     """Write a log with known truth from a scenario; the same scenario and seed give the same bytes.
 
     Args:
-        scenario: Name or file of a scenario, or `road`: camera frames of a lane.
+        scenario: Name or file of a scenario, or a name of `ROAD_SCENARIOS`: camera frames of a lane.
         target: The log.
         seed: Seed of all random draws; None: the scenario's own.
         values: Values of the scenario to change: `{"host.speed_mps": 15}`.
@@ -84,14 +82,14 @@ def simulate_log(
     """
     if seed is not None and seed < 0:
         raise UsageError(f"--seed {seed} must not be negative")
-    is_file = scenario not in (ROAD_SCENARIO, *scenario_names())
+    is_file = scenario not in (*ROAD_SCENARIOS, *scenario_names())
     check_targets([target], force=force, inputs=[scenario] if is_file else [])
-    if scenario == ROAD_SCENARIO:
-        return _render_road(target, weather, seed, overrides, force=force)
+    if scenario in ROAD_SCENARIOS:
+        return _render_road(scenario, target, weather, seed, (*ROAD_SCENARIOS[scenario], *overrides), force=force)
     if weather is not None:
         raise UsageError(
-            f"--weather {weather}: only the {ROAD_SCENARIO} has a weather",
-            hint=f"cwcli simulate {ROAD_SCENARIO} -o ...",
+            f"--weather {weather}: only a rendered drive has a weather",
+            hint=f"one of: {', '.join(ROAD_SCENARIOS)}",
         )
     from cwcli.simulate.sensor_log import write_simulated_log
     from cwcli.simulation.drive import simulate_scenario
@@ -104,7 +102,7 @@ def simulate_log(
 
 
 def _render_road(
-    target: str, weather: str | None, seed: int | None, overrides: tuple[str, ...], *, force: bool
+    name: str, target: str, weather: str | None, seed: int | None, overrides: tuple[str, ...], *, force: bool
 ) -> SimulatedLog:
     """Render a drive on a road and write its frames."""
     from cwcli.simulate.road_log import parse_road_log_config, plan_configured_drive, write_road_log
@@ -116,4 +114,4 @@ def _render_road(
         f"A rendered drive, {config.drive.weather}, {config.drive.road} road; {len(drive)} frames of "
         f"{config.size[0]} x {config.size[1]}; seed {config.drive.seed}, {config.drive.duration_s:g} s"
     )
-    return SimulatedLog(ROAD_SCENARIO, config.drive.seed, about, written)
+    return SimulatedLog(name, config.drive.seed, about, written)

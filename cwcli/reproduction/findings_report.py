@@ -11,12 +11,21 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.pipeline.result import Cell, StageSummary, SummaryTable
-from cwcli.reproduction.classes import BINDING_CLASSES, CLASS_MEANINGS, Expectation, Finding
+from cwcli.reproduction.classes import (
+    BINDING_CLASSES,
+    CLASS_MEANINGS,
+    GROUP_TITLES,
+    PAPER_GROUP,
+    Expectation,
+    Finding,
+)
 from cwcli.reproduction.expectations import PaperExpectations, load_expectations
 from cwcli.reproduction.findings import Plot, StudyPart
 
 FINDING_COLUMNS = ("what", "paper", "ours", "tolerance", "class", "why")
 """Headings of the table of findings."""
+TIMES_KEY = "times"
+"""Key of the section of processor times, which get no class and stay out of the page: they are the machine's."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +86,20 @@ def assemble_reproduction(
     summary = StageSummary(
         f"reproduce {paper}",
         (
-            *(_figure_section(expected, name, [f for f in findings if f.expected.figure == name]) for name in names),
+            *(_figure_section(expected, name, paper_findings(findings, name)) for name in names),
+            *group_sections(findings),
             *sections,
             *_fits_and_reasons_sections(expected, findings),
             class_counts_table(findings),
         ),
         (),
-        (note, *notes, *unclaimed_class_notes(findings), exit_code_sentence(findings)),
+        (
+            printed_numbers_sentence(findings),
+            note,
+            *notes,
+            *unclaimed_class_notes(findings),
+            exit_code_sentence(findings),
+        ),
     )
     return Reproduction(expected, findings, tuple(plots), findings_table(paper, expected, findings), summary)
 
@@ -113,11 +129,41 @@ def unclaimed_class_notes(findings: Sequence[Finding]) -> tuple[str, ...]:
     )
 
 
+def paper_findings(findings: Sequence[Finding], figure: str) -> list[Finding]:
+    """Return the findings of a figure that the paper's own method gives."""
+    return [f for f in findings if f.expected.figure == figure and f.expected.group == PAPER_GROUP]
+
+
+def printed_numbers_sentence(findings: Sequence[Finding]) -> str:
+    """Return the sentence that says how many printed numbers there are, and how many of each class."""
+    printed = [f for f in findings if f.expected.is_printed and f.expected.group == PAPER_GROUP]
+    found = Counter(finding.reached_class for finding in printed)
+    counts = ", ".join(f"{found[name]} {name}" for name in CLASS_MEANINGS if found[name])
+    return f"{len(printed)} numbers and strings that the paper prints: {counts or 'none'}"
+
+
 def class_counts_table(findings: Sequence[Finding]) -> SummaryTable:
-    """Count the findings of each class."""
-    found = Counter(finding.reached_class for finding in findings)
-    rows: tuple[tuple[Cell, ...], ...] = tuple((name, found[name], meaning) for name, meaning in CLASS_MEANINGS.items())
-    return SummaryTable("classes", "How many numbers are of each class", ("class", "numbers", "meaning"), rows)
+    """Count the findings of each class: of printed numbers, of what else the figures hold, and of the other groups."""
+    own = [finding for finding in findings if finding.expected.group == PAPER_GROUP]
+    printed = Counter(finding.reached_class for finding in own if finding.expected.is_printed)
+    others = Counter(finding.reached_class for finding in own if not finding.expected.is_printed)
+    apart = Counter(f.reached_class for f in findings if f.expected.group != PAPER_GROUP)
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (name, printed[name], others[name], apart[name], meaning) for name, meaning in CLASS_MEANINGS.items()
+    )
+    columns = ("class", "printed numbers", "statements and own numbers", "repeats and our methods", "meaning")
+    return SummaryTable("classes", "How many numbers are of each class", columns, rows)
+
+
+def group_sections(findings: Sequence[Finding]) -> tuple[SummaryTable, ...]:
+    """Build the sections of the groups that are counted apart from the paper's own method."""
+    sections = []
+    for group, title in GROUP_TITLES.items():
+        found = [f for f in findings if f.expected.group == group]
+        if group != PAPER_GROUP and found:
+            rows = tuple((f.expected.figure, *finding_cells(f)) for f in found)
+            sections.append(SummaryTable(f"group_{group}", title, ("figure", *FINDING_COLUMNS), rows))
+    return tuple(sections)
 
 
 def findings_table(name: str, expected: PaperExpectations, findings: Sequence[Finding]) -> Table:
@@ -132,7 +178,8 @@ def findings_table(name: str, expected: PaperExpectations, findings: Sequence[Fi
             "unit": [row.unit for row, _ in rows],
             "paper": np.array([low for low, _ in printed], dtype=np.float64),
             "paper_to": np.array([high for _, high in printed], dtype=np.float64),
-            "says": [row.paper_statement for row, _ in rows],
+            "group": [row.group for row, _ in rows],
+            "says": [row.paper_statement or row.paper_text for row, _ in rows],
             "ours": np.array([measured.ours for _, measured in rows], dtype=np.float64),
             "low": np.array([measured.low for _, measured in rows], dtype=np.float64),
             "high": np.array([measured.high for _, measured in rows], dtype=np.float64),
@@ -141,30 +188,35 @@ def findings_table(name: str, expected: PaperExpectations, findings: Sequence[Fi
             "claim": [row.claimed_class for row, _ in rows],
             "has_failed": np.array([f.has_failed for f in findings], dtype=np.bool_),
             "fitted": [_fit_text(expected, row) for row, _ in rows],
+            "assumed": [expected.assumptions.get(row.assumption_key, "") for row, _ in rows],
             "why": [expected.reasons.get(row.reason_key, "") for row, _ in rows],
         },
         docs={
             "paper": ColumnDoc(doc="the paper's number, or the least of a range; NaN where it prints none"),
             "paper_to": ColumnDoc(doc="the largest of a range"),
+            "group": ColumnDoc(doc="whose number it is where it is not the paper's own method's"),
             "says": ColumnDoc(doc="what the paper says where it prints no number"),
             "low": ColumnDoc(doc="95 % interval over the seeds"),
             "high": ColumnDoc(doc="95 % interval over the seeds"),
             "fitted": ColumnDoc(doc="which inputs were chosen so that it holds"),
+            "assumed": ColumnDoc(doc="which value it is, or follows from"),
         },
     )
 
 
 def finding_cells(finding: Finding) -> tuple[Cell, ...]:
-    """Return a finding's cells under the headings of `COLUMNS`."""
+    """Return a finding's cells under the headings of `FINDING_COLUMNS`."""
     row, measured = finding.expected, finding.measured
-    printed = row.paper_statement
+    printed = row.paper_text or row.paper_statement
     if row.paper_range is not None:
         low, high = row.paper_range
         printed = f"{low:g}" if low == high else f"{low:g} to {high:g}"
     ours = "-" if math.isnan(measured.ours) else f"{measured.ours:.4g}"
     if not math.isnan(measured.low):
         ours += f" ({measured.low:.4g} to {measured.high:.4g})"
-    keys = ", ".join(key for key in (row.fit_key, row.reason_key) if key)
+    if measured.text:
+        ours = measured.text
+    keys = ", ".join(key for key in (row.fit_key, row.assumption_key, row.reason_key) if key)
     reached = finding.reached_class + (f" (claimed: {row.claimed_class})" if finding.has_failed else "")
     what = f"{row.what} [{row.unit}]" if row.unit else row.what
     return (what, printed or "-", ours, tolerance_text(row), reached, keys)
@@ -194,6 +246,7 @@ def _fits_and_reasons_sections(expected: PaperExpectations, findings: Sequence[F
     """Build the sections that explain the keys of the column "why"."""
     rows = [finding.expected for finding in findings]
     fits = {row.fit_key for row in rows}
+    assumed = {row.assumption_key for row in rows}
     whys = {row.reason_key for row in rows}
     return (
         SummaryTable(
@@ -201,6 +254,12 @@ def _fits_and_reasons_sections(expected: PaperExpectations, findings: Sequence[F
             "Inputs that were chosen so that something holds",
             ("key", "what was chosen", "how wide the choice is"),
             tuple((key, fit.chosen_inputs, fit.choice_width) for key, fit in expected.fits.items() if key in fits),
+        ),
+        SummaryTable(
+            "assumptions",
+            "Values that were put in or assumed",
+            ("key", "value"),
+            tuple((key, text) for key, text in expected.assumptions.items() if key in assumed),
         ),
         SummaryTable(
             "reasons",

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from cwcli.pipeline.result import Cell, SummaryTable
-from cwcli.reproduction.classes import Finding
+from cwcli.reproduction.classes import NOT_IN_PAPER, Finding
 from cwcli.reproduction.expectations import PaperFigure
-from cwcli.reproduction.findings_report import FINDING_COLUMNS, Reproduction, class_counts_table, finding_cells
+from cwcli.reproduction.findings_report import (
+    FINDING_COLUMNS,
+    TIMES_KEY,
+    Reproduction,
+    class_counts_table,
+    finding_cells,
+    paper_findings,
+)
 
 PICTURE_FOLDER_NAME = "figures"
 """Name of the folder of pictures next to the page."""
@@ -34,16 +42,39 @@ def format_markdown_page(reproduction: Reproduction) -> str:
         "\n## Figures and tables",
     ]
     for name, figure in expected.figures.items():
-        findings = [finding for finding in reproduction.findings if finding.expected.figure == name]
+        findings = paper_findings(reproduction.findings, name)
         parts += _format_figure(name, figure, findings, reproduction)
-    for key in ("fits", "reasons"):
+    parts += _format_groups(reproduction)
+    for key in ("fits", "assumptions", "reasons"):
         if ours[key].rows:
             parts += [f"\n## {ours[key].title}\n", _format_table(ours[key])]
-    shown = {"fits", "reasons", "classes", *(name.replace(" ", "_") for name in expected.figures)}
-    for section in reproduction.summary.sections:
-        if section.key not in shown:
-            parts += [f"\n## {section.title}\n", _format_table(section)]
+    for section in sections_of_page(reproduction):
+        parts += [f"\n## {section.title}\n", _format_table(section)]
     return "\n".join(parts) + "\n"
+
+
+def _format_groups(reproduction: Reproduction) -> list[str]:
+    """Format the groups that are counted apart; what the paper has no number for is in `cwcli reproduce` alone."""
+    parts = []
+    for section in reproduction.summary.sections:
+        if not section.key.startswith("group_"):
+            continue
+        at = section.columns.index("class")
+        rows = tuple(row for row in section.rows if row[at] != NOT_IN_PAPER)
+        if rows:
+            parts += [f"\n## {section.title}\n", _format_table(replace(section, rows=rows))]
+    return parts
+
+
+def sections_of_page(reproduction: Reproduction) -> list[SummaryTable]:
+    """Return the tables at the end of the page: what a study adds to its findings, without this machine's times."""
+    figures = {name.replace(" ", "_") for name in reproduction.expectations.figures}
+    elsewhere = {"fits", "assumptions", "reasons", "classes", TIMES_KEY, *figures}
+    return [
+        section
+        for section in reproduction.summary.sections
+        if section.key not in elsewhere and not section.key.startswith("group_")
+    ]
 
 
 def _format_figure(
@@ -59,7 +90,7 @@ def _format_figure(
     if findings:
         rows = tuple(finding_cells(finding) for finding in findings)
         lines += ["", _format_table(SummaryTable(name, name, FINDING_COLUMNS, rows))]
-    elif figure.expectation_by_number:
+    elif any(row.group == "" for row in figure.expectation_by_number.values()):
         lines.append("Ours: not in this run.")
     drawn = {plot.figure: plot.title for plot in reproduction.plots}
     folder = picture_folder_path(reproduction.expectations.paper)

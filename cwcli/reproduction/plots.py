@@ -72,6 +72,14 @@ CURVE_STYLES: dict[str, dict[str, Any]] = {
     "constant acceleration": {"color": "tab:orange"},
     "constant jerk": {"color": "tab:green"},
     "our default": {"color": "tab:red", "linestyle": "--"},
+    "printed sigma, +-0.15 m": {"color": "black", "linestyle": ":"},
+    "printed sigma, +-0.1 m/s": {"color": "black", "linestyle": ":"},
+    "car, yaw rate": {"color": "black"},
+    "car, v_y": {"color": "0.5"},
+    "zhang2011, yaw rate": {"color": "tab:blue"},
+    "zhang2011, v_y": {"color": "tab:cyan"},
+    "cwcli, yaw rate": {"color": "tab:red", "linestyle": "--"},
+    "cwcli, v_y": {"color": "tab:orange", "linestyle": "--"},
 }
 """Label of a curve -> its style in every figure; ours is dashed where it may cover the paper's."""
 LONG_LABEL_CHARACTERS = 15

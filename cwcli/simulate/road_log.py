@@ -30,6 +30,7 @@ from cwcli.simulate.sensor_log import WrittenChannel
 from cwcli.simulation.road.camera import CAMERAS, PAPER_PREVIEW_M
 from cwcli.simulation.road.car import BEARING, LATERAL_SPEED, STEER, YAW_RATE, X, Y
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
+from cwcli.simulation.road.lane_frames import plan_drifting_drive
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.sensors import SensorData
 from cwcli.simulation.streams import random_stream, seconds_to_ns
@@ -125,7 +126,8 @@ def parse_road_log_config(weather: str | None, seed: int | None, overrides: Sequ
     Args:
         weather: Name of the weather; None for the default.
         seed: Seed; None for the default.
-        overrides: `KEY=VALUE`: `camera`, `size` (640x480), `format`, or a field of `RoadDriveConfig`.
+        overrides: `KEY=VALUE`: `camera`, `size` (640x480), `format`, `drift` (m/s, left positive), or a field of
+            `RoadDriveConfig`.
 
     Raises:
         UsageError: A key or a value is wrong.
@@ -142,11 +144,14 @@ def parse_road_log_config(weather: str | None, seed: int | None, overrides: Sequ
             config = replace(config, camera=_require_one_of(key, value, tuple(CAMERAS)))
         elif key == "format":
             config = replace(config, format=_require_one_of(key, value, ("jpeg", "png")))
+        elif key == "drift":
+            drift: dict[str, Any] = {"drift_mps": _parse_field_value(key, value, float)}
+            config = replace(config, drive=replace(config.drive, **drift))
         elif key in kinds:
             change: dict[str, Any] = {key: _parse_field_value(key, value, kinds[key])}
             config = replace(config, drive=replace(config.drive, **change))
         else:
-            known = ", ".join(("size", "camera", "format", *kinds))
+            known = ", ".join(("size", "camera", "format", "drift", *kinds))
             raise UsageError(f"--set {override}: there is no key {key}", hint=f"known keys: {known}")
     if weather is not None:
         config = replace(config, drive=replace(config.drive, weather=weather))
@@ -189,7 +194,10 @@ def plan_configured_drive(config: RoadLogConfig) -> RoadDrive:
     Raises:
         UsageError: A value is out of its range.
     """
-    return plan_road_drive(config.drive, CAMERAS[config.camera](*config.size))
+    camera = CAMERAS[config.camera](*config.size)
+    if config.drive.drift_mps:
+        return plan_drifting_drive(config.drive, camera)
+    return plan_road_drive(config.drive, camera)
 
 
 def write_road_log(

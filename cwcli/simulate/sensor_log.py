@@ -14,18 +14,21 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
 from cwcli.output import write_file
 from cwcli.output_stream import OutputStream
-from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings
+from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.simulate.cdr import (
+    BODY_FRAME_ID,
     ROS_MESSAGE_DEFINITIONS,
     encode_gnss_headings,
     encode_imu_messages,
     encode_navsat_fixes,
     encode_velocity_reports,
 )
+from cwcli.simulate.detections import DETECTIONS_SCHEMA_NAME, detections_schema, encode_detections
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, encode_bsm_json, encode_ode_json
 from cwcli.simulation.catalogue import scenario_text
+from cwcli.simulation.detectors import positions_in_body_frame
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle, load_scenario
 from cwcli.simulation.spec import TOP_KEYS
@@ -38,6 +41,11 @@ SENSOR_TOPICS = {
     "imu": ("/imu/data", "sensor_msgs/msg/Imu"),
 }
 """Topic and schema of each sensor of a scenario."""
+DETECTION_TOPICS = {"lidar": "/lidar/detections", "radar": "/radar/detections"}
+"""Topic of the detections of each sensor of other vehicles."""
+TARGET_TRUTH_TOPIC = "/truth/targets"
+"""Topic of the true motion of what lidar and radar detect, in the car's frame (`cwcli.v1.Target`). It is written where
+the log has no GNSS, since tracks are in the car's frame then."""
 V2X_TOPICS = {"bsm-json": ("/v2x/bsm", BSM_SCHEMA), "ode-json": ("/v2x/ode_bsm", ODE_SCHEMA)}
 """Topic and JSON schema of each V2X format."""
 EGO_TRUTH_TOPIC = "/truth/ego"
@@ -83,6 +91,7 @@ def write_simulated_log(
     with LogWriter(target, force=force) as log:
         written = [
             *_write_sensor_channels(log, drive, local_map),
+            *_write_detection_channels(log, drive),
             *_write_v2x_channel(log, drive, local_map),
             *_write_truth_channels(log, scenario, local_map),
         ]
@@ -157,6 +166,41 @@ def _write_sensor_channels(log: LogWriter, drive: SimulatedDrive, local_map: Loc
         log.write_messages(log.add_channel(topic, "cdr", schema_id), data.log_time_ns, messages)
         written.append(WrittenChannel(topic, schema_name, len(messages), data.n_lost))
     return written
+
+
+def _write_detection_channels(log: LogWriter, drive: SimulatedDrive) -> list[WrittenChannel]:
+    """Write one channel for the lidar and one for the radar, and the true motion of what they detect."""
+    written = []
+    for sensor, scans in drive.detections.items():
+        messages = encode_detections(scans)
+        schema_id = log.add_schema(DETECTIONS_SCHEMA_NAME, "jsonschema", detections_schema())
+        channel_id = log.add_channel(DETECTION_TOPICS[sensor], "json", schema_id)
+        log.write_messages(channel_id, scans.log_time_ns, messages)
+        written.append(WrittenChannel(DETECTION_TOPICS[sensor], DETECTIONS_SCHEMA_NAME, len(messages), scans.n_lost))
+    if drive.detections and "gnss" not in drive.sensors:
+        channel = _target_truth_channel(drive.scenario)
+        log.write_columns(channel)
+        written.append(WrittenChannel(channel.topic, channel.schema_name, len(channel), 0))
+    return written
+
+
+def _target_truth_channel(scenario: Scenario) -> OutputChannel:
+    """The channel of the other vehicles' true motion in the car's frame, time by time; steps of 1e-9."""
+    n = int(np.floor(scenario.duration_s * scenario.truth_rate_hz + 1e-9)) + 1
+    time_s: FloatArray = np.arange(n, dtype=np.float64) / scenario.truth_rate_hz
+    host = scenario.vehicles[HOST_NAME].motion.states_at(time_s)
+    others = [vehicle for name, vehicle in scenario.vehicles.items() if name != HOST_NAME]
+    relative = np.stack([positions_in_body_frame(host, each.motion.states_at(time_s)) for each in others], axis=1)
+    rows = relative.reshape(-1, 4).round(9) + 0.0
+    ids = Strings(np.tile(np.arange(len(others), dtype=np.int32), n), tuple(each.station_id for each in others))
+    stamp_ns = np.repeat(scenario.start_ns + seconds_to_ns(time_s), len(others))
+    fields: dict[str, Field] = {
+        "stamp_ns": stamp_ns,
+        "id": ids,
+        **dict(zip(("x_m", "y_m", "vx_mps", "vy_mps"), rows.T, strict=True)),
+        "frame_id": repeat_string(BODY_FRAME_ID, len(stamp_ns)),
+    }
+    return OutputChannel(TARGET_TRUTH_TOPIC, "cwcli.v1.Target", stamp_ns, fields)
 
 
 def _write_v2x_channel(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:

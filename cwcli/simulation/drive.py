@@ -10,8 +10,10 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.simulation.detectors import DetectionScans, simulate_detections
 from cwcli.simulation.scenario import HOST_NAME, Scenario
 from cwcli.simulation.sensors import SensorData, simulate_sensor_messages
+from cwcli.simulation.spec import DETECTOR_KEYS, SENSOR_KEYS
 from cwcli.simulation.streams import RunSpan, seconds_to_ns
 from cwcli.simulation.truth import TRUTH_GRID_STEP_S
 from cwcli.simulation.v2x_link import ReceivedMessages, simulate_received_messages
@@ -26,12 +28,14 @@ class SimulatedDrive:
         seed: Seed of all draws.
         sensors: Sensor name -> the host's measurements.
         v2x: Vehicle name -> the messages that the host received from it.
+        detections: `lidar`, `radar` -> what the host's sensor detected of the other vehicles.
     """
 
     scenario: Scenario
     seed: int
     sensors: Mapping[str, SensorData]
     v2x: Mapping[str, ReceivedMessages]
+    detections: Mapping[str, DetectionScans]
 
     @cached_property
     def truth_stamp_ns(self) -> Int64Array:
@@ -76,6 +80,13 @@ def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedD
             attitude=host.attitude,
         )
         for name, settings in scenario.sensors.items()
+        if name in SENSOR_KEYS
+    }
+    others = [vehicle.motion for name, vehicle in scenario.vehicles.items() if name != HOST_NAME]
+    detections = {
+        name: simulate_detections(name, host.motion, others, settings, RunSpan(scenario.start_ns, end_s, chosen))
+        for name, settings in scenario.sensors.items()
+        if name in DETECTOR_KEYS
     }
     received = {}
     if scenario.v2x is not None:
@@ -95,4 +106,5 @@ def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedD
         seed=chosen,
         sensors=MappingProxyType(sensors),
         v2x=MappingProxyType(received),
+        detections=MappingProxyType(detections),
     )

@@ -21,6 +21,7 @@ from cwcli.simulation.attitude import Attitude
 from cwcli.simulation.catalogue import scenario_names, scenario_text
 from cwcli.simulation.profile import MotionProfile, read_motion_profile
 from cwcli.simulation.spec import (
+    DETECTOR_KEYS,
     ORIGIN_KEYS,
     SENSOR_KEYS,
     TOP_KEYS,
@@ -78,7 +79,7 @@ class Scenario:
         start_ns: Time of the run's start, ns since 1970.
         origin: `latitude_deg`, `longitude_deg`, `altitude_m` of the map's origin.
         vehicles: By name, `host` first.
-        sensors: The host's sensors: name -> checked settings (see `spec.SENSOR_KEYS`).
+        sensors: The host's sensors: name -> checked settings (see `spec.SENSOR_KEYS` and `spec.DETECTOR_KEYS`).
         v2x: Settings of the link (see `spec.V2X_KEYS`), or None: no link.
         document: The file's content after overrides, for the log's metadata.
     """
@@ -189,9 +190,10 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
     sensor_tables = document.get("sensors", {})
     if not isinstance(sensor_tables, Mapping):
         raise scenario_value_error(source, "sensors", f"is {sensor_tables!r}", "a table")
+    known = {**SENSOR_KEYS, **DETECTOR_KEYS}
     for sensor in sensor_tables:
-        if sensor not in SENSOR_KEYS:
-            raise scenario_value_error(source, f"sensors.{sensor}", "is unknown", ", ".join(SENSOR_KEYS))
+        if sensor not in known:
+            raise scenario_value_error(source, f"sensors.{sensor}", "is unknown", ", ".join(known))
     v2x = document.get("v2x")
     return Scenario(
         name=name,
@@ -203,7 +205,7 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
         sensors=MappingProxyType(
             {
                 sensor: MappingProxyType(
-                    check_scenario_table(table, SENSOR_KEYS[sensor], path=f"sensors.{sensor}", source=source)
+                    check_scenario_table(table, known[sensor], path=f"sensors.{sensor}", source=source)
                 )
                 for sensor, table in sensor_tables.items()
             }

@@ -28,7 +28,7 @@ class PaperRun:
     Attributes:
         figure: Name of the figure, e.g. `fig 14`.
         load: Load of the simulated car.
-        steer_rad: Steering angle, which is held.
+        steer_rad: Steering angle, which is held; positive to the left. The paper's angles go right, as its bend does.
         start_kmh, end_kmh: Speed at the start, and the speed that is held once it is reached.
         accel_mps2: Acceleration between them.
         duration_s: Duration; the paper's text does not state it.
@@ -50,9 +50,9 @@ class PaperRun:
 
 
 PAPER_RUNS: dict[str, PaperRun] = {
-    "fig 14": PaperRun("fig 14", "half", 0.1, 88.0, 88.0),
-    "fig 15": PaperRun("fig 15", "half", 0.01, 60.0, 80.0, 0.2, 27.8),
-    "fig 16": PaperRun("fig 16", "full", 0.01, 80.0, 80.0),
+    "fig 14": PaperRun("fig 14", "half", -0.1, 88.0, 88.0),
+    "fig 15": PaperRun("fig 15", "half", -0.01, 60.0, 80.0, 0.2, 27.8),
+    "fig 16": PaperRun("fig 16", "full", -0.01, 80.0, 80.0),
 }
 """The simulated runs of zhang2011's figures 14 to 16 by figure; durations that the paper does not state are chosen by
 hand."""

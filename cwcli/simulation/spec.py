@@ -259,6 +259,31 @@ SENSOR_KEYS: Mapping[str, Keys] = {
 }
 """Keys of each sensor; default noise is song2016's (docs/papers/song2016-scenarios.md)."""
 
+_DETECTOR_KEYS: Keys = {
+    "detection_probability": NumberKey(1, 0, 1, "", "Chance that a scan detects a vehicle in view."),
+    "fov_deg": NumberKey(360, 1, 360, "deg", "Field of view, centred ahead."),
+}
+"""Keys that lidar and radar have. Both stand at the host's point and look ahead."""
+
+DETECTOR_KEYS: Mapping[str, Keys] = {
+    "lidar": {
+        **COMMON_SENSOR_KEYS,
+        "sigma_m": NumberKey(0.1, 0, 10, "m", "Noise of x and y, each, 1 sigma."),
+        "max_range_m": NumberKey(200, 1, 1000, "m", "Largest range of a detection."),
+        **_DETECTOR_KEYS,
+    },
+    "radar": {
+        **COMMON_SENSOR_KEYS,
+        "range_sigma_m": NumberKey(0.25, 0, 10, "m", "Noise of the range, 1 sigma."),
+        "azimuth_sigma_deg": NumberKey(0.5, 0, 45, "deg", "Noise of the azimuth, 1 sigma."),
+        "rate_sigma_mps": NumberKey(0.12, 0, 10, "m/s", "Noise of the range rate, 1 sigma."),
+        "max_range_m": NumberKey(100, 1, 1000, "m", "Largest range of a detection."),
+        **_DETECTOR_KEYS,
+    },
+}
+"""Keys of the sensors that detect other vehicles; default noise and range are xiang2019's (its two sensors' data
+sheets)."""
+
 V2X_FORMATS = ("bsm-json", "ode-json")
 """Names of the encodings of V2X messages."""
 

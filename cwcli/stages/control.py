@@ -24,6 +24,7 @@ from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, StageSum
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import StatesSelection, bind_state_channels, read_selected_states
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
+from cwcli.prediction.rollout import Discretisation, check_rollout_options
 from cwcli.signals.columns import OutputChannel
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
@@ -57,6 +58,7 @@ class ControlConfig(StatesSelection):
         rule: A key of `cwcli.warning.rules.RULES`, which finds the warnings; None: the paper's with a predictor that
             was chosen, else the default one.
         horizon_s, distance_m: Settings of the rule, as in `WarningConfig`.
+        discretisation: "exact", or "paper" for song2016's recursion.
         span: How much of the drive is replayed after each warning.
     """
 
@@ -86,6 +88,10 @@ class ControlConfig(StatesSelection):
     distance_m: Annotated[
         float, Option("--distance", "The rule's collision distance between centres.", metavar="METRES")
     ] = WarningConfig.distance_m
+    discretisation: Annotated[
+        Discretisation,
+        Option("--discretisation", "Integrate exactly, or by the recursion of song2016 (eq. 2, 9, 10)."),
+    ] = "exact"
     span: ReplaySpan = field(default_factory=ReplaySpan)
 
     def __post_init__(self) -> None:
@@ -95,6 +101,7 @@ class ControlConfig(StatesSelection):
             UsageError: An unknown model or rule, or a setting out of range.
         """
         MODELS.require(self.motion_model_name)
+        check_rollout_options(self.motion_model_name, self.discretisation, self.horizon_s, PATH_STEP_S)
         check_rule(self.warning_config)
         if not MIN_SPAN_S <= self.span.duration_s <= 600.0:
             raise UsageError(f"a duration of {self.span.duration_s:g} s is not between {MIN_SPAN_S:g} and 600")
@@ -137,7 +144,9 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         states, count = read_selected_states(log, columns[role], role, config)
         inputs.append(count)
         is_other = role == REMOTE_STATE.role
-        paths = plan_paths_from_states(states, role, PathRequest(model, rule.horizon_s, PATH_STEP_S, "exact"))
+        paths = plan_paths_from_states(
+            states, role, PathRequest(model, rule.horizon_s, PATH_STEP_S, config.discretisation)
+        )
         tracks[role] = build_vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
     host = require_single_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
     events = find_warnings(host, tracks[REMOTE_STATE.role], rule).events_table.rows_as_dicts()

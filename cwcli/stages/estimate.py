@@ -41,6 +41,7 @@ from cwcli.estimation.result import Track
 from cwcli.estimation.seen_ego import drop_ego_seen_by_others
 from cwcli.estimation.seen_senders import drop_senders_seen_by_others
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
+from cwcli.estimation.stated_noise import Sigmas, apply_stated_noise, check_sigma_names
 from cwcli.estimation.summary import (
     TrackSummary,
     build_estimate_table,
@@ -248,7 +249,7 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
     local_map = _map_at_first_fix_unless_cartesian(sources)
     corrects_clocks = not (estimator.takes_no_online_parameter_from_log or estimator.calibration is not None)
     aligned, clock_notes = align_source_clocks_and_note(
-        _collect_ego_measurements(sources, local_map),
+        _collect_ego_measurements(sources, local_map, estimator.sigmas),
         corrects=corrects_clocks,
         trusted=estimator.sources_with_trusted_clock,
     )
@@ -314,13 +315,13 @@ def _map_at_first_fix_unless_cartesian(sources: SensorSignals) -> LocalMap | Non
     )
 
 
-def _collect_ego_measurements(sources: SensorSignals, local_map: LocalMap | None) -> list[Measurements]:
+def _collect_ego_measurements(sources: SensorSignals, local_map: LocalMap | None, sigmas: Sigmas) -> list[Measurements]:
     """Return the measurements of all signals of the ego, in the order of `EGO_SENSOR_ROLES`."""
     found: list[Measurements] = []
     for role in EGO_SENSOR_ROLES:
         for signal in sources.by_role.get(role, ()):
             assert isinstance(signal, EgoSignal)
-            found.extend(ego_signal_to_measurements(signal, local_map))
+            found.extend(apply_stated_noise(ego_signal_to_measurements(signal, local_map), role, sigmas))
     return found
 
 
@@ -343,6 +344,7 @@ def _check_topics_of_options(estimator: EstimatorConfig, log: Log) -> None:
         UsageError: There is no such topic.
     """
     known = [channel.topic for channel in log.channels]
+    check_sigma_names(estimator.sigmas, known, where=log.name)
     for option, names in (
         ("--latency", () if isinstance(estimator.latency, str) else estimator.latency),
         ("--trust", estimator.trusted_sources),

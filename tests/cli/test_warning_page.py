@@ -1,20 +1,24 @@
-"""docs/warning.md: the lead times that it tells are those of `cwcli run` on the bundled conflicts."""
+"""docs/warning.md: the lead times that it shows are those of `cwcli run` on the bundled conflicts."""
 
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import pytest
 
 from tests.cli.conftest import ROOT, Run
+from tools.results.markers import MARKER
 
 ATOL_S = 0.011
 """Other versions of NumPy may move it by milliseconds; a warning one evaluation sooner moves it by 0.05 s."""
-PAGE = " ".join((ROOT / "docs" / "warning.md").read_text(encoding="utf-8").split())
-(TOLD,) = re.findall(r"lead times in seconds from the stamp and from when the warning could be known: (.*?\d)\. ", PAGE)
-LEADS = {name: (float(stamp), float(known)) for name, stamp, known in re.findall(r"([a-z-]+) ([\d.]+), ([\d.]+)", TOLD)}
+PAGE = (ROOT / "docs" / "warning.md").read_text(encoding="utf-8")
+SHOWN = {
+    (match["key"].split(":")[0], match["key"].rsplit(" ", 1)[1]): float(match["shown"])
+    for match in MARKER.finditer(PAGE)
+    if match["name"] == "bundled"
+}
+LEADS = {name: (SHOWN[name, "stamp"], SHOWN[name, "known"]) for name, _ in SHOWN}
 
 
 def test_every_conflict_is_told() -> None:

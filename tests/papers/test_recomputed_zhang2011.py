@@ -40,9 +40,12 @@ def test_the_gains_by_scipys_riccati_solver(example: dict[str, float]) -> None:
     """Number 15, and why the printed ones are none: for R2 = r I the part of y_L and e_L is symmetric, in 0 to 1."""
     for kmh in (80, 90):
         ours = own.gain(kmh * KMH, own.HALF)[2]
+        of_curvature = own.gain_with_curvature_noise(kmh * KMH, own.HALF)
         for row, state in enumerate(("v_y", "gamma", "y_L", "e_L")):
             for column, source in enumerate(("y_L", "e_L")):
-                assert example[f"K_{kmh}: {state} from {source}"] == pytest.approx(ours[row, column], abs=1e-7)
+                what = f"K_{kmh}: {state} from {source}"
+                assert example[f"{what}, R1 on all states"] == pytest.approx(ours[row, column], abs=1e-7)
+                assert example[what] == pytest.approx(of_curvature[row, column], abs=1e-6)
         part = ours[2:]
         np.testing.assert_allclose(part, part.T, atol=1e-9)
         assert (np.linalg.eigvalsh(part) > 0.0).all()
@@ -85,6 +88,15 @@ def test_static_errors_of_figures_14_and_16(
         assert found[f"{label}: static error of {name}"] == pytest.approx(errors[k], abs=0.01)
     if told != mass:
         assert errors[0] == pytest.approx(22.4, abs=0.1)
+
+
+def test_static_errors_of_figure_15() -> None:
+    """While the speed grows, the errors depend on whether the car turns with the bend, as in the paper, or against."""
+    found = {each.what: each.ours for each in simulated_run_part("fig 15").numbers}
+    errors = own.static_errors_of_figure_15()
+    assert errors[0] == pytest.approx(0.785, abs=0.005)
+    for k, name in enumerate(("v_y", "gamma")):
+        assert found[f"zhang2011: static error of {name}"] == pytest.approx(errors[k], abs=0.01)
 
 
 def test_the_worked_example_of_decoding() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.reproduction.classes import DIFFERS, NOT_DETERMINABLE, REPRODUCED, WITHIN_OWN_BOUND, Finding
+from cwcli.reproduction.classes import DIFFERS, REPRODUCED, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.xiang2019 import report
 from cwcli.reproduction.xiang2019.figures import measured_numbers_of_tables
@@ -90,25 +90,13 @@ def test_where_the_bend_is_large_the_ukf_wins(small):
     assert gain[bend > 2.0].mean() > 3.0
 
 
-def test_table_2_takes_less_than_the_papers_time(small):
-    table = small["table_2"]
-    assert (column(table, "time_ms") < column(table, "paper_ms")).all()
-    assert table["samples"] == [500.0, 500.0]
-
-
 def test_the_verdict_names_figures_tables_and_reasons(small):
     text = "\n".join(ukf_against_ekf_sentences(small))
-    for word in ("Table 1", "Figure 6", "Table 2", "Where", "Why"):
+    for word in ("Table 1", "Figure 6", "Where", "Why"):
         assert word in text
 
 
 FLIPS = {  # table, its columns' new values -> what was said before, what is said instead
-    "the UKF is the faster one": (
-        "table_2",
-        {"filter": ["ukf", "ekf"], "time_ms": [0.1, 0.2]},
-        "Here the EKF is the faster one, other than in the paper: the EKF's Jacobian costs less than the sigma points",
-        "Here the UKF is the faster one, as in the paper: the EKF's Jacobian costs more than the sigma points",
-    ),
     "the level is reached": (
         "figure_6",
         {"combined_error_m": [0.009] * 5},
@@ -151,8 +139,7 @@ def flipped(tables, name, columns):
 @pytest.mark.parametrize("case", FLIPS)
 def test_other_numbers_make_other_sentences(small, case):
     table, columns, before, after = FLIPS[case]
-    calm = flipped(small, "table_2", {"filter": ["ukf", "ekf"], "time_ms": [0.2, 0.1]})  # whatever this machine does
-    calm = flipped(calm, "figure_6", {"lidar_gain_pct": [8.0] * 5})  # whatever few seeds do
+    calm = flipped(small, "figure_6", {"lidar_gain_pct": [8.0] * 5})  # whatever few seeds do
     assert before in "\n".join(ukf_against_ekf_sentences(calm))
     said = "\n".join(ukf_against_ekf_sentences(flipped(calm, table, columns)))
     assert before not in said
@@ -160,32 +147,25 @@ def test_other_numbers_make_other_sentences(small, case):
 
 
 CLASSES = {  # table, columns, the row -> its class, whether the exit code is 1
-    "as it is": ("figure_6", {}, "fig 6, 4.90 m: error of both together", DIFFERS, False),
+    "as it is": ("figure_6", {}, "fig 6, error of both together, largest of the five distances", DIFFERS, False),
     "the level reached": (
         "figure_6",
         {"combined_error_m": [0.009] * 5},
-        "fig 6, 4.90 m: error of both together",
+        "fig 6, error of both together, largest of the five distances",
         REPRODUCED,
         False,
     ),
     "a gain of the paper's size": (
         "figure_6",
         {"lidar_gain_pct": [21.0] * 5},
-        "fig 6, 4.90 m: lidar alone is worse by, four looks averaged",
+        "fig 6, lidar alone is worse by, four looks averaged, least",
         REPRODUCED,
-        False,
+        True,  # it no longer follows from the assumed noise
     ),
-    "a gain below the least": (
+    "a gain that the noises do not give": (
         "figure_6",
-        {"radar_gain_pct": [49.0] * 5},
-        "fig 6, 4.90 m: radar alone is worse by, four looks averaged",
-        DIFFERS,
-        True,
-    ),
-    "a single look's gain below the least": (
-        "figure_6",
-        {"lidar_single_gain_pct": [19.0] * 5},
-        "fig 6, 4.90 m: lidar alone is worse by, single look",
+        {"radar_gain_pct": [400.0] * 5},
+        "fig 6, radar alone is worse by, four looks averaged, mean of the five distances",
         DIFFERS,
         True,
     ),
@@ -210,35 +190,26 @@ CLASSES = {  # table, columns, the row -> its class, whether the exit code is 1
         REPRODUCED,
         False,
     ),
-    "too slow": ("table_2", {"time_ms": [3.0, 0.1]}, "table 2, UKF: 500 samples", DIFFERS, True),
-    "fast": ("table_2", {"time_ms": [2.0, 0.1]}, "table 2, UKF: 500 samples", NOT_DETERMINABLE, False),
-    "the other order": (
-        "table_2",
-        {"time_ms": [0.1, 0.2]},
-        "table 2, the UKF is the faster one",
-        WITHIN_OWN_BOUND,
-        False,
-    ),
 }
 
 
 @pytest.mark.parametrize("case", CLASSES)
 def test_classes_sentence_and_exit_code_follow_from_the_numbers(small, case, monkeypatch, capsys):
     table, columns, row, reached, is_failure = CLASSES[case]
-    tables = flipped(small, "table_2", {"filter": ["ukf", "ekf"], "time_ms": [0.2, 0.1]})
-    tables = flipped(tables, "figure_6", {"lidar_gain_pct": [8.0] * 5, "radar_gain_pct": [170.0] * 5})
+    tables = flipped(small, "figure_6", {"lidar_gain_pct": [8.0] * 5, "radar_gain_pct": [170.0] * 5})
     tables = flipped(tables, table, columns)
     expected = load_expectations("xiang2019")
     made = [
         Finding(expected.expectation_of(each.figure, each.what), each) for each in measured_numbers_of_tables(tables)
     ]
     [found] = [each for each in made if f"{each.expected.figure}, {each.expected.what}" == row]
-    assert (found.reached_class, found.has_failed) == (reached, is_failure)
+    assert found.reached_class == reached
+    assert found.has_failed <= is_failure
     monkeypatch.setattr(report, "compute_tables", lambda n_seeds, progress, names: tables)
     code = run_command_line(["reproduce", "xiang2019"])
     said = " ".join(capsys.readouterr().err.split())
     assert code == is_failure
     assert f"exit code {code}: " in said
-    assert (f"{row}: {reached} instead of" in said) == is_failure
+    assert (f"{row}: {reached} instead of" in said) == found.has_failed
     if reached != found.expected.claimed_class and not is_failure:
         assert f"{row}: {reached}, and {found.expected.claimed_class} was expected" in said

@@ -60,7 +60,8 @@ def city_drive(seed: int, duration_s: float = 300.0) -> Drive:
     yaw = yaw * (speed_mps > 0.2)
     heading = rng.uniform(-np.pi, np.pi) + _integral(yaw, dt)
     x, y = _integral(speed_mps * np.cos(heading), dt), _integral(speed_mps * np.sin(heading), dt)
-    return Drive(np.arange(n) * dt, x, y, speed_mps, heading, accel, yaw)
+    time_s: F = np.asarray(np.arange(n) * dt, dtype=np.float64)
+    return Drive(time_s, x, y, speed_mps, heading, accel, yaw)
 
 
 def _integral(rate: F, dt: float) -> F:

@@ -284,8 +284,8 @@ def command(
 ) -> int:
     """Reproduce a paper's tables and figures, and compare the numbers with the paper's.
 
-    Each number gets a class: reproduced, fitted, within own bound, better, differs or not determinable, with the
-    reason. The exit code is 1 if a class that is claimed is not reached.
+    Each number gets a class with the reason: reproduced, fitted, follows, within own bound, better, differs, not
+    determinable or not in the paper. The exit code is 1 if a class that is claimed is not reached.
     """
     entry = PAPERS.get(paper)
     if entry is None:

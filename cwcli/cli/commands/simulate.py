@@ -13,20 +13,22 @@ from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
 from cwcli.cli.text import escape_control_characters, wrap_paragraph
 from cwcli.errors import UsageError
-from cwcli.library.simulated import ROAD_SCENARIO, simulate_log
+from cwcli.library.simulated import simulate_log
 from cwcli.simulation.catalogue import scenario_names
-from cwcli.simulation.road.names import WEATHER_NAMES
+from cwcli.simulation.road.names import ROAD_SCENARIOS, WEATHER_NAMES
 
 EXAMPLES = (
     "cwcli simulate intersection -o intersection.mcap",
     "cwcli simulate rear-end --seed 7 --set host.speed_mps=15 -o - | cwcli run -",
     "cwcli simulate road --weather rain --seed 3 --set size=640x480 -o road.mcap",
+    "cwcli simulate departure --set drift=0.3 -o departure.mcap",
+    "cwcli simulate xiang2019-turn -o - | cwcli track - --filter ukf",
 )
 """Command lines at the end of the command's `--help`."""
 
 
 def _complete_scenarios(incomplete: str) -> list[str]:
-    return [name for name in (*scenario_names(), ROAD_SCENARIO) if name.startswith(incomplete)]
+    return [name for name in (*scenario_names(), *ROAD_SCENARIOS) if name.startswith(incomplete)]
 
 
 def _complete_weathers(incomplete: str) -> list[str]:
@@ -40,8 +42,8 @@ def command(
             metavar="NAME",
             show_default=False,
             autocompletion=_complete_scenarios,
-            help=f"A scenario: {', '.join(scenario_names())}; or a scenario file; or {ROAD_SCENARIO}: camera frames "
-            "of a lane.",
+            help=f"A scenario: {', '.join(scenario_names())}; or a scenario file; or a rendered drive with "
+            f"camera frames of a lane: {', '.join(ROAD_SCENARIOS)}.",
         ),
     ],
     talk: TalkOptions,
@@ -68,7 +70,7 @@ def command(
             metavar="NAME",
             show_default="clear",
             autocompletion=_complete_weathers,
-            help=f"Weather of the {ROAD_SCENARIO}: {', '.join(WEATHER_NAMES)}.",
+            help=f"Weather of a rendered drive: {', '.join(WEATHER_NAMES)}.",
         ),
     ] = None,
     force: ForceOption = False,

@@ -115,14 +115,23 @@ def _split_into_quantities(state: FloatArray) -> dict[str, FloatArray]:
 def _error_plots(run: MeasuredRun, estimates: dict[str, FloatArray]) -> tuple[Plot, ...]:
     """Plot figures 1 and 2: error over time of the position (its east part) and of the speed."""
     plots = []
-    for figure, what, unit, column in (("fig 1", "east position", "m", 0), ("fig 2", "speed", "m/s", 2)):
-        curves = [
-            Curve(label, run.time_s, state[:, column] - run.truth[:, column])
-            for label, state in (
-                ("measured", run.vectors),
-                *((ESTIMATOR_LABELS[m], state) for m, state in estimates.items()),
+    for figure, what, unit, column, printed in (
+        ("fig 1", "east position", "m", 0, 0.15),
+        ("fig 2", "speed", "m/s", 2, 0.1),
+    ):
+        shown = (
+            ("measured", run.vectors),
+            *((ESTIMATOR_LABELS[name], estimates[name]) for name in ("causal", PAPER_FILTER_KEY)),
+        )
+        curves = [Curve(label, run.time_s, state[:, column] - run.truth[:, column]) for label, state in shown]
+        ends_s, gap = run.time_s[[0, -1]], np.full(1, np.nan)
+        curves.append(
+            Curve(
+                f"printed sigma, +-{printed:g} {unit}",
+                np.concatenate([ends_s, gap, ends_s]),
+                np.concatenate([np.full(2, printed), gap, np.full(2, -printed)]),
             )
-        ]
+        )
         title = f"straight: error of the {what} (first seed)"
         plots.append(Plot(figure, title, "time [s]", f"error [{unit}]", curves))
     return tuple(plots)

@@ -68,7 +68,7 @@ def compute_prediction_errors(name: str, n_seeds: int, tick: Callable[[], None])
     for seed in range(n_seeds):
         run = measure_vehicle(scenario, HOST_NAME, seed)
         states = paper_filter_states_with_derivatives(run)
-        start_s, errors = _starts_and_error_function(
+        start_s, errors = starts_and_error_function(
             run.time_s, scenario.duration_s, PREDICTION_HORIZON_S, motion.states_at
         )
         for family in MODEL_BY_FAMILY:
@@ -81,7 +81,7 @@ def compute_prediction_errors(name: str, n_seeds: int, tick: Callable[[], None])
         means[OUR_METHOD].append(float(error_m.mean()))
         largest[OUR_METHOD].append(float(error_m.max()))
         for horizon in COMPARED_HORIZONS_S:
-            at_s, at_horizon = _starts_and_error_function(run.time_s, scenario.duration_s, horizon, motion.states_at)
+            at_s, at_horizon = starts_and_error_function(run.time_s, scenario.duration_s, horizon, motion.states_at)
             error_m = at_horizon(paper_predicted_points_m(states, "jerk", horizon))
             by_horizon[horizon].append(float(error_m.max()))
             horizon_example.setdefault(horizon, (at_s, error_m))
@@ -164,7 +164,7 @@ def filtered_path_part() -> StudyPart:
     return StudyPart(measured, (Plot("fig 4", title, "east [m]", "north [m]", curves, is_map=True),))
 
 
-def _starts_and_error_function(
+def starts_and_error_function(
     time_s: FloatArray, end_s: float, horizon_s: float, true_state: Callable[[FloatArray], FloatArray]
 ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
     """Return the starts whose outcome is known, and a function from points (n, 2) of all starts to errors."""

@@ -11,6 +11,7 @@ from cwcli.reproduction.findings_report import Reproduction, assemble_reproducti
 from cwcli.reproduction.processes import process_pool
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.estimation import table1_part
+from cwcli.reproduction.song2016.fitted_noise import fitted_noise_part, slope_window_part
 from cwcli.reproduction.song2016.prediction import (
     compute_prediction_errors,
     filtered_path_part,
@@ -58,11 +59,13 @@ FIGURES_BY_TASK: dict[tuple[str, str], tuple[str, ...]] = {
     ("table 1", "curve"): ("table 1",),
     ("prediction", "straight"): ("fig 3", "fig 7"),
     ("prediction", "curve"): ("fig 4", "fig 5"),
+    ("fitted", ""): ("q", "fig 7"),
 }
 """Kind of task and scenario -> the figures and tables that it makes."""
 MAX_SEEDS_BY_TASK_KIND = {
     "table 1": MAX_SEEDS_OF_FIGURES,
     "prediction": MAX_SEEDS_OF_FIGURES,
+    "fitted": MAX_SEEDS_OF_FIGURES,
     "sensitivity": MAX_SEEDS_OF_CHOICES,
 }
 """Kind of task -> the greatest number of seeds that it takes, where there is one."""
@@ -71,6 +74,7 @@ TASK_KIND_LABELS = {
     "traps": "traps",
     "table 1": "table 1",
     "prediction": "predicted paths",
+    "fitted": "the fitted Q",
     "sensitivity": "moved choices",
 }
 """Kind of task -> its name in notes, in the order of the notes."""
@@ -129,6 +133,8 @@ def _run_task(kind: str, name: str, n_seeds: int) -> tuple[list[StudyPart], list
                 prediction_part(name, errors),
                 horizon_part(errors) if name == "straight" else filtered_path_part(),
             ], []
+        case "fitted":
+            return [fitted_noise_part(n_seeds, ignore_tick), slope_window_part(n_seeds, ignore_tick)], []
         case "warnings":
             moments = simulate_warning_moments(name, n_seeds, ignore_tick)
             return [warning_moments_part(name, moments), control_part(name, moments)], []

@@ -136,14 +136,14 @@ def sensitivity_part(name: str, n_seeds: int) -> tuple[StudyPart, SummaryTable]:
     measured.append(
         MeasuredNumber(
             figure,
-            f"{name}: of the four moments within 0.1 s, as chosen; over the choices",
+            f"{name}: of the four moments within the tolerance, as chosen; over the choices",
             *(float(each) for each in (counts[0], min(counts), max(counts))),
         )
     )
     section = SummaryTable(
         f"sensitivity_{name}",
         f"{figure}: the moments when one choice is moved",
-        ("choice", *(f"{key} [s]" for key in MOMENT_NAMES), "within 0.1 s", "constant speed collides [%]"),
+        ("choice", *(f"{key} [s]" for key in MOMENT_NAMES), "within the tolerance", "constant speed collides [%]"),
         tuple(
             (
                 variant.name,

@@ -182,11 +182,22 @@ def _paths_from_above_plot(name: str, moments: WarningMoments) -> Plot:
     time_s = np.arange(0.0, moments.ideal_s + PREDICTION_HORIZON_S, SAMPLING_TIME_S)
     curves = []
     for vehicle in (HOST_NAME, moments.other):
-        state = moments.scenario.vehicles[vehicle].motion.states_at(np.append(time_s, moments.ideal_s))
-        curves.append(Curve(vehicle, state[:-1, 0], state[:-1, 1]))
-        curves.append(Curve(f"{vehicle} at the ideal moment", state[-1:, 0], state[-1:, 1], is_points=True))
-    title = f"{name}: the ways of the two cars until they collide"
+        car = moments.scenario.vehicles[vehicle]
+        path = car.motion.states_at(time_s)
+        curves.append(Curve(f"path of {vehicle}", path[:, 0], path[:, 1]))
+        shown = car.motion.states_at(np.array([0.0, moments.ideal_s]))
+        x, y = np.concatenate([_closed_outline_m(state, car.length_m, car.width_m) for state in shown]).T
+        curves.append(Curve(vehicle, x, y))
+    title = f"{name}: the two cars at the start and at the ideal moment, and their paths until they collide"
     return Plot(MAP_FIGURE_BY_SCENARIO[name], title, "east [m]", "north [m]", curves, is_map=True)
+
+
+def _closed_outline_m(state: FloatArray, length_m: float, width_m: float) -> FloatArray:
+    """Return a car's closed outline, shape (6, 2), m, that ends with a gap."""
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) * (length_m / 2.0, width_m / 2.0)
+    cos, sin = np.cos(state[3]), np.sin(state[3])
+    turned = corners @ np.array([[cos, sin], [-sin, cos]]) + state[:2]
+    return np.concatenate([turned, np.full((1, 2), np.nan)])
 
 
 def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> StudyPart:

@@ -26,7 +26,6 @@ SMALL_BEND_SIGMAS = 0.1
 def ukf_against_ekf_sentences(tables: dict[str, Table]) -> tuple[str, ...]:
     """Say whether, where and why the UKF beats the EKF, one sentence or two an entry."""
     return (*_sentences_of_table_1(tables["table_1"]), *_sentences_of_figure_6(tables["figure_6"]),
-        *_sentences_of_table_2(tables["table_2"]),
             *_sentences_of_radar_scenes(tables["where"]), *_explanation_sentences(tables))  # fmt: skip
 
 
@@ -58,22 +57,6 @@ def _sentences_of_figure_6(table: Table) -> list[str]:
         f"Figure 6: a single look against all eight, which is not like for like: {one}.",
         f"Figure 6: the paper's level, below {level:g} m, is reached at {reached} of {len(both)} distances: "
         f"{both.min():.3f} to {both.max():.3f} m.",
-    ]
-
-
-def _sentences_of_table_2(table: Table) -> list[str]:
-    """Say which filter is faster."""
-    ours, paper = (
-        dict(zip(map(str, table["filter"]), _table_column(table, column), strict=True))
-        for column in ("time_ms", "paper_ms")
-    )
-    is_ekf, is_papers_ekf = (times["ekf"] < times["ukf"] for times in (ours, paper))
-    faster, cost = ("EKF", "less") if is_ekf else ("UKF", "more")
-    order = "as in the paper" if is_ekf == is_papers_ekf else "other than in the paper"
-    return [
-        f"Table 2: 500 samples take {ours['ukf']:.2f} ms (UKF) and {ours['ekf']:.2f} ms (EKF); the paper has "
-        f"{paper['ukf']:g} and {paper['ekf']:g} ms. Here the {faster} is the faster one, {order}: the EKF's "
-        f"Jacobian costs {cost} than the sigma points."
     ]
 
 

@@ -8,7 +8,7 @@ Each drive is seen twice: as simulated points of the boundaries, and in rendered
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -152,7 +152,23 @@ def drive_part(
     ]
     title = f"{drive.load} load, from {drive.start_kmh:g} km/h at {drive.accel_mps2:g} m/s^2: 2 s of the first seed"
     track_plot = Plot(f"{figure} rendered" if seen else f"{figure}a", title, "x [m]", "y [m]", curves)
+    if not seen:
+        pictures.append(_track_deviation_plot(figure, title, curves))
     return StudyPart(tuple(measured), (track_plot, *pictures))
+
+
+def _track_deviation_plot(figure: str, title: str, curves: Sequence[Curve]) -> Plot:
+    """Plot how far the observed tracks lie to the left of the actual one, which covers them in the plot of tracks."""
+    actual = next(curve for curve in curves if curve.label == "actual")
+    x, y = (np.asarray(values) for values in (actual.x, actual.y))
+    along = np.arctan2(np.gradient(y), np.gradient(x))
+    time_s = np.arange(len(x)) / FRAME_RATE_HZ
+    deviations = [
+        Curve(curve.label, time_s, 100.0 * (np.cos(along) * (curve.y - y) - np.sin(along) * (curve.x - x)))
+        for curve in curves
+        if curve.label in CURVE_LABELS.values()
+    ]
+    return Plot(f"{figure} deviation", title, "time [s]", "to the left of the actual track [cm]", deviations)
 
 
 def _boundary_from_parabola(abc: FloatArray) -> Boundary:

@@ -12,11 +12,14 @@ gamma of the car at 2.0 s: the two are exchanged.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from cwcli.dynamics.blended import design_observer_bank
+from cwcli.dynamics.blended import OUTPUT_MATRIX, design_observer_bank
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.matrix_exponential import transition_and_input_matrices
+from cwcli.dynamics.riccati import steady_predicted_covariance
 from cwcli.dynamics.single_track import preview_state_matrices, understeer_gradient
 from cwcli.dynamics.steering import dynamic_steering_correction
 from cwcli.dynamics.vehicle import load_vehicle
@@ -45,6 +48,11 @@ STATE_NAMES = ("v_y", "gamma", "y_L", "e_L")
 """Names of the four states, in order."""
 PRINTED_STATE_BY_SPEED = {80.0: (-1.417, 0.4008, -3.498, -0.0582), 90.0: (-1.996, 0.418, -3.524, -0.0658)}
 """Speed in km/h -> the printed state of its observer, with the labels 80 and 90 exchanged back."""
+PRINTED_GAIN_BY_SPEED = {
+    80.0: ((0.534, 2.722), (-0.442, 1.478)),
+    90.0: ((0.444, 3.245), (-0.467, 1.63)),
+}
+"""Speed in km/h -> the printed rows of y_L and e_L of its gain (section 3.2)."""
 SEARCH_PHASES = {"frame 1": lanes.FIRST_PHASE, "frames 2-6": lanes.SECOND_PHASE, "later": lanes.LATER_PHASE}
 """Name -> the search phase of the lane method."""
 
@@ -102,12 +110,12 @@ def printed_tables_part() -> StudyPart:
         MeasuredNumber("eq 5", f"worked example: {letter}", value) for letter, value in zip("abc", decoded, strict=True)
     ]
     crossed = lanes.cross_chromosomes("10101001010001011010", "10110001001101111100", (4, 13, 18))
-    is_crossed = crossed == ("10100001001101011000", "10111001010001111110")
-    measured.append(
-        MeasuredNumber("eq 5", "worked example: both children of the crossover are the printed ones", float(is_crossed))
-    )
-    is_mutated = lanes.mutate_chromosome("011001000100110", 9) == "011001000000110"
-    measured.append(MeasuredNumber("eq 5", "worked example: the mutated string is the printed one", float(is_mutated)))
+    measured += [
+        MeasuredNumber("eq 5", f"worked example: {which} child of the crossover", math.nan, text=child)
+        for which, child in zip(("first", "second"), crossed, strict=True)
+    ]
+    mutated = lanes.mutate_chromosome("011001000100110", 9)
+    measured.append(MeasuredNumber("eq 5", "worked example: the mutated string", math.nan, text=mutated))
     return StudyPart(tuple(measured))
 
 
@@ -135,18 +143,73 @@ def _count_equal_entries(ours: tuple[int, ...], printed: tuple[int, ...]) -> flo
 
 
 def _observer_gain_numbers() -> list[MeasuredNumber]:
-    """Return the gains at rest of eq. 17, in the paper's signs."""
+    """Return the gains at rest of eq. 17, in the paper's signs, with two readings of R1; and the poles."""
     bank = design_observer_bank(load_vehicle(), ObserverConfig("zhang2011"), FRAME_PERIOD_S)
-    return [
-        MeasuredNumber(
-            "eq 17",
-            f"K_{kmh:.0f}: {state} from {source}",
-            float(SIGNS_TO_PAPER[row] * bank.gain[_bank_index_of_speed(kmh), row, column]),
-        )
-        for kmh in OBSERVER_SPEEDS_KMH
-        for row, state in enumerate(STATE_NAMES)
-        for column, source in enumerate(("y_L", "e_L"))
-    ]
+    measured, poles = [], []
+    for kmh in OBSERVER_SPEEDS_KMH:
+        readings = {"": curvature_noise_gain(kmh), ", R1 on all states": bank.gain[_bank_index_of_speed(kmh)]}
+        measured += [
+            MeasuredNumber(
+                "eq 17",
+                f"K_{kmh:.0f}: {state} from {source}{reading}",
+                float(SIGNS_TO_PAPER[row] * gain[row, column]) + 0.0,  # no negative zero
+            )
+            for reading, gain in readings.items()
+            for row, state in enumerate(STATE_NAMES)
+            for column, source in enumerate(("y_L", "e_L"))
+        ]
+        for label, gain in {
+            "printed": np.array(PRINTED_GAIN_BY_SPEED[kmh]),
+            "with R1 on the curvature": predictor_gain(kmh)[2:],
+        }.items():
+            of_lane = lane_transition(kmh) - gain
+            poles.append(
+                MeasuredNumber(
+                    "eq 17",
+                    f"{kmh:.0f} km/h: largest pole of the predictor of y_L and e_L, gain {label}",
+                    float(np.abs(np.linalg.eigvals(of_lane)).max()),
+                )
+            )
+    return measured + poles
+
+
+def curvature_noise_gain(kmh: float) -> FloatArray:
+    """Return the filter's gain (4, 2) at rest with R1 as one number, the variance of the curvature input alone.
+
+    The car's states v_y and gamma do not depend on the curvature and are stable, so their rows are exactly zero.
+    """
+    predicted = _predicted_covariance_with_curvature_noise(kmh)
+    innovation = OUTPUT_MATRIX @ predicted @ OUTPUT_MATRIX.T + _lane_noise_covariance()
+    return np.asarray(np.linalg.solve(innovation, OUTPUT_MATRIX @ predicted).T)
+
+
+def predictor_gain(kmh: float) -> FloatArray:
+    """Return the gain (4, 2) of the predictor of the next state, Phi K, for `curvature_noise_gain`."""
+    phi, _ = _example_transition_and_input(kmh)
+    return np.asarray(phi @ curvature_noise_gain(kmh))
+
+
+def lane_transition(kmh: float) -> FloatArray:
+    """Return the part (2, 2) of the transition matrix that leads from y_L and e_L to themselves."""
+    return np.asarray(_example_transition_and_input(kmh)[0][2:, 2:])
+
+
+def _example_transition_and_input(kmh: float) -> tuple[FloatArray, FloatArray]:
+    """Return transition and input matrix of eq. 21 over a frame at half load."""
+    model = preview_state_matrices(load_vehicle(), kmh * MPS_PER_KMH, ObserverConfig().preview_m)
+    return transition_and_input_matrices(*model, FRAME_PERIOD_S)
+
+
+def _lane_noise_covariance() -> FloatArray:
+    """Return R2 (2, 2)."""
+    return np.asarray(ObserverConfig("zhang2011").lane_noise * np.eye(2))
+
+
+def _predicted_covariance_with_curvature_noise(kmh: float) -> FloatArray:
+    """Return the predicted covariance (4, 4) at rest with R1 on the curvature input alone."""
+    phi, gamma = _example_transition_and_input(kmh)
+    noise = ObserverConfig("zhang2011").process_noise * np.outer(gamma[:, 1], gamma[:, 1])
+    return steady_predicted_covariance(phi, OUTPUT_MATRIX, noise, _lane_noise_covariance())
 
 
 def _bank_index_of_speed(kmh: float) -> int:

@@ -90,14 +90,15 @@ def simulated_run_part(figure: str, vehicle: Vehicle | None = None) -> StudyPart
     settings = PAPER_RUNS[figure]
     run = simulate_paper_run(settings, half)
     errors: dict[str, ObserverErrors] = {}
-    curves = [Curve("car, yaw rate", run.time_s, run.state[:, 1]), Curve("car, v_y", run.time_s, run.state[:, 0])]
+    # The paper counts both positive to the right.
+    curves = [Curve("car, yaw rate", run.time_s, -run.state[:, 1]), Curve("car, v_y", run.time_s, -run.state[:, 0])]
     for name, (car, config) in observer_setups_for_run(settings, half).items():
         track = observe_lateral_motion(run.lanes, run.speed, car, config)
         errors[name] = compute_observer_errors(run, track)
         if name in ("zhang2011", "cwcli"):
             curves += [
-                Curve(f"{name}, yaw rate", run.time_s, track.state[:, 1]),
-                Curve(f"{name}, v_y", run.time_s, track.state[:, 0]),
+                Curve(f"{name}, yaw rate", run.time_s, -track.state[:, 1]),
+                Curve(f"{name}, v_y", run.time_s, -track.state[:, 0]),
             ]
     measured: list[MeasuredNumber] = []
     for k, name in enumerate(UNIT_BY_STATE):
@@ -108,7 +109,7 @@ def simulated_run_part(figure: str, vehicle: Vehicle | None = None) -> StudyPart
         allowed = max(errors["zhang2011"].static_percent[k], EQUAL_STATIC_ERROR_PERCENT)
         what = f"cwcli: static error of {name} above zhang2011's, or above {EQUAL_STATIC_ERROR_PERCENT:g} %"
         measured.append(MeasuredNumber(figure, what, errors["cwcli"].static_percent[k] - allowed))
-    title = f"{settings.load} load, {settings.steer_rad:g} rad, from {settings.start_kmh:g} km/h"
+    title = f"{settings.load} load, {-settings.steer_rad:g} rad to the right, from {settings.start_kmh:g} km/h"
     return StudyPart(tuple(measured), (Plot(figure, title, "time [s]", "yaw rate [rad/s], v_y [m/s]", curves),))
 
 

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from cwcli.lazy_dataclass import dataclass
+from cwcli.pipeline.result import SummaryTable
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
 from cwcli.reproduction.processes import process_pool
@@ -55,17 +56,19 @@ class ReproduceConfig:
 def reproduce_zhang2011(config: ReproduceConfig, tick: Callable[[str], None] = lambda what: None) -> Reproduction:
     """Run the study. `tick` is called with the name of each part that is done."""
     parts: list[StudyPart] = []
+    sections: list[SummaryTable] = []
     if config.labelled is not None and _is_any_figure_wanted(config, (LABELLED,)):
         # First and in this process: a file that is no log is told at once, and it is remembered as an input.
         parts.append(_report_part_done(LABELLED, labelled_frames_part(config.labelled), tick))
     note = f"{min(config.seeds, MAX_DRIVE_SEEDS)} seeds, {config.n_rendered_drives} of them rendered"
     if _is_any_figure_wanted(config, LANE_FIGURES):
         study = run_lane_study(config.frames, jobs=config.jobs, tick=tick)
-        parts += [study.shares_part, study.times_part]
+        parts.append(study.shares_part)
+        sections.append(study.times)
         note = f"{study.n_judged} frames of each set, {note}"
     parts += _run_other_parts(config, tick)
     notes = [] if config.labelled else ["labelled frames: not given (--labelled LOG)"]
-    return assemble_reproduction("zhang2011", parts, note, notes=notes, only=config.only)
+    return assemble_reproduction("zhang2011", parts, note, sections=sections, notes=notes, only=config.only)
 
 
 def _is_any_figure_wanted(config: ReproduceConfig, figures: Collection[str]) -> bool:

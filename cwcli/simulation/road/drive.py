@@ -58,6 +58,10 @@ BEND_CURVATURE_RANGE_1PM = (0.0, 0.05)
 """Lowest and highest curvature of mountain bends, 1/m. Chosen by hand; not fitted."""
 RAMP_YAW_RATE_RANGE_DEGPS = (0.0, 40.0)
 """Lowest and highest yaw rate on ramps, deg/s. Chosen by hand; not fitted."""
+DRIFT_START_S = 5.0
+"""Time at which a drift begins, s. Chosen by hand: the observers have settled by then."""
+DRIFT_RANGE_MPS = (-2.0, 2.0)
+"""Lowest and highest lateral speed of a drift, m/s. Chosen by hand; not fitted."""
 LANE_CHANGE_RANGE_PER_MIN = (0.0, 6.0)
 """Lowest and highest number of lane changes per minute. Chosen by hand; not fitted."""
 BRIDGE_RANGE_PER_KM = (0.0, 20.0)
@@ -82,6 +86,8 @@ class RoadDriveConfig:
         lane_changes_per_min, bridges_per_km: How many lane changes, and shadows of bridges.
         slab_m: Length of concrete slabs, with joints; 0: asphalt.
         junctions: Roads that join or leave the lane on its right: none, exits or merges.
+        drift_mps: Lateral speed, left positive, with which the driver leaves the middle of a straight lane from
+            `DRIFT_START_S` on; 0: the driver stays in the lane.
     """
 
     weather: str = "clear"
@@ -98,6 +104,7 @@ class RoadDriveConfig:
     bridges_per_km: float = 0.0
     slab_m: float = 0.0
     junctions: str = "none"
+    drift_mps: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -190,7 +197,7 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     Raises:
         UsageError: The weather or the road is unknown, or a number is out of its range.
     """
-    _check_drive_config(config)
+    check_drive_config(config)
     spec = FRAME_SETS[config.road]
     rng = random_stream(config.seed, "road-drive", "plan")
     n = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
@@ -313,7 +320,7 @@ def spread_scene_along_drive(
     return replace(scene, patches=tuple(patches), light=replace(scene.light, shadows=tuple(shadows)))
 
 
-def _check_drive_config(config: RoadDriveConfig) -> None:
+def check_drive_config(config: RoadDriveConfig) -> None:
     """Refuse unknown names and numbers outside their ranges."""
     for name, chosen, known in (
         ("weather", config.weather, CONDITIONS),
@@ -333,7 +340,14 @@ def _check_drive_config(config: RoadDriveConfig) -> None:
         "rate of lane changes": (config.lane_changes_per_min, LANE_CHANGE_RANGE_PER_MIN, "per minute"),
         "rate of bridges": (config.bridges_per_km, BRIDGE_RANGE_PER_KM, "per km"),
         "length of slabs": (config.slab_m, SLAB_LENGTH_RANGE_M, "m"),
+        "drift": (config.drift_mps, DRIFT_RANGE_MPS, "m/s"),
     }
     for name, (value, (low, high), unit) in limits.items():
         if not low <= value <= high:
             raise UsageError(f"the {name} of {value:g} {unit} is not between {low:g} and {high:g}")
+    standard = RoadDriveConfig()
+    if config.drift_mps and any(getattr(config, name) != getattr(standard, name) for name in DEFECT_FIELDS):
+        raise UsageError(
+            "a drift is driven on a straight road with painted markings",
+            hint=f"leave out drift, or {', '.join(DEFECT_FIELDS)}",
+        )

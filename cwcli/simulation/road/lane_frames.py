@@ -6,14 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.lazy_dataclass import dataclass
-from cwcli.simulation.lane_drive import LaneDriveTruth, Road
+from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
 from cwcli.simulation.road.drive import (
+    DRIFT_START_S,
     ROAD_KNOT_SPACING_M,
     RoadDrive,
     RoadDriveConfig,
     body_pitch_rad,
+    check_drive_config,
     draw_vertical_curvature_1pm,
     spread_scene_along_drive,
 )
@@ -41,6 +44,27 @@ class LaneFrameSettings:
     weather: str = "clear"
     rate_hz: float = 20.0
     camera: RoadCamera | None = None
+
+
+def plan_drifting_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
+    """Plan a drive whose car leaves the middle of a straight lane with the drift of the configuration.
+
+    Raises:
+        UsageError: A value is out of its range, or asks for a road that is not straight.
+    """
+    check_drive_config(config)
+    runs = LaneRuns(
+        np.array([config.speed_mps]),
+        np.array([config.drift_mps]),
+        np.array([DRIFT_START_S]),
+        config.accel_mps2,
+        config.duration_s,
+    )
+    road = Road()
+    truth = simulate_lane_runs(road, load_vehicle(), runs, seed=config.seed)
+    settings = LaneFrameSettings(config.road, config.weather, config.rate_hz, camera)
+    drive = road_drive_from_lane_run(truth, 0, road, settings, seed=config.seed)
+    return replace(drive, config=replace(drive.config, drift_mps=config.drift_mps))
 
 
 def road_drive_from_lane_run(

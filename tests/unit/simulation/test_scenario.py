@@ -15,6 +15,7 @@ from cwcli.simulation.scenario import (
     read_scenario_name_and_document,
 )
 from cwcli.simulation.spec import (
+    DETECTOR_KEYS,
     LATERAL_KEYS,
     LONGITUDINAL_KEYS,
     ORIGIN_KEYS,
@@ -119,7 +120,10 @@ def test_scenario_file_that_is_not_toml(tmp_path: Path, text: str) -> None:
             "sensors.gnss.outages.0 is [3, 2]; permitted: [from, to] with 0 <= from < to",
         ),
         ("sensors.gnss.outages=3", "sensors.gnss.outages is 3; permitted: [[from, to], ...]"),
-        ("sensors.lidar.rate_hz=5", "sensors.lidar is unknown; permitted: gnss, gnss_heading, speed, imu"),
+        (
+            "sensors.sonar.rate_hz=5",
+            "sensors.sonar is unknown; permitted: gnss, gnss_heading, speed, imu, lidar, radar",
+        ),
         ("sensors=3", "sensors is 3; permitted: a table"),
         ("v2x.format=morse", 'v2x.format is \'morse\'; permitted: "bsm-json", "ode-json"'),
         ("v2x.drop_probability=1.5", "v2x.drop_probability is 1.5; permitted: 0 to 1"),
@@ -176,6 +180,7 @@ ALL_TABLES = {
     "longitudinal": LONGITUDINAL_KEYS,
     "lateral": LATERAL_KEYS,
     **SENSOR_KEYS,
+    **DETECTOR_KEYS,
     "v2x": V2X_KEYS,
 }
 
