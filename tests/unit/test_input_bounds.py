@@ -10,7 +10,7 @@ import pytest
 from cwcli.cli.main import run_command_line
 from cwcli.errors import UsageError
 from cwcli.importing.bounded_xml import MAX_DEPTH, MAX_KEPT_ELEMENTS, MAX_QUIET_BYTES
-from cwcli.signals.can import list_signals
+from cwcli.signals.can import list_dbc_signal_names
 
 LOG = str(Path(__file__).parents[2] / "sample_logs" / "straight.mcap")
 HEAD = '<?xml version="1.0"?><gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>'
@@ -79,7 +79,7 @@ ROWS: dict[str, tuple[str, Callable[[Path], None], tuple[str, ...], str]] = {
 def test_bound_of_a_dbc_file(tmp_path: Path) -> None:
     large(tmp_path / "d.dbc")
     with pytest.raises(UsageError, match="more than 16 MB"):
-        list_signals([str(tmp_path / "d.dbc")])
+        list_dbc_signal_names([str(tmp_path / "d.dbc")])
 
 
 @pytest.mark.parametrize("row", ROWS)

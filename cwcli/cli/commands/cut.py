@@ -46,7 +46,7 @@ class SpanOptions:
             "--topics",
             metavar="/NAME,...",
             show_default="all",
-            help="Write these topics, separated by commas; * stands for any characters.",
+            help="Copy only these topics, separated by commas; * stands for any characters.",
         ),
     ] = None
     last_of: Annotated[
@@ -55,7 +55,7 @@ class SpanOptions:
             "--last-of",
             metavar="/NAME,...",
             show_default=False,
-            help="Also write the last message of these topics from before --start.",
+            help="Also copy the last message of these topics from before --start.",
         ),
     ] = None
     latched: Annotated[
