@@ -264,7 +264,14 @@ def busiest_window_start_s(series: Sequence[SensorSeries], begin: float, end: fl
     if position is None:
         return begin
     time = position.time_s - position.latency_s
-    choices = np.arange(begin, max(end - span, begin) + 1e-9, max(span / 4, 1e-3))
+    step = max(span / 4, 1e-3)
+    last_start = max(end - span, begin)
+    if last_start - begin <= 4 * len(time) * step:
+        choices = np.arange(begin, last_start + 1e-9, step)
+    else:  # a pause of years: only windows with fixes in them
+        cell = np.unique(((time - begin) / step).astype(np.int64))
+        index = np.unique(np.clip(cell[:, None] - np.arange(5), 0, int((last_start - begin) / step)))
+        choices = begin + step * index
     first = np.clip(np.searchsorted(time, choices), 0, len(time) - 1)
     middle = np.clip(np.searchsorted(time, choices + span / 2), 0, len(time) - 1)
     last = np.clip(np.searchsorted(time, choices + span), 0, len(time) - 1)

@@ -113,7 +113,7 @@ def test_ctrl_c_while_workers_start_is_one_line(short: Path, tmp_path: Path, del
         (["--lanes-camera-height", "-3"], "--camera-height"),
         (["--lanes-render", "no topic"], "--render 'no topic' is no topic's name"),
         (["--stage", "control", "--control-predictor", "nope"], "there is no motion model 'nope'"),
-        (["--stage", "control", "--control-horizon", "-1"], "a horizon of -1 is not positive"),
+        (["--stage", "control", "--control-horizon", "-1"], "a horizon of -1 s is not a positive number of seconds"),
         (["--topic", "x"], "expected ROLE=/topic"),
         (["--topic", "ego=/x"], "there is no role ego"),
         (["--start", "x"], "neither seconds nor"),

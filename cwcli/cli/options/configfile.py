@@ -37,7 +37,10 @@ _ORIGIN_BY_OPTION: ContextVar[dict[str, str]] = ContextVar("origins", default={}
 """Option -> key and file of its value, in the configuration of this run."""
 
 WRITING_PARAMETERS = frozenset(
-    {"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "comment", "plots", "report"}
+    {
+        *("output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "comment", "plots"),
+        *("report", "clips"),
+    }
 )
 """Parameters that name output files or allow overwriting; a configuration file may not set them."""
 

@@ -61,6 +61,7 @@ def test_without_a_latency_the_default_is_the_track_that_trusts_the_stamps(seed:
     np.testing.assert_array_equal(track.state, estimate_track(measurements, EstimatorConfig(latency="none")).state)
 
 
+@pytest.mark.long
 def test_sigma_is_that_of_the_error_where_noise_is_white() -> None:
     """Twelve drives without a latency: the errors over the said sigmas scatter by about one."""
     drives = [measure(city_drive(seed, 150.0), seed, {}) for seed in range(20, 32)]

@@ -109,7 +109,10 @@ def finely(state: FloatArray, n: int = 200) -> tuple[FloatArray, FloatArray]:
     return x + moved[0], y + moved[1]
 
 
-@pytest.mark.parametrize(("seed", "largest"), [(9, 0.02), (10, 0.03), (11, 0.03), (12, 0.03)])
+@pytest.mark.parametrize(
+    ("seed", "largest"),
+    [(9, 0.02), *(pytest.param(seed, 0.03, marks=pytest.mark.long) for seed in (10, 11, 12))],
+)
 def test_against_samples_of_states(seed: int, largest: float) -> None:
     """Errors of states, not of paths: to first order, and as one error all along, it is what is summed.
 
