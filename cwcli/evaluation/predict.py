@@ -286,7 +286,7 @@ def _build_prediction_section(records: list[dict[str, Any]], horizon_s: float) -
                     100.0 * _mean_weighted_by_starts(own, "inside_90"),
                 )
             )
-    title = f"Position error {horizon_s:g} s ahead, against where the vehicle then was (cv: constant velocity)"
+    title = f"Position error {horizon_s:g} s ahead against the later position (cv: constant velocity)"
     columns = ("vehicle", "model", "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
     return SummaryTable("prediction", title, columns, tuple(rows))
 

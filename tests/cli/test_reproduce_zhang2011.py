@@ -27,10 +27,7 @@ def test_lanes_and_motion_stand_beside_the_paper_s(cwcli: Run, tmp_path: Path) -
     assert done.returncode == bool(document["failed"])
     shares = [row for row in document["findings"] if row["figure"] == "conclusion 1" and row["paper"] is not None]
     assert [(row["paper"], row["paper_to"]) for row in shares[:1]] == [(100.0, 100.0)]
-    times = [
-        row["paper"] for row in document["findings"] if row["what"].endswith("time of the search") and row["paper"]
-    ]
-    assert times == [210.0, 150.0, 30.0]
+    assert not any("time of the search" in row["what"] for row in document["findings"])  # timings have no class
     with (tmp_path / "z.csv").open() as stream:
         figures = {row["figure"] for row in csv.DictReader(stream)}
     assert {"conclusion 1", "eq 13", "fig 14", "fig 19", "table 4"} <= figures

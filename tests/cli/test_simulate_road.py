@@ -36,7 +36,7 @@ def test_goes_into_a_pipe(cwcli: Run) -> None:
     [
         (("road", "--weather", "hail"), b"no weather 'hail'"),
         (("road", "--set", "size=1x1"), b"can't be rendered"),
-        (("straight", "--weather", "rain"), b"only the road has a weather"),
+        (("straight", "--weather", "rain"), b"only a rendered drive has a weather"),
         (("road", "--seed", "-1"), b"must not be negative"),
     ],
 )

@@ -52,7 +52,7 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
     names = (*columns[:2], "used", *columns[3:])
     gated = any(report.n_gated for report in ego.sources)
     where = f" (in {REJECTED.topic})" if gated else ""
-    title = f"Ego sources: numbers of measurements accepted and gated{where}, and latencies"
+    title = f"Ego sources: measurements accepted, gated{where}, and latencies"
     return SummaryTable("sources", title, columns, tuple(rows), names=names)
 
 
