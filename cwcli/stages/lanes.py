@@ -113,7 +113,7 @@ class LanesConfig(Selection):
     ] = None
     every_frame: Annotated[
         bool,
-        Option("--every-frame", "Search every frame, also of a camera that is faster than 10 Hz."),
+        Option("--every-frame", "Search every frame, also of a camera that is faster than 25 Hz."),
     ] = False
     mounting: Mounting | MountingChoice = field(default_factory=MountingChoice)
     field_of_view_rad: Annotated[

@@ -36,9 +36,9 @@ def searched(rate_hz: float, n: int = 13, *, is_every_frame: bool = False) -> li
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "every"), [(4.0, 1), (10.0, 1), (12.0, 1), (15.0, 1), (20.0, 2), (25.0, 2), (30.0, 3), (60.0, 6)]
+    ("rate_hz", "every"), [(4.0, 1), (10.0, 1), (12.0, 1), (15.0, 1), (20.0, 1), (25.0, 1), (30.0, 2), (60.0, 4)]
 )
-def test_a_fast_camera_is_searched_ten_times_a_second_or_more_often(rate_hz: float, every: int) -> None:
+def test_a_fast_camera_is_searched_at_least_every_70_ms(rate_hz: float, every: int) -> None:
     assert searched(rate_hz) == list(range(0, 13, every))
     assert searched(rate_hz, is_every_frame=True) == list(range(13))
 
@@ -46,8 +46,8 @@ def test_a_fast_camera_is_searched_ten_times_a_second_or_more_often(rate_hz: flo
 def test_a_frame_is_searched_after_a_gap_a_step_back_and_a_change_of_size() -> None:
     clock = SearchClock()
     step_ns = 33_333_333
-    assert [clock.is_search_due(FIRST_NS + k * step_ns, SIZE) for k in range(4)] == [True, False, False, True]
-    assert not clock.is_search_due(FIRST_NS + 4 * step_ns, SIZE)
+    assert [clock.is_search_due(FIRST_NS + k * step_ns, SIZE) for k in range(4)] == [True, False, True, False]
+    assert clock.is_search_due(FIRST_NS + 4 * step_ns, SIZE)
     assert clock.is_search_due(FIRST_NS + 5 * step_ns, (320, 240))
     assert clock.is_search_due(FIRST_NS + 4 * step_ns, (320, 240))  # time goes back
     assert clock.is_search_due(FIRST_NS + 9 * step_ns, (320, 240))  # frames were dropped
@@ -58,11 +58,11 @@ def test_frames_between_two_searches_are_not_decoded() -> None:
     image = encoded(np.full((60, 80), 90, np.uint8), ".jpg")
     broken = image[:200] + b"\x00" * (len(image) - 202) + b"\xff\xd9"  # a header, and an end
     step_ns = 33_333_333
-    data = [image if k % 3 == 0 else broken for k in range(7)]
+    data = [image if k % 2 == 0 else broken for k in range(7)]
     frames = [FakeFrame(each, log_time_ns=FIRST_NS + k * step_ns, stamp_ns=None) for k, each in enumerate(data)]
     decoded = list(decode_frames(frames, size_of=lambda *_: (80, 60), search_clock=SearchClock()))
-    assert [each.is_skipped for each in decoded] == [k % 3 > 0 for k in range(7)]
-    assert [each.image is None for each in decoded] == [k % 3 > 0 for k in range(7)]
+    assert [each.is_skipped for each in decoded] == [k % 2 > 0 for k in range(7)]
+    assert [each.image is None for each in decoded] == [k % 2 > 0 for k in range(7)]
     assert {(each.width_px, each.height_px, each.rejection_reason) for each in decoded} == {(80, 60, "")}
     assert [each.index for each in decoded] == list(range(7))
 
@@ -128,9 +128,9 @@ def test_every_frame_of_a_fast_camera_has_a_lane(tmp_path: Path) -> None:
         tables[is_every] = result.tables["lanes"].columns
         assert len(tables[is_every]["state"]) == len(frames)
         n_searched = dict(result.summary.sections[0].rows)["frames searched"]
-        assert n_searched == (len(frames) if is_every else -(-len(frames) // 3))
+        assert n_searched == (len(frames) if is_every else -(-len(frames) // 2))
     states = list(tables[False]["state"])
-    assert [each == "carried" for each in states[1:]] == [k % 3 > 0 for k in range(1, len(frames))]
+    assert [each == "carried" for each in states[1:]] == [k % 2 > 0 for k in range(1, len(frames))]
     assert "carried" not in list(tables[True]["state"])
     for side in ("left", "right"):
         apart = np.abs(np.asarray(tables[False][f"{side}_lateral_m"]) - np.asarray(tables[True][f"{side}_lateral_m"]))
