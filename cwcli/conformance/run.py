@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 
 from cwcli.conformance.clause import Clause, Trial, load_clause, require_judge_module
 from cwcli.conformance.grades import GRADES
@@ -24,6 +21,7 @@ from cwcli.conformance.scenes import SCENES
 from cwcli.conformance.verdict import DrivenTrial, Verdict
 from cwcli.errors import UsageError, names_hint
 from cwcli.lazy_dataclass import dataclass
+from cwcli.process_pool import process_pool
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 
 Tick = Callable[[str], None]
@@ -92,7 +90,7 @@ def run_clauses(names: Sequence[str], config: ConformConfig, tick: Tick = lambda
             done[name, k] = run_trial(name, k, tuple(seeds[name]), config)
             tick(f"{name}: {load_clause(name).trials[k].name}")
     else:
-        with _process_pool(config.jobs) as pool:
+        with process_pool(config.jobs) as pool:
             running = {
                 (name, k): [
                     pool.submit(run_trial, name, k, tuple(seeds[name][part :: config.jobs]), config)
@@ -200,17 +198,3 @@ def _settings(clause: Clause, config: ConformConfig) -> dict[str, str]:
     settings = {"rule": config.rule, **horizon, "grade": config.grade or clause.grade}
     policy = config.policy or clause.policy
     return settings if policy == NO_BRAKING else {**settings, "policy": policy}
-
-
-@contextmanager
-def _process_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Open a pool of processes, which are ended if the block is left by an error or an interruption."""
-    pool = ProcessPoolExecutor(jobs)
-    try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in multiprocessing.active_children():
-            child.kill()
-        raise
-    pool.shutdown()

@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import SummaryTable
+from cwcli.process_pool import process_pool
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
-from cwcli.reproduction.processes import process_pool
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.estimation import table1_part
 from cwcli.reproduction.song2016.fitted_noise import fitted_noise_part, slope_window_part

@@ -9,10 +9,10 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.intervals import clustered_proportion_interval
 from cwcli.pipeline.result import Cell, SummaryTable
+from cwcli.process_pool import process_pool
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.reproduction.findings_report import TIMES_KEY
-from cwcli.reproduction.processes import process_pool
 from cwcli.reproduction.zhang2011.lane_drives import (
     N_JUDGED_FRAMES,
     N_UNSTABLE_FRAMES,

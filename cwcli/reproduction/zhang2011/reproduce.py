@@ -8,9 +8,9 @@ from pathlib import Path
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import SummaryTable
+from cwcli.process_pool import process_pool
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
-from cwcli.reproduction.processes import process_pool
 from cwcli.reproduction.zhang2011.drives import DRIVE_BY_FIGURE, MAX_DRIVE_SEEDS, drive_part
 from cwcli.reproduction.zhang2011.example import printed_tables_part, worked_example_part
 from cwcli.reproduction.zhang2011.labelled import LABELLED_FRAMES_FIGURE as LABELLED
