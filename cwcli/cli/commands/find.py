@@ -178,7 +178,7 @@ def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent,
     if len(kept) > MAX_SHOWN_EVENTS:
         console.print_note(f"{len(kept) - MAX_SHOWN_EVENTS} more events are in -o and --json")
     for event, n in search.missing.items():
-        console.print_note(f"{event}: {format_count(n, 'log')} can't tell")
+        console.print_note(f"{event}: {format_count(n, 'log')} left out for want of its channels")
     for name, error in search.failed:
         console.print_note(f"{shorten_and_escape(name)} was not searched: {error.what}")
 
