@@ -69,7 +69,7 @@ class Metric:
 
     @property
     def is_share(self) -> bool:
-        """Whether it is a mean without a unit, whose changes are absolute."""
+        """Whether the metric is a mean without a unit; changes of such a metric are absolute, not relative."""
         return self.unit == "" and self.pool == "mean"
 
 

@@ -157,7 +157,7 @@ def scores(kinds: dict[str, Change], seed: int) -> dict[str, FloatArray]:
 
 
 def reliability(made: FloatArray) -> str:
-    """Of the boundaries of a probability of 0.5 or more: how many, their mean probability, the share that is right."""
+    """Return how many boundaries have a probability of 0.5 or more, their mean probability, and the share that is right."""
     sides = made[..., 3:].reshape(-1, 2)
     sure = sides[sides[:, 0] >= 0.5]
     return "none" if not len(sure) else f"{len(sure)}: {sure[:, 0].mean():.2f}, {sure[:, 1].mean():.2f}"

@@ -197,12 +197,12 @@ class _Conversion:
         Raises:
             ConversionError: They are too many, or more than the rest of the bytes can hold.
         """
-        self._need(n * layout.min_bytes)
+        self._require_bytes(n * layout.min_bytes)
         self._n_left -= n * layout.n_elements
         if self._n_left < 0:
             raise ConversionError("the message holds too many messages")
 
-    def _need(self, n_bytes: int) -> None:
+    def _require_bytes(self, n_bytes: int) -> None:
         if n_bytes > len(self._data) - self.at:
             raise ConversionError("the message is shorter than its definition")
 
@@ -212,7 +212,7 @@ class _Conversion:
         for step in layout.steps:
             kind = step[0]
             if kind == Kind.NUMBERS:
-                self._need(step[1])
+                self._require_bytes(step[1])
                 at = self.at
                 for size, n_bytes in step[2]:
                     gap = -len(out) & (size - 1) if size < 8 else 4 - len(out) & 7
@@ -230,14 +230,14 @@ class _Conversion:
             elif kind == Kind.TEXTS:
                 self._texts(step[1])
             elif kind == Kind.DROPPED:
-                self._need(step[1])
+                self._require_bytes(step[1])
                 self.at += step[1]
             else:
                 out += PADDING[1]
 
     def _length(self) -> int:
         """Take a length from the message, and write it."""
-        self._need(LENGTH_BYTES)
+        self._require_bytes(LENGTH_BYTES)
         (n,) = _LENGTH.unpack_from(self._data, self.at)
         self.at += LENGTH_BYTES
         self.out += PADDING[-len(self.out) & 3]
@@ -245,11 +245,11 @@ class _Conversion:
         return int(n)
 
     def _text(self) -> None:
-        self._need(LENGTH_BYTES)
+        self._require_bytes(LENGTH_BYTES)
         (n,) = _LENGTH.unpack_from(self._data, self.at)
         start = self.at + LENGTH_BYTES
         self.at = start
-        self._need(n)
+        self._require_bytes(n)
         self.at += n
         out = self.out
         gap = -len(out) & 3
@@ -261,13 +261,13 @@ class _Conversion:
 
     def _texts(self, count: int | None) -> None:
         n = self._length() if count is None else count
-        self._need(n * LENGTH_BYTES)
+        self._require_bytes(n * LENGTH_BYTES)
         for _ in range(n):
             self._text()
 
     def _sequence(self, size: int, n_element_bytes: int) -> None:
         n_bytes = self._length() * n_element_bytes
-        self._need(n_bytes)
+        self._require_bytes(n_bytes)
         if n_bytes:
             self.out += PADDING[4 - len(self.out) & (size - 1)]
             self.out += self._data[self.at : self.at + n_bytes]

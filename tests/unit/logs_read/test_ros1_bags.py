@@ -29,7 +29,7 @@ from tests.unit.logs_read.hostile_containers import (
 N = 20
 FLOAT = "float64 data\n"
 FLOAT_CHECKSUM = "fdb28210bfa9d7c91146260178d9a584"
-"""Of std_msgs/Float64, from http://docs.ros.org/en/api/std_msgs/html/msg/Float64.html."""
+"""The checksum of the definition of std_msgs/Float64, from http://docs.ros.org/en/api/std_msgs/html/msg/Float64.html."""
 CHECKSUMS = {
     "std_msgs/Header": "2176decaecbce78abc3b96ef049fabed",
     "sensor_msgs/Imu": "6a62c6daae103f4ff57a132d6f95cec2",
