@@ -99,8 +99,9 @@ def static_errors(v_kmh: float, delta: float, mass: float, told_mass: float, *, 
 
 
 def static_errors_of_figure_15() -> Array:
-    """Return what `static_errors` returns, while the speed grows from 60 to 80 km/h by 0.2 m/s^2 and both angle and bend go right.
+    """Return what `static_errors` returns, for a speed that grows from 60 to 80 km/h by 0.2 m/s^2.
 
+    Both angle and bend go right.
     The gains come from a table of multiples of 10 km/h; the last second is the one that ends at 27.8 s.
     """
 
