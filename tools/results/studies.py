@@ -148,6 +148,18 @@ def _cwcli(folder: str, *arguments: str) -> str:
     return done.stdout
 
 
+def _run_conformance(seeds: int) -> Measured:
+    from tools.results.conformance import WARNING_CLAUSES, run_clauses_over_seeds, values_of_runs
+
+    return Measured(values_of_runs(run_clauses_over_seeds(WARNING_CLAUSES, seeds)))
+
+
+def _run_conformance_of_lanes(seeds: int) -> Measured:
+    from tools.results.conformance import LANE_CLAUSES, run_clauses_over_seeds, values_of_runs
+
+    return Measured(values_of_runs(run_clauses_over_seeds(LANE_CLAUSES, seeds)))
+
+
 def _run_latency(seeds: int) -> Measured:
     """Planted latencies of city drives."""
     from tests.studies.latency import SOURCES, TOLERANCE_S, one_run
@@ -194,6 +206,8 @@ STUDIES: dict[str, Study] = {
     "true-states": Study("python -m tests.scenarios.song2016_moments rear-end", _run_true_states, 1, 1),
     "bundled": Study("cwcli simulate rear-end --seed 1 | cwcli run - --json", _run_bundled, 1, 1),
     "walking-targets": Study("cwcli simulate xiang2019-turn | cwcli track", _run_walking_targets, 1, 1),
+    "conformance": Study("python -m tools.results --only conformance", _run_conformance, 40, 2),
+    "conformance-lanes": Study("python -m tools.results --only conformance-lanes", _run_conformance_of_lanes, 10, 2),
     "latency": Study("python -m tests.studies.latency --runs 40", _run_latency, 40, 2),
 }
 """Name of a result file -> its study."""
