@@ -20,11 +20,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cwcli import __version__
 from cwcli.errors import InputError, OutputError
 from cwcli.input import remember_input_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import make_folder, open_output
+from cwcli.version import __version__
 
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table

@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from cwcli import __version__
 from cwcli.errors import EXIT_BUG, OutputError, UsageError
 from cwcli.fleet.folder import (
     DETAILS_FOLDER,
@@ -49,6 +48,7 @@ from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import check_targets, make_folder
 from cwcli.pipeline.selection import check_selection_options
 from cwcli.url import display_name_of_url
+from cwcli.version import __version__
 
 Report = Callable[[LogTask, str, int, int], None]
 RUN_FOLDERS = (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER, SCRATCH_FOLDER)

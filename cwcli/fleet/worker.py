@@ -10,7 +10,6 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from cwcli import __version__
 from cwcli.array_memory import bound_array_memory
 from cwcli.digest.digest import build_digest
 from cwcli.digest.fleet import ENTRY_KEY, digest_to_entry
@@ -41,6 +40,7 @@ from cwcli.pipeline.missing import SignalCheck
 from cwcli.pipeline.selection import resolve_selection
 from cwcli.stages import STAGES
 from cwcli.url import redact_urls
+from cwcli.version import __version__
 
 
 def process_log(task: LogTask, plan: FleetPlan) -> TaskResult:

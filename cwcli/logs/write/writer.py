@@ -12,7 +12,6 @@ from typing import IO, Self, cast
 import numpy as np
 from mcap.writer import Writer
 
-import cwcli
 from cwcli.logs.encoders.byte_rows import ByteRows, join_rows
 from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES, MessageFeed
@@ -21,8 +20,9 @@ from cwcli.output import open_output
 from cwcli.output_stream import OutputStream
 from cwcli.signals.columns import Int64Array, OutputChannel
 from cwcli.text import replace_surrogates
+from cwcli.version import __version__
 
-LIBRARY_NAME = f"cwcli {cwcli.__version__}"
+LIBRARY_NAME = f"cwcli {__version__}"
 """The library name in the header of new logs."""
 
 
