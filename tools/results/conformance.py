@@ -28,7 +28,7 @@ def run_clauses_over_seeds(names: Sequence[str], seeds: int) -> dict[tuple[str, 
 
 
 def values_of_runs(runs: Mapping[tuple[str, str], Runs]) -> dict[str, tuple[float, float, float]]:
-    """Share of passes with its interval, by trial and by clause, and the least margin; NaN bounds: nothing is random."""
+    """Share of passes with its interval, by trial and clause, and the least margin; NaN bounds: nothing is random."""
     values: dict[str, tuple[float, float, float]] = {}
     clauses: dict[str, list[Runs]] = {}
     for (clause, trial), each in runs.items():
