@@ -8,11 +8,13 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tools.results.conformance import SEEDS_BY_CLAUSE, run_clause_over_seeds, values_of_runs
 from tools.results.papers import more_of_reproduction, values_of_reproduction
 
 ROOT = Path(__file__).parents[2]
@@ -148,16 +150,8 @@ def _cwcli(folder: str, *arguments: str) -> str:
     return done.stdout
 
 
-def _run_conformance(seeds: int) -> Measured:
-    from tools.results.conformance import WARNING_CLAUSES, run_clauses_over_seeds, values_of_runs
-
-    return Measured(values_of_runs(run_clauses_over_seeds(WARNING_CLAUSES, seeds)))
-
-
-def _run_conformance_of_lanes(seeds: int) -> Measured:
-    from tools.results.conformance import LANE_CLAUSES, run_clauses_over_seeds, values_of_runs
-
-    return Measured(values_of_runs(run_clauses_over_seeds(LANE_CLAUSES, seeds)))
+def _run_clause(name: str, seeds: int) -> Measured:
+    return Measured(values_of_runs(run_clause_over_seeds(name, seeds)))
 
 
 def _run_latency(seeds: int) -> Measured:
@@ -206,8 +200,10 @@ STUDIES: dict[str, Study] = {
     "true-states": Study("python -m tests.scenarios.song2016_moments rear-end", _run_true_states, 1, 1),
     "bundled": Study("cwcli simulate rear-end --seed 1 | cwcli run - --json", _run_bundled, 1, 1),
     "walking-targets": Study("cwcli simulate xiang2019-turn | cwcli track", _run_walking_targets, 1, 1),
-    "conformance": Study("python -m tools.results --only conformance", _run_conformance, 40, 2),
-    "conformance-lanes": Study("python -m tools.results --only conformance-lanes", _run_conformance_of_lanes, 10, 2),
     "latency": Study("python -m tests.studies.latency --runs 40", _run_latency, 40, 2),
+    **{
+        f"conform-{name}": Study(f"cwcli conform {name} --seeds {seeds}", partial(_run_clause, name), seeds, 2)
+        for name, seeds in SEEDS_BY_CLAUSE.items()
+    },
 }
 """Name of a result file -> its study."""
