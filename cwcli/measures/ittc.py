@@ -14,7 +14,7 @@ def inverse_time_to_collision(pair: Pair) -> FloatArray:
     at = pair.other_in_host_axes
     closing_mps = -at.vx_mps
     with np.errstate(divide="ignore", invalid="ignore"):
-        rate = np.where(closing_mps > 0.0, closing_mps / at.headway_m, 0.0)
+        rate = np.where(closing_mps > 0.0, closing_mps / at.headway_if_straight_ahead_m, 0.0)
     return pair.expand_to_all_rows(np.where(at.is_straight_ahead, rate, np.nan))
 
 

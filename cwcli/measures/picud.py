@@ -18,7 +18,7 @@ def gap_after_urgent_braking(pair: Pair) -> FloatArray:
     """Gap (m) to a vehicle straight ahead after both have stopped, at each stamp, (n,); negative: they touch before."""
     at = pair.other_in_host_axes
     own, theirs = np.maximum(at.host_speed_mps, 0.0), np.maximum(at.vx_mps + at.host_speed_mps, 0.0)
-    left_m = at.headway_m + (theirs**2 - own**2) / (2.0 * BRAKING_MPS2) - REACTION_S * own
+    left_m = at.headway_if_straight_ahead_m + (theirs**2 - own**2) / (2.0 * BRAKING_MPS2) - REACTION_S * own
     return pair.expand_to_all_rows(np.where(at.is_straight_ahead, left_m, np.nan))
 
 
