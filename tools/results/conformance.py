@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from cwcli.metrics.intervals import proportion_interval
 
 SEEDS_BY_CLAUSE = {
-    "nhtsa-fcw": 40,
-    "iso-15623": 40,
-    "un-r131": 40,
+    "nhtsa-fcw": 50,
+    "iso-15623": 50,
+    "un-r131": 50,
     "un-r152": 30,
     "un-r130": 100,
     "iso-17361": 10,
