@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+# Studies and benches are imported by name: they are not type-checked, and the benches need peers.
 import json
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,10 @@ PREDICTION_LOGS = {
     "two cars": "psu-follow-2obu",
 }
 """Name in docs/prediction.md -> file of the development logs."""
+LANE_DRIVE_S = 40.0
+"""Length of a rendered drive of `measure_lane_drives`. Chosen by hand: two drives of ten kinds take two minutes."""
+FRAMES_PER_INDEPENDENT_ONE = 20
+"""Frames that count as one in the interval of a share, since neighbours are alike: 2 s at 10 Hz. Chosen by hand."""
 
 
 def call_cwcli(folder: str, *arguments: str) -> str:
@@ -52,12 +58,41 @@ def measure_observer_drives(seeds: int) -> Numbers:
     return values
 
 
+def measure_lane_drives(seeds: int) -> Numbers:
+    """Shares and counts of the default lane method on rendered drives of each kind of road, seeds 200, 201, ..."""
+    study = import_module("tests.studies.lane_drives")
+    values: Numbers = {}
+    for kind in study.KINDS:
+        total = study.Counts()
+        for seed in range(200, 200 + seeds):
+            total.add(_count_lane_drive(kind, seed))
+        shares = {"right": (total.right, total.frames), "wrong": (total.wrong, max(total.found, 1))}
+        for name, (count, n) in shares.items():
+            independent = n / FRAMES_PER_INDEPENDENT_ONE
+            values[f"{kind}: {name}"] = (count / n, *_wilson_interval(count / n, independent))
+        values |= without_interval({f"{kind}: jumps": total.jumps, f"{kind}: departures": total.departures})
+    return values
+
+
+@cache
+def _count_lane_drive(kind: str, seed: int) -> Any:
+    """Return the counts of a rendered drive; the small set is a part of the whole one."""
+    return import_module("tests.studies.lane_drives").one((kind, seed), LANE_DRIVE_S, True)
+
+
 @cache
 def _observer_errors(number: int) -> dict[str, dict[str, float]]:
     """Return the errors on a rendered drive: sensors -> what -> error."""
-    from tests.studies.rendered_motion import Setting, drive
+    study = import_module("tests.studies.rendered_motion")
+    errors: dict[str, dict[str, float]] = study.drive(number, study.Setting())
+    return errors
 
-    return drive(number, Setting())
+
+def _wilson_interval(share: float, n: float) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share of n samples."""
+    z = 1.96
+    middle, half = share + z * z / (2 * n), z * np.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    return float((middle - half) / (1 + z * z / n)), float((middle + half) / (1 + z * z / n))
 
 
 def measure_labelled_lanes(_: int) -> Numbers:
@@ -87,7 +122,7 @@ def _metrics_of_log(folder: str, log: str, prefixes: Iterable[str]) -> dict[str,
 
 def measure_prediction(_: int) -> Numbers:
     """Errors of constant velocity and of the default prediction on real logs, against hindsight."""
-    study = import_module("tests.studies.prediction_bounds")  # not type-checked, as the other studies
+    study = import_module("tests.studies.prediction_bounds")
     values: Numbers = {}
     for name, file in PREDICTION_LOGS.items():
         for row in study.judged(name, study.known_states(DEVELOPMENT_LOGS / f"{file}.mcap")):
@@ -125,7 +160,7 @@ def measure_crossing_targets(seeds: int) -> Numbers:
     """GOSPA of the causal tracker on five crossing targets among clutter."""
     from cwcli.tracking.gospa import TargetMoments, score_tracks
 
-    bench = import_module("tests.bench.bench_tracking")  # not type-checked: it has peers that are not installed
+    bench = import_module("tests.bench.bench_tracking")
     rows = []
     for seed in range(seeds):
         scene = bench.scene_of(seed)

@@ -199,6 +199,9 @@ STUDIES: dict[str, Study] = {
     "observer": Study(
         "python -m tests.studies.rendered_motion drives", _measured_by(page_studies.measure_observer_drives), 8, 1
     ),
+    "lane-drives": Study(
+        "python -m tests.studies.lane_drives --seeds 200-201", _measured_by(page_studies.measure_lane_drives), 2, 1
+    ),
     "crossing-targets": Study(
         "python tests/bench/bench_tracking.py --seeds 100",
         _measured_by(page_studies.measure_crossing_targets),
