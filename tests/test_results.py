@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tools.results import __main__ as command
 from tools.results.markers import MARKER, fill_markers, unmarked_numbers
 from tools.results.pages import DOCS, MEASURED_SECTIONS, PAPER_PAGES, page_faults
 from tools.results.result_file import (
@@ -19,10 +20,10 @@ from tools.results.result_file import (
     read_result_file,
     write_result_file,
 )
-from tools.results.studies import STUDIES
+from tools.results.studies import STUDIES, Measured, Study
 
-PLANTED_PAGES = (*PAPER_PAGES, "warning.md", "control.md", "papers/song2016-choices.md", "estimation.md")
-"""Pages in which a wrong number is planted."""
+PLANTED_PAGES = (*PAPER_PAGES, *(page for page in MEASURED_SECTIONS if page != "performance.md"))
+"""Pages in which a wrong number is planted: all but the page that has bounds alone."""
 
 
 @pytest.fixture
@@ -76,7 +77,7 @@ def test_a_number_without_a_marker_is_refused(page: str, docs: Path) -> None:
 
 
 def result(**values: Value) -> ResultFile:
-    return ResultFile("a", "command", 100, 4, "2026-01-01", "0.1.0", True, values)
+    return ResultFile("a", "command", 100, 4, "2026-01-01", "0.1.0", values)
 
 
 def test_a_marker_shows_value_end_factor_and_format() -> None:
@@ -123,6 +124,26 @@ def test_a_result_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     written = replace(result(error=Value(1.0, 0.9, 1.1, 1.2), word=Value(text="0110")), more={"note": "4 seeds"})
     write_result_file(written, tmp_path)
     assert read_result_file("a", tmp_path) == written
+
+
+def test_a_study_that_fails_keeps_its_file_and_the_others_are_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(_: int) -> Measured:
+        raise RuntimeError("no frames")
+
+    studies = {
+        "first": Study("command", fail, 1, 1),
+        "second": Study("command", lambda seeds: Measured({"error": (float(seeds), 0.5, 1.5)}), 2, 1),
+    }
+    monkeypatch.setattr(command, "STUDIES", studies)
+    write_result_file(replace(result(error=Value(7.0)), name="first"), tmp_path)
+    assert command.measure_all(["first", "second"], tmp_path) == [
+        "first: not measured, its file is as it was: no frames"
+    ]
+    assert read_result_file("first", tmp_path).values["error"].value == 7.0
+    assert read_result_file("second", tmp_path).values["error"] == Value(2.0, 0.5, 1.5, 1.0)
+    assert "RuntimeError" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["true-states"])

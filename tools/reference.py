@@ -19,6 +19,8 @@ from cwcli.errors import EXIT_CODES
 from cwcli.registry import hide_plugins
 
 ROOT = Path(__file__).parents[1]
+README_TABLES = ("1-sigma errors", "Warnings (rule")
+"""Beginnings of the tables of `cwcli run --details` that the README shows."""
 README_WIDTH = 124
 
 HEADER = """# Commands
@@ -75,37 +77,44 @@ def _section(title: str, command: Any, name: str) -> str:
 
 def readme() -> str:
     """README.md with the output of `cwcli info` in its session, and the exit codes, as they are now."""
-    import contextlib
-    import io
     import textwrap
 
-    from cwcli.cli.main import run_command_line
     from cwcli.cli.root_help import EXIT_CODES_TEXT
 
-    arguments = ["info", "sample_logs/intersection.mcap"]
-    printed = io.StringIO()
-    with contextlib.chdir(ROOT), contextlib.redirect_stdout(printed):
-        run_command_line(arguments)
-    lines = [f"$ cwcli {' '.join(arguments)}", *printed.getvalue().rstrip().splitlines()]
-    block = "\n".join(f"    {line}".rstrip() for line in lines)
-    text = replace_marked_block((ROOT / "README.md").read_text(encoding="utf-8"), "info", block)
-    text = replace_marked_block(text, "digest", _digest_session())
+    log = "sample_logs/intersection.mcap"
+    text = replace_marked_block((ROOT / "README.md").read_text(encoding="utf-8"), "info", _session(["info", log]))
+    text = replace_marked_block(text, "digest", _session(["run", log]))
+    text = replace_marked_block(text, "details", _detail_tables())
     return replace_marked_block(text, "exit codes", textwrap.fill(f"{EXIT_CODES_TEXT}.", README_WIDTH))
 
 
-def _digest_session() -> str:
-    """A run on a bundled log and the digest that it prints."""
+def _printed(arguments: list[str]) -> str:
+    """Return what a command prints on standard output."""
     import contextlib
     import io
 
     from cwcli.cli.main import run_command_line
 
-    arguments = ["run", "sample_logs/intersection.mcap"]
     printed = io.StringIO()
     with contextlib.chdir(ROOT), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
         run_command_line(arguments)
-    lines = [f"$ cwcli {' '.join(arguments)}", *printed.getvalue().rstrip().splitlines()]
-    return "\n".join(f"    {line}".rstrip() for line in lines)
+    return printed.getvalue().rstrip()
+
+
+def _indented(text: str) -> str:
+    """Return text as a code block of Markdown."""
+    return "\n".join(f"    {line}".rstrip() for line in text.splitlines())
+
+
+def _session(arguments: list[str]) -> str:
+    """Return a command and what it prints, as a code block."""
+    return _indented(f"$ cwcli {' '.join(arguments)}\n{_printed(arguments)}")
+
+
+def _detail_tables() -> str:
+    """Return the tables of `cwcli run --details` that the README shows, as a code block."""
+    tables = _printed(["run", "sample_logs/intersection.mcap", "--details"]).split("\n\n")
+    return _indented("\n\n".join(next(t for t in tables if t.startswith(title)) for title in README_TABLES))
 
 
 def pages() -> dict[Path, str]:

@@ -56,51 +56,16 @@ threshold; values beyond 30 are cut off. `python -m tests.studies.measure_pictur
 
 ![Measures over time before a vehicle that stands behind a curve](images/measures-stopped-behind-curve.png)
 
-## Probabilities against samples
+## What the measures are tested against
 
-Probability of contact (`cwcli/measures/collision_probability.py`) along random paths of the default model against
-10^6 samples, 200 encounters (`python -m tests.studies.collision_probability`, `--every 2` for points each 0.1 s), and
-CPI and P_MC (`python -m tests.studies.sampled_measures`):
-
-| what | largest difference | root mean square |
-|---|---|---|
-| probability of contact, points each 0.05 s | 0.0031 | 0.0007 |
-| probability of contact, points each 0.1 s, as in `warn` | 0.0032 | 0.0008 |
-| P_MC | 0.0034 | |
-| CPI | 0.0003 | |
-
-`p-contact` takes the same sum. Samples of the states' errors differ from it by less than 0.03 in 32 encounters (the
-largest difference is 0.023); the root mean square of each eight is below 0.01
-(`tests/unit/measures/test_p_contact.py`).
-
-## The careful drivers against the European Commission's
-
-`cwcli measure` drives each conflict again with the driver models of UN R157 and its study
-(`cwcli/control/driver_models.py`). Crashes in the grids of JRC-FSM (ec-jrc/JRC-FSM), in brackets the reference's where
-they differ:
-
-| grid | cases | careful human | UN R157 | RSS | fuzzy |
-|---|---|---|---|---|---|
-| cut-in, low speed | 15,930 | 3728 | 2252 | 880 | 901 |
-| cut-in, high speed | 14,040 | 3555 (3552) | 2869 | 1491 | 1649 |
-| car following | 1,121 | 0 | | 21 | 3 (0) |
-| cut-out | 5,850 | 848 | | 936 | 980 |
-
-The differences are cases that a billionth of a metre or the last bit decides. 400 random cut-ins end as in a
-second implementation (`tests/unit/control/test_preventability.py`).
-
-## Speed
-
-Processor time by `python tests/bench/bench_measures.py`, on two virtual cores, one of them busy with other work. The
-first two miss their limits:
-
-| what | measured | limit |
-|---|---|---|
-| 36 measures, all that are quick, of a pair and step | 3.8 us | 3 us |
-| TTC of a pair and step | 0.35 us | 0.3 us |
-| TTB, TTK, TTS on a collision course, a step | 11 us | 50 us |
-| `cwcli measure` of 20 cars, ten minutes at 20 Hz | 3.9 s | 5 s |
-| its peak memory | 380 MB | 400 MB |
+- **Probabilities against samples.** Probability of contact along random paths differs by less than 0.005 from a million
+  samples (`python -m tests.studies.collision_probability` fails otherwise), and so do CPI and P_MC
+  (`python -m tests.studies.sampled_measures`). Samples of the states' errors differ from `p-contact` by less than 0.03
+  (`tests/unit/measures/test_p_contact.py`).
+- **Careful drivers.** `cwcli measure` drives each conflict again with the driver models of UN R157 and its study
+  (`cwcli/control/driver_models.py`). The cases in the grids of JRC-FSM (ec-jrc/JRC-FSM) end as there, but for
+  a few that the last bit decides (`tests/unit/control/test_preventability.py`).
+- **Speed.** `python tests/bench/bench_measures.py` measures it, and fails where its limits are missed.
 
 ## Differences from other tools
 
@@ -109,9 +74,8 @@ CriMe's published values: those that cwcli reproduces, and the others with the r
 
 {crime}
 
-In a log of SUMO in which one vehicle follows another to a stop, 98 of 106 values of TTC below 40 s agree within 0.02 s,
-the others within 0.089 s, the rounding of the log (`tests/unit/measures/test_sumo_vectors.py`). All of DRAC and MDRAC
-agree within 0.01 m/s^2.
+In a log of SUMO in which one vehicle follows another to a stop, TTC below 40 s agrees within the rounding of the log,
+DRAC and MDRAC within 0.01 m/s^2 (`tests/unit/measures/test_sumo_vectors.py`).
 
 SUMO's device `ssm` (1.28) measures along lanes, between bumpers. In one lane TTC, DRAC and MDRAC agree within 0.02 s,
 0.01 and 0.01 m/s^2 (five scenes). At crossings with a right angle TTC, PET and PPET agree within 0.02, 0.1 and 0.1 s

@@ -109,6 +109,14 @@ def load_expectations(paper: str) -> PaperExpectations:
     return parse_expectations(tomllib.loads(text))
 
 
+def printed_number(paper: str, figure: str, what: str) -> float:
+    """Return the number that a paper prints, NaN where it prints none or a range."""
+    row = load_expectations(paper).figures[figure].expectation_by_number[what]
+    if row.paper_range is None or row.paper_range[0] != row.paper_range[1]:
+        return math.nan
+    return row.paper_range[0]
+
+
 def parse_expectations(document: Mapping[str, Any]) -> PaperExpectations:
     """Parse a document of expectations and check it.
 

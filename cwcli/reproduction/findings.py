@@ -21,12 +21,16 @@ BOOTSTRAP_SEED = 2016
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a plot, x and y of shape (k,); a dot at `dot_x` if that is finite (a warning)."""
+    """One line of a plot, x and y of shape (k,).
+
+    A dot at `dot_x` if that is finite (a warning), and an open diamond at `printed_x`, where the paper has the dot.
+    """
 
     label: str
     x: FloatArray
     y: FloatArray
     dot_x: float = math.nan
+    printed_x: float = math.nan
     is_points: bool = False
 
 
@@ -43,6 +47,7 @@ class Plot:
         x_range, y_range: What is shown; None: everything.
         image: A grey picture under the curves, shape (height, width); then x is its column and y its row from below.
         is_map: Both axes have the same scale.
+        detail: x and y range that are drawn again, enlarged, where curves are near each other; None: nothing.
     """
 
     figure: str
@@ -56,6 +61,7 @@ class Plot:
     y_range: tuple[float, float] | None = None
     image: npt.NDArray[np.uint8] | None = None
     is_map: bool = False
+    detail: tuple[tuple[float, float], tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True)

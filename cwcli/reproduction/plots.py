@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from cwcli.errors import UsageError, install_hint
 from cwcli.output import AtomicGroup, write_file
-from cwcli.reproduction.findings import Plot
+from cwcli.reproduction.findings import Curve, Plot
 
 PLOT_FORMATS = ("png", "svg")
 """File formats of the plots."""
@@ -61,9 +62,9 @@ def write_plots(
 CURVE_STYLES: dict[str, dict[str, Any]] = {
     "left": {"color": "tab:orange", "linewidth": 1.6},
     "right": {"color": "tab:cyan", "linewidth": 1.6},
-    "true": {"color": "black"},
+    "true": {"color": "black", "linewidth": 3.0, "zorder": 1.9},
     "path": {"color": "yellow", "linewidth": 1.8},
-    "actual": {"color": "black"},
+    "actual": {"color": "black", "linewidth": 3.0, "zorder": 1.9},
     "measured": {"color": "0.75", "linewidth": 0.7},
     "our smoother": {"color": "tab:purple"},
     "our filter": {"color": "tab:red"},
@@ -72,6 +73,7 @@ CURVE_STYLES: dict[str, dict[str, Any]] = {
     "constant acceleration": {"color": "tab:orange"},
     "constant jerk": {"color": "tab:green"},
     "our default": {"color": "tab:red", "linestyle": "--"},
+    "detected": {"zorder": 1.8},
     "printed sigma, +-0.15 m": {"color": "black", "linestyle": ":"},
     "printed sigma, +-0.1 m/s": {"color": "black", "linestyle": ":"},
     "car, yaw rate": {"color": "black"},
@@ -81,7 +83,15 @@ CURVE_STYLES: dict[str, dict[str, Any]] = {
     "cwcli, yaw rate": {"color": "tab:red", "linestyle": "--"},
     "cwcli, v_y": {"color": "tab:orange", "linestyle": "--"},
 }
-"""Label of a curve -> its style in every figure; ours is dashed where it may cover the paper's."""
+"""Label of a curve -> its style in every figure; ours is dashed where it may cover the paper's, and what is true lies
+broad under what is estimated."""
+DETAIL_PLACE = (0.5, 0.45, 0.48, 0.5)
+"""Left, bottom, width and height of a detail, as shares of the plot: the upper right, where distances under control
+leave room. Chosen by hand."""
+MARK_COLOURS = ("black", "tab:purple")
+"""Colours of the vertical lines: ours, the paper's."""
+MAX_TITLE_CHARACTERS = 72
+"""Characters of a title's line that fit above the plot. Chosen by hand."""
 LONG_LABEL_CHARACTERS = 15
 """Labels from this length on, in characters, leave room for three columns in the legend instead of five.
 Chosen by hand; not fitted."""
@@ -98,7 +108,6 @@ def _draw_and_write_plot(
     """Draw a plot and write it as a file."""
     import io
 
-    import numpy as np
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
@@ -109,14 +118,9 @@ def _draw_and_write_plot(
     if plot.is_map:
         axes.set_aspect("equal")
     for curve in plot.curves:
-        style: dict[str, Any] = {"linewidth": 1.2, **CURVE_STYLES.get(curve.label, {})}
-        if curve.is_points:
-            style |= {"linestyle": "", "marker": "o", "markersize": 3.0}
-        (line,) = axes.plot(curve.x, curve.y, label=curve.label, **style)
-        if np.isfinite(curve.dot_x):
-            axes.plot(curve.dot_x, np.interp(curve.dot_x, curve.x, curve.y), "o", color=line.get_color(), markersize=5)
-    for label, x in plot.marks.items():
-        axes.axvline(x, color="black", linestyle=":", linewidth=1.0, label=label)
+        _draw_curve(axes, curve, plot.level)
+    for (label, x), colour in zip(plot.marks.items(), MARK_COLOURS, strict=False):
+        axes.axvline(x, color=colour, linestyle=":", linewidth=1.2, label=label)
     if plot.level is not None:
         label, y = plot.level
         axes.axhline(y, color="black", linestyle="-.", linewidth=0.8, label=label)
@@ -124,7 +128,8 @@ def _draw_and_write_plot(
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
         half = 0.5 * max(high - low, MIN_MAP_HEIGHT_SHARE * (right - left))
         axes.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)
-    axes.set_title(f"{paper} {plot.figure}. {plot.title}", fontsize="medium")
+    title = textwrap.fill(f"{paper} {plot.figure}. {plot.title}", MAX_TITLE_CHARACTERS)
+    axes.set_title(title, fontsize="medium")
     axes.set_xlabel(plot.x_label)
     axes.set_ylabel(plot.y_label)
     if plot.x_range is not None:
@@ -133,6 +138,8 @@ def _draw_and_write_plot(
         axes.set_ylim(plot.y_range)
     if plot.image is None:
         axes.grid(alpha=0.3)
+    if plot.detail is not None:
+        _draw_detail(axes, plot.detail)
     labels = axes.get_legend_handles_labels()[1]
     columns = 5 if max(map(len, labels), default=0) < LONG_LABEL_CHARACTERS else 3
     figure.legend(loc="outside lower center", ncols=max(min(len(labels), columns), 1), fontsize="small")
@@ -143,6 +150,30 @@ def _draw_and_write_plot(
     path = folder / f"{plot.figure.replace(' ', '-')}.{file_format}"
     write_file(path, memoryview(data), force=force, together=together)
     return str(path)
+
+
+def _draw_curve(axes: Any, curve: Curve, level: tuple[str, float] | None) -> None:
+    """Draw a curve with its dot, and an open diamond on the level where the paper has the dot."""
+    import numpy as np
+
+    style: dict[str, Any] = {"linewidth": 1.2, **CURVE_STYLES.get(curve.label, {})}
+    if curve.is_points:
+        style |= {"linestyle": "", "marker": "o", "markersize": 3.0}
+    (line,) = axes.plot(curve.x, curve.y, label=curve.label, **style)
+    if np.isfinite(curve.dot_x):
+        axes.plot(curve.dot_x, np.interp(curve.dot_x, curve.x, curve.y), "o", color=line.get_color(), markersize=5)
+    if np.isfinite(curve.printed_x) and level is not None:
+        axes.plot(curve.printed_x, level[1], "D", color=line.get_color(), fillstyle="none", markersize=7)
+
+
+def _draw_detail(axes: Any, detail: tuple[tuple[float, float], tuple[float, float]]) -> None:
+    """Draw the lines of the axes again in a part of them, enlarged."""
+    inset = axes.inset_axes(DETAIL_PLACE, xlim=detail[0], ylim=detail[1])
+    for line in axes.get_lines():
+        inset.plot(*line.get_data(), color=line.get_color(), linestyle=line.get_linestyle(), linewidth=1.2)
+    inset.grid(alpha=0.3)
+    inset.tick_params(labelsize="small")
+    axes.indicate_inset_zoom(inset)
 
 
 def _reduce_png_palette(png: bytes) -> bytes:

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import datetime
 import math
+import os
 import sys
-import time
+import traceback
+from collections.abc import Iterator
 from pathlib import Path
 
 import cwcli
 from tools.results.pages import DOCS, filled_pages, page_faults
-from tools.results.result_file import ResultFile, Value, faults_of_small_run, read_result_file, write_result_file
+from tools.results.result_file import (
+    RESULTS,
+    ResultFile,
+    Value,
+    faults_of_small_run,
+    read_result_file,
+    write_result_file,
+)
 from tools.results.studies import STUDIES, Measured
 
 
@@ -35,7 +45,6 @@ def measure(name: str, today: str) -> ResultFile:
         study.small_seeds,
         today,
         cwcli.__version__,
-        study.is_checked,
         values,
         whole.more,
     )
@@ -69,14 +78,40 @@ def check_small(names: list[str]) -> list[str]:
     faults = []
     for name in names:
         study = STUDIES[name]
-        if not study.is_checked:
-            continue
-        started = time.perf_counter()
-        found = study.run(study.small_seeds).values
+        with _told_time(name):
+            found = study.run(study.small_seeds).values
         now = {key: each if isinstance(each, str) else each[0] for key, each in found.items()}
         faults += faults_of_small_run(read_result_file(name), now)
-        sys.stderr.write(f"{name}: {time.perf_counter() - started:.0f} s\n")
     return faults
+
+
+def measure_all(names: list[str], folder: Path = RESULTS) -> list[str]:
+    """Measure the studies and write each result file when its study is done.
+
+    A study that fails leaves its result file as it was, and the others are measured all the same.
+
+    Returns:
+        One sentence for each study that failed.
+    """
+    today = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
+    failures = []
+    for name in names:
+        try:
+            with _told_time(name):
+                write_result_file(measure(name, today), folder)
+        except Exception as error:  # whatever a study raises: the next ones are still measured
+            traceback.print_exc()
+            failures.append(f"{name}: not measured, its file is as it was: {error}")
+    return failures
+
+
+@contextlib.contextmanager
+def _told_time(name: str) -> Iterator[None]:
+    """Print the processor time of a study, that of its processes included."""
+    before = os.times()
+    yield
+    after = os.times()
+    sys.stderr.write(f"{name}: {sum(after[:4]) - sum(before[:4]):.0f} s of processor time\n")
 
 
 def main() -> int:
@@ -87,21 +122,19 @@ def main() -> int:
     parser.add_argument("--fill", action="store_true", help="fill the pages from the result files, and run nothing")
     parser.add_argument("--only", action="append", choices=list(STUDIES), help="this study alone; repeatable")
     arguments = parser.parse_args()
-    names = arguments.only or list(STUDIES)
+    names = [name for name in arguments.only or STUDIES if STUDIES[name].can_run]
+    for name in sorted(set(arguments.only or STUDIES) - set(names)):
+        sys.stderr.write(f"{name}: not run, the development logs are not at hand\n")
     if arguments.check:
         faults = page_faults() + (check_small(names) if arguments.small else [])
         sys.stderr.writelines(f"{fault}\n" for fault in faults)
         sys.stderr.write(f"{len(faults)} numbers differ\n" if faults else "all numbers hold\n")
         return 1 if faults else 0
-    if not arguments.fill:
-        today = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
-        for name in names:
-            started = time.perf_counter()
-            target = write_result_file(measure(name, today))
-            sys.stderr.write(f"{target}: {time.perf_counter() - started:.0f} s\n")
+    failures = [] if arguments.fill else measure_all(names)
     for path, text in filled_pages().items():
         Path(path).write_text(text, encoding="utf-8")
-    return 0
+    sys.stderr.writelines(f"{failure}\n" for failure in failures)
+    return 1 if failures else 0
 
 
 if __name__ == "__main__":

@@ -17,11 +17,16 @@ MEASURED_SECTIONS: dict[str, tuple[str, ...]] = {
     "conformance.md": ("Over many seeds",),
     "control.md": ("Measured",),
     "estimation.md": ("Accuracy of latencies",),
+    "lanes.md": ("Accuracy",),
+    "observer.md": ("Accuracy on rendered drives",),
     "papers/song2016-choices.md": ("Table 1", "Figure 7", "Figures 9 and 11", "Traps", "Figures 12 to 15"),
     "papers/xiang2019-filter.md": ("The paper's tracker on a log",),
     "papers/zhang2011-lanes.md": ("Results",),
     "papers/zhang2011-motion.md": ("Figures 14 to 16", "Figures 17 to 19"),
     "performance.md": (),
+    "prediction.md": ("On real logs",),
+    "tracking.md": ("Measured",),
+    "tutorial.md": ("6. A lane departure", "7. A walking target"),
     "warning.md": ("Measured",),
 }
 """Page written by hand -> the headings of its measured sections; none: the whole page is measured."""

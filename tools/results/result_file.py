@@ -48,7 +48,6 @@ class ResultFile:
         seeds, small_seeds: Numbers of seeds of the whole and of the small set; 0 where nothing is random.
         date: When it was measured.
         version: Of cwcli.
-        is_checked: False: timings, which no check runs again.
         values: By key.
         more: What a page needs besides numbers.
     """
@@ -59,7 +58,6 @@ class ResultFile:
     small_seeds: int
     date: str
     version: str
-    is_checked: bool
     values: Mapping[str, Value]
     more: Mapping[str, Any] = field(default_factory=dict)
 

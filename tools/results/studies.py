@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tools.results import page_studies
 from tools.results.conformance import SEEDS_BY_CLAUSE, run_clause_over_seeds, values_of_runs
+from tools.results.page_studies import DEVELOPMENT_LOGS, NOT_RANDOM, Numbers, call_cwcli
 from tools.results.papers import more_of_reproduction, values_of_reproduction
-
-ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True)
@@ -43,18 +40,19 @@ class Study:
         command: What a reader runs to get the same numbers.
         run: Runs it with a number of seeds.
         seeds, small_seeds: Of the whole run and of the small one; equal where nothing is random.
-        is_checked: False: timings, which no check runs again.
+        needs_logs: It reads the development logs, which are not part of the repository.
     """
 
     command: str
     run: Callable[[int], Measured]
     seeds: int
     small_seeds: int
-    is_checked: bool = True
+    needs_logs: bool = False
 
-
-NOT_RANDOM = (float("nan"), float("nan"))
-"""The interval of a number in which nothing is random."""
+    @property
+    def can_run(self) -> bool:
+        """Whether the logs that it needs are at hand."""
+        return not self.needs_logs or DEVELOPMENT_LOGS.is_dir()
 
 
 def _run_song2016(seeds: int) -> Measured:
@@ -110,16 +108,16 @@ SENSOR_TRANSPORT_S = 0.005
 
 def _run_bundled(_: int) -> Measured:
     """Lead times of `cwcli run`, and least distances of `cwcli control`, on the bundled scenarios with seed 1."""
-    values: dict[str, tuple[float, float, float] | str] = {}
+    values: Numbers = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in BUNDLED_CONFLICTS:
-            _cwcli(folder, "simulate", name, "--seed", "1", "-o", f"{name}.mcap")
-            printed = _cwcli(folder, "run", f"{name}.mcap", "--json")
+            call_cwcli(folder, "simulate", name, "--seed", "1", "-o", f"{name}.mcap")
+            printed = call_cwcli(folder, "run", f"{name}.mcap", "--json")
             (event,) = json.loads(printed)["stages"]["warn"]["sections"]["events"]
             values[f"{name}: lead time, known"] = (event["lead_s"], *NOT_RANDOM)
             values[f"{name}: lead time, stamp"] = (event["lead_s"] + SENSOR_TRANSPORT_S, *NOT_RANDOM)
         for name in ("rear-end", "intersection"):
-            printed = _cwcli(folder, "control", f"{name}.mcap", "--predictor", "cj-cya", "--json")
+            printed = call_cwcli(folder, "control", f"{name}.mcap", "--predictor", "cj-cya", "--json")
             document = json.loads(printed)["stages"]["control"]["sections"]
             values[f"{name}: warning"] = (document["warnings"][0]["at_s"], *NOT_RANDOM)
             for row in document["control"]:
@@ -132,22 +130,14 @@ def _run_bundled(_: int) -> Measured:
 def _run_walking_targets(_: int) -> Measured:
     """The paper's tracker on the logs of xiang2019's four manoeuvres: mean square errors, in m^2."""
     options = "--model cv --filter ukf --gate 1 --no-tune --causal --cartesian-below 0 --targets one --json"
-    values: dict[str, tuple[float, float, float] | str] = {}
+    values: Numbers = {}
     with tempfile.TemporaryDirectory() as folder:
         for name in ("line", "arc", "weave", "turn"):
-            _cwcli(folder, "simulate", f"xiang2019-{name}", "-o", f"{name}.mcap")
-            printed = _cwcli(folder, "track", f"{name}.mcap", *options.split())
+            call_cwcli(folder, "simulate", f"xiang2019-{name}", "-o", f"{name}.mcap")
+            printed = call_cwcli(folder, "track", f"{name}.mcap", *options.split())
             (row,) = json.loads(printed)["stages"]["track"]["sections"]["errors"]
             values |= {f"{name}: {axis}": (row[f"{axis}_m"] ** 2, *NOT_RANDOM) for axis in "xy"}
     return Measured(values)
-
-
-def _cwcli(folder: str, *arguments: str) -> str:
-    """Run cwcli in a folder; returns what it prints."""
-    done = subprocess.run(
-        [sys.executable, "-m", "cwcli", *arguments, "--quiet"], cwd=folder, capture_output=True, text=True, check=True
-    )
-    return done.stdout
 
 
 def _run_clause(name: str, seeds: int) -> Measured:
@@ -159,7 +149,7 @@ def _run_latency(seeds: int) -> Measured:
     from tests.studies.latency import SOURCES, TOLERANCE_S, one_run
 
     runs = [one_run(seed, 300.0) for seed in range(seeds)]
-    values: dict[str, tuple[float, float, float] | str] = {}
+    values: Numbers = {}
     rng = np.random.default_rng(0)
     for source in SOURCES:
         errors, left, sigmas, bounds = (
@@ -186,6 +176,11 @@ def _root_mean_square(values: Any, axis: int | None = None) -> Any:
     return np.sqrt(np.mean(np.square(values), axis=axis))
 
 
+def _measured_by(measure: Callable[[int], Numbers]) -> Callable[[int], Measured]:
+    """Return the run of a study that gives numbers alone."""
+    return lambda seeds: Measured(measure(seeds))
+
+
 def _ends(samples: Any) -> tuple[float, float]:
     """Return the ends of the 95 % interval of bootstrap samples."""
     low, high = np.percentile(samples, [2.5, 97.5])
@@ -205,5 +200,44 @@ STUDIES: dict[str, Study] = {
         f"conform-{name}": Study(f"cwcli conform {name} --seeds {seeds}", partial(_run_clause, name), seeds, 2)
         for name, seeds in SEEDS_BY_CLAUSE.items()
     },
+    "departure": Study(
+        "cwcli simulate departure | cwcli run - --stage lanes,observe,predict-lane,warn-lane",
+        _measured_by(page_studies.measure_departure),
+        1,
+        1,
+    ),
+    "observer": Study(
+        "python -m tests.studies.rendered_motion drives", _measured_by(page_studies.measure_observer_drives), 8, 1
+    ),
+    "lane-drives": Study(
+        "python -m tests.studies.lane_drives --seeds 200-201", _measured_by(page_studies.measure_lane_drives), 2, 1
+    ),
+    "crossing-targets": Study(
+        "python tests/bench/bench_tracking.py --seeds 100",
+        _measured_by(page_studies.measure_crossing_targets),
+        100,
+        10,
+    ),
+    "labelled-lanes": Study(
+        "cwcli lanes tusimple-0313-dev.mcap -o lanes.mcap; cwcli evaluate lanes.mcap",
+        _measured_by(page_studies.measure_labelled_lanes),
+        1,
+        1,
+        needs_logs=True,
+    ),
+    "prediction": Study(
+        "python -m tests.studies.prediction_bounds",
+        _measured_by(page_studies.measure_prediction),
+        1,
+        1,
+        needs_logs=True,
+    ),
+    "tracking": Study(
+        "cwcli track udacity-obj-pose.ros2.mcap --causal",
+        _measured_by(page_studies.measure_tracking),
+        1,
+        1,
+        needs_logs=True,
+    ),
 }
 """Name of a result file -> its study."""

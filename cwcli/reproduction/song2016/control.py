@@ -29,6 +29,9 @@ LARGEST_DISTANCE_CLAIMS = {
     "intersection": "the yaw-acceleration model keeps the largest distance",
 }
 """Scenario -> what the paper says of the largest distance (figures 12 and 14)."""
+DETAIL_S, DETAIL_SHARE = 0.8, 0.1
+"""Half of the time that is drawn enlarged around the least distance, s, where the least distances differ by less than
+this share of the plot's height. Chosen by hand."""
 METHOD_LABELS = {family: f"constant {family}" for family in MODEL_BY_FAMILY} | {OUR_METHOD: "our default"}
 """Method -> its label in plots."""
 
@@ -98,13 +101,15 @@ def true_recorded_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
 def _control_plots(name: str, outcomes: dict[str, ReplayedRuns], moments: WarningMoments) -> tuple[Plot, ...]:
     """Plot distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
     distance, speed = FIGURES_BY_SCENARIO[name]
-    when = np.column_stack([moments.warned_s_by_method[method] for method in outcomes])
-    seed = typical_seed(when)
+    seed = typical_seed(moments)
     shown = (moments.ideal_s - 1.0, moments.ideal_s + 6.0)
     first = next(iter(outcomes.values()))
     rows = (first.time_s >= shown[0]) & (first.time_s <= shown[1])
     farthest = max(float(outcome.distance_m[seed, rows].max()) for outcome in outcomes.values())
-    dots = dict(zip(outcomes, when[seed].tolist(), strict=True))
+    dots = {method: float(moments.warned_s_by_method[method][seed]) for method in outcomes}
+    least_m = [float(outcome.distance_m[seed].min()) for outcome in outcomes.values()]
+    nearest_s = float(first.time_s[first.distance_m[seed].argmin()])
+    detail = (nearest_s - DETAIL_S, nearest_s + DETAIL_S), (0.95 * min(least_m), 1.1 * max(least_m))
     return (
         Plot(
             distance,
@@ -116,6 +121,7 @@ def _control_plots(name: str, outcomes: dict[str, ReplayedRuns], moments: Warnin
             ("collision", COLLISION_DISTANCE_M),
             shown,
             (0.0, 1.05 * farthest),
+            detail=detail if max(least_m) - min(least_m) < DETAIL_SHARE * farthest else None,
         ),
         Plot(
             speed,

@@ -12,6 +12,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.expectations import printed_number
 from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_with_interval
 from cwcli.reproduction.song2016.methods import (
     MODEL_BY_FAMILY,
@@ -139,6 +140,10 @@ def horizon_part(errors: PredictionErrors) -> StudyPart:
         "time of the prediction [s]",
         "error [m]",
         [Curve(f"{h:g} s", time_s, error_m) for h, (time_s, error_m) in errors.horizon_example_m.items()],
+        level=(
+            "printed maximum, 2.9 s",
+            printed_number("song2016", "fig 7", "straight: largest error of constant jerk, 2.9 s ahead"),
+        ),
     )
     return StudyPart(tuple(measured), (plot,))
 

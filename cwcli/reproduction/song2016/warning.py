@@ -12,6 +12,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.intervals import poisson_interval
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.expectations import printed_number
 from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_with_interval
 from cwcli.reproduction.song2016.methods import (
     MODEL_BY_FAMILY,
@@ -151,17 +152,26 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
     )
     found = median_with_interval(moments.warned_s_by_method[OUR_METHOD_ON_V2X])
     measured.append(MeasuredNumber(figure, f"{name}: warning, our default over the V2X link, median", *found))
-    seed = typical_seed(np.column_stack([moments.warned_s_by_method[family] for family in MODEL_BY_FAMILY]))
+    seed = typical_seed(moments)
     plot = Plot(
         figure,
-        f"{name}: distance predicted {PREDICTION_HORIZON_S:g} s ahead, warnings as dots (seed {seed})",
+        f"{name}: distance predicted {PREDICTION_HORIZON_S:g} s ahead; dots: warnings (seed {seed}), diamonds: printed",
         "time [s]",
         "predicted distance [m]",
         [
-            Curve(f"constant {family}", moments.time_s, values[seed], float(moments.warned_s_by_method[family][seed]))
+            Curve(
+                f"constant {family}",
+                moments.time_s,
+                values[seed],
+                float(moments.warned_s_by_method[family][seed]),
+                printed_number("song2016", figure, f"{name}: warning, constant {family}, median"),
+            )
             for family, values in moments.distance_m.items()
         ],
-        {"ideal moment": moments.ideal_s},
+        {
+            "ideal moment": moments.ideal_s,
+            "ideal moment, printed": printed_number("song2016", figure, "ideal moment"),
+        },
         ("collision", COLLISION_CENTRE_DISTANCE_M),
         x_range=(moments.ideal_s - 2.5, moments.ideal_s + 2.5),
         y_range=(0.0, 30.0),
@@ -169,8 +179,9 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
     return StudyPart(tuple(measured), (plot, _paths_from_above_plot(name, moments)))
 
 
-def typical_seed(when_s: FloatArray) -> int:
-    """Return the seed (row) in which all methods (columns) warn and are nearest to their medians; else 0."""
+def typical_seed(moments: WarningMoments) -> int:
+    """Return the seed in which all families and our default warn and are nearest to their medians; else 0."""
+    when_s = np.column_stack([moments.warned_s_by_method[method] for method in (*MODEL_BY_FAMILY, OUR_METHOD)])
     everywhere = np.isfinite(when_s).all(axis=1)
     if not everywhere.any():
         return 0
