@@ -230,7 +230,7 @@ BAD: dict[str, tuple[bytes, type[CwcliError], str]] = {
     "zip that is cut": (b"PK\x03\x04" + b"\0" * 60, InputError, "damaged"),
     "parquet that is cut": (b"PAR1" + b"\0" * 60, InputError, "damaged"),
     "ubx without solutions": (b"\xb5\x62\x01\x07" + b"\0" * 60, DataError, "NAV-PVT"),
-    "nmea without a sound sentence": (b"$GPGGA,1,2,3*00\r\n" * 9, DataError, "no sentence has a time"),
+    "nmea without a sound sentence": (b"$GPGGA,1,2,3*00\r\n" * 9, DataError, "no sentence can be used"),
 }
 
 
