@@ -3,9 +3,9 @@
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
 docs/digest.md, docs/evaluation.md, docs/find.md, docs/lanes.md, docs/prediction.md, docs/signals.md and
 docs/warning.md, the tables of keys in docs/scenarios.md, of data elements in docs/v2x.md and of bounds in
-docs/estimation.md, the output of `cwcli info` and `cwcli run` and the exit codes in README.md, the map in
-CONTRIBUTING.md, and the numbers of the measured pages (`tools.results`). Installed plug-ins of other packages are left
-out: the pages are about cwcli.
+docs/estimation.md, the output of `cwcli info` in docs/recordings.md, that of `cwcli run` and the exit codes in
+README.md, the map in CONTRIBUTING.md, and the numbers of the measured pages (`tools.results`). Installed plug-ins of
+other packages are left out: the pages are about cwcli.
 """
 
 from __future__ import annotations
@@ -74,13 +74,21 @@ def _section(title: str, command: Any, name: str) -> str:
 
 
 def readme() -> str:
-    """README.md with the output of `cwcli info` in its session, and the exit codes, as they are now."""
-    import contextlib
-    import io
+    """README.md with the digest of a run in its session, and the exit codes, as they are now."""
     import textwrap
 
-    from cwcli.cli.main import run_command_line
     from cwcli.cli.root_help import EXIT_CODES_TEXT
+
+    text = replace_marked_block((ROOT / "README.md").read_text(encoding="utf-8"), "digest", _digest_session())
+    return replace_marked_block(text, "exit codes", textwrap.fill(f"{EXIT_CODES_TEXT}.", README_WIDTH))
+
+
+def recordings_page(text: str) -> str:
+    """Return docs/recordings.md with the output of `cwcli info` as it is now."""
+    import contextlib
+    import io
+
+    from cwcli.cli.main import run_command_line
 
     arguments = ["info", "sample_logs/intersection.mcap"]
     printed = io.StringIO()
@@ -88,9 +96,7 @@ def readme() -> str:
         run_command_line(arguments)
     lines = [f"$ cwcli {' '.join(arguments)}", *printed.getvalue().rstrip().splitlines()]
     block = "\n".join(f"    {line}".rstrip() for line in lines)
-    text = replace_marked_block((ROOT / "README.md").read_text(encoding="utf-8"), "info", block)
-    text = replace_marked_block(text, "digest", _digest_session())
-    return replace_marked_block(text, "exit codes", textwrap.fill(f"{EXIT_CODES_TEXT}.", README_WIDTH))
+    return replace_marked_block(text, "info", block)
 
 
 def _digest_session() -> str:
@@ -138,6 +144,7 @@ def _pages() -> dict[Path, str]:
         "evaluation.md": evaluation_page,
         "lanes.md": lanes_page,
         "prediction.md": prediction_page,
+        "recordings.md": recordings_page,
         "scenarios.md": scenario_page,
         "signals.md": signals_page,
         "v2x.md": v2x_page,
