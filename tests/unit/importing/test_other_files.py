@@ -30,3 +30,14 @@ def test_file_is_refused_with_its_question(name: str, tmp_path: Path) -> None:
     with pytest.raises(CwcliError, match=case.asks) as found:
         plan_import([str(path) for path in case.make(tmp_path)], Answers())
     assert found.value.hint
+
+
+def test_rows_at_the_origin_of_the_globe_are_no_fixes(tmp_path: Path) -> None:
+    """Loggers write 0, 0 while the receiver has no fix."""
+    rows = [f"{1_700_000_000 + k},{0 if k < 5 else 48 + k * 1e-4},{0 if k < 5 else 11}" for k in range(30)]
+    (tmp_path / "a.csv").write_text("\n".join(["time,lat,lon", *rows]))
+    plan = plan_import([str(tmp_path / "a.csv")], Answers())
+    assert [(topic, n) for topic, _, n, _ in plan.topics] == [("/gps/fix", 25)]
+    (tmp_path / "b.csv").write_text("\n".join(["time,lat,lon", *rows[:5]]))
+    with pytest.raises(CwcliError, match="no row has a position"):
+        plan_import([str(tmp_path / "b.csv")], Answers())

@@ -214,7 +214,7 @@ BAD: dict[str, tuple[bytes, type[CwcliError], str]] = {
     "empty": (b"", InputError, "it is empty"),
     "blank lines": (b"\n\n\n", InputError, "it is empty"),
     "names alone": (b"time,lat,lon\n", InputError, "no rows"),
-    "one row": (b"time,lat,lon\n1700000000,48.1,11.5\n", DataError, "1 rows with a time"),
+    "one row": (b"time,lat,lon\n1700000000,48.1,11.5\n", DataError, "1 row with a time"),
     "no text": (bytes(range(256)) * 40, InputError, "no text"),
     "decimal commas between commas": (b"time,lat,lon\n" + b"0,1,48,1,11,5\n" * 9, DataError, "decimal commas"),
     "comma and point": (
