@@ -366,7 +366,9 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
     if len(rows) < table.n_rows:
         notes.append(f"{table.n_rows - len(rows)} rows without a time are left out")
     if len(stamps) < 2:
-        raise DataError(f"it has {format_count(len(stamps), 'row')} with a time", where=where, hint="a log needs at least two")
+        raise DataError(
+            f"it has {format_count(len(stamps), 'row')} with a time", where=where, hint="a log needs at least two"
+        )
     if stamps.min() < 0:
         notes.append("times before 0 are moved, so that the first stamp is 0")
         stamps = stamps - stamps.min()
