@@ -33,7 +33,7 @@ def _split_into_word_set(text: str) -> frozenset[str]:
 
 
 _RECEIVER = _split_into_word_set(
-    "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx"
+    "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx osd"
 )
 _CAR = _split_into_word_set(
     "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
@@ -41,6 +41,7 @@ _CAR = _split_into_word_set(
 _TIME_BESIDE = _split_into_word_set(
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
     "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date "
+    "fly flight osd "
     "marca de step"
 )
 _PLACE_BESIDE = _split_into_word_set("pos position local map utm enu global world vehicle veh ego car")
@@ -100,7 +101,7 @@ QUANTITIES: dict[str, Quantity] = {
             "speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad velocidade velocità "
             "velocita snelheid hastighet hastighed prędkość rychlost"
         ),
-        _RECEIVER | _CAR | _split_into_word_set("over ground 2d horizontal horiz forward longitudinal long linear"),
+        _RECEIVER | _CAR | _split_into_word_set("over ground 2d horizontal horiz h forward longitudinal long linear"),
     ),
     "velocity_east": Quantity("speed", _split_into_word_set("vele ve veast"), _RECEIVER),
     "velocity_north": Quantity("speed", _split_into_word_set("veln vn vnorth"), _RECEIVER),

@@ -70,6 +70,7 @@ _SPELLINGS: dict[str, tuple[tuple[str, str], ...]] = {
     "rad": (("place", "rad"), ("angle", "rad")),
     "radian": (("place", "rad"), ("angle", "rad")),
     "radians": (("place", "rad"), ("angle", "rad")),
+    "e6": (("place", "1e-6deg"),),
     "e7": (("place", "1e-7deg"),),
     "1e7": (("place", "1e-7deg"),),
     "dege7": (("place", "1e-7deg"),),

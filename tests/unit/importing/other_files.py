@@ -360,6 +360,17 @@ def ubx_old(folder: Path) -> list[Path]:
     return [folder / "old.ubx"]
 
 
+def fcd_clock(folder: Path) -> list[Path]:
+    """Times of day, as `--human-readable-time` writes them, and a person beside the car."""
+    rows = ["<fcd-export>"]
+    for k in range(N):
+        at = f'x="{D.x_m[k]:.2f}" y="{D.y_m[k]:.2f}" angle="{COURSE[k]}" speed="{D.speed_mps[k]:.2f}"'
+        rows.append(f'<timestep time="00:{int(D.t_s[k] // 60):02d}:{D.t_s[k] % 60:05.2f}"><vehicle id="ego" {at}/><person id="p" x="1" y="2" angle="0" speed="1"/></timestep>')
+    (folder / "fcd.xml").write_text("\n".join([*rows, "</fcd-export>"]))
+    return [folder / "fcd.xml"]
+
+
+
 OTHER_CASES = TABLE_CASES | {
     "nmea-mixed": OtherCase(nmea_mixed, P | V | {"heading": 0.01}),
     "nmea-logger": OtherCase(nmea_logger, P | V),
@@ -375,6 +386,7 @@ OTHER_CASES = TABLE_CASES | {
     "candump-extended": OtherCase(candump_extended, R | {"gyro": 0.01}),
     "asc-hex-relative": OtherCase(lambda f: asc_text(f, "hex", True), R | {"gyro": 0.01}, 0),
     "asc-dec": OtherCase(lambda f: asc_text(f, "dec", False), R | {"gyro": 0.01}, 0),
+    "fcd-clock": OtherCase(fcd_clock, {"fix": 1e9} | R | {"heading": 0.02}, 0),
     "fcd-geo": OtherCase(fcd_geo, P | R | {"heading": 0.01}, 0),
     "parquet-berlin": OtherCase(parquet_berlin, P | R),
     "parquet-naive": OtherCase(parquet_naive, {}, asks="zone"),

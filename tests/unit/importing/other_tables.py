@@ -345,6 +345,16 @@ def two_headers(folder: Path) -> list[Path]:
     (folder / "twice.csv").write_text("\n".join(",".join(row) for row in [head, *rows[:45], head, *rows[45:]]) + "\n")
     return [folder / "twice.csv"]
 
+def dji(folder: Path) -> list[Path]:
+    head = "CUSTOM.date [local],CUSTOM.updateTime [local],OSD.flyTime [s],OSD.latitude,OSD.longitude,OSD.height [ft],OSD.hSpeed [MPH],OSD.yaw"
+    local = (stamps("%m/%d/%Y", hours=1), stamps("%I:%M:%S.%f %p", hours=1))
+    return table(folder, "flight.csv", head, [*local, digits(D.t_s, 1), LAT, LON, FILL, digits(D.speed_mps * MPH, 2), COURSE])
+
+
+def micro_degrees(folder: Path) -> list[Path]:
+    return table(folder, "e6.csv", "ts,latE6,lonE6", [[str(s // 1000) for s in D.stamp_ns.tolist()], digits(D.lat_deg * 1e6, 0), digits(D.lon_deg * 1e6, 0)])
+
+
 
 TABLE_CASES = {
     "torque": OtherCase(torque, P | {"velocity": 0.3}),
@@ -388,4 +398,6 @@ TABLE_CASES = {
     "carmaker": OtherCase(carmaker, {"yaw_rate": 0.01} | R, 0),
     "rtklib": OtherCase(rtklib, {}, asks="RTKLIB"),
     "two-headers": OtherCase(two_headers, P | R),
+    "dji": OtherCase(dji, P | R | {"heading": 0.01}, 0),
+    "micro-degrees": OtherCase(micro_degrees, P),
 }
