@@ -69,15 +69,24 @@ def finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+HOURS_SHOWN_BELOW = 48
+"""Duration in hours from which days are shown; chosen: nobody divides more hours by 24."""
+DAYS_PER_YEAR = 365.25
+"""Mean length of a Julian year in days."""
+
+
 def format_duration(seconds: float) -> str:
-    """Format a duration: `12.3 s`, `4 min 5 s` or `1 h 2 min 3 s`."""
+    """Format a duration: `12.3 s`, `4 min 5 s`, `1 h 2 min 3 s`, `9.1 days` or `46.8 years`."""
     if seconds < 120:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
     if minutes < 60:
         return f"{minutes} min {rest} s"
     hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min {rest} s"
+    if hours < HOURS_SHOWN_BELOW:
+        return f"{hours} h {minutes} min {rest} s"
+    days = seconds / 86_400.0
+    return f"{days:.1f} days" if days < DAYS_PER_YEAR else f"{days / DAYS_PER_YEAR:,.1f} years"
 
 
 def format_byte_size(n_bytes: int) -> str:

@@ -27,6 +27,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "peers/test_sumo_scenes.py": ("sumo",),
     "peers/test_typescript_reader.py": ("node", "@mcap/core"),
     "peers/test_viewers.py": ("rerun",),
+    "peers/test_without_cwcli.py": ("evo", "pandas"),
     "test_docs_site.py": ("mkdocs",),
     "unit/logs_write/test_packaging.py": ("Cython",),
     "unit/logs_write/test_schemas.py": ("grpc_tools",),

@@ -3,9 +3,9 @@
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
 docs/digest.md, docs/evaluation.md, docs/find.md, docs/lanes.md, docs/prediction.md, docs/signals.md and
 docs/warning.md, the tables of keys in docs/scenarios.md, of data elements in docs/v2x.md and of bounds in
-docs/estimation.md, the output of `cwcli info` and `cwcli run` and the exit codes in README.md, the map in
-CONTRIBUTING.md, and the numbers of the measured pages (`tools.results`). Installed plug-ins of other packages are left
-out: the pages are about cwcli.
+docs/estimation.md, the output of `cwcli info` in docs/recordings.md, that of `cwcli run` and the exit codes in
+README.md, the map in CONTRIBUTING.md, and the numbers of the measured pages (`tools.results`). Installed plug-ins of
+other packages are left out: the pages are about cwcli.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from cwcli.errors import EXIT_CODES
 from cwcli.registry import hide_plugins
 
 ROOT = Path(__file__).parents[1]
-README_TABLES = ("1-sigma errors", "Warnings (rule")
-"""Beginnings of the tables of `cwcli run --details` that the README shows."""
 README_WIDTH = 124
 
 HEADER = """# Commands
@@ -76,16 +74,19 @@ def _section(title: str, command: Any, name: str) -> str:
 
 
 def readme() -> str:
-    """README.md with the output of `cwcli info` in its session, and the exit codes, as they are now."""
+    """README.md with the digest of a run in its session, and the exit codes, as they are now."""
     import textwrap
 
     from cwcli.cli.root_help import EXIT_CODES_TEXT
 
-    log = "sample_logs/intersection.mcap"
-    text = replace_marked_block((ROOT / "README.md").read_text(encoding="utf-8"), "info", _session(["info", log]))
-    text = replace_marked_block(text, "digest", _session(["run", log]))
-    text = replace_marked_block(text, "details", _detail_tables())
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = replace_marked_block(text, "digest", _session(["run", "sample_logs/intersection.mcap"]))
     return replace_marked_block(text, "exit codes", textwrap.fill(f"{EXIT_CODES_TEXT}.", README_WIDTH))
+
+
+def recordings_page(text: str) -> str:
+    """Return docs/recordings.md with the output of `cwcli info` as it is now."""
+    return replace_marked_block(text, "info", _session(["info", "sample_logs/intersection.mcap"]))
 
 
 def _printed(arguments: list[str]) -> str:
@@ -109,12 +110,6 @@ def _indented(text: str) -> str:
 def _session(arguments: list[str]) -> str:
     """Return a command and what it prints, as a code block."""
     return _indented(f"$ cwcli {' '.join(arguments)}\n{_printed(arguments)}")
-
-
-def _detail_tables() -> str:
-    """Return the tables of `cwcli run --details` that the README shows, as a code block."""
-    tables = _printed(["run", "sample_logs/intersection.mcap", "--details"]).split("\n\n")
-    return _indented("\n\n".join(next(t for t in tables if t.startswith(title)) for title in README_TABLES))
 
 
 def pages() -> dict[Path, str]:
@@ -147,6 +142,7 @@ def _pages() -> dict[Path, str]:
         "evaluation.md": evaluation_page,
         "lanes.md": lanes_page,
         "prediction.md": prediction_page,
+        "recordings.md": recordings_page,
         "scenarios.md": scenario_page,
         "signals.md": signals_page,
         "v2x.md": v2x_page,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,7 +85,7 @@ def run_write_and_print(job: Job) -> None:
     console = _console_for_job(job)
     outcome = run_and_write(job)
     if job.talk.json:
-        console.print_document(job.command, job_document(job, outcome.run))
+        console.print_document(job.command, job_document(job, outcome))
     elif outcome.digest is not None:
         next_step = suggest_next_step(job.command, job.writing.output, following=outcome.following_stage)
         print_outcome(job, console, outcome, next_step)
@@ -114,7 +114,7 @@ def run_and_write(job: Job) -> JobOutcome:
             outcome = result.outcome
             is_silent = job.talk.quiet or job.talk.json
             # Before the writing, which ends with a last look at whether the input is as it was.
-            digest = None if is_silent else _build_digest(job, result.annotated, outcome)
+            digest = None if job.talk.quiet and not job.talk.json else _build_digest(job, result.annotated, outcome)
             following = "" if is_silent else _find_following_stage(job.command, result.annotated)
             written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
     outcome.written.extend(written.names)
@@ -208,16 +208,18 @@ def _output_files(job: Job, outcome: RunOutcome) -> OutputFiles:
     )
 
 
-def job_document(job: Job, outcome: RunOutcome) -> dict[str, Any]:
+def job_document(job: Job, outcome: JobOutcome) -> dict[str, Any]:
     """Make the content of `--json`."""
+    run = outcome.run
     return {
-        "input": outcome.name,
+        "input": run.name,
         "output": job.writing.output,
-        "written": outcome.written,
-        "faults": outcome.faults,
-        "left_out": dict(outcome.left_out),
-        **({"channels_not_made": list(outcome.unmade)} if outcome.unmade else {}),
-        "stages": {result.stage: result.summary.to_json() for result in outcome.results},
+        "written": run.written,
+        "faults": run.faults,
+        "left_out": dict(run.left_out),
+        **({"channels_not_made": list(run.unmade)} if run.unmade else {}),
+        **({} if outcome.digest is None else {"digest": asdict(outcome.digest)}),
+        "stages": {result.stage: result.summary.to_json() for result in run.results},
     }
 
 

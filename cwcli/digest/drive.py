@@ -120,7 +120,7 @@ class Drive:
     @property
     def doubt_evidence(self) -> DoubtEvidence:
         """What doubts about the drive are found in."""
-        return DoubtEvidence(self.records, self.ego, self.start_ns, self.faults)
+        return DoubtEvidence(self.records, self.ego, self.start_ns, self.end_ns, self.faults)
 
     def seconds_since_start(self, stamp_ns: Int64Array) -> FloatArray:
         """Stamps as seconds from the log's start."""

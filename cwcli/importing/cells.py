@@ -6,11 +6,13 @@ A number may have a decimal comma and, in the same text, a unit of its own behin
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.importing.units import is_unit_text
 from cwcli.signals.columns import FloatArray, Int64Array
 
 EMPTY_CELLS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "inf", "-inf", "#n/a", "?", "*")
@@ -23,6 +25,13 @@ _INSTANT_PATTERN = r"^(?P<sign>[+-]?)(?P<whole>\d{1,19})(?:[.](?P<part>\d*))?$"
 """A number of time, as sign, whole units and decimals."""
 _HEMISPHERE_PATTERN = r"^(?P<a>[NSEWnsew]?)\s*(?P<number>[+-]?\d+[.]?\d*)\s*°?\s*(?P<b>[NSEWnsew]?)$"
 """A latitude or longitude with a hemisphere before or behind it."""
+_DEGREES_MINUTES_PATTERN = (
+    r"^(?P<a>[NSEWnsew]?)\s*(?P<sign>-?)(?P<deg>\d{1,3})\s*°\s*(?P<min>\d{1,2}(?:\.\d*)?)\s*['\x{2032}]\s*"
+    r"(?:(?P<sec>\d{1,2}(?:\.\d*)?)\s*(?:[\"\x{2033}]|'')\s*)?(?P<b>[NSEWnsew]?)$"
+)
+"""A latitude or longitude in degrees, minutes and perhaps seconds: 48°08'13.2"N."""
+_UNIT_CELL_PATTERN = r"^[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d{1,3})?\s*(?P<unit>[^\d\s.,+-].*)$"
+"""A number with a text behind it."""
 N_DECIMALS = 9
 """Number of decimals of a time that are kept: nanoseconds."""
 
@@ -45,6 +54,27 @@ def trimmed_texts_or_null(array: Any) -> Any:
     texts = pc.utf8_trim_whitespace(array)
     empty = pc.is_in(pc.utf8_lower(texts), value_set=pa.array(EMPTY_CELLS, texts.type))
     return pc.if_else(empty, pa.scalar(None, texts.type), texts)
+
+
+def unit_of_cells(array: Any) -> str:
+    """Return the unit that stands behind every number of a batch of texts (`12.5 km/h`), "" without one."""
+    import pyarrow.compute as pc
+
+    if not is_text_column(array):
+        return ""
+    texts = pc.drop_null(trimmed_texts_or_null(array))
+    found = pc.extract_regex(texts, _UNIT_CELL_PATTERN)
+    if not len(texts) or found.null_count:
+        return ""
+    units = pc.unique(pc.struct_field(found, "unit")).to_pylist()
+    return units[0] if len(units) == 1 and is_unit_text(units[0]) else ""
+
+
+def without_unit(array: Any, unit: str) -> Any:
+    """Return texts without the unit behind their numbers."""
+    import pyarrow.compute as pc
+
+    return pc.replace_substring_regex(array, rf"\s*{re.escape(unit)}\s*$", "")
 
 
 def read_number_cells_and_count_bad(array: Any, decimal: str) -> tuple[FloatArray, int]:
@@ -107,10 +137,29 @@ def read_degree_cells_and_count_bad(array: Any, decimal: str) -> tuple[FloatArra
     number = _arrow_numbers_to_floats(pc.struct_field(parts, "number").cast(pa.float64()))
     half = pc.utf8_upper(pc.binary_join_element_wise(pc.struct_field(parts, "a"), pc.struct_field(parts, "b"), ""))
     names = np.array(half.fill_null("").to_pylist(), dtype=object)
+    if pc.all(pc.is_null(parts)).as_py():
+        number, names = _degrees_of_minutes(texts)
     is_one = np.isin(names, ["N", "S", "E", "W", ""])
     number = np.where(is_one, np.where(np.isin(names, ["S", "W"]), -number, number), np.nan)
     is_given = ~np.asarray(pc.is_null(texts))
     return number, int(np.count_nonzero(is_given & ~np.isfinite(number)))
+
+
+def _degrees_of_minutes(texts: Any) -> tuple[FloatArray, npt.NDArray[np.object_]]:
+    """Return degrees (n,) of texts in degrees, minutes and seconds, and their hemispheres."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    parts = pc.extract_regex(texts, _DEGREES_MINUTES_PATTERN)
+
+    def number(name: str) -> FloatArray:
+        cells = pc.struct_field(parts, name)
+        return _arrow_numbers_to_floats(pc.if_else(pc.equal(cells, ""), "0", cells).cast(pa.float64()))
+
+    degrees = number("deg") + number("min") / 60.0 + number("sec") / 3600.0
+    is_negative = np.asarray(pc.equal(pc.struct_field(parts, "sign"), "-").fill_null(False))
+    half = pc.utf8_upper(pc.binary_join_element_wise(pc.struct_field(parts, "a"), pc.struct_field(parts, "b"), ""))
+    return np.where(is_negative, -degrees, degrees), np.array(half.fill_null("").to_pylist(), dtype=object)
 
 
 def read_whole_units_fraction_and_validity(

@@ -13,6 +13,9 @@ VELOCITY_TOPIC, SPEED_TOPIC = "/gps/velocity", "/vehicle/twist"
 HEADING_TOPIC, IMU_TOPIC, STEERING_TOPIC = "/vehicle/heading", "/imu/data", "/vehicle/steering"
 MAP_FRAME_ID, BODY_FRAME_ID = "map", "base_link"
 """Frame ids of east-north axes and of the axes of the car (REP-105)."""
+MIN_HELD_SHARE = 0.95
+"""Least share of the rows without a new position in which a value that comes with positions does not change. Chosen by
+hand."""
 NOT_MEASURED = -1.0
 """First element of a covariance whose quantity is not measured (REP-145)."""
 
@@ -117,13 +120,23 @@ def _build_velocity_or_speed_channels(meaning: Meaning) -> list[OutputChannel]:
             "twist.linear.y": nothing,
             "twist.angular.z": values.get("yaw_rate", nothing),
         }
-        rows = np.isfinite(speed)
+        rows = np.isfinite(speed) & _rows_of_receiver(meaning, speed)
         channels.append(
             _build_quantity_channel(meaning, SPEED_TOPIC, "geometry_msgs/msg/TwistStamped", rows, BODY_FRAME_ID, fields)
         )
     elif "yaw_rate" in values and "gyro_z" not in values:
         channels.append(_build_yaw_rate_channel(meaning))
     return channels
+
+
+def _rows_of_receiver(meaning: Meaning, values: FloatArray) -> np.ndarray:
+    """Return the rows of new positions where values come with them, and are repeated until the next; else all rows."""
+    every = np.ones(len(values), np.bool_)
+    if "latitude" not in meaning.values:
+        return every
+    is_new = new_position_mask(meaning, ("latitude", "longitude"))
+    is_held = np.diff(values, prepend=np.nan) == 0.0
+    return is_new if not is_new.all() and is_held[~is_new].mean() > MIN_HELD_SHARE else every
 
 
 def _build_yaw_rate_channel(meaning: Meaning) -> OutputChannel:
@@ -141,8 +154,9 @@ def _build_yaw_rate_channel(meaning: Meaning) -> OutputChannel:
 def _build_heading_channel(meaning: Meaning) -> OutputChannel:
     half = 0.5 * meaning.values["heading"]
     fields = {"quaternion.z": np.sin(half), "quaternion.w": np.cos(half)}
+    rows = np.isfinite(half) & _rows_of_receiver(meaning, half)
     return _build_quantity_channel(
-        meaning, HEADING_TOPIC, "geometry_msgs/msg/QuaternionStamped", np.isfinite(half), MAP_FRAME_ID, fields
+        meaning, HEADING_TOPIC, "geometry_msgs/msg/QuaternionStamped", rows, MAP_FRAME_ID, fields
     )
 
 

@@ -32,6 +32,9 @@ hand."""
 MAX_GAP_S = 0.25
 """Longest time in s between two accelerations across which they are interpolated to the stamps of the turn rates.
 Chosen by hand."""
+MIN_SHOWN_MPS2 = 0.3
+"""Least scatter of accelerations in m/s^2 that must follow speed and course for the axes to be right. Chosen by hand:
+three times the noise of an IMU of phones."""
 MIN_TURNED_RAD = 0.44
 """Least angle in rad, 25 degrees, by which an IMU is turned about its vertical for the turn to be corrected. Chosen by
 hand."""
@@ -187,7 +190,7 @@ def _rotate_into_car_axes_and_store(
     """Turn both vectors into x forward, y left, z up; leave out what can't be turned."""
     rotation = rotation_given_by_user(meaning)
     if rotation is None:
-        level = _levelling_rotation_and_if_x_is_forward(meaning, force)
+        level = _levelling_rotation_and_if_x_is_forward(meaning, force, turn, track)
         if level is None:
             return
         rotation, knows_forward = level
@@ -246,7 +249,7 @@ def _parse_axis_vector(text: str) -> FloatArray | None:
 
 
 def _levelling_rotation_and_if_x_is_forward(
-    meaning: Meaning, force: FloatArray | None
+    meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: Track | None
 ) -> tuple[FloatArray, bool] | None:
     """Return the rotation that makes gravity point along z, and whether x is then forward; None if neither is known."""
     is_device = meaning.table.source.is_device_frame
@@ -254,7 +257,7 @@ def _levelling_rotation_and_if_x_is_forward(
         meaning.notes.append("turn rates are left out: without accelerations nothing shows the device's vertical")
         return None
     if force is None:
-        return np.eye(3), True
+        return _rotation_by_turning_course(meaning, turn, track), True
     mean = np.nanmean(force, axis=0)
     size = float(np.linalg.norm(mean))
     if size < 0.5 * STANDARD_GRAVITY_MPS2:
@@ -265,6 +268,18 @@ def _levelling_rotation_and_if_x_is_forward(
         return np.eye(3), True
     upward = mean / size
     return _gravity_rotation_and_if_x_is_forward(meaning, upward)
+
+
+def _rotation_by_turning_course(meaning: Meaning, turn: FloatArray | None, track: Track | None) -> FloatArray:
+    """Return the rotation that makes the axis vertical whose turn rate is that of the course; z where none shows it."""
+    if turn is None:
+        return np.eye(3)
+    fits = [turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn[:, k])[1] for k in range(3)]
+    best = int(np.argmax(np.abs(fits)))
+    if best == 2 or abs(fits[best]) < MIN_CORRELATION or abs(fits[2]) > MIN_CORRELATION:
+        return np.eye(3)
+    meaning.notes.append(f"the course turns with the turn rate about {'xyz'[best]}: that axis is taken as vertical")
+    return _rotation_to_z(np.sign(fits[best]) * np.eye(3)[best])
 
 
 def _gravity_rotation_and_if_x_is_forward(meaning: Meaning, upward: FloatArray) -> tuple[FloatArray, bool]:
@@ -333,7 +348,8 @@ def _turn_forward_by_track_and_tell_if_done(
     both = complex((along * np.conj(seen)).sum())
     strength = float(np.sqrt((np.abs(along) ** 2).sum() * (np.abs(seen) ** 2).sum()))
     if strength <= 0 or abs(both) < MIN_CORRELATION * strength:
-        return rotation, knows_forward
+        is_shown = min(np.abs(along).std(), np.abs(seen).std()) > MIN_SHOWN_MPS2
+        return rotation, knows_forward and not is_shown
     angle = float(np.angle(both))
     if knows_forward and abs(angle) < MIN_TURNED_RAD:
         return rotation, True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from cwcli.importing.cells import (
     read_number_cells_and_count_bad,
     read_whole_units_fraction_and_validity,
     trimmed_texts_or_null,
+    unit_of_cells,
+    without_unit,
 )
 from cwcli.importing.names import QUANTITIES, quantities_of_name
 from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
@@ -120,6 +122,8 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         AmbiguousError: The decimal mark is not clear.
     """
     candidates = candidates_of_table(table, answers)
+    if candidates and "time" not in candidates and "date" not in candidates:
+        candidates |= _columns_of_dates(table)
     wanted = list(dict.fromkeys(column for columns in candidates.values() for column in columns))
     loaded = LoadedTable(table, candidates, unused=tuple(name for name in table.columns if name not in wanted))
     if not wanted:
@@ -129,6 +133,7 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
     decimals: dict[str, str] = {}
     bad = dict.fromkeys(wanted, 0)
     how: dict[str, str] = {}
+    cell_units: dict[str, str] = {}
     for batch in table.read_batches(wanted):
         n = len(next(iter(batch.values())))
         if n and not loaded.n_rows and not answers.decimal:
@@ -137,15 +142,32 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         for column in wanted:
             array = batch[column]
             if column not in how and n:
+                cell_units[column] = "" if {"latitude", "longitude"} & set(of_column[column]) else unit_of_cells(array)
+            if cell_units.get(column):
+                array = without_unit(array, cell_units[column])
+            if column not in how and n:
                 decimals[column] = answers.decimal or _decimal_mark_of_column(array, table, column)
                 how[column] = _reading_method_of_column(array, of_column[column])
             if n:
                 bad[column] += _append_cells_and_count_bad(pieces[column], array, how[column], decimals[column])
     for column in wanted:
         _store_finished_column(loaded, column, how.get(column, "numbers"), pieces[column])
+    given_units = {column: unit for column, unit in cell_units.items() if unit}
+    loaded.source = replace(table, units={**given_units, **table.units})
     _read_clocks_of_digits(loaded)
     _drop_text_columns(loaded, bad, answers)
     return loaded
+
+
+def _columns_of_dates(table: SourceTable) -> dict[str, list[str]]:
+    """Return the columns whose first cells are dates with times of day as the times of a table that names none."""
+    batch = next(iter(table.read_batches(table.columns)), {})
+    found = []
+    for column, array in batch.items():
+        times = parse_text_times(array) if is_text_column(array) else None
+        if times is not None and times.has_date and times.has_clock:
+            found.append(column)
+    return {"time": found} if found else {}
 
 
 def _read_clocks_of_digits(loaded: LoadedTable) -> None:
@@ -159,7 +181,7 @@ def _read_clocks_of_digits(loaded: LoadedTable) -> None:
 
 
 def _reading_method_of_column(array: Any, quantities: list[str]) -> str:
-    if any(QUANTITIES[quantity].kind == "text" for quantity in quantities) and quantities != ["date"]:
+    if any(QUANTITIES[quantity].kind == "text" for quantity in quantities) and "date" not in quantities:
         return "texts"
     if quantities[0] in {"time", "date"}:
         if is_text_column(array) and parse_text_times(array) is not None:

@@ -33,15 +33,18 @@ def _split_into_word_set(text: str) -> frozenset[str]:
 
 
 _RECEIVER = _split_into_word_set(
-    "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx"
+    "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx osd"
 )
 _CAR = _split_into_word_set(
     "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
 )
 _TIME_BESIDE = _split_into_word_set(
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
-    "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date"
+    "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date "
+    "fly flight osd "
+    "marca de step"
 )
+_PLACE_BESIDE = _split_into_word_set("pos position local map utm enu global world vehicle veh ego car")
 _AXIS_NOUNS_OF_ACCEL = "gforce acceleration accelerometer accel acc accelerations"
 _AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega"
 _IMU_BESIDE = _split_into_word_set(
@@ -52,23 +55,29 @@ QUANTITIES: dict[str, Quantity] = {
     "time": Quantity(
         "time",
         _split_into_word_set(
-            "time timestamp timestamps stamp t datetime epoch clock zeit zeitstempel tijd temps hora ts timeofday "
+            "time timestamp timestamps timestep stamp t datetime epoch clock zeit zeitstempel tijd "
+            "tijdstip tijdstempel temps horodatage heure tiempo hora ora tempo tid tidpunkt czas ts timeofday "
             "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"
         ),
         _TIME_BESIDE | _split_into_word_set("time stamp timestamp week of day seconds second millis nanos uhrzeit"),
     ),
-    "date": Quantity("text", _split_into_word_set("date datum day fecha"), _split_into_word_set("utc gps gmt local")),
+    "date": Quantity(
+        "text", _split_into_word_set("date datum day fecha data dato"), _split_into_word_set("utc gps gmt local")
+    ),
     "week": Quantity(
         "number", _split_into_word_set("week wn gpsweek weekno"), _split_into_word_set("gps gnss number no num")
     ),
     "latitude": Quantity(
         "place",
-        _split_into_word_set("latitude lat latitud breite breitengrad"),
+        _split_into_word_set("latitude lat latitud latitudine breite breitengrad breedtegraad bredde breddegrad"),
         _RECEIVER | _split_into_word_set("n s ns"),
     ),
     "longitude": Quantity(
         "place",
-        _split_into_word_set("longitude lon lng long longitud länge laenge längengrad laengengrad"),
+        _split_into_word_set(
+            "longitude longtitude lon lng long longitud longitudine länge laenge längengrad laengengrad lengtegraad "
+            "længde længdegrad lengdegrad"
+        ),
         _RECEIVER | _split_into_word_set("e w ew"),
     ),
     "latitude_half": Quantity(
@@ -81,21 +90,26 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "altitude": Quantity(
         "length",
-        _split_into_word_set("altitude alt height elevation ele hmsl höhe hoehe"),
+        _split_into_word_set(
+            "altitude alt height elevation ele hmsl höhe hoehe hoogte altura altitud altitudine quota hauteur"
+        ),
         _RECEIVER | _split_into_word_set("msl above sea level ellipsoid ellipsoidal wgs hae"),
     ),
     "speed": Quantity(
         "speed",
         _split_into_word_set(
-            "speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad snelheid v_ego"
+            "speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad velocidade velocità "
+            "velocita snelheid hastighet hastighed prędkość rychlost"
         ),
-        _RECEIVER | _CAR | _split_into_word_set("over ground 2d horizontal horiz forward longitudinal long linear"),
+        _RECEIVER | _CAR | _split_into_word_set("over ground 2d horizontal horiz h forward longitudinal long linear"),
     ),
     "velocity_east": Quantity("speed", _split_into_word_set("vele ve veast"), _RECEIVER),
     "velocity_north": Quantity("speed", _split_into_word_set("veln vn vnorth"), _RECEIVER),
     "course": Quantity(
         "angle",
-        _split_into_word_set("course cog bearing headmot direction richtung kurs cmg"),
+        _split_into_word_set(
+            "course cog bearing headmot direction richtung kurs cmg cap rumbo rumo koers direzione rotta dirección"
+        ),
         _RECEIVER | _split_into_word_set("over ground track true motion of"),
     ),
     "heading": Quantity(
@@ -106,7 +120,9 @@ QUANTITIES: dict[str, Quantity] = {
         | _split_into_word_set("true angle compass orientation north attitude of motion euler ins imu"),
     ),
     "yaw_rate": Quantity(
-        "turn rate", _split_into_word_set("yawrate gierrate yawvel"), _CAR | _RECEIVER | _split_into_word_set("imu")
+        "turn rate",
+        _split_into_word_set("yawrate yawrt gierrate yawvel"),
+        _CAR | _RECEIVER | _split_into_word_set("imu"),
     ),
     "steering": Quantity(
         "angle",
@@ -115,7 +131,9 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     **{
         f"accel_{axis}": Quantity(
-            "acceleration", _split_into_word_set(f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis}"), _IMU_BESIDE
+            "acceleration",
+            _split_into_word_set(f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis} gf{axis}"),
+            _IMU_BESIDE,
         )
         for axis in "xyz"
     },
@@ -131,18 +149,29 @@ QUANTITIES: dict[str, Quantity] = {
     "x": Quantity(
         "length",
         _split_into_word_set("x easting east xeast utmx posx positionx px tx"),
-        _split_into_word_set("pos position local map utm enu global world"),
+        _PLACE_BESIDE,
     ),
     "y": Quantity(
         "length",
         _split_into_word_set("y northing north ynorth utmy posy positiony py ty"),
-        _split_into_word_set("pos position local map utm enu global world"),
+        _PLACE_BESIDE,
     ),
     "z": Quantity(
         "length",
         _split_into_word_set("z posz positionz pz tz"),
-        _split_into_word_set("pos position local map enu global world"),
+        _PLACE_BESIDE,
     ),
+    **{
+        part: Quantity("number", _split_into_word_set(nouns), _split_into_word_set("utc gps gmt local"))
+        for part, nouns in {
+            "year": "year yyyy jahr",
+            "month": "month mon monat",
+            "day": "day dd tag",
+            "hour": "hour hours hr hh stunde",
+            "minute": "minute minutes min mm",
+            "second": "second seconds sec secs ss sekunde",
+        }.items()
+    },
     "vehicle_id": Quantity(
         "text",
         _split_into_word_set("id"),
@@ -160,6 +189,7 @@ _AXIS_WORDS = {"x": "x", "y": "y", "z": "z", "longitudinal": "x", "lateral": "y"
 _JOINED = {
     ("yaw", "rate"): "yawrate",
     ("yaw", "velocity"): "yawrate",
+    ("yaw", "rt"): "yawrate",
     ("steering", "wheel"): "steeringwheel",
     ("rotation", "rate"): "gyro",
     ("angular", "velocity"): "gyro",
@@ -189,8 +219,13 @@ _JOINED = {
     ("ground", "speed"): "groundspeed",
     ("sensor", "time"): "time",
     ("g", "force"): "gforce",
+    **{("g", f"f{axis}"): f"gf{axis}" for axis in "xyz"},
 }
 """Two words that mean one."""
+_PATH_WORDS = _split_into_word_set("report status state msg message data topic sensor sensors twist velocity pose odom")
+"""Words of the folders of a topic (`/vehicle/velocity_report/speed`) that say nothing against its last name."""
+_SPEED_NAMES = _split_into_word_set("mph kmh kph kmph knots kts")
+"""Units that are the whole name of a column of speeds."""
 _UNIT_WORDS = 3
 """Largest number of words at the end of a name that are tried as a unit (`m s 2`)."""
 
@@ -212,6 +247,8 @@ class NamedColumn:
 def split_name(name: str) -> NamedColumn:
     """Split a column's name into its words and its unit: in brackets, or as its last words."""
     text = name.strip().strip('"').strip("#").strip().removeprefix(".").removeprefix("field.")
+    if "|" in text:  # RaceCapture: "Speed"|"kph"|0.0|250.0|10
+        text = "{} [{}]".format(*(part.strip('" ') for part in text.split("|")[:2]))
     unit = ""
     bracket = re.search(r"[\[(<{]([^\])>}]*)[\])>}]", text)
     if bracket:
@@ -223,13 +260,13 @@ def split_name(name: str) -> NamedColumn:
             text, unit = head, tail
     text = re.sub(r"(?<=[a-zäöü])(?=[A-ZÄÖÜ])", " ", text)
     text = re.sub(r"(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
-    words = [word for word in re.split(r"[^0-9a-zäöüß°µ]+", text.lower()) if word]
+    words = [word for word in re.split(r"(?:[^\w°]|_)+", text.lower()) if word]
     if not unit:
         words, unit = _split_words_and_unit(words)
     elif len(words) > 1 and not is_unit_text(unit):
         words, more = _split_words_and_unit(words)  # `speed_kmh (GPS)`
         words, unit = (
-            ([*words, *re.split(r"[^0-9a-zäöü]+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
+            ([*words, *re.split(r"(?:\W|_)+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
         )
     joined: list[str] = []
     for word in [part for each in words for part in _strip_number_from_word(each)]:
@@ -243,7 +280,7 @@ def split_name(name: str) -> NamedColumn:
 
 def _strip_number_from_word(word: str) -> list[str]:
     """Return a word without a number at its end (`speed2`), which tells columns of one quantity apart."""
-    numbered = re.fullmatch(r"([a-zäöü]{3,})\d{1,2}", word)
+    numbered = re.fullmatch(r"([^\W\d_]{3,})\d{1,2}", word)
     return [numbered.group(1)] if numbered and word not in {"wgs84", "iso8601"} else [] if word.isdecimal() else [word]
 
 
@@ -261,13 +298,25 @@ def _split_words_and_unit(words: list[str]) -> tuple[list[str], str]:
 
 def quantities_of_name(name: str) -> list[str]:
     """Return the quantities that a column can be by its name."""
-    words = split_name(name).words
+    if name.strip().lower() in _SPEED_NAMES:
+        return ["speed"]
+    found = _quantities_of_words(split_name(name).words)
+    if not found and name.startswith("/"):
+        folders, _, last = name.rpartition("/")
+        kept = [word for word in split_name(folders).words if word not in _PATH_WORDS]
+        found = _quantities_of_words((*kept, *split_name(last).words))
+    return found
+
+
+def _quantities_of_words(words: tuple[str, ...]) -> list[str]:
     return [quantity for quantity in QUANTITIES if _do_words_name_quantity(words, quantity)]
 
 
 def unit_of_name(name: str, kind: str) -> str:
     """Return the unit of a kind that a column's name states, or ""."""
-    return find_unit(split_name(name).unit_text, kind)
+    return find_unit(split_name(name).unit_text, kind) or (
+        find_unit(name, kind) if name.lower() in _SPEED_NAMES else ""
+    )
 
 
 def _do_words_name_quantity(words: tuple[str, ...], quantity: str) -> bool:

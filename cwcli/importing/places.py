@@ -10,6 +10,7 @@ from cwcli.importing.motion import heading_minus_course_of_moving_spans_rad, tra
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
+from cwcli.text import format_count
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
@@ -85,6 +86,8 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
         values[quantity] = _apply_hemisphere_sign(meaning, values[quantity], f"{quantity}_half")
         units[quantity] = unit, confidence, why
     _drop_invalid_fixes(meaning, values)
+    if not np.isfinite(values["latitude"] * values["longitude"]).any():
+        raise DataError("no row has a position", where=meaning.name)
     for quantity, limit in (("latitude", MAX_LATITUDE_DEG), ("longitude", MAX_LONGITUDE_DEG)):
         beyond = np.abs(values[quantity]) > limit
         if beyond.any():
@@ -94,8 +97,6 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         unit, confidence, why = units[quantity]
         meaning.add_quantity(quantity, values[quantity], Guess(quantity, column, unit, confidence, why))
-    if not np.isfinite(values["latitude"] * values["longitude"]).any():
-        raise DataError("no row has a position", where=meaning.name)
     meaning.track = track_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
 
 
@@ -142,6 +143,12 @@ def _drop_invalid_fixes(meaning: Meaning, values: dict[str, FloatArray]) -> None
             for each in values.values():
                 each[is_none] = np.nan
             meaning.notes.append(f"{int(is_none.sum())} rows with {column} 0 have no fix and are left out")
+    is_origin = (values["latitude"] == 0.0) & (values["longitude"] == 0.0)  # what loggers write without a fix
+    if is_origin.any():
+        for each in values.values():
+            each[is_origin] = np.nan
+        rows = format_count(int(is_origin.sum()), "row")
+        meaning.notes.append(f"{rows} at latitude 0 and longitude 0: without a fix, and left out")
 
 
 def _ask_if_positions_out_of_range(

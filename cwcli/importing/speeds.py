@@ -16,6 +16,7 @@ from cwcli.importing.motion import (
     track_of_geographic_places,
     turn_rate_units_per_radps_and_correlation,
 )
+from cwcli.importing.names import QUANTITIES
 from cwcli.importing.places import ask_if_latitude_longitude_swapped, swapped_course_error_deg
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
@@ -36,6 +37,8 @@ SAME_FIT_DEG = 3.0
 """Largest difference in degrees of the median angles of two senses that fit equally well. Chosen by hand."""
 MIN_CORRELATION = 0.5
 """Least correlation with the turning of the course that shows the sense of a yaw rate. Chosen by hand; not fitted."""
+COMPASS_WORDS = QUANTITIES["course"].nouns | {"heading", "hdg", "azimuth", "compass", "headveh"}
+"""Words of angles that are clockwise from north by convention, unlike a yaw."""
 SWAP_MARGIN_DEG = 2.0
 """Least advantage in degrees with which a sense of a heading must fit better than swapped latitude and longitude.
 Chosen by hand."""
@@ -165,6 +168,8 @@ def _is_course_of_receiver(meaning: Meaning) -> bool:
         return False
     if "latitude" not in meaning.values or not meaning.candidate_columns("speed") or meaning.table.source.presets:
         return False
+    if all({"gps", "gnss"} & set(meaning.words_of_column_name(name)) for name in meaning.candidate_columns("heading")):
+        return True
     words = {word for column in meaning.table.source.columns for word in meaning.words_of_column_name(column)}
     return not words & {"roll", "pitch", "yaw", "acc", "accel", "gyro", "ax", "yawrate", "qw", "acceleration"}
 
@@ -188,19 +193,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
     options = [f"{u}-{s}" for u in units for s in senses]
     default = f"{units[0]}-cw-north" if len(units) == 1 else ""
     words = set(meaning.words_of_column_name(column))
-    if not sense and not words & {
-        "heading",
-        "hdg",
-        "course",
-        "cog",
-        "bearing",
-        "azimuth",
-        "compass",
-        "headmot",
-        "headveh",
-        "kurs",
-        "direction",
-    }:
+    if not sense and not words & COMPASS_WORDS:
         default = ""
     fits = (
         {}

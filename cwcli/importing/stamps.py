@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -26,6 +29,7 @@ from cwcli.importing.units import find_unit
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
+from cwcli.text import format_count
 
 BoolArray = npt.NDArray[np.bool_]
 MAX_SPREAD_S = 0.1
@@ -45,6 +49,8 @@ MAX_CHANGES_PER_STEP_BACK = 4
 block, makes three."""
 MAX_GPS_WEEK = 11_000
 """Greatest week since the GPS epoch that is accepted, in the year 2190. Chosen by hand."""
+DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
+"""Quantities that make a time together."""
 RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
 """Meanings of columns of time, the most useful first."""
 
@@ -85,6 +91,8 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
         if (found := _time_candidate_of_column(table, column, answers)) is not None
     ]
     candidates = _candidates_with_any_time(candidates)
+    if not candidates and (parts := _date_parts_candidate(table, answers)) is not None:
+        candidates = [parts]
     if not candidates:
         names = ", ".join(table.source.columns[:12])
         raise MissingSignalError(
@@ -94,7 +102,9 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
             hint=f"--column time=NAME, one of {names}",
         )
     given = answers.column_and_unit_for(table.source, "time")
+    coarse: list[Candidate] = []
     if given is None:
+        coarse = [each for each in candidates if not _does_time_advance(each)]
         candidates = [each for each in candidates if _does_time_advance(each)] or candidates
     best = min(candidates, key=lambda each: RANKS.index(each.rank))
     if given is None:
@@ -113,6 +123,8 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
                 )
     if best.question is not None:
         raise ambiguity_error_of_questions([best.question])
+    if best.rank == "start":
+        best = _date_by_coarse_column(best, coarse)
     return _sort_rows_by_stamp(table, answers, best)
 
 
@@ -122,6 +134,23 @@ def _does_time_advance(candidate: Candidate) -> bool:
         return True
     steps = np.diff(candidate.stamp_ns[candidate.valid])
     return bool(np.count_nonzero(steps) > (1.0 - MAX_REPEATED_SHARE) * len(steps))
+
+
+def _date_by_coarse_column(best: Candidate, coarse: Sequence[Candidate]) -> Candidate:
+    """Return times that count from the start with the date of a column that shows whole seconds.
+
+    A date without decimals is at most a second before the row; the row where it changes is the nearest.
+    """
+    for each in coarse:
+        if each.question is not None or each.rank not in {"1970", "zoned date", "date and clock"}:
+            continue
+        both = best.valid & each.valid
+        start_ns = each.stamp_ns[both] - best.stamp_ns[both]
+        if not len(start_ns) or np.ptp(start_ns) > NS_PER_S + MAX_SPREAD_S * NS_PER_S:
+            continue
+        guess = replace(best.guess, why=f"{best.guess.why.partition(';')[0]}; dated by the seconds of {each.column!r}")
+        return replace(best, rank="1970", stamp_ns=best.stamp_ns + int(start_ns.max()), guess=guess)
+    return best
 
 
 def _prefer_candidate_without_question(candidates: list[Candidate], best: Candidate) -> Candidate:
@@ -220,15 +249,37 @@ def _date_column_with_clock_column_candidate(
     return Candidate(column, rank, found.stamp_ns, found.valid, guess, found.question)
 
 
+def _date_parts_candidate(table: LoadedTable, answers: Answers) -> Candidate | None:
+    """Return the time of six columns that hold year, month, day, hour, minute and second."""
+    columns = [next(iter(table.candidates.get(part, ())), None) for part in DATE_PARTS]
+    names = [column for column in columns if column is not None]
+    numbers = {**{name: instants.values() for name, instants in table.instants.items()}, **table.numbers}
+    if len(names) < len(DATE_PARTS) or any(name not in numbers for name in names):
+        return None
+    parts = np.stack([numbers[name] for name in names], axis=1)
+    valid = np.asarray(np.isfinite(parts).all(axis=1))
+    whole = np.where(valid[:, np.newaxis], parts, 0.0)
+    seconds_of_day = (whole[:, 3] * 60.0 + whole[:, 4]) * 60.0
+    ns_of_day = (seconds_of_day.astype(np.int64) * NS_PER_S) + np.rint(whole[:, 5] * NS_PER_S).astype(np.int64)
+    n = len(valid)
+    times = TextTimes(whole[:, :3].astype(np.int64), ns_of_day, np.full(n, np.nan), valid, "")
+    words = tuple(word for name in names for word in split_name(name).words)
+    return _text_date_candidate(table, names[0], times, answers, words)
+
+
 def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
     if any(other.has_date and not other.has_clock for other in table.text_times.values()):
         return None  # the column of dates takes it
+    question = None
+    if not times.has_seconds:
+        what = f"{column!r}: times such as 12:05 can be minutes and seconds, or hours and minutes"
+        question = Question(table.source.name, what, "--column time=NAME names another column, or write 00:12:05")
     stamp_ns, valid = ns_and_validity_of_text_times(times, "ymd", "")
     why = "times of day without a date: stamps count from midnight"
     if answers.start:
         midnight = parse_start_ns(answers.start) // (86_400 * NS_PER_S) * 86_400 * NS_PER_S
         stamp_ns, why = stamp_ns + midnight, "on the day of --start"
-    return Candidate(column, "clock", stamp_ns, valid, Guess("time", column, "clock", "assumed", why))
+    return Candidate(column, "clock", stamp_ns, valid, Guess("time", column, "clock", "assumed", why), question)
 
 
 def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> Candidate:
@@ -258,12 +309,16 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
         question = Question(where, what, units)
         return Candidate(column, "unknown", np.zeros(len(instants.whole), np.int64), instants.valid, guess, question)
     stamp_ns = instants.to_ns(base.unit)
+    rest = _nanoseconds_beside(table, column) if base.unit == "s" and not instants.fraction.any() else None
+    if rest is not None:
+        stamp_ns = stamp_ns + table.instants[rest].to_ns("ns")
+        guess = replace(guess, why=f"{guess.why}, with the nanoseconds in {rest!r}")
     if base.since == "1970":
         return Candidate(column, "1970", stamp_ns, instants.valid, guess)
     if base.since == "gps":
         return Candidate(column, "gps", utc_ns_from_gps_seconds(stamp_ns, None), instants.valid, guess)
     week = next((name for name in table.candidates.get("week", ()) if name in table.numbers), None)
-    if week is not None and base.since == "week":
+    if week is not None and (base.since == "week" or (base.since == "start" and {"gps", "gnss"} & set(words))):
         weeks = table.numbers[week]
         why = f"time of the GPS week, with the week in {week!r}"
         valid = instants.valid & (weeks >= 0) & (weeks <= MAX_GPS_WEEK)
@@ -285,6 +340,17 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     return Candidate(column, "start" if not start_ns else "1970", stamps, instants.valid, guess)
 
 
+def _nanoseconds_beside(table: LoadedTable, column: str) -> str | None:
+    """Return the column of the nanoseconds beside a column of whole seconds (`stamp.sec`, `stamp.nanosec`)."""
+    prefix = column.rstrip("abcdefghijklmnopqrstuvwxyz")
+    for name, other in table.instants.items():
+        is_part = name != column and name.startswith(prefix) and unit_of_name(name, "time") == "ns"
+        whole = other.whole[other.valid]
+        if is_part and len(whole) and whole.min() >= 0 and whole.max() < NS_PER_S:
+            return name
+    return None
+
+
 def _do_both_times_advance_together(first: Candidate, second: Candidate) -> bool:
     both = first.valid & second.valid
     if np.count_nonzero(both) < 2:
@@ -302,7 +368,9 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
     if len(rows) < table.n_rows:
         notes.append(f"{table.n_rows - len(rows)} rows without a time are left out")
     if len(stamps) < 2:
-        raise DataError(f"it has {len(stamps)} rows with a time", where=where, hint="a log needs at least two")
+        raise DataError(
+            f"it has {format_count(len(stamps), 'row')} with a time", where=where, hint="a log needs at least two"
+        )
     if stamps.min() < 0:
         notes.append("times before 0 are moved, so that the first stamp is 0")
         stamps = stamps - stamps.min()

@@ -58,6 +58,12 @@ UNIX_DATE_PATTERN = rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTHS)})[a-z]*\b"
 """The name of a month."""
+LONG_DATE_ORDERS = (
+    (r"^[A-Za-z]{3,9}, ", ""),
+    (r"^([A-Za-z]{3,9})\.? (\d{1,2}),? (\d{4})", r"\3-\1-\2"),
+    (r"^(\d{1,2})\.? ([A-Za-z]{3,9})\.?,? (\d{4})", r"\3-\2-\1"),
+)
+"""Dates with the name of a month (`Tue, 14 Nov 2023`, `November 14, 2023`) and their order as year, month, day."""
 SHORT_DATE_PATTERN = r"^(?P<a>\d{2})(?P<b>\d{2})(?P<c>\d{2})$"
 """A date of six digits in an order that is not known."""
 DIGITS_DATE_PATTERN = r"^(?P<a>\d{4})(?P<b>\d{2})(?P<c>\d{2})$"
@@ -95,6 +101,7 @@ class TextTimes:
         offset_s: Shape (n,): the zone's offset from UTC; NaN without a zone.
         valid: Shape (n,).
         mark: Character between the parts of the date, "" without one.
+        has_seconds: Whether any time of day has seconds.
     """
 
     parts: Int64Array
@@ -102,6 +109,7 @@ class TextTimes:
     offset_s: FloatArray
     valid: BoolArray
     mark: str
+    has_seconds: bool = True
 
     @property
     def has_date(self) -> bool:
@@ -120,6 +128,8 @@ def _with_month_numbers(texts: Any) -> tuple[Any, bool]:
 
     if not pc.any(pc.match_substring_regex(texts, MONTH_PATTERN)).as_py():
         return texts, False
+    for pattern, order in LONG_DATE_ORDERS:
+        texts = pc.replace_substring_regex(texts, pattern, order)
     for k, name in enumerate(MONTHS, 1):
         texts = pc.replace_substring_regex(texts, rf"(?i)\b{name}[a-z]*\b", f"{k:02d}")
     return texts, True
@@ -201,7 +211,8 @@ def _text_times_of_regex_match(found: Any) -> TextTimes:
     valid &= ~(np.abs(offset_s) > MAX_ZONE_OFFSET_S)
     marks = [mark for mark in pc.unique(texts("mark")).to_pylist() if mark]
     ns_of_day = ((hour * 60 + minute) * 60 + second) * NS_PER_S + part
-    return TextTimes(parts, ns_of_day, offset_s, valid, marks[0] if marks else "")
+    has_seconds = "second" not in names or pc.any(pc.not_equal(texts("second"), "")).as_py() is True
+    return TextTimes(parts, ns_of_day, offset_s, valid, marks[0] if marks else "", has_seconds)
 
 
 def _zone_offset_s(text: str) -> float:
@@ -221,6 +232,7 @@ def join_text_times(pieces: list[TextTimes]) -> TextTimes:
         np.concatenate([each.offset_s for each in pieces]),
         np.concatenate([each.valid for each in pieces]),
         pieces[0].mark,
+        any(each.has_seconds for each in pieces),
     )
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
 from cwcli.digest.drive import Drive
 from cwcli.errors import MissingSignalError, UsageError, install_hint
+from cwcli.estimation.measurements import Kind
 from cwcli.evaluation.evaluation_context import EgoTruth
 from cwcli.lazy_dataclass import dataclass
 from cwcli.report.map_figure import insert_line_breaks
@@ -20,6 +22,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
+from cwcli.text import shorten_and_escape
 
 PLOT_FORMATS = ("png", "svg")
 """File formats of the plots."""
@@ -228,7 +231,9 @@ def draw_plot(drive: Drive, plot_name: str, file_format: str) -> bytes:
             figure = Figure(figsize=(FIGURE_WIDTH_IN, PANEL_HEIGHT_IN * len(panels) + 1.2), layout="constrained")
             _draw_panels(figure, drive, panels)
         sink = io.BytesIO()
-        metadata = {"Date": None} if file_format == "svg" else {"Software": "cwcli"}
+        name = shorten_and_escape(PurePath(drive.name).name)
+        figure.suptitle(name, fontsize="medium", parse_math=False)
+        metadata = {"Title": name, **({"Date": None} if file_format == "svg" else {"Software": "cwcli"})}
         figure.savefig(sink, format=file_format, dpi=DPI, metadata=metadata)
     return sink.getvalue()
 
@@ -294,6 +299,10 @@ def _draw_map(figure: Any, drive: Drive) -> None:
             linestyle="--",
             linewidth=1.0,
             label=label,
+        )
+    for fixes in [each for each in drive.measurements if each.kind is Kind.POSITION][:1]:
+        axes.plot(
+            *fixes.values[:, :2].T, ".", color=MEASURED_COLOUR, markersize=3, zorder=1, label="raw position fixes"
         )
     if drive.truth is not None:
         axes.plot(*drive.truth.xy.T, color=TRUTH_COLOUR, linestyle=":", linewidth=1.2, label="the truth")

@@ -404,7 +404,10 @@ OPENERS = {
     "signals/v2x_tables.py": "comes with cwcli",
     "reproduction/expectations.py": "comes with cwcli",
     **dict.fromkeys(
-        (f"importing/readers/{name}.py" for name in ("delimited", "gnsslogger", "nmea", "trajectory", "ubx")),
+        (
+            f"importing/readers/{name}.py"
+            for name in ("can_trace", "delimited", "gnsslogger", "nmea", "trajectory", "ubx")
+        ),
         "a file that is imported, which `cwcli import` refuses as an output",
     ),
     "importing/bounded_xml.py": "a file that is imported, which `cwcli import` refuses as an output",

@@ -40,6 +40,8 @@ def test_each_plot_is_drawn_and_the_same_each_time(annotated: Path, tmp_path: Pa
     drawn = (tmp_path / "a.svg").read_bytes()
     assert drawn == (tmp_path / "b.svg").read_bytes()
     assert drawn.count(b"<path") > 20 and b"<svg" in drawn
+    assert b"<!-- intersection.mcap -->" in drawn  # the title, whose letters are paths
+    assert (b"<!-- raw position fixes -->" in drawn) == (what == "map")
 
 
 def test_view_names_a_file_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

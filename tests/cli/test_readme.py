@@ -1,43 +1,32 @@
-"""The tables in README.md's session are what `cwcli run` prints; `cwcli info`'s are compared in test_reference.py."""
+"""What README.md claims: its commands run, its numbers come out, and its picture is small.
+
+Its digest and exit codes are compared in test_reference.py, its demo runs in .ci/run, and what it says of a script
+without cwcli is tried in peers/test_without_cwcli.py.
+"""
 
 from __future__ import annotations
 
 import re
+import shlex
+from pathlib import Path
 
-import pytest
+from tests.cli.conftest import ROOT, Run
 
-from tests.cli.conftest import ROOT, SAMPLES, Run
-
-RTOL = 0.02
-ATOL = 0.002
-"""In the unit of each column: other versions of NumPy may change the last digits, nothing else may."""
-
-
-def tables(text: str) -> list[list[str]]:
-    """The two tables that the session shows, as rows of words."""
-    found = re.findall(
-        r"^((?:1-sigma errors against|Warnings \().*?)\n\n", text + "\n\n", flags=re.MULTILINE | re.DOTALL
-    )
-    return [line.split() for table in found for line in table.splitlines()]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MAX_PICTURE_BYTES = 120_000
+"""Most bytes of the picture at the top: what a slow phone loads in a second."""
 
 
-def number(word: str) -> float | None:
-    try:
-        return float(word.strip("(),"))
-    except ValueError:
-        return None
+def test_the_three_commands_run(cwcli: Run, tmp_path: Path) -> None:
+    block = README[README.index("<!-- three -->") :].partition("<!-- end -->")[0]
+    commands = [shlex.split(line, comments=True)[1:] for line in block.splitlines() if line.startswith("    cwcli ")]
+    assert [command[0] for command in commands] == ["info", "run", "report"]
+    for command in commands:
+        arguments = [str(ROOT / word) if word.startswith("sample_logs/") else word for word in command]
+        assert cwcli(*arguments).returncode == 0
+    assert (tmp_path / "report.html").read_bytes().startswith(b"<!")
 
 
-def test_tables_of_the_session_are_those_of_cwcli_run(cwcli: Run) -> None:
-    readme = re.sub(r"^ {4}", "", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-    shown = tables(readme[readme.index("Two of its tables:") : readme.index("## Exit codes")])
-    printed = tables(cwcli("run", SAMPLES / "intersection.mcap").stdout.decode())  # with --details
-    assert [len(row) for row in shown] == [len(row) for row in printed]
-    assert len(shown) == 15
-    for shown_row, printed_row in zip(shown, printed, strict=True):
-        for ours, theirs in zip(shown_row, printed_row, strict=True):
-            value = number(theirs)
-            if value is None:
-                assert ours == theirs
-            else:
-                assert number(ours) == pytest.approx(value, rel=RTOL, abs=ATOL)
+def test_the_picture_is_small() -> None:
+    (picture,) = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
+    assert (ROOT / picture).stat().st_size < MAX_PICTURE_BYTES

@@ -69,7 +69,14 @@ def test_number_has_four_digits(value: float, shown: str) -> None:
 
 @pytest.mark.parametrize(
     ("seconds", "shown"),
-    [(0.0, "0.0 s"), (33.04, "33.0 s"), (240.4, "4 min 0 s"), (3725.0, "1 h 2 min 5 s")],
+    [
+        (0.0, "0.0 s"),
+        (33.04, "33.0 s"),
+        (240.4, "4 min 0 s"),
+        (3725.0, "1 h 2 min 5 s"),
+        (86_400.0 * 9, "9.0 days"),
+        (47.0 * 365.25 * 86_400.0, "47.0 years"),
+    ],
 )
 def test_duration_is_in_words(seconds: float, shown: str) -> None:
     assert format_duration(seconds) == shown

@@ -54,7 +54,7 @@ def command(
     if _write_page(annotated, page):
         outcome.run.written.insert(0, str(page))
     if talk.json:
-        console.print_document("demo", {"runs": [job_document(job, outcome.run)]})
+        console.print_document("demo", {"runs": [job_document(job, outcome)]})
     else:
         print_outcome(job, console, outcome, NEXT_STEP)
 

@@ -43,6 +43,7 @@ DOUBTS: Registry[DoubtRule] = Registry(
         "noise": "cwcli.evaluation.doubts.noise:RULE",
         "resets": "cwcli.evaluation.doubts.resets:RULE",
         "camera": "cwcli.evaluation.doubts.camera:RULE",
+        "times": "cwcli.evaluation.doubts.times:RULE",
         "gaps": "cwcli.evaluation.doubts.gaps:RULE",
         "late": "cwcli.evaluation.doubts.late:RULE",
         "rejected": "cwcli.evaluation.doubts.rejected:RULE",

@@ -34,12 +34,14 @@ class DoubtEvidence:
         records: Stage -> its metadata record. It may come from anybody: what does not fit is ignored.
         ego: The ego's states, None where there are none.
         start_ns: First log time, from which sentences count the seconds.
+        end_ns: Last log time.
         faults: What is wrong with the file itself -> how often.
     """
 
     records: Mapping[str, Record]
     ego: VehicleStates | None = None
     start_ns: int = 0
+    end_ns: int = 0
     faults: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
@@ -73,7 +75,7 @@ def read_evidence(log: Log) -> DoubtEvidence:
     if any(channel.topic == EGO_STATE.topic for channel in log.channels):
         columns = log.columns(EGO_STATE.topic, FLAGGED_KINEMATIC_FIELDS)
         ego = read_vehicle_states(columns, with_covariance=False) if len(columns) else None
-    return DoubtEvidence(read_run_records(log), ego, log.start_ns, log.faults.counts_by_reason())
+    return DoubtEvidence(read_run_records(log), ego, log.start_ns, log.end_ns, log.faults.counts_by_reason())
 
 
 def source_name(entry: Mapping[str, Any]) -> str:

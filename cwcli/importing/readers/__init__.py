@@ -6,6 +6,7 @@ from importlib import import_module
 
 from cwcli.errors import InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.readers.unread import refuse_unread_format
 from cwcli.importing.text_file import no_text_error
 
 KIND_MODULES = {
@@ -44,6 +45,7 @@ def find_kind(path: str) -> str:
     head = FileHead(path)
     if not head.data:
         raise InputError("it is empty", where=path)
+    refuse_unread_format(head)
     for name in KIND_MODULES:
         if load_kind(name).accepts(head):
             return name

@@ -6,8 +6,10 @@ in an ASC or BLF file is local time without a zone, and is not used for ASC.
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,6 +96,25 @@ def _build_table_of_message(
     return SourceTable(path, message.name, kind, ("time", *names), read, units=units)
 
 
+def _text_with_absolute_times(path: str) -> str | io.StringIO:
+    """Return an ASC trace with times from its start where each line tells the time since the line before."""
+    with Path(path).open(encoding="utf-8", errors="replace") as file:
+        head = [next(file, "") for _ in range(5)]
+        if not any(re.search(r"\btimestamps\s+relative\b", line, re.IGNORECASE) for line in head):
+            return path
+        text = io.StringIO()
+        sum_us = 0
+        for line in (*head, *file):
+            found = re.match(r"\s*(\d+)\.(\d{1,9})(?=\s)", line)
+            if found:
+                sum_us += int(found.group(1)) * 1_000_000 + int(found.group(2).ljust(6, "0")[:6])
+                text.write(f"{sum_us // 1_000_000}.{sum_us % 1_000_000:06d}{line[found.end() :]}")
+            else:
+                text.write(re.sub(r"(timestamps\s+)relative", r"\1absolute", line, flags=re.IGNORECASE))
+    text.seek(0)
+    return text
+
+
 def _read_frames_by_message(
     path: str, kind: str, messages: dict[tuple[int, bool], Any]
 ) -> tuple[dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]], int]:
@@ -108,7 +129,8 @@ def _read_frames_by_message(
     }
     n_frames = 0
     try:
-        with reader_of_kind[kind](path) as reader:
+        source = _text_with_absolute_times(path) if kind == "asc" else path
+        with reader_of_kind[kind](source) as reader:
             for frame in reader:
                 n_frames += 1
                 rows = frames.get((frame.arbitration_id, frame.is_extended_id))

@@ -7,6 +7,7 @@ Arrow, a few megabytes at a time.
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -20,7 +21,7 @@ from cwcli.importing.units import is_unit_text
 from cwcli.lazy_dataclass import dataclass
 
 SEPARATORS = (";", "\t", ",", "|")
-"""Characters that separate cells, the ones that are never a decimal mark first."""
+"""Characters that separate cells, the ones that are never a decimal mark first. Blanks do where none of them does."""
 N_SHOWN_LINES = 200
 """Lines at the start that show the layout; chosen by hand."""
 BLOCK_BYTES = 4 << 20
@@ -103,9 +104,15 @@ def find_layout(head: TextHead, where: str) -> Layout:
         score = n_alike / sum(counts.values()) + (1.0 if has_names else 0.0)
         if best is None or score > best[0] + 1e-9:
             best = (score, n_cells, separator)
+    if best is None and not head.encoding.startswith("utf-16"):
+        counts = Counter(len(line.split()) for _, line in numbered)
+        n_cells, n_alike = max(counts.items(), key=lambda item: item[1])
+        best = (1.0, n_cells, " ") if n_cells > 2 and n_alike > 0.9 * len(numbered) else None
     if best is None:
         raise InputError(
-            "its lines are not separated into columns", where=where, hint="columns are separated by , ; | or tabs"
+            "its lines are not separated into columns",
+            where=where,
+            hint="columns are separated by , ; | tabs or blanks",
         )
     _, n_cells, separator = best
     return _layout_with_separator(separator, n_cells, numbered, where)
@@ -114,6 +121,8 @@ def find_layout(head: TextHead, where: str) -> Layout:
 def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tuple[int, str]], where: str) -> Layout:
     rows = [(k, _split_line_into_cells(line, separator)) for k, line in numbered]
     at = next((i for i, (_, cells) in enumerate(rows) if len(cells) == n_cells and _are_cells_names(cells)), None)
+    if at is None:
+        at, rows = _rows_with_name_for_empty_end(rows, n_cells)
     if at is None:
         wide = next((cells for _, cells in rows if _are_cells_names(cells) and 1 < len(cells) < n_cells), None)
         if wide is not None and n_cells % len(wide) in (0, 1) and separator == ",":
@@ -157,11 +166,37 @@ def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tupl
 
 
 def _split_line_into_cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.lstrip("#% ").split()
     try:
         cells = next(csv.reader([line], delimiter=separator), [])
     except csv.Error:
         return []
     return [cell.strip() for cell in cells]
+
+
+def _rows_with_name_for_empty_end(
+    rows: list[tuple[int, list[str]]], n_cells: int
+) -> tuple[int | None, list[tuple[int, list[str]]]]:
+    """Return the line of names, and the rows with an empty name more, where each row ends with a separator."""
+    at = next((i for i, (_, cells) in enumerate(rows) if len(cells) == n_cells - 1 and _are_cells_names(cells)), None)
+    if at is None or any(len(cells) != n_cells or cells[-1] for _, cells in rows[at + 1 :]):
+        return None, rows
+    return at, [(k, [*cells, ""] if len(cells) == n_cells - 1 else cells) for k, cells in rows]
+
+
+class _TabsForBlanks(io.RawIOBase):
+    """An open file whose runs of blanks are read as single tabs."""
+
+    def __init__(self, file: Any) -> None:
+        self.file = file
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        lines: list[bytes] = self.file.readlines(size)
+        return b"".join(b"\t".join(line.split()) + b"\n" for line in lines)
 
 
 def _are_cells_names(cells: Sequence[str]) -> bool:
@@ -188,8 +223,6 @@ def _read_rows(
     source: str | bytes, head: TextHead, layout: Layout, columns: Sequence[str], told: tuple[str, list[str]]
 ) -> Iterator[Batch]:
     """Yield the rows, all cells as text."""
-    import io
-
     import pyarrow as pa
     import pyarrow.compute as pc
     from pyarrow import csv as arrow_csv
@@ -209,11 +242,13 @@ def _read_rows(
         _skip_lines(file, head, layout.n_head_lines)
         try:
             reader = arrow_csv.open_csv(
-                file,
+                _TabsForBlanks(file) if layout.separator == " " else file,
                 read_options=arrow_csv.ReadOptions(
                     column_names=list(layout.names), encoding=head.encoding, block_size=BLOCK_BYTES, use_threads=False
                 ),
-                parse_options=arrow_csv.ParseOptions(delimiter=layout.separator, invalid_row_handler=skip),
+                parse_options=arrow_csv.ParseOptions(
+                    delimiter=layout.separator.replace(" ", "\t"), invalid_row_handler=skip
+                ),
                 convert_options=arrow_csv.ConvertOptions(
                     column_types=dict.fromkeys(layout.names, pa.string()),
                     include_columns=list(columns),

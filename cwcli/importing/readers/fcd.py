@@ -94,7 +94,7 @@ def _read_rows_by_vehicle(path: str) -> dict[str, list[tuple[float, ...]]]:
     try:
         for event, element in iter_xml_events(path, ()):
             if element.tag == "timestep" and event == "start":
-                time_s = float(element.get("time", "nan"))
+                time_s = _seconds_of_time(element.get("time", "nan"))
                 if time_s < 0.0 or MAX_STAMP_NS / NS_PER_S < time_s < np.inf:
                     raise DataError(f"a time step is at {time_s:g} s", where=path, hint="SUMO's times begin at 0")
             elif element.tag == "vehicle" and event == "end":
@@ -104,6 +104,15 @@ def _read_rows_by_vehicle(path: str) -> dict[str, list[tuple[float, ...]]]:
     except ValueError as error:
         raise InputError(f"it can't be read: {error}", where=path) from error
     return vehicles
+
+
+def _seconds_of_time(text: str) -> float:
+    """Return the seconds of a time step: a number, or `day:hh:mm:ss` as SUMO's `--human-readable-time` writes it."""
+    *more, seconds = text.split(":")
+    factors = (60.0, 3600.0, 86_400.0)
+    if len(more) > len(factors):
+        raise ValueError(f"{text!r} is no time")
+    return float(seconds) + sum(float(each) * factor for each, factor in zip(reversed(more), factors, strict=False))
 
 
 def _complete_row_indices_by_time(rows: FloatArray) -> Int64Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from cwcli.errors import DataError
+from cwcli.errors import DataError, MissingSignalError
 from cwcli.importing.bounded_xml import iter_xml_events
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ambiguity_error_of_questions
@@ -45,6 +45,12 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
             )
         wanted = names.index(answers.vehicle)
     found = set(_names_of_points(path, tracks[wanted][0]))
+    if "time" not in found:
+        raise MissingSignalError(
+            "its points have no times: it is a route, not a recorded drive",
+            where=path,
+            hint="export the recorded activity with its times",
+        )
     columns = tuple(name for name in PRESETS if name in {"time", "lat", "lon"} or name in found)
     notes: list[str] = []
 

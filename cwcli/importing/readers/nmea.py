@@ -25,8 +25,8 @@ from cwcli.signals.units import NS_PER_S
 
 NS_PER_DAY = 86_400 * NS_PER_S
 """Number of nanoseconds in a day."""
-SENTENCE = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*\*[0-9A-Fa-f]{2}")
-"""Pattern of an NMEA sentence with its checksum."""
+SENTENCE = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*(\*[0-9A-Fa-f]{2}|,)")
+"""Pattern of an NMEA sentence, with or without its checksum."""
 COLUMNS = {
     "position": ("latitude_deg", "longitude_deg", "altitude_m"),
     "velocity": ("speed_mps", "course_deg"),
@@ -78,6 +78,11 @@ def _accepts_nmea_file(head: FileHead) -> bool:
 
 def _read_nmea_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     collected = _collect_sentences(path)
+    if not len(collected.ns_of_day) and collected.counts:
+        reasons = ", ".join(f"{reason}: {n}" for reason, n in collected.counts.items())
+        raise DataError(
+            f"no sentence can be used ({reasons})", where=path, hint="sentences need a checksum: $GPRMC,...*5A"
+        )
     if not len(collected.ns_of_day):
         raise DataError("no sentence has a time", where=path, hint="GGA and RMC sentences have one")
     stamps, has_date = _stamps_ns_and_is_date_known(collected)

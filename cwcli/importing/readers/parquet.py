@@ -8,7 +8,7 @@ from typing import Any
 from cwcli.errors import InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.own_table import with_presets_if_cwcli_table
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.tables import Answers, Batch, SourceTable
 
 MAGIC = b"PAR1"
 """First and last bytes of a Parquet file."""
@@ -31,24 +31,41 @@ def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
         raise InputError(f"the Parquet file is damaged: {str(error).splitlines()[0]}", where=path) from error
     if not file.metadata.num_rows:
         raise InputError("it has no rows", where=path)
-    names = [name for name in schema.names if not pa.types.is_nested(schema.field(name).type)]
-    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for field in schema}
-    for name in names:
-        kind = schema.field(name).type
-        if pa.types.is_timestamp(kind) and kind.tz is None and not answers.timezone:
-            raise ambiguity_error_of_questions(
-                [Question(path, f"{name!r} has times without a zone", "--timezone UTC, Europe/Berlin or +02:00")]
-            )
+    fields = dict(_leaf_fields("", schema))
+    names = list(fields)
+    units = {
+        name: (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for name, field in fields.items()
+    }
 
     def read(columns: Sequence[str]) -> Iterator[Batch]:
         try:
             for batch in file.iter_batches(ROWS_AT_ONCE, columns=list(columns)):
-                yield {name: _arrow_column_as_plain_values(batch.column(name)) for name in columns}
+                yield {name: _arrow_column_as_plain_values(_leaf_column(batch, name)) for name in columns}
         except (pa.ArrowException, OSError) as error:
             raise InputError(f"the Parquet file is damaged: {str(error).splitlines()[0]}", where=path) from error
 
     table = SourceTable(path, "", "parquet", tuple(names), read, units={k: v for k, v in units.items() if v})
     return [with_presets_if_cwcli_table(table)]
+
+
+def _leaf_fields(prefix: str, fields: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the fields that hold plain values, those of structs by their path (`position.latitude`)."""
+    import pyarrow as pa
+
+    for field in fields:
+        if pa.types.is_struct(field.type):
+            yield from _leaf_fields(f"{prefix}{field.name}.", field.type.fields)
+        elif not pa.types.is_nested(field.type):
+            yield f"{prefix}{field.name}", field
+
+
+def _leaf_column(batch: Any, name: str) -> Any:
+    import pyarrow.compute as pc
+
+    if name in batch.schema.names:
+        return batch.column(name)
+    first, *rest = name.split(".")
+    return pc.struct_field(batch.column(first), rest)
 
 
 def _arrow_column_as_plain_values(array: Any) -> Any:

@@ -17,6 +17,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from lzma import LZMAError
 
+import numpy as np
+
 from cwcli.errors import DataError, InputError, UsageError
 from cwcli.importing.names import split_name
 from cwcli.importing.readers.base import FileHead, ImportKind
@@ -69,11 +71,13 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
             )
     except (zipfile.BadZipFile, zlib.error, LZMAError, OSError, ValueError, RuntimeError, EOFError) as error:
         raise InputError(f"the zip is damaged: {error}", where=path) from error
+    _add_gravity(texts)
     tables = []
     for name, data in texts.items():
         if data.count(b"\n") < 2:
             continue
-        table = read_delimited(path, answers, part=members[name].filename, data=data, kind="phone")
+        part = "Accelerometer.csv with Gravity.csv" if name not in members else members[name].filename
+        table = read_delimited(path, answers, part=part, data=data, kind="phone")
         tables.append(with_phone_units_and_time_base(table, name, start))
     if not tables:
         raise InputError("its tables have no rows", where=path)
@@ -110,9 +114,41 @@ def _names_of_tables_to_read(members: dict[str, zipfile.ZipInfo]) -> list[str]:
     wanted = []
     for choices in (LOCATIONS, ACCELERATIONS, GYROSCOPES):
         wanted += [name for name in choices if name in members][:1]
+    if "accelerometer" in wanted and "gravity" in members:
+        wanted.append("gravity")
     if not wanted:  # a zip of other tables
         wanted = [name for name in members if not name.startswith(("metadata", "annotation", "device"))]
     return wanted
+
+
+def _add_gravity(texts: dict[str, bytes]) -> None:
+    """Add the table of gravity to Sensor Logger's accelerations without it, where they have the same rows.
+
+    Accelerations that can't be completed so are left out: without gravity they show no vertical.
+    """
+    gravity = texts.pop("gravity", None)
+    data = texts.get("accelerometer", b"")
+    head, *rows = data.decode("utf-8", "replace").splitlines() or [""]
+    names = head.strip().split(",")
+    if not {"time", "seconds_elapsed"} <= set(names) or not {"x", "y", "z"} <= set(names):
+        return
+    del texts["accelerometer"]
+    head_of_other, *others = (gravity or b"").decode("utf-8", "replace").splitlines() or [""]
+    if head_of_other.strip() != head.strip() or len(others) != len(rows):
+        return
+    first, second = (
+        np.array([line.split(",") for line in lines if line.count(",") == len(names) - 1]) for lines in (rows, others)
+    )
+    time = names.index("time")
+    if first.shape != second.shape or not np.array_equal(first[:, time], second[:, time]):
+        return
+    axes = [names.index(axis) for axis in "xyz"]
+    try:
+        total = first[:, axes].astype(np.float64) + second[:, axes].astype(np.float64)
+    except ValueError:
+        return
+    lines = [f"{stamp},{x!r},{y!r},{z!r}" for stamp, (x, y, z) in zip(first[:, time], total.tolist(), strict=True)]
+    texts["totalacceleration"] = "\n".join(["time,x,y,z", *lines, ""]).encode()
 
 
 def _unpack_archive_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: str) -> bytes:
@@ -134,7 +170,7 @@ def _unpack_archive_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path
 def with_phone_units_and_time_base(table: SourceTable, name: str, start: bytes) -> SourceTable:
     """Return a table with what the apps fix: units, time base, gravity."""
     columns = set(table.columns)
-    is_sensor_logger = {"time", "seconds_elapsed"} <= columns
+    is_sensor_logger = {"time", "seconds_elapsed"} <= columns or table.part.endswith(" with Gravity.csv")
     presets: dict[str, Preset] = {}
     if is_sensor_logger:
         if name in LOCATIONS:
@@ -146,7 +182,10 @@ def with_phone_units_and_time_base(table: SourceTable, name: str, start: bytes) 
         return replace(table, kind="sensor logger", presets=presets, is_device_frame=True, attitude_is_of_device=True)
     for column in table.columns:
         words = split_name(column).words
-        if name in LOCATIONS and words[:1] == ("velocity",):
+        if len(words) == 1 and words[0] in {"x", "y", "z"} and name in {*ACCELERATIONS, *GYROSCOPES}:
+            kind, unit = ("gyro", "radps") if name in GYROSCOPES else ("accel", "mps2")
+            presets[column] = Preset(f"{kind}_{words[0]}", unit)
+        elif name in LOCATIONS and words[:1] == ("velocity",):
             presets[column] = Preset("speed", "mps")
         elif name in LOCATIONS and words[:1] == ("direction",):
             presets[column] = Preset("course", "deg-cw-north")
@@ -177,7 +216,9 @@ def _phyphox_start_ns(data: bytes) -> int | None:
     """Return the system time of the experiment's zero; None where it is not told, or pauses make it unclear."""
     if not data:
         return None
-    rows = list(csv.DictReader(io.StringIO(data.decode("utf-8", "replace"))))
+    text = data.decode("utf-8", "replace")
+    mark = next((each for each in (";", "\t") if each in text.partition("\n")[0]), ",")
+    rows = list(csv.DictReader(io.StringIO(text if mark == "," else text.replace(",", ".")), delimiter=mark))
     starts = [row for row in rows if (row.get("event") or "").upper() == "START"]
     try:
         first = starts[0]

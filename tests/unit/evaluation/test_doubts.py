@@ -55,12 +55,13 @@ def evidence(
     sections: tuple[dict[str, Any], ...] = (nees(["position", 1.0, "in"]),),
     faults: dict[str, int] | None = None,
     more: dict[str, Any] | None = None,
+    end_ns: int = 9 * S,
     **entries: Any,
 ) -> DoubtEvidence:
     """What is known of a log with these sources; a moving car with a truth that it agrees with."""
     record = {"sources": list(sources or [source()]), "summary": {"sections": sections, **(more or {})}, **entries}
     records = {"estimate": {key: json.dumps(value) for key, value in record.items()}}
-    return DoubtEvidence(records, states() if ego is None else ego, 0, faults or {})
+    return DoubtEvidence(records, states() if ego is None else ego, 0, end_ns, faults or {})
 
 
 def assumed_camera_evidence() -> DoubtEvidence:
@@ -136,6 +137,12 @@ DOUBTFUL = [
         "The camera's lens and mounting are assumed, so every distance to the lane may be wrong.",
     ),
     (
+        "times",
+        evidence(end_ns=480 * 3600 * S),
+        480.0 - 9 / 3600,
+        "The log is 20.0 days long, and 20.0 days of it in a row have no state of the car.",
+    ),
+    (
         "gaps",
         evidence(ego=states(flags=int(StateFlag.BRIDGED))),
         1.0,
@@ -178,6 +185,7 @@ INNOCENT = {
     "a bend at the limit": evidence(ego=states(speed=30.0, yaw_rate=0.3, accel=-9.0)),
     "noisy fixes within their sigma": evidence(fix_offsets=[{"offset_m": 9.0, "sigma_m": 3.0, "stamp_ns": 0}]),
     "an offset that matters to nobody": evidence(fix_offsets=[{"offset_m": 1.9, "sigma_m": 0.1, "stamp_ns": 0}]),
+    "an hour without a fix": evidence(end_ns=3600 * S),
     "a few gated": evidence(source(used=96, gated=4)),
     "a standstill with a gyroscope": evidence(source(), source("yaw_rate"), ego=states(speed=0.0)),
     "a standstill with a compass": evidence(source(), source("heading"), ego=states(speed=0.0)),

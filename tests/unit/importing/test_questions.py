@@ -214,7 +214,7 @@ BAD: dict[str, tuple[bytes, type[CwcliError], str]] = {
     "empty": (b"", InputError, "it is empty"),
     "blank lines": (b"\n\n\n", InputError, "it is empty"),
     "names alone": (b"time,lat,lon\n", InputError, "no rows"),
-    "one row": (b"time,lat,lon\n1700000000,48.1,11.5\n", DataError, "1 rows with a time"),
+    "one row": (b"time,lat,lon\n1700000000,48.1,11.5\n", DataError, "1 row with a time"),
     "no text": (bytes(range(256)) * 40, InputError, "no text"),
     "decimal commas between commas": (b"time,lat,lon\n" + b"0,1,48,1,11,5\n" * 9, DataError, "decimal commas"),
     "comma and point": (
@@ -230,7 +230,7 @@ BAD: dict[str, tuple[bytes, type[CwcliError], str]] = {
     "zip that is cut": (b"PK\x03\x04" + b"\0" * 60, InputError, "damaged"),
     "parquet that is cut": (b"PAR1" + b"\0" * 60, InputError, "damaged"),
     "ubx without solutions": (b"\xb5\x62\x01\x07" + b"\0" * 60, DataError, "NAV-PVT"),
-    "nmea without a sound sentence": (b"$GPGGA,1,2,3*00\r\n" * 9, DataError, "no sentence has a time"),
+    "nmea without a sound sentence": (b"$GPGGA,1,2,3*00\r\n" * 9, DataError, "no sentence can be used"),
 }
 
 

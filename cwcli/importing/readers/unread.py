@@ -1,0 +1,50 @@
+"""Files that people have and that are not imported: how each is recognised, and what to do with it. One line each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from cwcli.errors import InputError
+from cwcli.importing.readers.base import FileHead
+
+AS_GPX, AS_CSV = "export it as GPX", "save it as CSV, with the columns' names and units in the first line"
+UNREAD_FORMATS: tuple[tuple[str, str, Callable[[FileHead], bool]], ...] = (
+    ("a FIT activity", AS_GPX, lambda head: head.data[8:12] == b".FIT"),
+    ("a TCX activity", AS_GPX, lambda head: b"<TrainingCenterDatabase" in head.data[:2000]),
+    ("KML", AS_GPX, lambda head: b"<kml" in head.data[:2000]),
+    ("KMZ", AS_GPX, lambda head: _is_zip_with(head, b"doc.kml")),
+    ("an Excel workbook", AS_CSV, lambda head: _is_zip_with(head, b"[Content_Types].xml", b"xl/")),
+    ("an old Excel workbook", AS_CSV, lambda head: head.data.startswith(b"\xd0\xcf\x11\xe0")),
+    ("an OpenDocument table", AS_CSV, lambda head: _is_zip_with(head, b"mimetypeapplication/vnd.oasis")),
+    ("JSON", AS_CSV, lambda head: bool(re.match(rb"\s*(\[\s*)?\{", head.data))),
+    ("a VBOX file", "export it as CSV or NMEA", lambda head: b"[column names]" in head.data[:20_000]),
+    ("an MDF measurement", "export it as CSV, Parquet or BLF", lambda head: head.data[:3] in {b"MDF", b"UnF"}),
+    ("a MATLAB file", "writetable writes a CSV file", lambda head: head.data.startswith(b"MATLAB ")),
+    ("an HDF5 file", AS_CSV, lambda head: head.data.startswith(b"\x89HDF")),
+    ("a NumPy array", AS_CSV, lambda head: head.data.startswith(b"\x93NUMPY")),
+    (
+        "a RINEX file",
+        "compute the positions, and import those as NMEA",
+        lambda head: b"RINEX VERSION" in head.data[:90],
+    ),
+    ("an RTKLIB solution", "choose NMEA as its output", lambda head: b"% program" in head.data[:200]),
+    ("compressed by gzip", "unpack it: gunzip FILE", lambda head: head.data.startswith(b"\x1f\x8b")),
+)
+"""What it is, what to do, and whether a file is such a one, by its beginning."""
+
+
+def _is_zip_with(head: FileHead, *names: bytes) -> bool:
+    """Tell whether a zip has one of some members near its start."""
+    return head.data.startswith(b"PK\x03\x04") and any(name in head.data[:4000] for name in names)
+
+
+def refuse_unread_format(head: FileHead) -> None:
+    """Raise where a file is of a kind that is known and not read.
+
+    Raises:
+        InputError: It is.
+    """
+    for name, hint, accepts in UNREAD_FORMATS:
+        if accepts(head):
+            raise InputError(f"it is {name}, which is not imported", where=head.path, hint=hint)
