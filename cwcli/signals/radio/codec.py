@@ -17,9 +17,8 @@ from cwcli.signals import cpm, etsi, j2735, perceived, sdsm
 from cwcli.signals.columns import Columns, Field, Strings
 from cwcli.signals.denm import events_from_codes, format_event_counts_notice
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.radio import bsm, frames, messages
 from cwcli.signals.radio import etsi as packed_etsi
-from cwcli.signals.radio import sdsm as packed_sdsm
+from cwcli.signals.radio import frames, messages, sae
 from cwcli.signals.road_events import RoadEvents, join_road_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
 
@@ -76,14 +75,14 @@ MESSAGE_FAULT_TEXTS: dict[int, str] = {
 }
 """The reason for rejecting a message, by status code."""
 SENDER_MESSAGES: dict[str, RoadUserMessage] = {
-    "BSM": RoadUserMessage(bsm.BSM, bsm.bsm_fields_from_decoded, j2735.JSON_BSM),
+    "BSM": RoadUserMessage(sae.BSM, sae.bsm_fields_from_decoded, j2735.JSON_BSM),
     "CAM": RoadUserMessage(packed_etsi.CAM, packed_etsi.cam_fields_from_decoded, etsi.CAM),
     "VAM": RoadUserMessage(packed_etsi.VAM, packed_etsi.vam_fields_from_decoded, etsi.CAM),
 }
 """The messages that describe their sender, by name."""
 PERCEPTION_MESSAGES: dict[str, RoadUserMessage] = {
     "CPM": RoadUserMessage(packed_etsi.CPM, packed_etsi.CPM.read_quantities, cpm.OBJECT_CODEC),
-    "SDSM": RoadUserMessage(packed_sdsm.SDSM, packed_sdsm.sdsm_objects_from_decoded, sdsm.CODED_OBJECT_CODEC),
+    "SDSM": RoadUserMessage(sae.SDSM, sae.sdsm_objects_from_decoded, sdsm.CODED_OBJECT_CODEC),
 }
 """The messages that describe objects that their sender perceived, by name."""
 
