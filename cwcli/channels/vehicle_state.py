@@ -20,6 +20,7 @@ from cwcli.signals.columns import (
     Ragged,
     Strings,
     repeat_string,
+    select_table_rows,
 )
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.leaf_fields import (
@@ -102,18 +103,7 @@ class VehicleStates:
 
     def select_rows(self, rows: Rows) -> VehicleStates:
         """Select rows, in the given order."""
-        return VehicleStates(
-            self.ids.select_rows(rows),
-            self.stamp_ns[rows],
-            self.log_time_ns[rows],
-            self.state[rows],
-            self.covariance.select_rows(rows)
-            if isinstance(self.covariance, PackedCovariances)
-            else self.covariance[rows],
-            self.length_m[rows],
-            self.width_m[rows],
-            self.flags[rows],
-        )
+        return select_table_rows(self, rows)
 
     def round_to_published_precision(self) -> VehicleStates:
         """Round the states to the published precision."""

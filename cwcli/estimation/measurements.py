@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from enum import IntEnum
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, select_table_rows
 
 
 class Kind(IntEnum):
@@ -128,14 +127,6 @@ class Measurements:
         """Times at which the rows were received, (n,), ns."""
         return self.stamp_ns if self.log_time_ns is None else self.log_time_ns
 
-    def select_rows(self, row_mask: npt.NDArray[np.bool_]) -> Measurements:
-        """Return the measurements in the rows of a mask (n,)."""
-        covariance = None if self.covariance is None else self.covariance[row_mask]
-        log_time_ns = None if self.log_time_ns is None else self.log_time_ns[row_mask]
-        return replace(
-            self,
-            stamp_ns=self.stamp_ns[row_mask],
-            values=self.values[row_mask],
-            covariance=covariance,
-            log_time_ns=log_time_ns,
-        )
+    def select_rows(self, rows: npt.NDArray[np.bool_ | np.intp]) -> Measurements:
+        """Return the measurements in some rows, given as a mask (n,) or as their numbers."""
+        return select_table_rows(self, rows)

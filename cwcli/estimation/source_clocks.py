@@ -293,10 +293,4 @@ def _shift_stamps(m: Measurements, shifts: Sequence[tuple[int, float]]) -> Measu
     order = np.argsort(stamp_ns, kind="stable")
     if (order == np.arange(len(order))).all():
         return moved
-    return replace(
-        moved,
-        stamp_ns=stamp_ns[order],
-        values=m.values[order],
-        covariance=None if m.covariance is None else m.covariance[order],
-        log_time_ns=None if m.log_time_ns is None else m.log_time_ns[order],
-    )
+    return moved.select_rows(order)

@@ -7,12 +7,9 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, get_args
 
-from cwcli.pipeline.records import Record, read_configuration, read_number, to_int_or_none
+from cwcli.pipeline.records import Record, read_configuration, to_int_or_none
 from cwcli.stages.inputs.sources import SourceConfig
 from cwcli.warning.types import RemoteStateUse, WarningConfig
-
-LEGACY_CONFLICT_THRESHOLD_KEYS = {"ttc": ("<", "conflict_ttc_s"), "drac": (">", "conflict_drac_mps2")}
-"""Sign and key of the conflict threshold in records of earlier versions, by measure."""
 
 
 def source_config_from_record(record: Record) -> SourceConfig:
@@ -32,8 +29,7 @@ def source_config_from_record(record: Record) -> SourceConfig:
 def find_collision_warning_record(records: Mapping[str, Record]) -> tuple[Record, bool]:
     """Return the record of the collision warnings, and whether they concern tracked targets."""
     of_targets = "warn" not in records and "warn-targets" in records
-    record = records.get("warn-targets" if of_targets else "warn", {})
-    return record, of_targets or read_configuration(record).get("source") == "targets"  # so in older logs
+    return records.get("warn-targets" if of_targets else "warn", {}), of_targets
 
 
 def warning_config_from_record(record: Record) -> WarningConfig:
@@ -49,7 +45,4 @@ def warning_config_from_record(record: Record) -> WarningConfig:
             is_fit = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
         if is_fit:
             fitting[entry.name] = value
-    sign, key = LEGACY_CONFLICT_THRESHOLD_KEYS.get(fitting.get("conflict", ""), ("", ""))
-    if math.isfinite(read_number(given, key)):
-        fitting["conflict"] += f" {sign} {read_number(given, key)!r}"
     return WarningConfig(**fitting)

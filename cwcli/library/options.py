@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from os import PathLike
 from pathlib import Path
 
@@ -13,11 +12,10 @@ from cwcli.pipeline.call import StageCall
 from cwcli.pipeline.execute import RunRules, SkipRules
 from cwcli.pipeline.missing import SignalCheck, SkipStagesAlreadyRun
 from cwcli.pipeline.stage_options import (
-    OptionEntry,
     SensorReading,
     check_python_values,
     configure_stage,
-    iter_option_entries,
+    option_entries_of_stage,
 )
 from cwcli.stages import DEFAULT_STAGES, STAGES
 
@@ -98,11 +96,5 @@ def configure_named_stage(name: str, values: Mapping[str, OptionValue], reading:
     Raises:
         UsageError: An option does not exist, or a value is wrong.
     """
-    stage, entries = STAGES[name], _option_entries(name)
+    stage, entries = STAGES[name], option_entries_of_stage(STAGES[name])
     return configure_stage(stage, entries, check_python_values(name, entries, values), reading)
-
-
-@cache
-def _option_entries(name: str) -> tuple[OptionEntry, ...]:
-    """Return the options of a stage."""
-    return tuple(iter_option_entries(STAGES[name].configuration_class()))

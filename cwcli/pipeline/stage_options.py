@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import keyword
 import typing
 from collections.abc import Iterable, Iterator, Mapping
@@ -53,6 +54,16 @@ class SensorReading:
     clock: str = "stamp"
     ego_station: str | None = None
     calibration: Calibration | None = None
+
+
+@functools.cache
+def option_entries_of_stage(stage: Stage) -> tuple[OptionEntry, ...]:
+    """List the options of a stage.
+
+    Raises:
+        UsageError: The stage's module is missing.
+    """
+    return tuple(iter_option_entries(stage.configuration_class()))
 
 
 def iter_option_entries(default: Any, path: tuple[str, ...] = ()) -> Iterator[OptionEntry]:

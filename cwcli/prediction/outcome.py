@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.kernels.paths import on_track
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, select_table_rows
 from cwcli.signals.units import NS_PER_S
 
 ELLIPSE_50_SQUARED_RADIUS = 2.0 * np.log(2.0)
@@ -46,15 +46,7 @@ class HorizonErrors:
 
     def select_starts(self, rows: slice) -> HorizonErrors:
         """The errors of some starts."""
-        return HorizonErrors(
-            self.horizon_s,
-            self.is_known[rows],
-            self.distance_m[rows],
-            self.along_m[rows],
-            self.cross_m[rows],
-            self.mahalanobis2[rows],
-            self.core_mahalanobis2[rows],
-        )
+        return select_table_rows(self, rows, shared=("horizon_s",))
 
 
 def horizon_errors(

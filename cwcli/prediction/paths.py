@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, select_table_rows
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,7 @@ class Paths:
 
     def take(self, rows: npt.NDArray[np.intp]) -> Paths:
         """The paths of some starts."""
-        return Paths(
-            self.time_s,
-            self.x_m[rows],
-            self.y_m[rows],
-            self.heading_rad[rows],
-            self.speed_mps[rows],
-            self.position_covariance_m2[rows],
-            None if self.core_factor is None else self.core_factor[rows],
-        )
+        return select_table_rows(self, rows, shared=("time_s",))
 
 
 def stack_paths(sets: Sequence[Paths]) -> Paths:

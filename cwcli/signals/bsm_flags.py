@@ -2,7 +2,7 @@
 
 - `{"eventHardBraking": true, ...}`: JSON of the USDOT Operational Data Environment;
 - `"0000000100000"` or `"0100"`: bits or octets as text, the first flag first, bare or as `value` of an object (JER);
-- a number of 13 bits, the first flag the highest: what `signals.radio.bsm` decodes;
+- a number of 13 bits, the first flag the highest: what `signals.radio` decodes;
 - `j2735_v2x_msgs/VehicleEventFlags`: a sum of the message's own constants, which begin at the second flag: hazard
   lights are 0 there and can't be recognised.
 

@@ -17,22 +17,6 @@ from cwcli.signals.role import Role
 from cwcli.signals.v2x_codec import OTHER_STATION_REASON
 
 
-def leaf_fields_for_role(role: Role, schema_name: str, message_encoding: str) -> tuple[str, ...]:
-    """Return the leaf fields that a role needs of a schema.
-
-    Args:
-        role: The role.
-        schema_name: The schema's name in any spelling.
-        message_encoding: `cdr`, `protobuf` or `json`.
-
-    Returns:
-        Dotted leaf paths. A JSON list holds every spelling that cwcli knows: a file has only some of them. () for
-        cameras, for roles that the stages read themselves and for schemas that can't fill the role.
-    """
-    entry = find_input_for_role(role, schema_name)
-    return entry.fields.get(message_encoding, ()) if entry else ()
-
-
 def build_signal(
     role: Role,
     columns: Columns,
@@ -50,7 +34,7 @@ def build_signal(
 
     Args:
         role: The role that the channel is bound to.
-        columns: The channel, with at least the fields of `leaf_fields_for_role` that the file has.
+        columns: The channel, with at least the fields of the registry row (`find_input_for_role`) that the file has.
         clock: Take a row's time from its message (`stamp`) or from the log (`log`).
         ego_station: Station whose V2X messages are the ego's own. They are left out of REMOTE.
         is_override: The user named the channel for this role.

@@ -6,9 +6,9 @@ the stages (which publish it). Nothing here knows of MCAP.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from cwcli.lazy_dataclass import dataclass
 Int64Array = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
 NumericArray = npt.NDArray[np.generic]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,17 @@ class Columns:
         last = len(self) if end_ns is None else int(np.searchsorted(self.log_time_ns, end_ns))
         return self.slice_rows(first, max(first, last))
 
+    def with_fields_of_rows(self, rows: npt.NDArray[np.integer], fields: Mapping[str, Field]) -> Columns:
+        """Columns with the times of the messages `rows` (m,), of which some may come twice, and other fields."""
+        return replace(
+            self,
+            log_time_ns=self.log_time_ns[rows],
+            publish_time_ns=self.publish_time_ns[rows],
+            sequence=self.sequence[rows],
+            fields=fields,
+            n_undecodable=0,
+        )
+
     def slice_rows(self, first: int, last: int) -> Columns:
         """The rows `first` to `last`, without the latter."""
         fields: dict[str, Any] = {name: slice_column(values, first, last) for name, values in self.fields.items()}
@@ -190,6 +202,26 @@ def select_column_rows(column: Field, rows: npt.NDArray[np.intp]) -> Field:
         inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], lengths)
         return Ragged(column.values[np.repeat(column.offsets[:-1][rows], lengths) + inside], offsets)
     return column[rows]
+
+
+def select_table_rows(table: T, rows: npt.NDArray[np.generic] | slice, *, shared: Collection[str] = ()) -> T:
+    """Return some rows of a data class of columns, in the given order; what is no column stays as it is.
+
+    Args:
+        table: Its arrays, `Strings` and tables hold n rows each.
+        rows: Numbers of rows, a mask (n,), or a slice.
+        shared: Names of the columns that do not hold one value per row.
+    """
+    columns = {name: column if name in shared else _select(column, rows) for name, column in vars(table).items()}
+    kind: Any = type(table)
+    selected: T = kind(**columns)
+    return selected
+
+
+def _select(column: Any, rows: Any) -> Any:
+    if isinstance(column, np.ndarray):
+        return column[rows]
+    return column.select_rows(rows) if hasattr(column, "select_rows") else column
 
 
 @dataclass(frozen=True)

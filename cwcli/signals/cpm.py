@@ -93,7 +93,7 @@ def read_ros_objects(columns: Columns) -> Objects:
         )
         for k, names in enumerate(forms):
             values |= {name: np.where((is_there != 0) & (choice == k), values[name], np.nan) for name in names}
-    return ((perceived.columns_per_object(columns, rows, values), OBJECT_CODEC),)
+    return ((columns.with_fields_of_rows(rows, values), OBJECT_CODEC),)
 
 
 def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:

@@ -7,14 +7,13 @@ time is the message's reference time plus the object's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from cwcli.signals.columns import (
     Columns,
-    Field,
     FloatArray,
     Int64Array,
     Strings,
@@ -37,25 +36,6 @@ NO_OBJECT_ID_REASON = "object without an id"
 """The reason for setting aside an object without an id."""
 OBJECT_ID_ELEMENT = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
-
-
-def columns_per_object(columns: Columns, rows: Int64Array, quantities: Mapping[str, Field]) -> Columns:
-    """Return columns with one row for each object.
-
-    Args:
-        columns: The messages.
-        rows: Shape (m,): the message that each object is in.
-        quantities: The objects' quantities, m rows each.
-    """
-    return Columns(
-        topic=columns.topic,
-        schema_name=columns.schema_name,
-        message_encoding=columns.message_encoding,
-        log_time_ns=columns.log_time_ns[rows],
-        publish_time_ns=columns.publish_time_ns[rows],
-        sequence=columns.sequence[rows],
-        fields=dict(quantities),
-    )
 
 
 def count_objects(columns: Columns, path: str) -> tuple[Int64Array, Int64Array]:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.columns import Strings
+from cwcli.signals.columns import Strings, select_table_rows
 from cwcli.signals.road_events import join_road_events
 
 _FIELDS_NOT_PER_ROW = {"source", "station", "frame_id", "is_exact", "is_perceived", "events"}
@@ -51,16 +51,4 @@ def perceived_rows_mask(signal: RemoteSignal) -> npt.NDArray[np.bool_]:
 
 def select_remote_rows(signal: RemoteSignal, rows: npt.NDArray[np.intp]) -> RemoteSignal:
     """Return some rows of a signal, in the given order."""
-    columns: dict[str, Any] = {
-        name: None if getattr(signal, name) is None else getattr(signal, name)[rows]
-        for name in RemoteSignal.__dataclass_fields__
-        if name not in _FIELDS_NOT_PER_ROW - {"is_perceived"}
-    }
-    return RemoteSignal(
-        source=signal.source,
-        station=signal.station.select_rows(rows),
-        events=signal.events,
-        frame_id=signal.frame_id,
-        is_exact=signal.is_exact,
-        **columns,
-    )
+    return select_table_rows(signal, rows, shared=("events",))

@@ -10,7 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array, Strings, encode_strings, number_by_first_appearance
+from cwcli.signals.columns import (
+    FloatArray,
+    Int64Array,
+    Strings,
+    encode_strings,
+    number_by_first_appearance,
+    select_table_rows,
+)
 from cwcli.signals.units import NS_PER_S
 
 HARD_BRAKING_KIND = "hard braking"
@@ -51,11 +58,7 @@ class RoadEvents:
 
     def select_rows(self, rows: npt.NDArray[np.intp]) -> RoadEvents:
         """Return some of the events, in the given order."""
-        made: dict[str, Any] = {}
-        for name in (entry.name for entry in fields(self)):
-            each = getattr(self, name)
-            made[name] = each.select_rows(rows) if isinstance(each, Strings) else each[rows]
-        return RoadEvents(**made)
+        return select_table_rows(self, rows)
 
 
 def empty_road_events() -> RoadEvents:

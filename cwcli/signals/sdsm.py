@@ -97,7 +97,7 @@ def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
             value[name] = np.where(read_leaf(path) != 0, np.nan, value[name])
         value["delta_time_ms"] = CARMA_MS_PER_S * value["delta_time_ms"]
     station = read_texts(columns, ROS_PATHS["station"]) or absent_strings(len(columns))
-    per_object = perceived.columns_per_object(columns, rows, {**value, "station": station.select_rows(rows)})
+    per_object = columns.with_fields_of_rows(rows, {**value, "station": station.select_rows(rows)})
     return ((per_object, CARMA_OBJECT_CODEC if is_carma else CODED_OBJECT_CODEC),)
 
 

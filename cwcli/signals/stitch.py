@@ -9,7 +9,7 @@ apart.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import lap
 import numpy as np
@@ -19,7 +19,7 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.columns import FloatArray, Int64Array, Strings
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, select_table_rows
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
@@ -89,7 +89,7 @@ class _EndMessages:
 
     def select_rows(self, rows: npt.NDArray[np.intp]) -> _EndMessages:
         """Return some of the rows, in this order."""
-        return _EndMessages(*(getattr(self, each.name)[rows] for each in fields(self)))
+        return select_table_rows(self, rows)
 
 
 @dataclass(frozen=True)

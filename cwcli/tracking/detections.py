@@ -160,13 +160,3 @@ class DetectionCounts:
         """Count n repaired detections."""
         if n:
             self.repaired[reason] = self.repaired.get(reason, 0) + n
-
-
-def paper_from_body(xy: FloatArray) -> FloatArray:
-    """Convert vectors (n, 2) from x forward, y left to xiang2019's x right, y forward."""
-    return np.stack([-xy[..., 1], xy[..., 0]], axis=-1)
-
-
-def body_from_paper(xy: FloatArray) -> FloatArray:
-    """Convert vectors (n, 2) from xiang2019's x right, y forward to x forward, y left."""
-    return np.stack([xy[..., 1], -xy[..., 0]], axis=-1)

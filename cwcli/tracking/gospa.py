@@ -16,35 +16,6 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.assignment import rows_and_columns_of_best_pairs
 
 
-@dataclass(frozen=True)
-class GospaParts:
-    """GOSPA of one moment, in metres.
-
-    Attributes:
-        distance: (localisation + missed + false) ** (1 / p).
-        localisation, missed, false: The parts, to the power p.
-        n_missed, n_false: Numbers of targets without a track, and of tracks without a target.
-    """
-
-    distance: float
-    localisation: float
-    missed: float
-    false: float
-    n_missed: int
-    n_false: int
-
-
-def compute_gospa(truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float = 5.0, p: float = 2.0) -> GospaParts:
-    """Compute GOSPA between true positions (m, 2) and tracks (n, 2); positions beyond `cutoff_m` are not paired."""
-    m, n = len(truth_xy), len(track_xy)
-    i, j, distance = best_pairs_and_their_distances(truth_xy, track_xy, cutoff_m=cutoff_m, p=p)
-    localisation = float((distance**p).sum())
-    penalty = 0.5 * cutoff_m**p
-    missed, false = (m - len(i)) * penalty, (n - len(j)) * penalty
-    total = (localisation + missed + false) ** (1.0 / p)
-    return GospaParts(total, localisation, missed, false, m - len(i), n - len(j))
-
-
 def best_pairs_and_their_distances(
     truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float, p: float = 2.0
 ) -> tuple[Int64Array, Int64Array, FloatArray]:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, select_table_rows
 from cwcli.signals.lane_geometry import image_columns_of_arcs
 
 MIN_BOUNDARY_GAP_PX = 4.0
@@ -35,8 +35,7 @@ class BoundaryLines:
     pinhole: FloatArray | None = None
 
     def __getitem__(self, rows: slice | npt.NDArray[np.intp]) -> BoundaryLines:
-        pinhole = None if self.pinhole is None else self.pinhole[rows]
-        return BoundaryLines(self.parabolas[rows], self.roads[rows], self.horizon_px[rows], self.top_px[rows], pinhole)
+        return select_table_rows(self, rows)
 
     def columns_at_heights_px(self, y_px: FloatArray, height_px: float) -> FloatArray:
         """Columns x of both boundaries at heights above the image's bottom; NaN where a boundary is not found or has

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, select_table_rows
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.method import LaneFit
 
@@ -74,22 +74,7 @@ class FitColumns:
         return len(self.parabolas)
 
     def __getitem__(self, rows: slice | npt.NDArray[np.intp]) -> FitColumns:
-        return FitColumns(
-            self.parabolas[rows],
-            self.score[rows],
-            self.probability[rows],
-            self.found[rows],
-            self.covariance[rows],
-            self.pitch_rad[rows],
-            self.yaw_rad[rows],
-            self.state[rows],
-            self.steady_s[rows],
-            self.lane_change[rows],
-            self.roads[rows],
-            self.kind[rows],
-            self.colour[rows],
-            self.joint_covariance[rows],
-        )
+        return select_table_rows(self, rows)
 
 
 class FitCollector:

@@ -14,9 +14,6 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 from cwcli.text import parse_float_or_nan
 
-FORMER_MEASURE_NAMES = {"outline": "gap"}
-"""Names of measures in definitions of earlier versions -> present names."""
-
 _DEFINITION_PATTERN = re.compile(r"\s*([\w.-]+)\s*(?:([<>])\s*(\S+))?\s*")
 """The syntax of one part of a definition: a name, and optionally a comparison and a number."""
 _OR_PATTERN = re.compile(r"\s+or\s+")
@@ -84,7 +81,6 @@ def _parse_part(text: str, distance_m: float) -> ConflictPart:
             f"'{text}' is not a definition of a conflict", hint=f"for example {format_example_option('ttc')}"
         )
     name, sign, number = parts.groups()
-    name = FORMER_MEASURE_NAMES.get(name, name)
     measure = MEASURES.require(name)
     if not measure.is_series:
         raise UsageError(f"{name} is one number for the whole drive, so it cannot say when a conflict begins")

@@ -21,7 +21,6 @@ import numpy as np
 from cwcli.simulation.dual_sensor import (
     DualSensorScene,
     SensorNoise,
-    simulate_crossing_targets,
     simulate_target_on_path,
 )
 from cwcli.tracking.config import FilterConfig, TrackerConfig
@@ -30,6 +29,7 @@ from cwcli.tracking.gospa import TargetMoments, score_tracks
 from cwcli.tracking.prepare import PreparedDetections, prepare_detections
 from cwcli.tracking.single_target import filter_single_target
 from cwcli.tracking.tracker import track_many_targets
+from tests.crossing_targets import simulate_crossing_targets
 
 N_SAMPLES = 500
 PROCESS_NOISE = 0.5  # m/s^1.5, the same for every library

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli import main
-from cwcli.cli.options.stage import make_stage_options_class, option_entries_of_stage
+from cwcli.cli.options.stage import make_stage_options_class
 from cwcli.pipeline.stage import Stage
+from cwcli.pipeline.stage_options import option_entries_of_stage
 from cwcli.stages import STAGES
 from tests.cli.conftest import Run
 from tests.unit.stages.lateral_logs import drive, write_lane_log

@@ -202,7 +202,7 @@ def test_warning_of_targets_in_the_car_s_frame_is_refused(cwcli: Run, tracked: P
 
 def test_many_targets_with_truth(cwcli: Run, tmp_path: Path) -> None:
     """Five crossing targets in clutter (the simulated scene), truth as states by id."""
-    from cwcli.simulation.dual_sensor import simulate_crossing_targets
+    from tests.crossing_targets import simulate_crossing_targets
 
     scene = simulate_crossing_targets(np.random.default_rng(11))
     scans = []

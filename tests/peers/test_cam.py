@@ -16,7 +16,7 @@ from cwcli.signals.radio.program import compile_type
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Seq, Sized, Type
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
 from tests.unit.signals.radio.vectors import CAM_ASN1TOOLS, CAM_OF_ISSUE, CAM_PYCRATE
-from tools.etsi_tables import messages, table
+from tools.message_tables import messages, table
 
 N_RANDOM = 150
 OFFICIAL = {"cam": ITS_CAM_2.CAM_PDU_Descriptions.CAM, "denm": ITS_DENM_3.DENM_PDU_Descriptions.DENM}

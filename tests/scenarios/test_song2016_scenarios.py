@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.scenario import Scenario, load_scenario
-from cwcli.simulation.truth import closest_approach_time_and_distance
+from tests.approach import closest_approach_time_and_distance
 from tests.scenarios.song2016_moments import moments, predict
 
 TOLERANCE_S = 0.1

@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
-from cwcli.simulation.truth import closest_approach_time_and_distance, first_time_nearer_than_s
+from tests.approach import closest_approach_time_and_distance, first_time_nearer_than_s
 
 CONFLICT_M = 2.5
 CONFLICTS = ("rear-end", "intersection", "cut-in", "oncoming-left-turn", "stopped-behind-curve")

@@ -42,15 +42,12 @@ CONSTANTS_WITH_NOTES = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", 
 
 
 def command(
-    logs: Annotated[
-        list[str], typer.Argument(metavar="LOG", show_default=False, help="MCAP files of drives of one car.")
-    ],
+    logs: Annotated[list[str], typer.Argument(metavar="LOG", help="MCAP files of drives of one car.")],
     reading: ReadingOptions,
     sensors: SensorOptions,
     talk: TalkOptions,
     output: Annotated[
-        str | None,
-        typer.Option("--output", "-o", metavar="FILE", show_default=False, help="Write the calibration here (.toml)."),
+        str | None, typer.Option("--output", "-o", metavar="FILE", help="Write the calibration here (.toml).")
     ] = None,
     force: ForceOption = False,
 ) -> int:

@@ -49,7 +49,6 @@ PageOption = Annotated[
     typer.Option(
         "--report-at",
         metavar="PAGE",
-        show_default=False,
         help="Where the page that `cwcli report` makes of CANDIDATE will be found: with links to it the warnings and "
         "conflicts are listed that are new, gone or judged otherwise.",
     ),
@@ -65,7 +64,6 @@ class JudgementOptions:
         typer.Option(
             "--fail-on",
             metavar="VERDICT",
-            show_default=False,
             help=f"Exit with 1 if a metric is this: {', '.join(FAILING_VERDICTS)}. Repeatable.",
         ),
     ] = field(default_factory=list)
@@ -109,7 +107,6 @@ class SummaryOptions:
         typer.Option(
             "--comment",
             metavar="FILE",
-            show_default=False,
             help="Write a comment for a pull request here, the worst log first; - is standard output.",
         ),
     ] = None
@@ -130,7 +127,6 @@ class SummaryOptions:
         typer.Option(
             "--fields",
             metavar="NAME=TOL,...",
-            show_default=False,
             help="With --messages: differences of these fields up to the tolerance do not count, e.g. speed_mps=0.01.",
         ),
     ] = None
@@ -161,12 +157,8 @@ class SummaryOptions:
 
 
 def command(
-    baseline: Annotated[
-        str, typer.Argument(metavar="BASELINE", show_default=False, help="A run, as for `cwcli evaluate`.")
-    ],
-    candidate: Annotated[
-        str, typer.Argument(metavar="CANDIDATE", show_default=False, help="The run that is compared with it.")
-    ],
+    baseline: Annotated[str, typer.Argument(metavar="BASELINE", help="A run, as for `cwcli evaluate`.")],
+    candidate: Annotated[str, typer.Argument(metavar="CANDIDATE", help="The run that is compared with it.")],
     talk: TalkOptions,
     judging: JudgementOptions,
     output: SummaryOptions,

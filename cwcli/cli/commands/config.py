@@ -18,10 +18,7 @@ EXAMPLES = ("cwcli config", "cwcli config > pipeline.toml")
 
 def command(
     file: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="FILE", show_default=False, help="Pipeline file; without one, the defaults are printed."
-        ),
+        str | None, typer.Argument(metavar="FILE", help="Pipeline file; without one, the defaults are printed.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON instead of TOML.")] = False,
 ) -> None:

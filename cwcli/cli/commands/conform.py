@@ -101,8 +101,7 @@ class LogOptions:
     """A recorded trial instead of simulated ones."""
 
     log: Annotated[
-        str | None,
-        typer.Option("--log", metavar="LOG", show_default=False, help="Judge a trial that was recorded in this log."),
+        str | None, typer.Option("--log", metavar="LOG", help="Judge a trial that was recorded in this log.")
     ] = None
     system: Annotated[
         str | None,
@@ -123,13 +122,11 @@ class LogOptions:
         ),
     ] = None
     start: Annotated[
-        float | None,
-        typer.Option("--start", metavar="SECONDS", show_default=False, help="With --log: the trial begins here."),
+        float | None, typer.Option("--start", metavar="SECONDS", help="With --log: the trial begins here.")
     ] = None
-    end: Annotated[
-        float | None,
-        typer.Option("--end", metavar="SECONDS", show_default=False, help="With --log: the trial ends here."),
-    ] = None
+    end: Annotated[float | None, typer.Option("--end", metavar="SECONDS", help="With --log: the trial ends here.")] = (
+        None
+    )
 
 
 @dataclass(frozen=True)
@@ -141,8 +138,7 @@ class ResultOptions:
         bool, typer.Option("--details", help="Show every repetition, and every number with its source.")
     ] = False
     junit: Annotated[
-        str | None,
-        typer.Option("--junit", metavar="FILE", show_default=False, help="Write the trials as JUnit XML here."),
+        str | None, typer.Option("--junit", metavar="FILE", help="Write the trials as JUnit XML here.")
     ] = None
     markdown_file: MarkdownOption = None
     force: ForceOption = False
@@ -157,7 +153,6 @@ def command(
         list[str] | None,
         typer.Argument(
             metavar="NAME",
-            show_default=False,
             autocompletion=_complete_clauses,
             help="Clauses by name (--list), a file with a clause of your own, or all.",
         ),

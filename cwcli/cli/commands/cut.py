@@ -52,10 +52,7 @@ class SpanOptions:
     last_of: Annotated[
         str | None,
         typer.Option(
-            "--last-of",
-            metavar="/NAME,...",
-            show_default=False,
-            help="Also copy the last message of these topics from before --start.",
+            "--last-of", metavar="/NAME,...", help="Also copy the last message of these topics from before --start."
         ),
     ] = None
     latched: Annotated[
@@ -93,10 +90,7 @@ def command(
     log: LogArgument,
     talk: TalkOptions,
     output: Annotated[
-        str,
-        typer.Option(
-            "--output", "-o", metavar="FILE", show_default=False, help="Write the part here; - is standard output."
-        ),
+        str, typer.Option("--output", "-o", metavar="FILE", help="Write the part here; - is standard output.")
     ],
     span: SpanOptions,
     limits: LimitOptions,

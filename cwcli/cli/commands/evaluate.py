@@ -54,7 +54,6 @@ RunArgument = Annotated[
     str,
     typer.Argument(
         metavar="SOURCE",
-        show_default=False,
         help="Output folder of `cwcli run -d`, folder of annotated logs, or one annotated log; - is standard input.",
     ),
 ]
@@ -77,10 +76,9 @@ class JudgementOptions:
 class SummaryOptions:
     """What is written and printed."""
 
-    junit: Annotated[
-        str | None,
-        typer.Option("--junit", metavar="FILE", show_default=False, help="Write the gates as JUnit XML here."),
-    ] = None
+    junit: Annotated[str | None, typer.Option("--junit", metavar="FILE", help="Write the gates as JUnit XML here.")] = (
+        None
+    )
     markdown_file: MarkdownOption = None
     github: GithubOption = False
     report_at: PageAddressOption = None

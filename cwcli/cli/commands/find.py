@@ -41,14 +41,10 @@ class ResultOptions:
     """Where the results go."""
 
     output: Annotated[
-        str | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", show_default=False, help="Write the events as a table (.parquet, .csv)."
-        ),
+        str | None, typer.Option("--output", "-o", metavar="FILE", help="Write the events as a table (.parquet, .csv).")
     ] = None
     clips: Annotated[
-        str | None,
-        typer.Option("--clips", metavar="DIR", show_default=False, help="Write a log of each event into this folder."),
+        str | None, typer.Option("--clips", metavar="DIR", help="Write a log of each event into this folder.")
     ] = None
     margin: Annotated[
         float,
@@ -70,7 +66,6 @@ def command(
         list[str],
         typer.Argument(
             metavar="LOG",
-            show_default=False,
             help="Logs, folders of them, patterns, URLs, or the output folder of a run; - is standard input.",
         ),
     ],
@@ -78,7 +73,6 @@ def command(
         str,
         typer.Argument(
             metavar="EXPR",
-            show_default=False,
             autocompletion=complete_events,
             help="An event, several with `or` between, `all`, or an expression over quantities and events.",
         ),
@@ -91,7 +85,6 @@ def command(
         typer.Option(
             "--topic",
             metavar="ROLE=/NAME",
-            show_default=False,
             help="Another system in the log, e.g. warning=/adas/fcw:data==true; for the event `disagreement`.",
         ),
     ] = None,

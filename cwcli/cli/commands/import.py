@@ -44,8 +44,7 @@ class AnswerOptions:
         ),
     ] = None
     timezone: Annotated[
-        str | None,
-        typer.Option("--timezone", metavar="ZONE", help="Zone of local times: UTC, Europe/Berlin, +02:00."),
+        str | None, typer.Option("--timezone", metavar="ZONE", help="Zone of local times: UTC, Europe/Berlin, +02:00.")
     ] = None
     date_order: Annotated[
         str | None, typer.Option("--date-order", metavar="ORDER", help="Order of dates: dmy, mdy or ymd.")
@@ -76,16 +75,11 @@ class AnswerOptions:
 
 
 def command(
-    files: Annotated[
-        list[str], typer.Argument(metavar="FILE", show_default=False, help="Files of one drive that are no logs.")
-    ],
+    files: Annotated[list[str], typer.Argument(metavar="FILE", help="Files of one drive that are no logs.")],
     talk: TalkOptions,
     answers: AnswerOptions,
     output: Annotated[
-        str | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", show_default=False, help="Write the log here; - is standard output."
-        ),
+        str | None, typer.Option("--output", "-o", metavar="FILE", help="Write the log here; - is standard output.")
     ] = None,
     mapping: Annotated[
         str | None,

@@ -52,10 +52,7 @@ DoctorOption = Annotated[
 ExpectOption = Annotated[
     str | None,
     typer.Option(
-        "--expect",
-        metavar="FILE",
-        show_default=False,
-        help="A recording contract (TOML); exit code 1 where the log does not keep it.",
+        "--expect", metavar="FILE", help="A recording contract (TOML); exit code 1 where the log does not keep it."
     ),
 ]
 

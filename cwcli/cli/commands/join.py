@@ -52,8 +52,8 @@ class OverwriteOptions:
 
 
 def command(
-    log: Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="Log of the ego; - is standard input.")],
-    other: Annotated[str, typer.Argument(metavar="OTHER", show_default=False, help="Log of the other car.")],
+    log: Annotated[str, typer.Argument(metavar="LOG", help="Log of the ego; - is standard input.")],
+    other: Annotated[str, typer.Argument(metavar="OTHER", help="Log of the other car.")],
     talk: TalkOptions,
     output: Annotated[
         str,
@@ -61,7 +61,6 @@ def command(
             "--output",
             "-o",
             metavar="FILE",
-            show_default=False,
             help="Write the ego's log with both cars' states here; - is standard output.",
         ),
     ],

@@ -22,7 +22,6 @@ def command(
         str | None,
         typer.Argument(
             metavar="LOG",
-            show_default=False,
             help="Log whose own fixes, cameras and truth are shown too: MCAP file, folder of a recording, or URL; - is "
             "standard input.",
         ),
@@ -30,11 +29,7 @@ def command(
     output: Annotated[
         str | None,
         typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            show_default="-",
-            help="Write the layout here; - is standard output.",
+            "--output", "-o", metavar="FILE", show_default="-", help="Write the layout here; - is standard output."
         ),
     ] = None,
     force: ForceOption = False,

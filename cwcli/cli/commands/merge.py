@@ -18,15 +18,9 @@ EXAMPLES = (
 
 
 def command(
-    shards: Annotated[
-        list[str],
-        typer.Argument(metavar="SHARD", show_default=False, help="Output folders of all shards of one run."),
-    ],
+    shards: Annotated[list[str], typer.Argument(metavar="SHARD", help="Output folders of all shards of one run.")],
     talk: TalkOptions,
-    directory: Annotated[
-        str,
-        typer.Option("--directory", "-d", metavar="DIR", show_default=False, help="Write the whole run here."),
-    ],
+    directory: Annotated[str, typer.Option("--directory", "-d", metavar="DIR", help="Write the whole run here.")],
 ) -> None:
     """Merge the output folders of a run's shards into the one that a single run would have written.
 

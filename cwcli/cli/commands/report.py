@@ -32,29 +32,22 @@ PAGE_SUFFIXES = (".html", ".htm", PDF_SUFFIX)
 SourceArgument = Annotated[
     str,
     typer.Argument(
-        metavar="SOURCE",
-        show_default=False,
-        help="Output folder of `cwcli run -d`, or one annotated log; - is a log on standard input.",
+        metavar="SOURCE", help="Output folder of `cwcli run -d`, or one annotated log; - is a log on standard input."
     ),
 ]
 PageOption = Annotated[
-    str,
-    typer.Option(
-        "--output", "-o", metavar="FILE", show_default=False, help="Write the page here; - is standard output."
-    ),
+    str, typer.Option("--output", "-o", metavar="FILE", help="Write the page here; - is standard output.")
 ]
 TilesOption = Annotated[
     str | None,
     typer.Option(
         "--tiles",
         metavar="URL",
-        show_default=False,
         help="Map tiles below the tracks: their address with {z}, {x} and {y}. Else nothing is requested.",
     ),
 ]
 AttributionOption = Annotated[
-    str | None,
-    typer.Option("--tiles-attribution", metavar="TEXT", show_default=False, help="Whose map the tiles are."),
+    str | None, typer.Option("--tiles-attribution", metavar="TEXT", help="Whose map the tiles are.")
 ]
 PdfOption = Annotated[bool, typer.Option("--pdf", help="Print a PDF instead, by Chromium; -o x.pdf does it, too.")]
 RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]

@@ -147,17 +147,12 @@ class ReproductionOptions:
     ] = None
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            "--only", metavar="FIGURE", show_default=False, help="This figure or table alone: fig9, table1; repeatable."
-        ),
+        typer.Option("--only", metavar="FIGURE", help="This figure or table alone: fig9, table1; repeatable."),
     ] = None
     labelled: Annotated[
         str | None,
         typer.Option(
-            "--labelled",
-            metavar="LOG",
-            show_default=False,
-            help="Real frames with labels of lanes in TuSimple's form, for zhang2011.",
+            "--labelled", metavar="LOG", help="Real frames with labels of lanes in TuSimple's form, for zhang2011."
         ),
     ] = None
 
@@ -167,10 +162,7 @@ class OutputTargets:
     """Files and folders to write."""
 
     plots: Annotated[
-        str | None,
-        typer.Option(
-            "--plots", metavar="DIR", show_default=False, help="Draw the figures into this folder (needs matplotlib)."
-        ),
+        str | None, typer.Option("--plots", metavar="DIR", help="Draw the figures into this folder (needs matplotlib).")
     ] = None
     plot_format: Annotated[str, typer.Option("--plot-format", metavar="NAME", help="png or svg.")] = "png"
     report: Annotated[
@@ -178,7 +170,6 @@ class OutputTargets:
         typer.Option(
             "--report",
             metavar="DIR",
-            show_default=False,
             help="Write PAPER.md into this folder: every figure and table next to ours (needs matplotlib).",
         ),
     ] = None
@@ -270,13 +261,7 @@ def _letters_and_digits(text: str) -> str:
 
 def command(
     paper: Annotated[
-        str,
-        typer.Argument(
-            metavar="PAPER",
-            show_default=False,
-            autocompletion=_complete_papers,
-            help=f"The paper: {', '.join(PAPERS)}.",
-        ),
+        str, typer.Argument(metavar="PAPER", autocompletion=_complete_papers, help=f"The paper: {', '.join(PAPERS)}.")
     ],
     talk: TalkOptions,
     options: ReproductionOptions,

@@ -62,7 +62,6 @@ class PipelineOptions:
         typer.Option(
             "--gate",
             metavar="EXPR",
-            show_default=False,
             help="With -d: a condition for `cwcli evaluate`, kept in the manifest. Repeatable.",
         ),
     ] = field(default_factory=list)
@@ -79,7 +78,6 @@ class FleetOptions:
             "--directory",
             "-d",
             metavar="DIR",
-            show_default=False,
             help="Write each log's results into this folder; results that are up to date are not computed again.",
         ),
     ] = None
@@ -92,7 +90,6 @@ class FleetOptions:
         typer.Option(
             "--ray",
             metavar="auto|local|ADDRESS",
-            show_default=False,
             help="With -d: run on this Ray cluster (needs the extra cwcli-drive[ray]).",
         ),
     ] = None
@@ -101,7 +98,6 @@ class FleetOptions:
         typer.Option(
             "--shard",
             metavar="I/N",
-            show_default=False,
             help="With -d: do part I of N of the logs; auto/N takes I from an array job. `cwcli merge` joins them.",
         ),
     ] = None

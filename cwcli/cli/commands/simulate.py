@@ -40,7 +40,6 @@ def command(
         str,
         typer.Argument(
             metavar="NAME",
-            show_default=False,
             autocompletion=_complete_scenarios,
             help=f"A scenario: {', '.join(scenario_names())}; or a scenario file; or a rendered drive with "
             f"camera frames of a lane: {', '.join(ROAD_SCENARIOS)}.",
@@ -48,20 +47,14 @@ def command(
     ],
     talk: TalkOptions,
     output: Annotated[
-        str | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", show_default=False, help="Write the log here; - is standard output."
-        ),
+        str | None, typer.Option("--output", "-o", metavar="FILE", help="Write the log here; - is standard output.")
     ] = None,
     seed: Annotated[
         int | None,
         typer.Option("--seed", metavar="N", show_default="the scenario's own", help="Seed of all random draws."),
     ] = None,
     override: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", show_default=False, help="Change a value of the scenario. Repeatable."
-        ),
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the scenario. Repeatable.")
     ] = None,
     weather: Annotated[
         str | None,

@@ -227,7 +227,6 @@ class TalkOptions:
             metavar="FILE",
             is_eager=True,
             callback=apply_config_file,
-            show_default=False,
             help="TOML file with defaults for these options; none: not even a cwcli.toml from here or above.",
         ),
     ] = None

@@ -12,7 +12,6 @@ GatesOption = Annotated[
     typer.Option(
         "--gate",
         metavar="EXPR",
-        show_default=False,
         help="A condition that must hold, beside those of the run's manifest; for each log unless it says otherwise "
         "(docs/evaluation.md). Repeatable.",
     ),
@@ -25,19 +24,13 @@ TruthOption = Annotated[
 ]
 MarkdownOption = Annotated[
     str | None,
-    typer.Option(
-        "--markdown",
-        metavar="FILE",
-        show_default=False,
-        help="Write a summary in GitHub's Markdown here; - is standard output.",
-    ),
+    typer.Option("--markdown", metavar="FILE", help="Write a summary in GitHub's Markdown here; - is standard output."),
 ]
 PageAddressOption = Annotated[
     str | None,
     typer.Option(
         "--report-at",
         metavar="PAGE",
-        show_default=False,
         help="Where the page that `cwcli report` makes of this run will be found, e.g. report.html: --junit and "
         "--markdown link to its warnings and conflicts.",
     ),
@@ -51,7 +44,6 @@ SystemOption = Annotated[
     typer.Option(
         "--topic",
         metavar="ROLE=/NAME",
-        show_default=False,
         autocompletion=complete_system_topics,
         help="Judge another system in the log too: warning=/adas/fcw:data==true, ego_path=/planning/trajectory, "
         "ego_state=/odometry (docs/evaluation.md). Repeatable.",

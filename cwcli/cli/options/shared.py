@@ -36,16 +36,13 @@ LogArgument = Annotated[
     list[str],
     typer.Argument(
         metavar="LOG",
-        show_default=False,
         help="MCAP file, folder of a recording, or URL; - is standard input. With --as-one several, the parts of one.",
     ),
 ]
 LogsArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="LOG",
-        show_default=False,
-        help="MCAP files, folders of them, patterns or URLs; - is standard input (without -d).",
+        metavar="LOG", help="MCAP files, folders of them, patterns or URLs; - is standard input (without -d)."
     ),
 ]
 StartOption = Annotated[
@@ -53,14 +50,10 @@ StartOption = Annotated[
     typer.Option(
         "--start",
         metavar="TIME",
-        show_default=False,
         help="Use messages from here on: seconds from the log's start, or ISO 8601 (UTC if it names no zone).",
     ),
 ]
-EndOption = Annotated[
-    str | None,
-    typer.Option("--end", metavar="TIME", show_default=False, help="Use messages before here; as --start."),
-]
+EndOption = Annotated[str | None, typer.Option("--end", metavar="TIME", help="Use messages before here; as --start.")]
 AsOneOption = Annotated[
     bool, typer.Option("--as-one", help="Read the named logs, or those in the folder, as the parts of one log.")
 ]
@@ -137,7 +130,6 @@ class ReadingOptions:
         typer.Option(
             "--topic",
             metavar="ROLE=/NAME",
-            show_default=False,
             autocompletion=complete_role_topics,
             help="Use this topic for a role, e.g. ego_position=/gps/fix. Repeatable.",
         ),
@@ -147,7 +139,6 @@ class ReadingOptions:
         typer.Option(
             "--map",
             metavar="ROLE=/NAME:FIELD",
-            show_default=False,
             help="Use this field for a role, with a unit or a factor, e.g. ego_speed=/status:speed*kmh. Repeatable.",
         ),
     ] = field(default_factory=list)
@@ -156,7 +147,6 @@ class ReadingOptions:
         typer.Option(
             "--dbc",
             metavar="FILE",
-            show_default=False,
             help="What the CAN frames of --map mean (needs the extra cwcli-drive[can]). Repeatable.",
         ),
     ] = field(default_factory=list)
@@ -251,7 +241,6 @@ class SensorOptions:
         typer.Option(
             "--ego-station",
             metavar="ID",
-            show_default=False,
             help="The ego's own id, so that it is not a remote vehicle: of its V2X messages, or in OSI traces.",
         ),
     ] = None
@@ -267,7 +256,6 @@ class CalibrationOptions:
         typer.Option(
             "--calibration",
             metavar="FILE",
-            show_default=False,
             help="Constants of the car's sensors from other drives, made by `cwcli calibrate`.",
         ),
     ] = None
@@ -289,11 +277,7 @@ class CalibrationOptions:
 OutputOption = Annotated[
     str | None,
     typer.Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        show_default=False,
-        help="Write the log with the new channels here; - is standard output.",
+        "--output", "-o", metavar="FILE", help="Write the log with the new channels here; - is standard output."
     ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Overwrite files that exist.")]
@@ -316,10 +300,7 @@ class WritingOptions:
     ] = False
     split: Annotated[
         Literal["one", "like-input"],
-        typer.Option(
-            "--split",
-            help="One file, or the parts in which the log came into the folder that -o names.",
-        ),
+        typer.Option("--split", help="One file, or the parts in which the log came into the folder that -o names."),
     ] = "one"
     force: ForceOption = False
     channels: Annotated[
@@ -351,7 +332,6 @@ MetricsOption = Annotated[
     typer.Option(
         "--metrics",
         metavar="FILE",
-        show_default=False,
         rich_help_panel=_OUTPUT_HEADING,
         help="Write the metrics table here (.parquet or .csv).",
     ),
@@ -361,7 +341,6 @@ MetricsDirOption = Annotated[
     typer.Option(
         "--metrics-dir",
         metavar="DIR",
-        show_default=False,
         rich_help_panel=_OUTPUT_HEADING,
         help="Write every table of every stage into this folder, as Parquet.",
     ),

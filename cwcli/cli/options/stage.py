@@ -6,12 +6,11 @@ import dataclasses
 import functools
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from cwcli.cli.options.entries import option_entries_of_stage
 from cwcli.cli.options.lazy_typer import Declaration
 from cwcli.cli.options.shared import SensorOptions
 from cwcli.pipeline.call import StageCall
 from cwcli.pipeline.stage import Stage
-from cwcli.pipeline.stage_options import OptionEntry, SensorReading, configure_stage
+from cwcli.pipeline.stage_options import OptionEntry, SensorReading, configure_stage, option_entries_of_stage
 from cwcli.registry import import_target
 from cwcli.stages import STAGES
 
@@ -42,7 +41,7 @@ def make_stage_options_class(name: str) -> type[StageOptions]:
     """Make a dataclass of a stage's options; its instances are not validated."""
     fields: list[Any] = [
         (entry.key, Annotated[entry.kind, _make_typer_option(entry)], _field_default(entry.default))
-        for entry in option_entries_of_stage(name)
+        for entry in option_entries_of_stage(STAGES[name])
     ]
     return dataclasses.make_dataclass(
         f"{STAGES[name].python_name}_options",
@@ -88,7 +87,7 @@ def stage_call_from_options(
         UsageError: A value is invalid.
     """
     stage = STAGES[options.stage]
-    entries = option_entries_of_stage(stage.name)
+    entries = option_entries_of_stage(stage)
     values = {entry.key: getattr(options, entry.key) for entry in entries}
     return configure_stage(stage, entries, values, SensorReading(sensors.clock, sensors.ego_station, calibration))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -152,13 +151,8 @@ def _convert_channel_and_count_left_out(
         fit &= ~is_unfit
     if not fit.all():
         rows = np.flatnonzero(fit)
-        columns = replace(
-            columns,
-            log_time_ns=columns.log_time_ns[rows],
-            publish_time_ns=columns.publish_time_ns[rows],
-            sequence=columns.sequence[rows],
-            fields={path: select_column_rows(column, rows) for path, column in columns.fields.items()},
-        )
+        selected = {path: select_column_rows(column, rows) for path, column in columns.fields.items()}
+        columns = columns.with_fields_of_rows(rows, selected)
         fields = message.make_fields(columns, local_map)
     channel = OutputChannel(name, message.schema, columns.log_time_ns, fields)
     return channel, left_out, fields_unknown_to_ros(columns)

@@ -149,7 +149,7 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         target = urlsplit(urljoin(req.full_url, newurl))
         is_less_safe = urlsplit(req.full_url).scheme == "https" and target.scheme != "https"
         if target.scheme not in WEB_SCHEMES or is_less_safe:
-            shown = redact_url(newurl)[:200]
+            shown = redact_url(newurl)[:MAX_SHOWN_URL_CHARS]
             raise InputError(
                 f"the server redirects to {shown}, which is not followed", where=display_name_of_url(req.full_url)
             )
@@ -163,7 +163,7 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         location = headers.get("location") or headers.get("uri") or ""
         target = urlsplit(urljoin(req.full_url, location))
         if location and target.scheme not in WEB_SCHEMES:
-            shown = redact_url(location)[:200]
+            shown = redact_url(location)[:MAX_SHOWN_URL_CHARS]
             raise InputError(
                 f"the server redirects to {shown}, which is not followed", where=display_name_of_url(req.full_url)
             )
@@ -175,12 +175,6 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         return super().http_error_302(req, fp, code, msg, headers)
 
     http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
-
-
-def _not_followed_error(url: str, target: str) -> InputError:
-    """Return the error for a redirect to a place to which none may lead."""
-    what = f"the server redirects to {redact_url(target)[:MAX_SHOWN_URL_CHARS]}, which is not followed"
-    return InputError(what, where=display_name_of_url(url))
 
 
 def _request(url: str, timeout_s: float, headers: dict[str, str] | None = None) -> Any:

@@ -7,19 +7,18 @@ of those that tell of what their sender perceived (CPM, SDSM); the others are se
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals import cpm, etsi, j2735, perceived, sdsm
+from cwcli.signals import cpm, etsi, j2735, sdsm
 from cwcli.signals.columns import Columns, Field, Strings
 from cwcli.signals.denm import events_from_codes, format_event_counts_notice
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.radio import bsm, frames, messages
 from cwcli.signals.radio import etsi as packed_etsi
-from cwcli.signals.radio import sdsm as packed_sdsm
+from cwcli.signals.radio import frames, messages, sae
 from cwcli.signals.road_events import RoadEvents, join_road_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
 
@@ -76,14 +75,14 @@ MESSAGE_FAULT_TEXTS: dict[int, str] = {
 }
 """The reason for rejecting a message, by status code."""
 SENDER_MESSAGES: dict[str, RoadUserMessage] = {
-    "BSM": RoadUserMessage(bsm.BSM, bsm.bsm_fields_from_decoded, j2735.JSON_BSM),
+    "BSM": RoadUserMessage(sae.BSM, sae.bsm_fields_from_decoded, j2735.JSON_BSM),
     "CAM": RoadUserMessage(packed_etsi.CAM, packed_etsi.cam_fields_from_decoded, etsi.CAM),
     "VAM": RoadUserMessage(packed_etsi.VAM, packed_etsi.vam_fields_from_decoded, etsi.CAM),
 }
 """The messages that describe their sender, by name."""
 PERCEPTION_MESSAGES: dict[str, RoadUserMessage] = {
     "CPM": RoadUserMessage(packed_etsi.CPM, packed_etsi.CPM.read_quantities, cpm.OBJECT_CODEC),
-    "SDSM": RoadUserMessage(packed_sdsm.SDSM, packed_sdsm.sdsm_objects_from_decoded, sdsm.CODED_OBJECT_CODEC),
+    "SDSM": RoadUserMessage(sae.SDSM, sae.sdsm_objects_from_decoded, sdsm.CODED_OBJECT_CODEC),
 }
 """The messages that describe objects that their sender perceived, by name."""
 
@@ -136,7 +135,7 @@ def make_radio_codec(form: str) -> V2xCodec:
             of_row = decoded.rows[kind.packed.objects_path]
             if len(of_row):
                 quantities = kind.read_fields(decoded)
-                made.append((perceived.columns_per_object(columns, rows[of_row], quantities), kind.codec))
+                made.append((columns.with_fields_of_rows(rows[of_row], quantities), kind.codec))
         return tuple(made)
 
     def events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
@@ -170,14 +169,7 @@ def _decode_sender_messages(
         if kind is None or not (found.message == number).any():
             continue
         rows, decoded = _rows_and_contents_of_messages_named(found, form, name, kind.packed)
-        part = replace(
-            columns,
-            log_time_ns=columns.log_time_ns[rows],
-            publish_time_ns=columns.publish_time_ns[rows],
-            sequence=columns.sequence[rows],
-            fields=kind.read_fields(decoded),
-            n_undecodable=0,
-        )
+        part = columns.with_fields_of_rows(rows, kind.read_fields(decoded))
         parts.append((kind, part, rows, decoded.status))
     return parts
 

@@ -1,11 +1,11 @@
-"""ETSI's message types, read from the tables beside this file (`tools/etsi_tables.py` writes them).
+"""The types of messages, read from the tables beside this file (`tools/message_tables.py` writes them).
 
 A node is a list: its kind and what follows. `["int", low, high, extensible]`, `["enum", n, extensible]`,
 `["sized", bits of a unit, low, high, extensible]`, `["list", node, low, high, extensible]`,
 `["sequence", [[name, node, optional], ...], extensible]`, `["choice", [[name, node], ...], extensible]`, `["null"]`,
 `["open", [[number, node], ...]]` (contents by the number before it) and `["unread"]` (everything from here on).
 
-The types are those of ETSI's ASN.1 modules (3-clause BSD licence, copyright ETSI).
+The types of CAM and DENM are those of ETSI's ASN.1 modules (3-clause BSD licence, copyright ETSI).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Open, Par
 
 
 def load_message_type(message: str) -> Type:
-    """Read the type of a message of ETSI: `cam`, `cpm`, `denm` or `vam`."""
+    """Read the type of a message: `bsm`, `cam`, `cpm`, `denm`, `sdsm` or `vam`."""
     return _parse_type_node(json.loads(files(__package__).joinpath(f"{message}.json").read_text(encoding="utf-8")))
 
 

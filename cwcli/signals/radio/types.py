@@ -91,14 +91,3 @@ class Unread:
 
 
 Type = Int | Enum | Sized | Seq | Choice | ListOf | Open | Null | Unread
-
-
-def bit_string_type(n: int, *, extensible: bool = False) -> Sized:
-    """Return the type BIT STRING of `n` bits, whose value is the first `n` bits as a number, the first bit the
-    highest."""
-    return Sized(1, n, n, extensible)
-
-
-def sequence_type(*parts: tuple[str, Type] | tuple[str, Type, bool], extensible: bool = False) -> Seq:
-    """Return the type of a sequence of (name, type) or, where optional, (name, type, True)."""
-    return Seq(tuple(Part(*part) for part in parts), extensible)

@@ -11,9 +11,10 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from cwcli.channels.binding import bind_roles
 from cwcli.logs.read.reader import Log
-from cwcli.signals.build import build_signal, leaf_fields_for_role
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Ragged
+from cwcli.signals.inputs import find_input_for_role
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, development_log, stamp_fields
 
@@ -311,4 +312,5 @@ def test_drawn_cubes_count_only_where_no_sensor_reports():
     ],
 )
 def test_every_schema_names_its_fields(schema, encoding):
-    assert leaf_fields_for_role(Role.DETECTIONS, schema, encoding)
+    entry = find_input_for_role(Role.DETECTIONS, schema)
+    assert entry is not None and entry.fields[encoding]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.signals.build import build_signal, leaf_fields_for_role, require_usable_rows
+from cwcli.signals.build import build_signal, require_usable_rows
 from cwcli.signals.builders.position import (
     NO_FIX_REASON,
     POSITION_NOT_A_NUMBER_REASON,
@@ -23,6 +23,7 @@ from cwcli.signals.canonical import (
 from cwcli.signals.clocks import INVALID_LOG_TIME_REASON
 from cwcli.signals.columns import Columns
 from cwcli.signals.covariances import UNUSABLE_COVARIANCE_REASON
+from cwcli.signals.inputs import find_input_for_role
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
@@ -222,11 +223,14 @@ def test_require_rows_tells_bad_data_from_none() -> None:
         require_usable_rows(quality)
 
 
-def test_fields_for_names_the_leaves_of_each_encoding() -> None:
-    assert "timestamp.seconds" in leaf_fields_for_role(Role.EGO_POSITION, "foxglove.LocationFix", "protobuf")
-    assert "timestamp.nsec" in leaf_fields_for_role(Role.EGO_POSITION, "foxglove.LocationFix", "json")
-    assert leaf_fields_for_role(Role.CAMERA, "foxglove.CompressedImage", "protobuf") == ()
-    assert leaf_fields_for_role(Role.IMU, "sensor_msgs/msg/NavSatFix", "cdr") == ()
+def test_a_row_names_the_leaves_of_each_encoding() -> None:
+    fix = find_input_for_role(Role.EGO_POSITION, "foxglove.LocationFix")
+    assert fix is not None
+    assert "timestamp.seconds" in fix.fields["protobuf"]
+    assert "timestamp.nsec" in fix.fields["json"]
+    camera = find_input_for_role(Role.CAMERA, "foxglove.CompressedImage")
+    assert camera is not None and not camera.fields
+    assert find_input_for_role(Role.IMU, "sensor_msgs/msg/NavSatFix") is None
 
 
 def test_build_refuses_a_role_that_the_schema_can_not_fill() -> None:

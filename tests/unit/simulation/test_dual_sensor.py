@@ -6,11 +6,11 @@ from cwcli.simulation.dual_sensor import (
     SensorNoise,
     measure_positions_with_lidar,
     measure_states_with_radar,
-    simulate_crossing_targets,
     simulate_static_target,
     simulate_target_on_path,
     times_and_true_states_on_path,
 )
+from tests.crossing_targets import simulate_crossing_targets
 
 NOISE = SensorNoise(lidar_m=0.1, range_m=0.25, azimuth_rad=0.01, rate_mps=0.12)
 

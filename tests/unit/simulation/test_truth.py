@@ -13,9 +13,8 @@ from cwcli.simulation.scenario import load_scenario
 from cwcli.simulation.truth import (
     TrueMotion,
     check_motion_is_drivable,
-    closest_approach_time_and_distance,
-    first_time_nearer_than_s,
 )
+from tests.approach import closest_approach_time_and_distance, first_time_nearer_than_s
 
 ATOL_M = 1e-6
 ATOL_RAD = 1e-9

@@ -7,11 +7,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from cwcli.simulation.dual_sensor import DualSensorScene, SensorNoise, simulate_crossing_targets
+from cwcli.simulation.dual_sensor import DualSensorScene, SensorNoise
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, EgoStates, SensorModel
 from cwcli.tracking.gospa import TargetMoments, score_tracks
 from cwcli.tracking.tracker import track_many_targets, track_one_target
+from tests.crossing_targets import simulate_crossing_targets
 from tests.work import count_calls
 
 S = 1_000_000_000

@@ -11,8 +11,6 @@ from cwcli.tracking.detections import (
     Detections,
     EgoStates,
     SensorModel,
-    body_from_paper,
-    paper_from_body,
 )
 from cwcli.tracking.prepare import in_order_mask, prepare_detections
 
@@ -142,8 +140,6 @@ def test_paper_axes_are_x_right_y_forward():
     forward, right = [0.0, 7.0], [3.0, 0.0]
     rows = prepare_detections([lidar([forward, right])], {"lidar": SensorModel(axes="paper")}).rows
     np.testing.assert_allclose(rows.z[:, :2], [[7.0, 0.0], [0.0, -3.0]], atol=1e-12)
-    np.testing.assert_allclose(body_from_paper(np.array([forward, right])), [[7.0, 0.0], [0.0, -3.0]])
-    np.testing.assert_allclose(paper_from_body(rows.z[:, :2]), [forward, right], atol=1e-12)
     # eq. 4 counts the azimuth from x, the right: straight ahead is 90 degrees, which is 0 in the body frame
     rows = prepare_detections([radar([[7.0, np.pi / 2, 0.0]])], {"radar": SensorModel(axes="paper")}).rows
     assert rows.z[0, 1] == pytest.approx(0.0)

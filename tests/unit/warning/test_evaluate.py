@@ -326,7 +326,6 @@ def test_false_late_missed_and_undecided() -> None:
     ("conflict", "onset"),
     [
         ("distance", 4.875),  # 100 - 20 t = 2.5
-        ("outline", 4.775),  # 100 - 20 t = 4.5
         ("ttc", 3.775),  # (95.5 - 20 t) / 20 = 1
         ("drac", (95.5 - 400.0 / 6.7) / 20.0),  # 20^2 / (2 gap) = 3.35
     ],

@@ -1,8 +1,9 @@
-"""Write the tables of ETSI's messages from compiled ASN.1 modules: `python -m tools.etsi_tables`.
+"""Write the tables of V2X messages from compiled ASN.1 modules: `python -m tools.message_tables`.
 
-`cwcli/signals/radio/*.json` hold ETSI's types as far as the packed encoding sees them; `cwcli.signals.radio.tables`
-says how. ETSI's modules are under the 3-clause BSD licence (https://forge.etsi.org/rep/ITS/asn1). The library `pycrate`
-ships those of CAM and DENM compiled; of VAM and CPM, which it does not have, `tools/asn1` holds the part that is read.
+`cwcli/signals/radio/*.json` hold the types of messages as far as the packed encoding sees them;
+`cwcli.signals.radio.tables` says how. ETSI's modules are under the 3-clause BSD licence
+(https://forge.etsi.org/rep/ITS/asn1). The library `pycrate` ships those of CAM and DENM compiled; of the others, which
+it does not have, `tools/asn1` holds the part that is read.
 """
 
 from __future__ import annotations
