@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli import main
-from cwcli.cli.options.stage import make_stage_options_class, option_entries_of_stage
+from cwcli.cli.options.entries import option_entries_of_stage
+from cwcli.cli.options.stage import make_stage_options_class
 from cwcli.pipeline.stage import Stage
 from cwcli.stages import STAGES
 from tests.cli.conftest import Run
