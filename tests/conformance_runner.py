@@ -112,7 +112,8 @@ def _header(data: ByteSource, start: int, stop: int) -> Document:
 
 def _message(data: ByteSource, start: int, stop: int) -> Document:
     head = start + records.MESSAGE_HEADER_BYTES
-    return message(*struct.unpack("<HIQQ", data[start:head]), data[head:stop])
+    channel_id, sequence, log_time, publish_time = struct.unpack("<HIQQ", data[start:head])
+    return message(channel_id, sequence, log_time, publish_time, data[head:stop])
 
 
 def _attachment(data: ByteSource, start: int, stop: int) -> Document:

@@ -140,7 +140,7 @@ def kill(folder: Path, command: tuple[str, ...], known: Reference, rng: np.rando
 def fill(folder: Path, command: tuple[str, ...], known: Reference, rng: np.random.Generator, log: bytes) -> str:
     """No file can grow beyond some size."""
     largest = max(map(len, known.outputs[0].values()))
-    code, said = ended(start(folder, command, int(rng.integers(largest * 1.05))))
+    code, said = ended(start(folder, command, int(rng.integers(int(largest * 1.05)))))
     if code not in (0, EXIT_OUTPUT) or "Traceback" in said:
         raise Finding(f"it ended with {code}: {said}")
     check_outputs(folder, known)

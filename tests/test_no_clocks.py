@@ -56,7 +56,10 @@ def short_timeouts(source: str) -> list[int]:
         for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.Call)
         for keyword in node.keywords
-        if keyword.arg == "timeout" and isinstance(keyword.value, ast.Constant) and 2 < keyword.value.value < HANG_S
+        if keyword.arg == "timeout"
+        and isinstance(keyword.value, ast.Constant)
+        and isinstance(keyword.value.value, int | float)
+        and 2 < keyword.value.value < HANG_S
     ]
 
 

@@ -108,7 +108,8 @@ def test_a_moved_number_of_the_small_set_is_found_and_noise_is_not() -> None:
     )
     good: dict[str, float | str | None] = {"error": 1.29, "count": 3.0, "word": "0110", "nothing": None}
     assert faults_of_small_run(stored, good) == []
-    for key, wrong in {"error": 1.31, "count": 3.1, "word": "0111", "nothing": 1.0}.items():
+    wrong_values: dict[str, float | str | None] = {"error": 1.31, "count": 3.1, "word": "0111", "nothing": 1.0}
+    for key, wrong in wrong_values.items():
         assert len(faults_of_small_run(stored, {**good, key: wrong})) == 1, key
     assert len(faults_of_small_run(stored, {"error": 1.2, "word": "0110"})) == 1  # one is lost
     assert faults_of_small_run(stored, {"error": 1.2, "count": 3.0, "word": "0110"}) == []  # of the whole set only

@@ -30,7 +30,7 @@ def count_calls(function: Callable[[], object]) -> int:
         function()
     finally:
         sys.setprofile(before)
-        threading.setprofile(None)  # type: ignore[arg-type]
+        threading.setprofile(None)
     return n_calls
 
 
@@ -53,7 +53,7 @@ def count_lines(function: Callable[[], object]) -> Counter[str]:
         function()
     finally:
         sys.settrace(before)
-        threading.settrace(None)  # type: ignore[arg-type]
+        threading.settrace(None)
     lines: Counter[str] = Counter()
     for code, n_lines in by_code.items():
         lines[f"{code.co_filename}:{code.co_qualname}"] += n_lines

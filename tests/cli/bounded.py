@@ -71,8 +71,17 @@ def bounded(
 ) -> Ended:
     """Run `cwcli` in a folder; it must stay within its bounds, and show no traceback."""
     took, calls = folder / "took.json", folder / "calls.txt"
-    command = [sys.executable, "-S", "-c", LAUNCHER, took, str(LIMIT_BYTES), str(round(HANG_S)), sys.executable]
-    done = subprocess.run(
+    command: list[str | Path] = [
+        sys.executable,
+        "-S",
+        "-c",
+        LAUNCHER,
+        took,
+        str(LIMIT_BYTES),
+        str(round(HANG_S)),
+        sys.executable,
+    ]
+    done: subprocess.CompletedProcess[bytes] = subprocess.run(
         [*command, "-c", COUNTED, calls, *map(str, arguments)],
         capture_output=True,
         check=True,

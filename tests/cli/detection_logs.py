@@ -68,8 +68,10 @@ def with_detections(source: Path, target: Path, seed: int = 1, *, is_empty: bool
     rng = np.random.default_rng(seed)
     with Log.open(source) as log:
         loaded = log.load_topics({"/truth/ego": None, TRUTH: None})
-    ego, other = (np.column_stack([loaded[topic].fields[name] for name in ("stamp_ns", "x_m", "y_m", "speed_mps",
-                  "heading_rad", "yaw_rate_radps")]) for topic in ("/truth/ego", TRUTH))  # fmt: skip
+    columns = ("stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "yaw_rate_radps")
+    ego, other = (
+        np.column_stack([np.asarray(loaded[topic].fields[name]) for name in columns]) for topic in ("/truth/ego", TRUTH)
+    )
     stamps = np.asarray(loaded["/truth/ego"].fields["stamp_ns"]).astype(np.int64)
     assert np.array_equal(stamps, np.asarray(loaded[TRUTH].fields["stamp_ns"]).astype(np.int64))
     lidar, radar = [], []

@@ -27,8 +27,8 @@ def block(name: str) -> str:
     return fenced[1] if fenced else text
 
 
-def github() -> dict[str, Any]:
-    document: dict[str, Any] = yaml.safe_load(block("github"))
+def github() -> dict[Any, Any]:
+    document: dict[Any, Any] = yaml.safe_load(block("github"))
     return document
 
 

@@ -120,7 +120,7 @@ def test_a_full_disk_leaves_no_file(annotated: Path, tmp_path: Path, name: str) 
 def test_without_a_locale_the_bytes_are_the_same(annotated: Path, tmp_path: Path, form: str) -> None:
     """In a file and in a pipe, whatever encoding the terminal would have."""
     target = tmp_path / f"{ID}.{form}"
-    arguments = ["export", annotated, *EXPORTS[form], "-o"]
+    arguments: list[str | Path] = ["export", annotated, *EXPORTS[form], "-o"]
     done = by_itself(tmp_path, *arguments, target.name, env=NO_LOCALE | {"COLUMNS": "20"})
     assert done.returncode == 0, done.stderr
     assert (done.stdout + done.stderr).isascii() and b"\x1b" not in done.stdout + done.stderr

@@ -43,7 +43,7 @@ def test_events_of_a_folder_with_tables_and_clips(
     assert isinstance(events, list)
     assert {each["event"] for each in events} == {"cut-in", "stop-and-go"}
     assert [each["severity"] for each in events] == sorted((each["severity"] for each in events), reverse=True)
-    assert [each["log"].rpartition("/")[2] for each in said["failed"]] == ["raw.mcap"]  # type: ignore[attr-defined,union-attr]
+    assert [each["log"].rpartition("/")[2] for each in said["failed"]] == ["raw.mcap"]  # type: ignore[attr-defined]
     assert pq.read_table(table).column("id").to_pylist() == [each["id"] for each in events]
     for each in events:
         source, clip = folder / f"{each['event']}.mcap", Path(each["clip"])
@@ -60,7 +60,7 @@ def test_events_of_a_folder_with_tables_and_clips(
             }
         assert written == inside
         again = found(capsys, str(clip), str(each["event"]))["events"]
-        assert [other["id"] for other in again] == [each["id"]]  # type: ignore[union-attr,attr-defined]
+        assert [other["id"] for other in again] == [each["id"]]  # type: ignore[attr-defined]
 
 
 def test_limit_keeps_the_most_severe(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

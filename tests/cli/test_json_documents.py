@@ -10,7 +10,8 @@ from typing import Any
 import jsonschema
 import pytest
 
-from cwcli.cli.app import COMMANDS, load_command
+from cwcli.cli.app import load_command
+from cwcli.cli.commands import COMMANDS
 from cwcli.cli.main import run_command_line
 from cwcli.pipeline.json_names import CellWithValues, heading_to_json_name, table_row_to_json
 from tests.cli.conftest import ROOT, SAMPLES

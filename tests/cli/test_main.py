@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,7 +21,7 @@ PYTHON = sys.executable
 ROOT = Path(__file__).parents[2]
 
 
-def cwcli(*arguments: str, **settings: object) -> subprocess.CompletedProcess[str]:
+def cwcli(*arguments: str, **settings: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [PYTHON, "-m", "cwcli", *arguments], capture_output=True, text=True, check=False, timeout=600, **settings
     )

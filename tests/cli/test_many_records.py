@@ -94,7 +94,8 @@ def test_name_of_three_megabytes(tmp_path: Path) -> None:
     channel = record_bytes.encode_channel(Channel(1, 1, "/" + "n" * 3_000_000, "cdr", {}))
     (tmp_path / "in.mcap").write_bytes(
         with_summary(
-            HEAD + SCHEMA + channel, SCHEMA + channel + record_bytes.encode_statistics(Statistics(*[0] * 8, {}))
+            HEAD + SCHEMA + channel,
+            SCHEMA + channel + record_bytes.encode_statistics(Statistics(0, 0, 0, 0, 0, 0, 0, 0, {})),
         )
     )
     ended = bounded(tmp_path, "info", "in.mcap", most_mb=200)

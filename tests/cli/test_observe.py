@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -36,7 +37,7 @@ def test_the_whole_pipe_from_rendered_frames_to_warnings(cwcli: Run, tmp_path: P
     ]
     data = None
     for command in commands:
-        source = {} if data is None else {"input": data}
+        source: dict[str, Any] = {} if data is None else {"input": data}
         done = cwcli(*command, "-o", "-", **source)
         assert done.returncode == 0, done.stderr.decode()
         data = done.stdout

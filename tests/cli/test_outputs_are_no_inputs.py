@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import cwcli
-from cwcli.cli.app import COMMANDS, load_command
-from cwcli.cli.commands import reproduce
+from cwcli.cli.app import load_command
+from cwcli.cli.commands import COMMANDS, reproduce
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE
 from cwcli.reproduction.findings import Curve, Plot, StudyPart

@@ -77,6 +77,7 @@ def test_times_beyond_those_of_ros_are_left_out_and_counted(tmp_path: Path) -> N
         {"/p": {"header.stamp": 2, "poses.header.stamp": 1}},
     )
     with AnyReader([tmp_path / "ros.mcap"]) as reader:
+        message: Any
         [message] = [reader.deserialize(data, each.msgtype) for each, _, data in reader.messages()]
     assert [each.header.stamp.sec for each in message.poses] == [2**31 - 1] * 2
     assert [each.pose.position.x for each in message.poses] == [0.0, 1.0]

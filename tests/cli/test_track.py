@@ -150,7 +150,7 @@ def tracked(intersection: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     folder = tmp_path_factory.mktemp("tracked")
     with_detections(intersection, folder / "d.mcap")
     mount = ["--sensor", f"{RADAR}:x=3.6", "--topic", f"target_truth={TRUTH}", "--metrics", "track.parquet"]
-    steps = (
+    steps: tuple[tuple[str, str, str, list[str]], ...] = (
         ("estimate", "d.mcap", "e.mcap", []),
         ("track", "e.mcap", "t.mcap", mount),
         ("predict", "t.mcap", "p.mcap", []),
@@ -222,12 +222,12 @@ def test_many_targets_with_truth(cwcli: Run, tmp_path: Path) -> None:
         "--json",
     )
     told = summary(cwcli("track", "a.mcap", *options))
-    found = values(tmp_path / "m.parquet")
+    scores = values(tmp_path / "m.parquet")
     assert len(told["sections"]["errors"]) == 5
-    assert 0.2 < found["", "/truth/targets", "gospa", "mean"] < 1.5
-    parts = [found["", "/truth/targets", "gospa", f"{part}_mean"] for part in ("localisation", "missed", "false")]
+    assert 0.2 < scores["", "/truth/targets", "gospa", "mean"] < 1.5
+    parts = [scores["", "/truth/targets", "gospa", f"{part}_mean"] for part in ("localisation", "missed", "false")]
     assert all(part >= 0.0 for part in parts)
-    assert found["", "/truth/targets", "id", "switch_count"] == sum(
+    assert scores["", "/truth/targets", "id", "switch_count"] == sum(
         row["id_switches"] for row in told["sections"]["errors"]
     )
     assert any("as many targets" in note for note in told["notes"])

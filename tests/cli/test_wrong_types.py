@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from cwcli.cli.app import COMMANDS, load_command
+from cwcli.cli.app import load_command
+from cwcli.cli.commands import COMMANDS
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
 from tests.cli.conftest import SAMPLES

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import mcap.records
 import numpy as np
@@ -45,7 +46,7 @@ COMMANDS = (
 WITH_COMMAND = 0.1
 N_INPUTS = 4
 BEYOND_BYTES = 1 << 16
-DEFINITIONS = {OPCODE_SCHEMA: mcap.records.Schema, OPCODE_CHANNEL: mcap.records.Channel}
+DEFINITIONS: dict[int, Any] = {OPCODE_SCHEMA: mcap.records.Schema, OPCODE_CHANNEL: mcap.records.Channel}
 UNEXPECTED = {EXIT_BUG, EXIT_OUTPUT}
 SCENARIO = """description = "two cars"
 duration_s = 2
@@ -114,7 +115,7 @@ def check_log(data: bytes, command: tuple[str, ...] | None, counts: Counter[str]
                 code = run_command_line([names.get(each, each) for each in command])
             counts[f"exit {code}"] += 1
             shown.flush()
-            said = shown.buffer.getvalue().decode()  # type: ignore[attr-defined]
+            said = shown.buffer.getvalue().decode()
             assert code in EXIT_CODES and code not in UNEXPECTED, said
             assert "Traceback" not in said, said
             assert out.exists() == (code == 0 and "OUT" in command), (code, said)
@@ -226,7 +227,7 @@ def _drives() -> tuple[bytes, bytes]:
         scenario.write_text(SCENARIO, encoding="utf-8")
         shown = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
         with redirect_stdout(shown), redirect_stderr(shown):
-            assert run_command_line(["simulate", str(scenario), "-o", str(plain)]) == 0, shown.buffer.getvalue()  # type: ignore[attr-defined]
+            assert run_command_line(["simulate", str(scenario), "-o", str(plain)]) == 0, shown.buffer.getvalue()
             assert run_command_line(["run", str(plain), "-o", str(annotated)]) == 0
         return plain.read_bytes(), annotated.read_bytes()
 

@@ -83,7 +83,7 @@ def check_trace(data: bytes, command: Sequence[str], counts: Counter[str]) -> No
         counts[f"exit {code}"] += 1
         counts["accepted"] += code == 0
         shown.flush()
-        printed = shown.buffer.getvalue().decode()  # type: ignore[attr-defined]
+        printed = shown.buffer.getvalue().decode()
         assert code in EXIT_CODES and code not in UNEXPECTED, f"{' '.join(command)}\n{printed}"
         assert out.exists() == (code == 0 and "OUT" in command), (code, printed)
 

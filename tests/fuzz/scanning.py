@@ -55,7 +55,7 @@ def _check_metadata(rng: Rng) -> bool:
     capacity = int(rng.integers(1, 12))
     room, found = array("Q", bytes(16 * capacity)), list[str]()
     scan = scan_metadata if opcode == OPCODE_METADATA else scan_metadata_index
-    at, n = scan(memoryview(np.array(bytearray(data), np.uint8)), 1000, room, found)
+    at, n = scan(np.array(bytearray(data), np.uint8).data, 1000, room, found)
     assert n == len(found)
     rows = [(*room[2 * k : 2 * k + 2], name) for k, name in enumerate(found)]
     assert (rows, at) == _metadata(data, opcode, capacity)

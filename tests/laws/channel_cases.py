@@ -112,13 +112,13 @@ def sorted_like(given: Any, log_time_ns: npt.NDArray[np.int64]) -> Any:
 
 def of_states(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n, shuffled=rng)
-    size_m = rng.uniform(1.0, 5.0, (2, n))
+    length_m, width_m = rng.uniform(1.0, 5.0, (2, n))
     state, covariance = (
         round_to_binary_step(rng.normal(size=(n, N_STATES)), 11),
         PackedCovariances.from_dense(definite(rng, n, N_STATES)),
     )
     flags = rng.integers(0, 8, n).astype(np.uint8)
-    states = VehicleStates(names(n), stamp_ns, log_time_ns, state, covariance, *size_m, flags)
+    states = VehicleStates(names(n), stamp_ns, log_time_ns, state, covariance, length_m, width_m, flags)
     channels = tuple(
         write_vehicle_states(channel, states, MAP) for channel in (EGO_ONLINE, REMOTE_STATE, REMOTE_ONLINE)
     )
@@ -239,6 +239,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
     score, probability = (rng.uniform(size=(n, 2)) for _ in range(2))
     state, change = rng.integers(1, 4, n).astype(np.int8), rng.integers(-1, 2, n).astype(np.int8)
     steady_s = rng.uniform(0.0, 9.0, n)
+    kind, colour = rng.integers(0, 3, (2, n, 2)).astype(np.int8)
     fits = FitColumns(
         parabolas,
         score,
@@ -251,7 +252,8 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         steady_s,
         change,
         nothing[:, :, 0],
-        *(rng.integers(0, 3, (2, n, 2)).astype(np.int8)),
+        kind,
+        colour,
         np.full((n, 7, 7), np.nan),
     )
     road, numbers = rng.normal(size=(n, 2, 3)), rng.normal(size=(8, n))

@@ -442,7 +442,7 @@ def _nav_path(k: int) -> Sample:
     return ros(k, {"poses": [pose(j) for j in range(2 + k)]}), {Role.PLANNED_PATH: means}
 
 
-FLAGS: dict[str, int] = {}
+FLAGS: dict[str, Any] = {}
 for _, _path, _bit in CARMA_PRESENCE_BITS:
     FLAGS[_path] = FLAGS.get(_path, 0) | _bit
 

@@ -48,7 +48,7 @@ def _world(k: int) -> tuple[Message, dict[Role, dict[str, object]]]:
         ],
     }
     pose = {"x_m": x_m, "y_m": -4.0, "yaw_rad": YAW_RAD, "speed_mps": speed_mps, "yaw_rate_radps": 0.1}
-    means = {
+    means: dict[Role, dict[str, object]] = {
         Role.EGO_POSITION: {**pose, "accel_mps2": -2.0},
         Role.TRUTH: {**pose, "accel_mps2": -2.0},
         Role.EGO_SPEED: {"speed_mps": speed_mps, "yaw_rate_radps": 0.1},

@@ -404,7 +404,7 @@ def _warnings(drive: Planted) -> Any:
         number += [k + 1] * (len(held) + 2)
     n = len(at_s)
     stamp_ns = T0_NS + np.round(np.array(at_s) * 1e9).astype(np.int64)
-    fields = {
+    fields: dict[str, Any] = {
         "stamp_ns": stamp_ns,
         "known_ns": stamp_ns,
         "rule": Strings(np.zeros(n, np.int32), ("cwcli",)),

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cwcli import lazy_dataclass
 from cwcli.logs.read.reader import Log
-from cwcli.signals.build import build_signal
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal
-from cwcli.signals.columns import Columns, Field, Ragged
+from cwcli.signals.columns import Columns, Field, Ragged, encode_strings
 from cwcli.signals.contract import SIGNAL_TYPES_BY_ROLE, check_builder_result
 from cwcli.signals.inputs import _BUILTIN_INPUTS as BUILTIN
 from cwcli.signals.inputs import INPUTS, normalise_schema_name
-from cwcli.signals.leaf_fields import encode_strings
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of
 from tests.laws.osi_messages import OSI_SAMPLES
 from tests.laws.perceived_messages import PERCEIVED_SAMPLES
 from tests.unit.signals.signal_columns import T0_NS, columns_of
+from tests.unit.signals.signal_columns import build_known_signal as build_signal
 from tests.work import count_lines, growing_functions
 
 NO_SUCH_THING = {("foxglove", "cdr"), ("foxglove_msgs", "protobuf")}
@@ -95,7 +95,7 @@ def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, t
     with Log.open(path) as log:
         columns = log.columns(topic, fields=entry.fields[encoding])
     assert normalise_schema_name(columns.schema_name) == schema
-    reading = {"ego_station": station_of(schema)} if is_v2x and entry.role != Role.REMOTE else {}
+    reading: dict[str, Any] = {"ego_station": station_of(schema)} if is_v2x and entry.role != Role.REMOTE else {}
     signal, quality = build_signal(entry.role, columns, is_override=True, **reading)
     check_builder_result((signal, quality), columns, Reading(entry.role))
     assert not quality.n_faults
@@ -127,7 +127,8 @@ def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, t
 
 @every_input
 def test_an_empty_channel_gives_an_empty_signal(schema, entry, encoding) -> None:
-    for fields in ({}, dict.fromkeys(entry.fields[encoding], np.zeros(0))):
+    without_rows: dict[str, Any] = dict.fromkeys(entry.fields[encoding], np.zeros(0))
+    for fields in ({}, without_rows):
         columns = channel(schema, encoding, 0, fields)
         signal, quality = build_signal(entry.role, columns)
         check_builder_result((signal, quality), columns, Reading(entry.role))
@@ -222,6 +223,6 @@ def test_a_channel_is_read_without_python_for_each_message(
 
         read()
         lines.append(count_lines(read))
-    growing = growing_functions(*lines, allowance=FEW - 1)
+    growing = growing_functions(lines[0], lines[1], allowance=FEW - 1)
     own = {name for name in growing if "/cwcli/" in name}  # what it calls in libraries, it calls from loops of its own
     assert {name for name in own if not name.endswith(GROWING_WITH_BYTES_OR_BINS)} == set()

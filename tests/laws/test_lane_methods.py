@@ -69,7 +69,7 @@ def test_what_is_right_is_right_in_the_mirror_and_in_other_light(name: str) -> N
             continue
         right += 1
         seen = watched(name, scene.grey[:, ::-1], replace(camera, cx=camera.width_px - 1 - camera.cx))
-        back = LaneFit(*(mirrored(side, camera.width_px) for side in (seen.right, seen.left)))
+        back = LaneFit(mirrored(seen.right, camera.width_px), mirrored(seen.left, camera.width_px))
         assert score(back, scene.truth).is_correct
         for offset_grey in (-15.0, 25.0):
             assert score(watched(name, scene.grey, camera, offset_grey=offset_grey), scene.truth).is_correct

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -84,10 +85,12 @@ def scenes(n: int = 40, seed: int = 5) -> list[Pair]:
     for _ in range(n):
         own, theirs = (
             track(
-                *rng.uniform(-25.0, 25.0, 2),
-                rng.uniform(-2.0, 20.0),
-                rng.uniform(-9.0, 9.0),
-                *rng.normal(0.0, (0.2, 2.0, 0.5)),
+                *(
+                    *rng.uniform(-25.0, 25.0, 2),
+                    rng.uniform(-2.0, 20.0),
+                    rng.uniform(-9.0, 9.0),
+                    *rng.normal(0.0, (0.2, 2.0, 0.5)),
+                )
             )
             for _ in range(2)
         )
@@ -166,7 +169,11 @@ def test_each_of_360_angles_says_the_same(name: str) -> None:
         ways = []
         for angle_deg in range(360):
             turn, mirror = turned(np.radians(angle_deg)), CHANGES["mirrored"][0] if angle_deg % 2 else np.asarray
-            ways.append(with_state(scene, lambda state, turn=turn, mirror=mirror: turn(mirror(state)) + away_m))
+
+            def move(state: np.ndarray, turn: Any = turn, mirror: Any = mirror) -> np.ndarray:
+                return turn(mirror(state)) + away_m
+
+            ways.append(with_state(scene, move))
         expected = scene.evaluate_measure(measure)
         if measure.is_pointwise:
             found = one_after_another(ways).evaluate_measure(measure).reshape(360, -1)

@@ -6,7 +6,7 @@ import pytest
 
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.rollout import RolloutSettings, path_jacobian, roll_out_paths
+from cwcli.prediction.rollout import Discretisation, RolloutSettings, path_jacobian, roll_out_paths
 from cwcli.signals.vehicle_state import DERIVATIVE_INDICES
 
 FloatArray = npt.NDArray[np.float64]
@@ -50,7 +50,7 @@ def test_path_starts_at_the_state(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "discretisation"), FORMS)
-def test_jacobian_equals_finite_differences(name: str, discretisation: str) -> None:
+def test_jacobian_equals_finite_differences(name: str, discretisation: Discretisation) -> None:
     state = np.concatenate([moving_starts(20, 2), any_starts(40, 3)])
     state = state[np.abs(state[:, 2]) > 0.5]  # at v = 0 the clamp has a corner
     step = 1e-6
@@ -123,7 +123,7 @@ def test_stopped_car_stays_stopped(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "discretisation"), FORMS)
-def test_no_car_changes_direction(name: str, discretisation: str) -> None:
+def test_no_car_changes_direction(name: str, discretisation: Discretisation) -> None:
     state = any_starts(500, 8)
     paths = roll_out_paths(name, state, None, settings=RolloutSettings(horizon_s=5.0, discretisation=discretisation))
     assert (paths.speed_mps[state[:, 2] >= 0.0] >= 0.0).all()

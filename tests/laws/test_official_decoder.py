@@ -40,6 +40,7 @@ def leaves(message: Any, names: Sequence[str]) -> list[Any]:
     field = message.DESCRIPTOR.fields_by_name[names[0]]
     value = getattr(message, names[0])
     found: list[Any] = []
+    each: Any
     for each in [value] if isinstance(value, str | bytes) or not isinstance(value, Sequence) else value:
         if names[1:]:
             found += leaves(each, names[1:])
@@ -232,7 +233,7 @@ def test_the_example_of_the_page_runs(
     lines = capsys.readouterr().out.splitlines()
     with Log.open(annotated) as log:
         columns = log.columns("/cwcli/ego/state")
-        rows = zip(columns.fields["stamp_ns"], columns.fields["x_m"], columns.fields["speed_mps"], strict=True)
+        rows = zip(*(np.asarray(columns.fields[name]) for name in ("stamp_ns", "x_m", "speed_mps")), strict=True)
         assert lines == [f"{stamp_ns} {x_m} {speed_mps}" for stamp_ns, x_m, speed_mps in rows]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +19,7 @@ from tests.unit.warning.vehicles import T0_NS, evaluate, stamps
 
 FloatArray = npt.NDArray[np.float64]
 N = 61
-TIME_S = np.arange(N) * 0.1
+TIME_S = np.arange(float(N)) * 0.1
 SIGMAS = np.array([0.3, 0.3, 0.2, 0.02, 0.3, 0.01, 0.3, 0.01])
 
 every_rule = pytest.mark.parametrize("name", RULES)
@@ -98,7 +99,7 @@ def test_two_that_move_apart_are_never_warned_of(name: str) -> None:
         away, heading = rng.uniform(-np.pi, np.pi, 2)
         own_speed, speed, turn = rng.uniform(0.0, 20.0, 3)
         start = rng.uniform(9.0, 40.0) * np.array([np.cos(away), np.sin(away)])
-        own, theirs = states(0.0, 0.0, own_speed, heading), states(*start, speed, turn)
+        own, theirs = states(0.0, 0.0, own_speed, heading), states(start[0], start[1], speed, turn)
         moved = (theirs[1] - own[1]) - (theirs[0] - own[0])
         if start @ moved[:2] < 0.0:
             continue
@@ -113,9 +114,11 @@ def test_two_that_move_apart_are_never_warned_of(name: str) -> None:
 def test_a_collision_is_warned_of_before_it_happens(name: str) -> None:
     for heading in np.linspace(0.0, 2.0 * np.pi, 9):
         meet = 50.0 * np.array([np.cos(heading), np.sin(heading)])
-        host, other = pair_of(states(*-meet, 10.0, heading), states(*meet, 10.0, heading + np.pi))
+        host, other = pair_of(
+            states(-meet[0], -meet[1], 10.0, heading), states(meet[0], meet[1], 10.0, heading + np.pi)
+        )
         result = evaluate(host, [other], WarningConfig(rule=name))
-        (outcome,) = result.conflicts.columns["outcome"]
+        (outcome,) = np.asarray(result.conflicts.columns["outcome"])
         assert outcome == "true"
 
 
@@ -168,7 +171,7 @@ def test_either_vehicle_may_be_the_host(name: str) -> None:
 )
 @every_rule
 def test_a_stricter_threshold_warns_at_no_other_moment(
-    name: str, strict: dict[str, float], lenient: dict[str, float]
+    name: str, strict: dict[str, Any], lenient: dict[str, Any]
 ) -> None:
     for scene in scenes():
         pair, default = pair_of(*scene), WarningConfig()

@@ -50,7 +50,7 @@ def detections(draw):
 def test_any_input_is_counted_and_gives_finite_states(data, name, model, smooth, cartesian, with_ego):
     single = FilterConfig(filter=name, model=model, smooth=smooth, cartesian_below=cartesian)
     stamp = np.arange(0, 10**10, 10**8)
-    t = stamp * 1e-9
+    t: np.ndarray = stamp * 1e-9
     ego = EgoStates(stamp, 10.0 * t, 0.0 * t, 0.1 * t, np.full(len(t), 10.0), np.full(len(t), 0.1))
     sensors = {"radar": SensorModel(x_m=3.0, field_of_view_rad=2.0)}
     for run in (track_one_target, track_many_targets):

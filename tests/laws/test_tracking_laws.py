@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -217,8 +218,8 @@ def test_nees_and_nis_lie_inside_their_bounds(name):
     n, dt, n_runs = 100, 0.05, 50
     stamp = np.round(np.arange(n) * dt * 1e9).astype(np.int64)
     config = FilterConfig(filter=name, model="cv", noise=0.5, start_speed_mps=2.0, gate_probability=1.0)
-    nees = {False: [], True: []}
-    nis = {"lidar": [], "radar": []}
+    nees: dict[bool, list[Any]] = {False: [], True: []}
+    nis: dict[str, list[Any]] = {"lidar": [], "radar": []}
     for _ in range(n_runs):
         state = walk(rng, n, dt, 0.5)
         r = np.hypot(state[:, 0], state[:, 1])

@@ -125,6 +125,7 @@ RULES = (
 )
 
 
+Trapezoid = tuple[float, float, float, float]
 CLOSED, SMALL, HALF = (0, 0, 0, 0.04), (0, 0.15, 0.15, 0.3), (0.3, 0.5, 0.5, 0.7)
 THROTTLE_RULES = (
     (CLOSED, CLOSED, CLOSED, CLOSED),
@@ -134,7 +135,7 @@ THROTTLE_RULES = (
 )
 
 
-def inferred(ttc_s: float, dv_mps: float, rules: tuple[tuple[tuple[float, ...], ...], ...], most: float) -> float:
+def inferred(ttc_s: float, dv_mps: float, rules: tuple[tuple[Trapezoid, ...], ...], most: float) -> float:
     """Mamdani: minimum, maximum, centroid over 0 to the most."""
     at = np.linspace(0.0, most, 2001)
     total = np.zeros(len(at))

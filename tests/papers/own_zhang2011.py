@@ -49,7 +49,7 @@ def gain_with_curvature_noise(v: float, mass: float) -> Array:
 
 def steady(v: float, mass: float, delta: float) -> Array:
     a, b = model(v, mass)
-    return np.linalg.solve(a[:2, :2], -b[:2, 0] * delta)
+    return np.asarray(np.linalg.solve(a[:2, :2], -b[:2, 0] * delta), np.float64)
 
 
 def driven(v: float, mass: float, delta: float, curvature: float, times: Array) -> Array:

@@ -143,7 +143,7 @@ def test_a_row_with_every_right_is_taken() -> None:
     assert parse_expectations(document_with()).figures["fig 1"].expectation_by_number["speed"].paper_range == (1.0, 1.0)
 
 
-WRONG = {
+WRONG: dict[str, dict[str, Any]] = {
     "reproduced without a number": {"paper": None, "tolerance": None},
     "reproduced on what cannot be compared": {"comparable": False, "tolerance": None},
     "reproduced with a fit": {"fit": "f"},

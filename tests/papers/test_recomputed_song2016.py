@@ -67,7 +67,7 @@ def test_warning_moments_of_figures_9_and_11(name: str) -> None:
         ]
         for family, moment in paper_warning_times_s(scenario, OTHERS[name], seed).items():
             np.testing.assert_allclose(
-                own.first_warning(*states, family), moment, atol=1e-9, err_msg=f"{family} {seed}"
+                own.first_warning(states[0], states[1], family), moment, atol=1e-9, err_msg=f"{family} {seed}"
             )
 
 

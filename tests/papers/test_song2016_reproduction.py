@@ -171,7 +171,7 @@ def test_the_bands_hold_the_moments_as_chosen_and_move_with_the_braking() -> Non
 
 
 def test_trailing_slope_of_a_line_is_its_slope() -> None:
-    values = 3.0 + 2.0 * SAMPLING_TIME_S * np.arange(20)
+    values = 3.0 + 2.0 * SAMPLING_TIME_S * np.arange(20.0)
     slope = trailing_slope(values, 8)
     np.testing.assert_allclose(slope[7:], 2.0)
     np.testing.assert_array_equal(slope[:7], 0.0)

@@ -28,7 +28,8 @@ def any_value(rng: np.random.Generator, node: Type, official: Any, path: str, fo
         case Int(low, high, extensible):
             assert low is not None
             assert high is not None
-            value = int(rng.choice([low, high, rng.integers(low, high, endpoint=True)]))
+            limits: list[Any] = [low, high, rng.integers(low, high, endpoint=True)]
+            value = int(rng.choice(limits))
             found[path] = high + 5 if extensible and rng.random() < 0.2 else value
             return bool(value) if official.TYPE == "BOOLEAN" else found[path]
         case Enum(n, extensible):

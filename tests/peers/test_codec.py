@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from cwcli.pipeline.stations import count_stations_by_topic
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
 from cwcli.signals.clocks import Clock
-from cwcli.signals.columns import Columns, Strings
+from cwcli.signals.columns import Columns, Ragged, Strings
 from cwcli.signals.j2735 import JSON_LEAF_FIELDS
 from cwcli.signals.quality import Quality
 from cwcli.signals.radio.frames import OCTET_FIELD_NAMES
@@ -183,9 +184,10 @@ def test_a_flag_stands_at_the_stamp_that_its_message_is_given(clock: Clock) -> N
 def test_numbers_that_are_no_octets_make_no_message() -> None:
     columns = radio("carma_driver_msgs/ByteArray", "content", packed_bsm(), packed_bsm())
     field = columns.fields["content"]
+    assert isinstance(field, Ragged)
     values = field.values.astype(np.float64)
     values[3] = 256.0
-    broken = {"content": type(field)(values, field.offsets)}
+    broken = {"content": Ragged(values, field.offsets)}
     _, quality = build_signal(Role.REMOTE, type(columns)(**{**vars(columns), "fields": broken}))
     assert quality.rejected["truncated frame"] == 1
 
@@ -205,7 +207,7 @@ def test_a_log_of_the_official_writer_is_read(
     with path.open("wb") as stream:
         writer = Writer(stream)
         registered = writer.register_msgdef(schema, definition)
-        texts = {"message_type": "BSM", "content": [*message]} if "content" in definition else {}
+        texts: dict[str, Any] = {"message_type": "BSM", "content": [*message]} if "content" in definition else {}
         texts = texts or {"address": "::1", "src_port": 4401, "data": [*message]}
         for at in (int(LOG_NS[0]), int(LOG_NS[0]) + 100_000_000):
             writer.write_message("/comms/inbound", registered, texts, log_time=at, publish_time=at)

@@ -181,7 +181,14 @@ NO_CODES: dict[str, tuple[float, str]] = {
 @pytest.mark.parametrize("name", NO_CODES)
 def test_a_number_that_is_no_code_tells_nothing_and_is_counted(name: str) -> None:
     code, element = NO_CODES[name]
-    codes = {"station": 7, "cause": 94, "sub_cause": 0, "reference_time_ms": 0, "has_cause": 1, "validity_s": 60}
+    codes: dict[str, float] = {
+        "station": 7,
+        "cause": 94,
+        "sub_cause": 0,
+        "reference_time_ms": 0,
+        "has_cause": 1,
+        "validity_s": 60,
+    }
     codes |= {"action_station": 7, "action_number": 1, "termination": np.nan, "relevance": 3, "has_relevance": 1}
     codes |= {"has_termination": 1, "latitude_deg": 500_000_000, "longitude_deg": 80_000_000}
     rows = {ROS_PATHS[each]: [float(value), code if each == name else float(value)] for each, value in codes.items()}

@@ -17,7 +17,9 @@ __all__ = ["logs", "reference"]  # fixtures
 def test_metrics_are_one_table_for_duckdb_polars_and_pandas(reference: Path) -> None:
     pattern = f"{reference}/metrics/*/*.parquet"
     ids = {"a", "alone", "b", "log-2026", safe_file_name(HOSTILE.removesuffix(".mcap"))}
-    by_duckdb = duckdb.sql(f"select * from read_parquet('{pattern}', hive_partitioning = true)").df()
+    relation = duckdb.sql(f"select * from read_parquet('{pattern}', hive_partitioning = true)")
+    assert relation is not None
+    by_duckdb = relation.df()
     by_polars = polars.read_parquet(f"{reference}/metrics/", hive_partitioning=True)
     by_pandas = pandas.read_parquet(reference / "metrics")
     columns = {"stage", "metric", "value", "unit", "n", "low", "high", "log"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ def test_the_time_to_contact_survives_the_way_there_and_back(annotated: Path, ex
     found = []
     for path in (annotated, again):
         with Log.open(path) as log:
-            fields = log.columns("/cwcli/measures").fields
+            fields: Mapping[str, Any] = log.columns("/cwcli/measures").fields
         found.append(dict(zip(fields["stamp_ns"].tolist(), fields["ttc_s"].tolist(), strict=True)))
     common = [stamp for stamp in found[0] if stamp in found[1] and found[0][stamp] < 10.0]
     assert len(common) > 50
@@ -144,7 +145,7 @@ def test_times_to_contact_survive_where_a_simulators_car_brakes_without_delay(tm
     again = run_trace(exported, tmp_path / "again.mcap")
     for path in (annotated, again):
         with Log.open(path) as log:
-            fields = log.columns("/cwcli/measures").fields
+            fields: Mapping[str, Any] = log.columns("/cwcli/measures").fields
         exact_s = np.array([time_to_contact_s(host, lead, stamp / 1e9) for stamp in fields["stamp_ns"].tolist()])
         judged = exact_s < 10.0
         assert judged.sum() > 50

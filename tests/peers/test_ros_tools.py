@@ -140,7 +140,7 @@ def test_evo_finds_the_error_that_cwcli_tells(cwcli: Run, everything: Path, expo
     scores = json.loads(cwcli("evaluate", everything, "--json").stdout)
     rmse_m = scores["logs"][0]["metrics"]["ego.position_rmse_m"]["value"]
     topics = ["/cwcli/ros/truth/ego", "/cwcli/ros/ego/state"]
-    evo = [Path(sys.executable).parent / "evo_ape", "mcap", exported, *topics]
+    evo: list[str | Path] = [Path(sys.executable).parent / "evo_ape", "mcap", exported, *topics]
     home = {**os.environ, "HOME": str(tmp_path)}  # where it keeps its settings
     done = subprocess.run(evo, capture_output=True, text=True, check=True, env=home)
     [found] = re.findall(r"rmse\s+([\d.]+)", done.stdout)
@@ -226,7 +226,7 @@ def test_a_target_moves_where_its_odometry_points(cwcli: Run, tmp_path: Path) ->
     """By hand: 3 m/s east and 4 m/s north are 5 m/s at atan2(4, 3); variances 1 east and 9 north, turned to it."""
     along = np.array([0.6, 0.8])
     covariance = np.diag([0.25, 1.0, 1.0, 9.0])
-    fields = {
+    fields: dict[str, Any] = {
         "stamp_ns": np.array([10**9]),
         "id": encode_strings(["7"]),
         **{
@@ -267,7 +267,7 @@ def test_a_ros_log_is_one_that_was_recorded(cwcli: Run, exported: Path, tmp_path
 
 def test_hostile_names_become_topics_and_texts(cwcli: Run, tmp_path: Path) -> None:
     state = np.zeros(1)
-    fields = {
+    fields: dict[str, Any] = {
         "stamp_ns": np.array([10**9]),
         "id": encode_strings(["</x>\x1b[31m'\""]),
         **dict.fromkeys(("x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps"), state),
@@ -302,7 +302,7 @@ def test_a_recorders_channel_that_lacks_a_field_is_named_and_the_rest_is_there(c
 def test_no_two_topics_become_one(cwcli: Run, tmp_path: Path) -> None:
     names = ("stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps")
     more = ("jerk_mps3", "yaw_accel_radps2", "length_m", "width_m")
-    fields = {
+    fields: dict[str, Any] = {
         **dict.fromkeys((*names[1:], *more), np.zeros(1)),
         "stamp_ns": np.array([10**9]),
         "id": encode_strings("a"),

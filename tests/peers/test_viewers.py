@@ -155,7 +155,7 @@ def test_converter_puts_the_fixes_on_its_map(annotated: Path, converted: dict[st
         columns = log.columns("/cwcli/ego/fix")
     positions = in_time_order(converted["/cwcli/ego/fix"], "GeoPoints:positions")
     found = np.array([each[0] if isinstance(each[0], list) else each for each in positions])
-    expected = np.column_stack([columns.fields["latitude"], columns.fields["longitude"]])
+    expected = np.column_stack([np.asarray(columns.fields[name]) for name in ("latitude", "longitude")])
     np.testing.assert_allclose(found, expected, rtol=0, atol=ATOL_DEG)
     raw = in_time_order(converted["/gps/fix"], "GeoPoints:positions")
     assert len(raw) == 201

@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from cwcli.logs.read.reader import Log
+from cwcli.signals.columns import Strings
 from tests.recipes.conftest import Built
 from tests.recipes.house import SAMPLES
 from tests.unit.vision import lane_logs
@@ -46,7 +47,8 @@ def test_a_rule_warns_and_stands_in_help_and_docs(built: Built) -> None:
     house = built("A collision rule")
     house.run("run", INTERSECTION, "-o", "out.mcap", "--warn-rule", "nearest")
     with Log.open(house.folder / "out.mcap") as log:
-        assert log.columns("/cwcli/warnings").fields["rule"].values == ("nearest",)
+        rule = log.columns("/cwcli/warnings").fields["rule"]
+    assert isinstance(rule, Strings) and rule.values == ("nearest",)
     line = "nearest: paths whose centres pass nearer than --distance."
     assert line in spaced(house.run("warn", "--help"))
     assert line in spaced(house.run("run", "--help"))
@@ -62,7 +64,8 @@ def test_a_motion_model_predicts_is_compared_and_stands_in_help_and_docs(built: 
     assert "cv-cya" in json.dumps(told["stages"]["predict"]["sections"])
     with Log.open(house.folder / "out.mcap") as log:
         columns = log.columns("/cwcli/ego/path")
-        assert columns.fields["model"].values == ("cv-cya",)
+        model = columns.fields["model"]
+        assert isinstance(model, Strings) and model.values == ("cv-cya",)
         speed_mps = np.asarray(columns.fields["speed_mps"])
     assert np.ptp(speed_mps, axis=1).max() == 0.0
     assert "cv-cya: constant speed, constant yaw acceleration." in spaced(house.run("predict", "--help"))
@@ -89,7 +92,7 @@ def test_a_lane_method_finds_the_lane_and_stands_in_help_and_docs(built: Built) 
     house.run("run", frames, "-o", "out.mcap", "--lanes-method", "narrow")
     with Log.open(house.folder / "out.mcap") as log:
         found = log.columns("/cwcli/lanes").fields
-    assert found["left.found"][0] and found["right.found"][0]
+    assert np.asarray(found["left.found"])[0] and np.asarray(found["right.found"])[0]
     assert "narrow: as cwcli, on frames of at most 320 columns" in spaced(house.run("lanes", "--help"))
     assert 'method = "narrow"' in house.run("config", CWCLI_LANES_METHOD="narrow")
     assert "| `narrow` | as cwcli, on frames of at most 320 columns |" in house.write_docs()

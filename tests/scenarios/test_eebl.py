@@ -105,12 +105,13 @@ def radio_log(path: Path, made: dict[str, Any], rewrite: Rewrite) -> Path:
 def warned(path: Path) -> tuple[list[WarningEvent], Log, int]:
     """What the stages make of a log, and its first log time."""
     log = Log.open(path)
+    config: Any
     for stage, config in (
         (estimate, EstimateConfig()),
         (predict, PredictConfig()),
         (warn, WarnConfig(rule=WarningConfig(rule="eebl"))),
     ):
-        result = stage(log, config)  # type: ignore[operator]
+        result = stage(log, config)
         log = log.with_channels(result.channels, {f"cwcli.run.{result.stage}": result.metadata})
     return warning_events(read_warnings(log.columns("/cwcli/warnings"))), log, log.start_ns
 

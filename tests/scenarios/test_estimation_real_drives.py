@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from cwcli.estimation.consistency import nees
 from cwcli.estimation.from_signals import ego_signal_to_measurements
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.logs.read.reader import Log
+from cwcli.signals.canonical import PositionSignal
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
@@ -37,13 +39,14 @@ def read(name: str, origin: tuple[float, float, float] | None = None):
             optional=(*EGO[1:], Role.TRUTH),
         )
     (position,) = sources.by_role[Role.EGO_POSITION]
+    assert isinstance(position, PositionSignal)
     first = (position.latitude_deg[0], position.longitude_deg[0], position.altitude_m[0])
     local_map = LocalMap(*(origin or (float(v) for v in first)))
     found = [
         m
         for role in EGO
         for signal in sources.by_role.get(role, ())
-        for m in ego_signal_to_measurements(signal, local_map)
+        for m in ego_signal_to_measurements(cast(Any, signal), local_map)
     ]
     truth = sources.by_role.get(Role.TRUTH, ())
     return found, (truth[0] if truth else None)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +35,7 @@ def test_labelled_highway_frames_each_judged_alone() -> None:
 def test_video_without_calibration() -> None:
     with Log.open(VIDEO) as log:
         result = lanes(log, LanesConfig())
-    table = result.tables["lanes"].columns
+    table: Mapping[str, Any] = result.tables["lanes"].columns
     found = np.asarray(table["left_found"], bool) & np.asarray(table["right_found"], bool)
     assert len(found) == 221
     assert found.all()

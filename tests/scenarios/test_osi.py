@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
@@ -60,8 +61,8 @@ def test_run_and_measure_find_the_time_to_contact_of_a_made_up_world(name: str, 
     with Log.open(out) as log:
         assert "/cwcli/warnings" in {channel.topic for channel in log.channels}
         columns = log.columns("/cwcli/measures")
-        known = columns.fields
-        ego = log.columns("/cwcli/ego/state").fields
+        known: Mapping[str, Any] = columns.fields
+        ego: Mapping[str, Any] = log.columns("/cwcli/ego/state").fields
     rows = known["other_id"].codes == known["other_id"].values.index(str(other.id))
     t_s = (known["stamp_ns"][rows] - world.how.get("start_ns", 0)) / 1e9
     exact_s = np.array([time_to_contact_s(host, other, t) for t in t_s])
@@ -88,12 +89,15 @@ def test_run_and_warn_work_on_a_simulators_trace(name: str, tmp_path: Path) -> N
         == 0
     )
     with Log.open(out) as log:
-        world = log.columns("ground_truth").fields
-        states = {topic: log.columns(f"/cwcli/{topic}/state").fields for topic in ("ego", "remote")}
-        measured = log.columns("/cwcli/measures").fields
-    stamps = np.nan_to_num(world["timestamp.seconds"]) * 1e9 + np.nan_to_num(world["timestamp.nanos"])
+        traced: Mapping[str, Any] = log.columns("ground_truth").fields
+        states: dict[str, Mapping[str, Any]] = {
+            topic: log.columns(f"/cwcli/{topic}/state").fields for topic in ("ego", "remote")
+        }
+        measured: Mapping[str, Any] = log.columns("/cwcli/measures").fields
+    stamps = np.nan_to_num(traced["timestamp.seconds"]) * 1e9 + np.nan_to_num(traced["timestamp.nanos"])
     x_m, y_m, v_mps = (
-        world[f"moving_object.base.{leaf}"].values.reshape(-1, 2) for leaf in ("position.x", "position.y", "velocity.x")
+        traced[f"moving_object.base.{leaf}"].values.reshape(-1, 2)
+        for leaf in ("position.x", "position.y", "velocity.x")
     )
     for column, (topic, size) in enumerate((("ego", (5.04, 2.0)), ("remote", (5.04, 2.0)))):
         own = states[topic]
@@ -116,4 +120,5 @@ def test_a_host_that_is_named_by_an_option_sees_the_others(tmp_path: Path) -> No
     out = tmp_path / "out.mcap"
     assert run_command_line(["estimate", str(trace), "--ego-station", "8", "-o", str(out), "--quiet"]) == 0
     with Log.open(out) as log:
-        assert log.columns("/cwcli/remote/state").fields["id"].values == ("3",)
+        others: Mapping[str, Any] = log.columns("/cwcli/remote/state").fields
+    assert others["id"].values == ("3",)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import cos, sin
 from pathlib import Path
 from typing import Any
@@ -102,7 +102,7 @@ def test_a_place_on_the_globe_alone_is_a_fix(tmp_path: Path) -> None:
     trace, out = own_data(tmp_path / "trace.mcap"), tmp_path / "out.mcap"
     assert run_command_line(["estimate", str(trace), "-o", str(out), "--quiet"]) == 0
     with Log.open(out) as log:
-        states = log.columns("/cwcli/ego/state").fields
+        states: Mapping[str, Any] = log.columns("/cwcli/ego/state").fields
     np.testing.assert_allclose(states["latitude_deg"][[0, -1]], [48.0, 48.0 + 59.5 * sin(0.8) / 111_200.0], atol=1e-5)
     np.testing.assert_allclose(states["speed_mps"][10:], 10.0, atol=0.05)
     np.testing.assert_allclose(states["heading_rad"][10:], 0.8, atol=0.02)
@@ -122,7 +122,8 @@ def test_of_two_hosts_the_one_of_most_messages_is_the_ego(tmp_path: Path, capsys
     told = " ".join(capsys.readouterr().err.split())
     assert "several host vehicles, 3 (120 messages), 8 (80 messages): 3 is the ego" in told
     with Log.open(out) as log:
-        states = log.columns("/cwcli/ego/state").fields
-        assert log.columns("/cwcli/remote/state").fields["id"].values == ("8",)
+        states: Mapping[str, Any] = log.columns("/cwcli/ego/state").fields
+        others: Mapping[str, Any] = log.columns("/cwcli/remote/state").fields
+    assert others["id"].values == ("8",)
     x_m, y_m, *_ = HOST.motion(states["stamp_ns"][50] / 1e9)
     np.testing.assert_allclose([states["x_m"][50], states["y_m"][50]], [x_m, y_m], atol=0.02)

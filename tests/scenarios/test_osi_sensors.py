@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -56,8 +57,8 @@ def test_detections_become_targets_about_the_middle_of_the_car(tmp_path: Path) -
     trace, out = write_messages(tmp_path / "trace.mcap", messages), tmp_path / "out.mcap"
     assert run_command_line(["run", str(trace), "--stage", "estimate,track,measure", "-o", str(out), "--quiet"]) == 0
     with Log.open(out) as log:
-        targets = log.columns("/cwcli/targets").fields
-        ego = log.columns("/cwcli/ego/state").fields
+        targets: Mapping[str, Any] = log.columns("/cwcli/targets").fields
+        ego: Mapping[str, Any] = log.columns("/cwcli/ego/state").fields
     late = targets["stamp_ns"] > 3_000_000_000
     t_s = targets["stamp_ns"][late] / 1e9
     expected = np.array([OTHER.motion(t)[:2] for t in t_s])
@@ -76,8 +77,8 @@ def test_the_hosts_own_data_come_before_the_truth(tmp_path: Path) -> None:
     assert run_command_line(["estimate", str(trace), "-o", str(out), "--quiet"]) == 0
     with Log.open(out) as log:
         used = {str(each["role"]): each["topic"] for each in read_input_counts(read_run_records(log)["estimate"])}
-        states = log.columns("/cwcli/ego/state").fields
-        others = log.columns("/cwcli/remote/state").fields
+        states: Mapping[str, Any] = log.columns("/cwcli/ego/state").fields
+        others: Mapping[str, Any] = log.columns("/cwcli/remote/state").fields
     middle = len(states["stamp_ns"]) // 2
     x_m, y_m, *_ = HOST.motion(states["stamp_ns"][middle] / 1e9)
     np.testing.assert_allclose((states["x_m"][middle], states["y_m"][middle]), (x_m, y_m), atol=0.1)

@@ -6,6 +6,7 @@ The command of docs/prediction.md: `cwcli estimate --causal LOG -o - | cwcli pre
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ from cwcli.stages.predict import PredictConfig
 LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
 BASELINE = "cv"
 HORIZONS_S = (1.0, 2.5, 5.0)
-Row = dict[str, object]
+Row = dict[str, Any]
 
 
 @pytest.fixture(

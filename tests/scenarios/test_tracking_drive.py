@@ -80,6 +80,7 @@ def test_the_noise_that_is_found_is_the_noise_of_the_detections(drive):
     detections, stamp, truth = drive
     tuned = track_one_target(detections, config=settings(smooth=False)).tuned
     error = detections[0].values - truth[np.searchsorted(stamp, detections[0].stamp_ns), :2]
+    assert tuned is not None
     assert 0.15 * tuned.scale["/lidar/objects"][0] == pytest.approx(error.std(), rel=0.06)
     assert np.array(tuned.scale["/radar/scan"]) == pytest.approx(1.0, abs=0.1)
 

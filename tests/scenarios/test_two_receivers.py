@@ -93,12 +93,12 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
             add(topic, at_s, 0.0, message)
     with path.open("wb") as stream:
         writer = Writer(stream)
-        fix, imu = (
+        fix_type, imu_type = (
             writer.register_msgdef(f"sensor_msgs/msg/{name}", text) for name, text in (("NavSatFix", FIX), ("Imu", IMU))
         )
         for stamp_ns, topic, message in sorted(messages, key=lambda each: each[0]):
             at_ns = stamp_ns + 10_000_000
-            writer.write_message(topic, fix if topic in PLACES else imu, message, at_ns, at_ns)
+            writer.write_message(topic, fix_type if topic in PLACES else imu_type, message, at_ns, at_ns)
         writer.finish()
     return path
 

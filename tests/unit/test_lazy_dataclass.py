@@ -121,9 +121,9 @@ ACTIONS: dict[str, Callable[[dict[str, type[Any]]], Any]] = {
     "refuses-to-set": lambda of: setattr(of["Point"](1.0), "x", 2),
     "refuses-a-new-one": lambda of: setattr(of["Point"](1.0), "other", 2),
     "refuses-to-delete": lambda of: delattr(of["Point"](1.0), "x"),
-    "a-plain-subclass": lambda of: (setattr(of["Plain"](1.0), "z", 2), repr(of["Plain"](1.0, 3.0))),
+    "a-plain-subclass": lambda of: (setattr(of["Plain"](1.0), "z", 2), repr(of["Plain"](1.0, 3.0))),  # type: ignore[func-returns-value]
     "a-plain-subclass-is-frozen": lambda of: setattr(of["Plain"](1.0), "x", 2),
-    "changes": lambda of: (counter := of["Counter"](), setattr(counter, "n", 5), counter.n)[2],
+    "changes": lambda of: (counter := of["Counter"](), setattr(counter, "n", 5), counter.n)[2],  # type: ignore[func-returns-value]
     "after-init": lambda of: of["Place"](name="nowhere"),
     "cached": lambda of: of["Point"](3.0).norm,
     "class-attributes": lambda of: (of["Point"].y, of["Point"].note, hasattr(of["Point"], "tags"), of["Point"].unit),
@@ -222,7 +222,8 @@ def keyword_base(decorator: Decorator) -> object:
     class Child(Base):
         b: int = 2
 
-    return Child(5).b
+    child: Any = Child
+    return child(5).b
 
 
 def mutable_default(decorator: Decorator) -> object:
@@ -243,7 +244,8 @@ def default_before_none(decorator: Decorator) -> object:
         a: int = 1
         b: int
 
-    return Late(1, 2)
+    late: Any = Late
+    return late(1, 2)
 
 
 def frozen_child(decorator: Decorator) -> object:

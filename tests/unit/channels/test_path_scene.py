@@ -26,7 +26,7 @@ def paths(ids: list[str], times_ms: list[int]) -> PredictedPaths:
     log_time_ns = np.array(times_ms, np.int64) * MS
     nothing = np.zeros((n, K))
     along = np.arange(n, dtype=np.float64)[:, None] + np.arange(K)
-    whole = Paths(0.05 * np.arange(K), along, nothing, nothing, nothing, np.zeros((n, K, 3)))
+    whole = Paths(0.05 * np.arange(float(K)), along, nothing, nothing, nothing, np.zeros((n, K, 3)))
     return PredictedPaths(encode_strings(ids), log_time_ns - 5 * MS, log_time_ns, "cv", whole)
 
 

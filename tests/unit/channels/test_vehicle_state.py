@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -40,4 +43,5 @@ def test_covariance_that_is_not_known_is_not_checked() -> None:
     channel = write_vehicle_states(
         EGO_STATE, VehicleStates.from_ego_states(STAMP_NS, np.zeros((3, N_STATES))), None, has_covariance=False
     )
-    assert np.isnan(channel.fields["sigma"]).all() and np.isnan(channel.fields["correlation"]).all()
+    fields: Mapping[str, Any] = channel.fields
+    assert np.isnan(fields["sigma"]).all() and np.isnan(fields["correlation"]).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +17,19 @@ def channel(*rows: tuple[int, int, int, str, str]) -> Columns:
     """Rows of (stamp, event, state, rule, other)."""
     stamps, events, states = (np.array([row[k] for row in rows], np.int64) for k in range(3))
     names = sorted({name for row in rows for name in row[3:]})
-    rules, others = (Strings(np.array([names.index(row[k]) for row in rows], np.int32), tuple(names)) for k in (3, 4))
-    fields = {"stamp_ns": stamps, "event_id": events, "state": states, "rule": rules, "other_id": others}
-    return Columns("/cwcli/warnings", "cwcli.v1.Warning", "protobuf", stamps, stamps, np.zeros(len(rows)), fields)
+    rules, others = (
+        Strings(np.array([names.index(str(row[k])) for row in rows], np.int32), tuple(names)) for k in (3, 4)
+    )
+    fields: dict[str, Any] = {
+        "stamp_ns": stamps,
+        "event_id": events,
+        "state": states,
+        "rule": rules,
+        "other_id": others,
+    }
+    return Columns(
+        "/cwcli/warnings", "cwcli.v1.Warning", "protobuf", stamps, stamps, np.zeros(len(rows), np.uint32), fields
+    )
 
 
 def events_of(columns: Columns) -> list[WarningEvent]:

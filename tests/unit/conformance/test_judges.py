@@ -133,5 +133,9 @@ def test_a_warning_at_the_published_number_passes_and_a_millisecond_later_fails(
     clause = load_clause("nhtsa-fcw")
     for shift_s, expected in ((0.0, PASSED), (0.001, FAILED)):
         # stopped lead: 7 s from contact at the start, so 2.1 s is at 4.9 s
-        found = judged(clause, 0, lambda simulated, trial, s=shift_s: 7.0 - 2.1 + s)
+
+        def moment_s(simulated: SimulatedTrial, trial: Trial, shift_s: float = shift_s) -> float:
+            return 7.0 - 2.1 + shift_s
+
+        found = judged(clause, 0, moment_s)
         assert found.outcome == expected

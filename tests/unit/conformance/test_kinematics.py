@@ -19,7 +19,9 @@ ATOL_S = 2e-3
 
 
 def drive(scene: str, **given: float) -> Encounter:
-    built = SCENES[scene].build(given)
+    build = SCENES[scene].build
+    assert build is not None
+    built = build(given)
     return true_encounter(build_trial_scenario(built, "nominal", name="trial"), built)
 
 
@@ -119,7 +121,9 @@ def test_a_scene_for_false_warnings_has_no_contact(scene: str, given: dict[str, 
 
 
 def test_a_convoy_brakes_one_after_the_other() -> None:
-    built = SCENES["convoy"].build({"host_speed": 25.0, "gap": 25.0, "deceleration": 6.0, "reaction_time": 1.0})
+    build = SCENES["convoy"].build
+    assert build is not None
+    built = build({"host_speed": 25.0, "gap": 25.0, "deceleration": 6.0, "reaction_time": 1.0})
     scenario = build_trial_scenario(built, "nominal", name="trial")
     accel = [scenario.vehicles[name].motion.states_at(np.array([5.9, 6.9]))[:, 4] for name in ("first", "other")]
     assert accel[0] == pytest.approx([-6.0, -6.0])

@@ -30,7 +30,9 @@ MPH = 0.44704
 def write_trial(path: Path, number: int, change: Mapping[str, Any] | None = None, seed: int = 0) -> LogTrial:
     """Write a trial of the clause as a log, with changed vehicles."""
     trial = load_clause(CLAUSE).trials[number]
-    built = SCENES[trial.scene].build(trial.given)
+    build = SCENES[trial.scene].build
+    assert build is not None
+    built = build(trial.given)
     document = deepcopy(dict(built.document))
     for name, table in (change or {}).items():
         document["vehicles"][name] = {**document["vehicles"].get(name, {}), **table}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -118,7 +119,7 @@ def cut_out(
     run = {"x": x_ahead.copy(), "y": np.zeros(len(own)), "stopped": np.zeros(len(own), dtype=bool)}
     length = 0.5 * (STANDING_M[0] + CAR_M[0])
 
-    def other_at(step: int) -> tuple[CasePoses, np.ndarray, tuple[FloatArray, FloatArray]]:
+    def other_at(step: int) -> tuple[CasePoses, np.ndarray, Any]:
         go = ~run["stopped"]
         run["x"] = np.where(go, run["x"] + own * STEP_S, run["x"])
         run["y"] = np.where(go & (step < n_moving), run["y"] - lateral / 10, run["y"])

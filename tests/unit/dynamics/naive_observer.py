@@ -119,10 +119,9 @@ def observe(dt, speed, kind, values, sigmas, previews_m, changes, model, car):
             if np.isfinite(values[i, 1]):
                 x, p = move_along(x, p, previews_m[i] - preview_m, change, walks(q, speed[i], model))
                 preview_m = previews_m[i]
-        rows = {EventKind.LANE: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: preview_m})]}
-        for column, entries in rows.get(
-            int(kind[i]), [(0, {G: 1.0, GYRO: 1.0} if kind[i] == EventKind.YAW_RATE else {STEER: 1.0})]
-        ):
+        lane = [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: preview_m})]
+        other = [(0, {G: 1.0, GYRO: 1.0} if kind[i] == EventKind.YAW_RATE else {STEER: 1.0})]
+        for column, entries in lane if kind[i] == EventKind.LANE else other:
             if np.isnan(values[i, column]):
                 continue
             h = np.zeros(9)

@@ -143,9 +143,9 @@ def ramp(seed: int) -> tuple[RoadDrive, LaneSamples, ScalarSamples]:
             ]
         )
     nothing, stamp_ns = np.full(len(lines), np.nan), seconds_to_ns(drive.time_s)
+    lateral, heading, bend = (np.full(len(lines), sigma) for sigma in (0.03, 0.003, 3e-4))
     lanes = LaneSamples(
-        *(stamp_ns, nothing, nothing, nothing),
-        *(np.full(len(lines), sigma) for sigma in (0.03, 0.003, 3e-4)),
+        *(stamp_ns, nothing, nothing, nothing, lateral, heading, bend),
         lines=np.array(lines),
         curvature_change_1pm2=np.array(changes),
     )

@@ -1,6 +1,7 @@
 """The observers against their NumPy twins, on exact runs, and on what real logs do to them."""
 
 from dataclasses import replace
+from typing import Any, Literal, cast
 
 import numpy as np
 import pytest
@@ -23,10 +24,11 @@ from tests.work import count_calls
 CAR = load_vehicle()
 ROAD = Road(np.array([0.0, 200.0, 280.0, 500.0, 580.0]), np.array([0.0, 0.0, 0.002, 0.002, 0.0]))
 TRUTH = simulate_lane_runs(ROAD, CAR, LaneRuns(np.array([25.0]), np.zeros(1), np.array([np.inf]), 0.0, 30.0), seed=1)
-ALL = sorted(OBSERVER_METHODS)
+Method = Literal["cwcli", "zhang2011"]
+ALL = cast(list[Method], sorted(OBSERVER_METHODS))
 
 
-def sense(**noise: object) -> SensedDrive:
+def sense(**noise: Any) -> SensedDrive:
     return simulate_lane_sensors(TRUTH, 0, ROAD, CAR, noise=LaneSensorNoise(**noise), seed=1)
 
 
@@ -56,7 +58,14 @@ def test_blended_kernel_equals_its_twin() -> None:
     inputs = random.normal(size=(n, 2)) * [0.02, 0.001]
     periods = random.integers(1, 4, n).astype(np.int32)
     matrices = (bank.phi, bank.gamma, bank.gain)
-    frames = {"low": low, "weight": weight, "begin": begin, "periods": periods, "inputs": inputs, "measured": measured}
+    frames: dict[str, Any] = {
+        "low": low,
+        "weight": weight,
+        "begin": begin,
+        "periods": periods,
+        "inputs": inputs,
+        "measured": measured,
+    }
     out = kernel.blend(*matrices, **frames)
     expected = naive.blend(*matrices, **frames)
     assert np.isnan(expected).any()
@@ -112,7 +121,7 @@ def test_filter_kernel_equals_its_twin(with_load: bool) -> None:
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_all_methods_find_the_steady_turn(method: str) -> None:
+def test_all_methods_find_the_steady_turn(method: Method) -> None:
     run = simulate_paper_run(PAPER_RUNS["fig 14"], CAR)
     track = observe_lateral_motion(run.lanes, run.speed, CAR, ObserverConfig(method))
     np.testing.assert_allclose(track.state[-1, :2], run.state[-1, :2], rtol=0.01)
@@ -120,7 +129,7 @@ def test_all_methods_find_the_steady_turn(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_errors_on_a_noisy_drive(method: str) -> None:
+def test_errors_on_a_noisy_drive(method: Method) -> None:
     lateral_mps, yaw_rate_radps = rms(
         observe_lateral_motion(SENSED.lanes, SENSED.speed, CAR, ObserverConfig(method)), SENSED
     )
@@ -156,7 +165,7 @@ def test_irregular_frames_are_used_at_their_own_times() -> None:
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_boundaries_missing_for_seconds(method: str) -> None:
+def test_boundaries_missing_for_seconds(method: Method) -> None:
     sensed = sense(blind_s=((8.0, 9.0), (12.0, 17.0)))
     track = observe_lateral_motion(sensed.lanes, sensed.speed, CAR, ObserverConfig(method))
     time_s = TRUTH.time_s[sensed.index]
@@ -182,7 +191,7 @@ def test_uncertainty_grows_without_boundaries_and_the_gyroscope_limits_it() -> N
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_missing_speed(method: str) -> None:
+def test_missing_speed(method: Method) -> None:
     nothing = ScalarSamples(np.zeros(0, np.int64), np.zeros(0))
     with pytest.raises(MissingSignalError, match="no speed"):
         observe_lateral_motion(SENSED.lanes, nothing, CAR, ObserverConfig(method))
@@ -202,7 +211,7 @@ def test_standing_still() -> None:
     stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
     random = np.random.default_rng(0)
     noisy = [s * random.standard_normal(n) for s in (0.05, 0.003, 2e-4)]
-    lanes, speed = LaneSamples(stamp_ns, *noisy), ScalarSamples(stamp_ns, np.zeros(n))
+    lanes, speed = LaneSamples(stamp_ns, noisy[0], noisy[1], noisy[2]), ScalarSamples(stamp_ns, np.zeros(n))
     ours = observe_lateral_motion(lanes, speed, CAR)
     np.testing.assert_allclose(ours.state[:, :2], 0.0, atol=2e-3)
     papers = observe_lateral_motion(lanes, speed, CAR, ObserverConfig("zhang2011"))
@@ -229,7 +238,7 @@ def test_a_gyroscope_with_the_wrong_sign_is_told_and_not_used() -> None:
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_a_steering_angle_with_the_wrong_sign_is_told_and_not_used(method: str) -> None:
+def test_a_steering_angle_with_the_wrong_sign_is_told_and_not_used(method: Method) -> None:
     angle = TRUTH.steer_rad[SENSED.index, 0]
     right, wrong = (ScalarSamples(SENSED.stamp_ns, sign * angle) for sign in (1.0, -1.0))
     config = ObserverConfig(method)
@@ -256,6 +265,7 @@ def test_a_lane_change_moves_the_place_and_not_the_motion() -> None:
 def test_a_turned_camera_is_found_and_its_uncertainty_is_no_noise() -> None:
     """Sigmas that hold the mounting's yaw (5 mrad) count as those without it, and the yaw itself does no harm."""
     lanes, yaw_rad, preview_m = SENSED.lanes, 0.005, 33.5
+    assert lanes.lateral_sigma_m is not None and lanes.heading_sigma_rad is not None
     held = replace(
         lanes,
         lateral_sigma_m=np.hypot(lanes.lateral_sigma_m, preview_m * yaw_rad),
@@ -313,7 +323,9 @@ def test_another_lane_does_not_make_the_camera_known() -> None:
     stamp_ns = np.arange(n) * 100_000_000
     speed = ScalarSamples(stamp_ns, np.full(n, 25.0))
     same = LaneSamples(stamp_ns, np.zeros(n), np.zeros(n), np.zeros(n), np.full(n, 0.05), np.full(n, 0.003))
-    jumped = observe_lateral_motion(replace(same, lateral_deviation_m=3.6 * (np.arange(n) >= 40)), speed, CAR, config)
+    jumped = observe_lateral_motion(
+        replace(same, lateral_deviation_m=np.where(np.arange(n) >= 40, 3.6, 0.0)), speed, CAR, config
+    )
     assert jumped.status[40] == FrameStatus.REJECTED
     assert (
         jumped.covariance[40:, 2, 2] >= observe_lateral_motion(same, speed, CAR, config).covariance[40:, 2, 2]
@@ -333,7 +345,7 @@ def test_a_road_that_does_not_fit_leaves_a_measured_yaw_rate_alone(with_gyro: bo
     """From 6 s on the lane is that of a ramp far ahead, on which the car does not turn yet."""
     n = 100
     stamp_ns = np.arange(n) * 100_000_000
-    later = np.arange(n) >= 60
+    later: np.ndarray = np.arange(n) >= 60
     seen = LaneSamples(stamp_ns, -8.0 * later, -0.5 * later, -0.02 * later, *np.tile([[0.05], [0.003], [1e-4]], (1, n)))
     gyro = ScalarSamples(np.arange(10 * n) * 10_000_000, np.zeros(10 * n), 0.002) if with_gyro else None
     track = observe_lateral_motion(seen, ScalarSamples(stamp_ns, np.full(n, 10.0)), CAR, yaw_rate=gyro)
@@ -345,14 +357,15 @@ def test_a_road_that_does_not_fit_leaves_a_measured_yaw_rate_alone(with_gyro: bo
 
 def test_a_pause_of_the_frames_starts_anew() -> None:
     keep = (SENSED.stamp_ns < 8_000_000_000) | (SENSED.stamp_ns > 13_000_000_000)
-    lanes = LaneSamples(*(v[keep] for v in vars(SENSED.lanes).values() if isinstance(v, np.ndarray)))
+    columns: list[Any] = [v[keep] for v in vars(SENSED.lanes).values() if isinstance(v, np.ndarray)]
+    lanes = LaneSamples(*columns)
     for method in ALL:
         track = observe_lateral_motion(lanes, SENSED.speed, CAR, ObserverConfig(method))
         assert track.counts["started"] == 2
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_no_frames(method: str) -> None:
+def test_no_frames(method: Method) -> None:
     empty = LaneSamples(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
     assert len(observe_lateral_motion(empty, SENSED.speed, CAR, ObserverConfig(method))) == 0
 
@@ -373,9 +386,9 @@ def test_neighbours_are_blended_linearly_and_end_at_the_ends() -> None:
 
 def test_wrong_options_are_refused() -> None:
     with pytest.raises(UsageError, match="there is no observer 'luenberger'"):
-        observe_lateral_motion(SENSED.lanes, SENSED.speed, CAR, ObserverConfig("luenberger"))
+        observe_lateral_motion(SENSED.lanes, SENSED.speed, CAR, ObserverConfig("luenberger"))  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="there is no steering rate"):
-        observe_lateral_motion(SENSED.lanes, SENSED.speed, CAR, ObserverConfig("zhang2011", steer_rate="none"))
+        observe_lateral_motion(SENSED.lanes, SENSED.speed, CAR, ObserverConfig("zhang2011", steer_rate="none"))  # type: ignore[arg-type]
     with pytest.raises(UsageError, match=r"preview_m is -33.5; permitted: a positive number"):
         ObserverConfig(preview_m=-33.5)
     with pytest.raises(UsageError, match=r"noise.gate is 0.0"):
@@ -386,7 +399,7 @@ def test_wrong_options_are_refused() -> None:
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_frames_are_no_calls_of_python(method: str) -> None:
+def test_frames_are_no_calls_of_python(method: Method) -> None:
     """The loop over the frames is a kernel's: ten times as many are as many calls (seconds: bench_observer.py)."""
 
     def calls(n: int) -> int:
@@ -402,6 +415,7 @@ def frames_and_speed(n: int) -> tuple[LaneSamples, ScalarSamples]:
     """Frames of a lane that is hardly one."""
     stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
     random = np.random.default_rng(0)
-    lanes = LaneSamples(stamp_ns, *(s * random.standard_normal(n) for s in (0.05, 0.003, 2e-4)))
+    lateral, heading, bend = (s * random.standard_normal(n) for s in (0.05, 0.003, 2e-4))
+    lanes = LaneSamples(stamp_ns, lateral, heading, bend)
     speed = ScalarSamples(stamp_ns, np.full(n, 25.0))
     return lanes, speed

@@ -18,7 +18,7 @@ STAMP_NS = np.arange(10, dtype=np.int64) * 100_000_000
 def test_equation_10_by_hand() -> None:
     # Right bend 0.001 1/m, e_L grows by 0.002 rad in 0.1 s at 20 m/s:
     # delta_k = 1.96 * 0.001 - 0.002 * 1.96 / (20 * 0.1) = 0 to the right.
-    heading = 0.002 * np.arange(10)
+    heading = 0.002 * np.arange(10.0)
     steer = steering_angle_from_vision_rad(CAR, STAMP_NS, heading, np.full(10, 0.001), np.full(10, 20.0))
     assert np.isnan(steer[0])
     np.testing.assert_allclose(steer[1:], 0.0, atol=1e-15)
@@ -43,7 +43,7 @@ def test_no_angle_without_speed(speed_mps: float) -> None:
 
 
 def test_one_wrong_frame_does_not_reach_the_robust_rate() -> None:
-    values = 0.3 * np.arange(10) * 0.1
+    values = 0.3 * np.arange(10.0) * 0.1
     values[6] = 5.0
     np.testing.assert_allclose(median_slope_rate(STAMP_NS, values)[1:6], 0.3)
     np.testing.assert_allclose(median_slope_rate(STAMP_NS, values)[7:], 0.3)

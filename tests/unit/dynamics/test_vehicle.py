@@ -20,7 +20,8 @@ usual = 1500.0
 
 def test_the_papers_car_is_table_5() -> None:
     car = load_vehicle("zhang2011")
-    assert (car.front_axle_m, car.rear_axle_m, car.wheelbase_m) == (0.90, 1.06, pytest.approx(1.96))
+    assert (car.front_axle_m, car.rear_axle_m) == (0.90, 1.06)
+    assert car.wheelbase_m == pytest.approx(1.96)
     assert (car.front_stiffness_nprad, car.rear_stiffness_nprad, car.yaw_inertia_kgm2) == (60000.0, 60000.0, 2100.0)
     assert dict(car.load_kg) == {"empty": 960.0, "half": 1215.0, "full": 1460.0}
     assert (car.mass_kg, car.correction_mass_kg) == (1215.0, 1215.0)

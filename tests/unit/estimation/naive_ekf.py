@@ -113,7 +113,7 @@ def velocity_squared(x: F, cov: F) -> F:
     return np.asarray((x[2] ** 2 + cov[2, 2]) * (ahead * weights / weights.sum()) @ ahead.T)
 
 
-def jacobian(function, x: F, step: float = 1e-6) -> F:  # type: ignore[no-untyped-def]
+def jacobian(function, x: F, step: float = 1e-6) -> F:
     """Central finite differences."""
     columns = []
     for i in range(len(x)):

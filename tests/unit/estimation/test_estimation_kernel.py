@@ -13,9 +13,7 @@ from tests.unit.estimation import naive_estimation
 MAX_STEP_S, MAX_PIECES = 0.1, 7
 
 
-def laid(
-    update_s: list[float], output_s: list[float], start_s: float
-) -> tuple[naive_estimation.FloatArray, naive_estimation.IntArray, naive_estimation.IntArray]:
+def laid(update_s: list[float], output_s: list[float], start_s: float) -> tuple[np.ndarray, ...]:
     update, output = np.array(update_s, float), np.array(output_s, float)
     return lay_steps(update, output, start_s=start_s, max_step_s=MAX_STEP_S, max_pieces=MAX_PIECES)
 
@@ -33,7 +31,7 @@ def test_steps(seed: int) -> None:
     rng = np.random.default_rng(seed)
     update_s = np.sort(rng.choice(np.arange(0.0, 3.0, 0.05), rng.integers(0, 40)))
     output_s = np.sort(np.append(rng.choice(np.arange(0.0, 4.0, 0.025), rng.integers(0, 20)), [9.0] * (seed % 2)))
-    expected = naive_estimation.steps(update_s, output_s, 0.0, MAX_STEP_S, MAX_PIECES)
+    expected: tuple[np.ndarray, ...] = naive_estimation.steps(update_s, output_s, 0.0, MAX_STEP_S, MAX_PIECES)
     for found, plain in zip(laid(update_s.tolist(), output_s.tolist(), 0.0), expected, strict=True):
         assert found.tobytes() == plain.tobytes()
 

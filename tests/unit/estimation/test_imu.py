@@ -9,7 +9,7 @@ from cwcli.estimation.imu import interpolated_sample_mask, level_imu
 from cwcli.estimation.odd_sensors import find_tilt_and_evidence
 from cwcli.estimation.prepare import burst_row_mask
 
-TIME = 0.01 * np.arange(2000)
+TIME = 0.01 * np.arange(2000.0)
 
 
 def noisy(seed: int = 0) -> np.ndarray:

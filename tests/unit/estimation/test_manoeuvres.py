@@ -186,7 +186,7 @@ def test_what_counts_as_a_manoeuvre_is_what_the_twin_says(seed: int) -> None:
     taken = np.zeros(n, np.bool_)
     for i in range(n):
         message = naive_messages.Message(
-            time_s[i], *xy[i], speed[i], heading[i], POSITION_SIGMA_M, SPEED_SIGMA_MPS, HEADING_SIGMA_RAD
+            time_s[i], xy[i, 0], xy[i, 1], speed[i], heading[i], POSITION_SIGMA_M, SPEED_SIGMA_MPS, HEADING_SIGMA_RAD
         )
         agrees = sender.agrees(message)
         is_beyond = status[:, i] != UpdateStatus.USED

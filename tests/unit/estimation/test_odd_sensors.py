@@ -8,7 +8,7 @@ import pytest
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, is_first_row_contradicted, stuck_row_mask
 
-TIME_S = 0.1 * np.arange(100)
+TIME_S = 0.1 * np.arange(100.0)
 
 
 def _imu(force: tuple[float, float, float], yaw_rate: float) -> np.ndarray:
@@ -45,18 +45,18 @@ def test_an_imu_in_si_units_is_left_as_it_is(force: tuple[float, float, float]) 
 
 def test_a_first_speed_of_zero_is_apart_from_a_drive_at_15_mps_but_not_from_a_start() -> None:
     rng = np.random.default_rng(0)
-    cruise = (15.0 + 0.1 * rng.standard_normal(100))[:, None]
+    cruise: np.ndarray = (15.0 + 0.1 * rng.standard_normal(100))[:, None]
     assert not is_first_row_contradicted(Kind.SPEED, TIME_S, cruise)
     cruise[0] = 0.0
     assert is_first_row_contradicted(Kind.SPEED, TIME_S, cruise)
-    start = (3.0 * TIME_S + 0.1 * rng.standard_normal(100))[:, None]  # 3 m/s^2
+    start: np.ndarray = (3.0 * TIME_S + 0.1 * rng.standard_normal(100))[:, None]  # 3 m/s^2
     assert not is_first_row_contradicted(Kind.SPEED, TIME_S, start)
     cruise[1:, 0] = np.where(np.arange(99) % 2, 15.0, 0.0)  # rows that do not agree with each other prove nothing
     assert not is_first_row_contradicted(Kind.SPEED, TIME_S, cruise)
 
 
 def test_a_first_fix_in_the_gulf_of_guinea_is_apart() -> None:
-    xy = np.stack([10.0 * TIME_S, 0.0 * TIME_S], axis=1)
+    xy: np.ndarray = np.stack([10.0 * TIME_S, 0.0 * TIME_S], axis=1)
     assert not is_first_row_contradicted(Kind.POSITION, TIME_S, xy)
     xy[0] = -5.3e6, -8.1e5
     assert is_first_row_contradicted(Kind.POSITION, TIME_S, xy)
@@ -64,7 +64,7 @@ def test_a_first_fix_in_the_gulf_of_guinea_is_apart() -> None:
 
 def test_a_speed_sticks_only_where_it_is_not_zero_and_usually_changes() -> None:
     rng = np.random.default_rng(1)
-    speed = (12.0 + 0.1 * rng.standard_normal(100))[:, None]
+    speed: np.ndarray = (12.0 + 0.1 * rng.standard_normal(100))[:, None]
     speed[40:80] = speed[40]
     assert np.flatnonzero(stuck_row_mask(Kind.SPEED, TIME_S, speed)).tolist() == list(range(41, 80))
     standing = speed.copy()

@@ -158,7 +158,7 @@ def test_song2016_on_a_straight_line_equals_filterpy_kalman_and_rts() -> None:
 
 
 def test_gate_rejects_a_jump_and_counts_it() -> None:
-    time = 0.1 * np.arange(100)
+    time = 0.1 * np.arange(100.0)
     xy = np.stack([10.0 * time, np.zeros(100)], axis=1)
     xy[50] += 30.0
     s = replace(series_of(Kind.POSITION, time, xy, (0.01, 0.0, 0.01)), gate_nis=13.8)
@@ -174,7 +174,7 @@ def test_gate_rejects_a_jump_and_counts_it() -> None:
 
 def test_gate_gives_in_when_the_measurements_stay_elsewhere() -> None:
     """A map jump of 200 m: after the documented patience the filter follows, and the reset is counted."""
-    time = 0.1 * np.arange(200)
+    time = 0.1 * np.arange(200.0)
     xy = np.stack([10.0 * time, np.zeros(200)], axis=1)
     xy[100:, 1] += 200.0
     s = replace(series_of(Kind.POSITION, time, xy, (0.01, 0.0, 0.01)), gate_nis=13.8)

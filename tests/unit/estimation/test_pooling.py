@@ -171,7 +171,7 @@ def test_causal_estimate_with_a_calibration_knows_nothing_of_what_comes_later(ca
         np.testing.assert_array_equal(other.covariance, tracks[0].covariance)
     # Without one the noise and the latencies come from the whole log.
     looked_ahead = [estimate_track(m, EstimatorConfig(causal=True), output_ns).state for m in (whole, first)]
-    assert not np.array_equal(*looked_ahead)
+    assert not np.array_equal(looked_ahead[0], looked_ahead[1])
 
 
 def test_online_states_use_the_calibration_as_the_causal_estimate_does(car: Calibration) -> None:

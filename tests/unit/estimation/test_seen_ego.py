@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def seen(offsets_m: dict[str, tuple[float, float]], *, is_perceived: bool = True
     stamps = np.repeat(time_s, len(offsets_m))
     east, north = np.array([offsets_m[name] for name in names]).T
     latitude, longitude, _ = PLACE.wgs84_from_map(10.0 * stamps + east, north, np.zeros(len(stamps)))
-    nothing = {entry.name: np.full(len(stamps), np.nan) for entry in fields(RemoteQuantities)}
+    nothing: dict[str, Any] = {entry.name: np.full(len(stamps), np.nan) for entry in fields(RemoteQuantities)}
     nothing |= {"latitude_deg": latitude, "longitude_deg": longitude}
     nothing["position_covariance_m2"] = np.full((len(stamps), 3), np.nan)
     stamp_ns = np.round(stamps * S).astype(np.int64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,12 @@ def _drive(*kinds: Kind) -> list[Measurements]:
         **VALUES,
         Kind.IMU: np.column_stack([VALUES[Kind.ACCEL], speed * yaw_rate, zero + G, zero, zero, yaw_rate]),
     }
-    sigma = {Kind.POSITION: 0.3, Kind.SPEED: 0.1, Kind.HEADING: 0.02, Kind.IMU: np.array([0.1] * 3 + [0.005] * 3)}
+    sigma: dict[Kind, Any] = {
+        Kind.POSITION: 0.3,
+        Kind.SPEED: 0.1,
+        Kind.HEADING: 0.02,
+        Kind.IMU: np.array([0.1] * 3 + [0.005] * 3),
+    }
     found = []
     for kind in kinds:
         values = exact[kind].reshape(len(TIME_S), -1)

@@ -16,7 +16,7 @@ from cwcli.estimation.track import estimate_hindsight_and_online
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import N_STATES
 
-TIME_S = 0.1 * np.arange(401)
+TIME_S = 0.1 * np.arange(401.0)
 
 
 def _fixes(xy: FloatArray) -> SensorSeries:

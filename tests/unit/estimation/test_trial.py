@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -138,7 +139,7 @@ def test_the_searchs_gate_is_the_chi_square_quantile() -> None:
 
 def test_noise_of_a_known_layout_is_not_fitted_again(passes: list[bytes]) -> None:
     layout = straight_drive()
-    fits = {}
+    fits: dict[Any, Any] = {}
     rough = estimate_noise_and_manoeuvres(layout, every_row=False, known=fits)
     n_rough = len(passes)
     again = estimate_noise_and_manoeuvres(layout, every_row=False, known=fits)

@@ -18,7 +18,7 @@ T0_NS = 1_700_000_000_000_000_000
 Records = Mapping[str, Mapping[str, str]]
 
 
-def log_of(path: Path, channels: list[OutputChannel], records: Records | None = None, **json_topics: Any) -> Log:
+def log_of(path: Path, channels: list[OutputChannel], records: Records | None = None, /, **json_topics: Any) -> Log:
     """A log with channels in memory, on top of a file with JSON messages: topic -> (stamp, message)s."""
     with path.open("wb") as stream:
         writer = Writer(stream)

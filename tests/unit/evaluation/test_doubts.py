@@ -14,10 +14,10 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.evaluation.doubts import (
     DOUBTS,
-    DoubtEvidence,
     find_doubts_in_evidence,
     find_remarks_in_evidence,
 )
+from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_over_window
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.signals.units import NS_PER_S
@@ -35,7 +35,7 @@ def states(flags: int = 0, **motion: float) -> VehicleStates:
     return VehicleStates.from_ego_states(np.arange(10) * S, state, flags=np.full(10, flags, np.uint8))
 
 
-def source(quantity: str = "position", **more: Any) -> Source:
+def source(quantity: Any = "position", **more: Any) -> Source:
     """The diagnostics of a source without a fault."""
     counts = {"read": 100, "used": 100, "gated": 0, "resets": 0, "nis_per_dof": 1.0, "nis_inside": True}
     return {"vehicle": "ego", "source": "/gps/fix", "quantity": quantity, **counts, **more}

@@ -59,7 +59,7 @@ def states(topic: str, state: FloatArray, vehicle: str = "ego", *, variance: flo
 
 def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "ego") -> OutputChannel:
     """Straight on from each state at a given speed, with a variance of 1 m^2 per axis."""
-    time_s = 0.05 * np.arange(51)
+    time_s = 0.05 * np.arange(51.0)
     x_m = state[:, :1] + speed_mps * time_s
     covariance = np.tile([1.0, 0.0, 1.0], (N, 51, 1))
     whole = Paths(time_s, x_m, np.repeat(state[:, 1:2], 51, 1), 0.0 * x_m, np.full_like(x_m, speed_mps), covariance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def link_with_losses() -> RadioLinkSummary:
     is_first = np.flatnonzero(made.signal.station.codes == 0)
     rows = np.delete(is_first, [10, 20, 21])
     station = replace(made.signal.station, codes=made.signal.station.codes[rows])
-    columns = {
+    columns: dict[str, Any] = {
         name: values[rows]
         for name in made.signal.__dataclass_fields__
         if isinstance(values := getattr(made.signal, name), np.ndarray)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ MEASURED = measure(DRIVE, 4, {})
 TRACK = estimate_track(MEASURED, EstimatorConfig())
 
 
-def truth(**mounted: float) -> Columns:
+def truth(**mounted: Any) -> Columns:
     columns = odometry(TIME_S, TRUE["heading_rad"], TRUE["speed_mps"], start_ns=EPOCH_NS, **mounted)
     place = {f"pose.pose.position.{axis}": TRUE[f"{axis}_m"] for axis in "xy"}
     return replace(columns, fields={**columns.fields, **place})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -124,7 +125,7 @@ def test_windows_equal_the_plain_ones(function: str) -> None:
     rng = np.random.default_rng(4)
     times_ns = np.cumsum(rng.integers(1, 300_000_000, 300))
     values = np.where(rng.random(300) < 0.2, np.nan, rng.normal(size=300))
-    plain = {"min": np.min, "max": np.max, "mean": np.mean}[function]
+    plain: Any = {"min": np.min, "max": np.max, "mean": np.mean}[function]
     expected = []
     for k, now in enumerate(times_ns):
         inside = values[: k + 1][times_ns[: k + 1] >= now - 2_000_000_000]

@@ -8,6 +8,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -136,6 +137,7 @@ def test_states_survive_the_file_and_nothing_else_is_one() -> None:
     document = json.loads(json.dumps({"inputs": states_to_document({"a": STATE})}))
     assert states_from_document(document) == {"a": STATE}
     whole = STATE._asdict()
+    values: Any
     for values in ([], None, {**whole, "inode": True}, {**whole, "inode": "2"}, {**whole, "more": 1}, {"inode": 2}):
         assert states_from_document({"inputs": {"a": values, "b": whole}}) == {"b": STATE}
     for document in (None, {}, {"inputs": []}):

@@ -142,5 +142,5 @@ def test_a_copy_goes_when_its_work_fails(tmp_path: Path) -> None:
 def test_a_copy_without_a_place(tmp_path: Path) -> None:
     fsspec.filesystem("memory").pipe_file("/drives/a.mcap", MCAP_MAGIC)
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError), temporary_local_copy("memory:///drives/a.mcap", tmp_path / "file", 1):
+    with pytest.raises(OutputError), temporary_local_copy("memory:///drives/a.mcap", tmp_path / "file", ReadBounds()):
         pass

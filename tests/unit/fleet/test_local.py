@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 
 import pytest
 
@@ -14,9 +14,8 @@ from cwcli.errors import OutputError
 from cwcli.fleet import local
 from cwcli.fleet.fork_server import ForkServer
 from cwcli.fleet.local import WorkerDied, run_on_local_processes
-from cwcli.fleet.plan import FleetPlan, LogTask
+from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
 from cwcli.fleet.spawned import SpawningServer
-from cwcli.fleet.worker import TaskResult
 
 PLAN = FleetPlan(())
 
@@ -92,6 +91,7 @@ def test_stopping_early_leaves_no_worker() -> None:
     running = run_on_local_processes([task(f"a{k}") for k in range(50)], PLAN, 2, die_on_b)
     _, done = next(running)
     assert isinstance(done, TaskResult)
+    assert isinstance(running, Generator)
     running.close()
     until = time.monotonic() + 600
     while time.monotonic() < until:

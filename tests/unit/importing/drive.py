@@ -53,10 +53,9 @@ def make_drive() -> Drive:
     rows = slice(0, None, 100)
     lat = LATITUDE_DEG + y / METERS_PER_DEGREE
     lon = LONGITUDE_DEG + x / METERS_PER_DEGREE / np.cos(np.deg2rad(LATITUDE_DEG))
-    return Drive(
-        *(each[rows] for each in (fine, x, y, speed, 0.5 * np.cos(fine / 6.0), heading, rate, lat, lon)),
-        np.mod(90.0 - np.degrees(heading[rows]), 360.0),
-    )
+    course = np.mod(90.0 - np.degrees(heading), 360.0)
+    columns = (fine, x, y, speed, 0.5 * np.cos(fine / 6.0), heading, rate, lat, lon, course)
+    return Drive(*(each[rows] for each in columns))
 
 
 DRIVE = make_drive()

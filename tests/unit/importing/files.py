@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from cantools.database.can import Database
 
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
 
@@ -430,6 +431,7 @@ def _can(folder: Path, name: str) -> list[Path]:
 
     (folder / "car.dbc").write_text(DBC)
     database = cantools.database.load_file(folder / "car.dbc")
+    assert isinstance(database, Database)
     with can.Logger(folder / name) as writer:
         for k in range(N):
             stamp = START_S + D.t_s[k]

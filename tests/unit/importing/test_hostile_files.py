@@ -8,6 +8,7 @@ import tracemalloc
 import warnings
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ SINCE_START = digits(D.t_s, 3)
 UTC = iso(D)
 
 
-def plan(path: Path, **answers: str) -> ImportPlan:
+def plan(path: Path, **answers: Any) -> ImportPlan:
     return plan_import([str(path)], Answers(**answers))
 
 
@@ -198,7 +199,7 @@ def test_unit_of_an_answer_may_be_spelled_as_in_a_header(unit: str, factor: floa
     path = write_table(tmp_path / "drive.csv", "time,v", [T, digits(D.speed_mps, 3)])
     made = plan_import([str(path)], Answers(dict([parse_table_quantity_and_column_unit(f"speed=v*{unit}")])))
     (channel,) = [each for _, each in made.channels]
-    np.testing.assert_allclose(channel.fields["twist.linear.x"], D.speed_mps * factor, atol=0.002)
+    np.testing.assert_allclose(np.asarray(channel.fields["twist.linear.x"]), D.speed_mps * factor, atol=0.002)
 
 
 def test_pipe_is_refused_at_once(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -86,7 +87,7 @@ ASKED: dict[str, tuple[str, list[list[str]], str]] = {
 }
 
 
-def plan(path: Path, *columns: str, **answers: str) -> ImportPlan:
+def plan(path: Path, *columns: str, **answers: Any) -> ImportPlan:
     return plan_import([str(path)], Answers(dict(map(parse_table_quantity_and_column_unit, columns)), **answers))
 
 

@@ -43,7 +43,10 @@ def test_gpx(tmp_path: Path) -> None:
 def check_poses(found: Columns, own: Columns) -> None:
     for axis in "xy":
         np.testing.assert_allclose(
-            found.fields[f"pose.position.{axis}"], own.fields[f"{axis}_m"], atol=1.01 * METER_STEP, rtol=0
+            np.asarray(found.fields[f"pose.position.{axis}"]),
+            np.asarray(own.fields[f"{axis}_m"]),
+            atol=1.01 * METER_STEP,
+            rtol=0,
         )
     z, w = (np.asarray(found.fields[f"pose.orientation.{axis}"]) for axis in "zw")
     error = np.angle(np.exp(1j * (2 * np.arctan2(z, w) - np.asarray(own.fields["heading_rad"]))))

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -87,8 +88,9 @@ def test_importing_cwcli_imports_nothing_else() -> None:
 
 
 def test_a_room_with_the_name_of_a_function_is_both() -> None:
-    assert cwcli.report.views.__name__ == "cwcli.report.views"
-    assert callable(cwcli.report)
+    report: Any = cwcli.report
+    assert report.views.__name__ == "cwcli.report.views"
+    assert callable(report)
     assert callable(cwcli.simulate)
     code = "import cwcli.report; from cwcli.simulate import sensor_log; import cwcli.simulate.v2x as v; "
     code += "print(callable(cwcli.report), callable(cwcli.simulate), v.__name__, sensor_log.__name__)"

@@ -53,7 +53,11 @@ def serve(answer: Answer) -> Iterator[str]:
 
 
 def send(*pieces: bytes) -> Answer:
-    return lambda connection, *_: [connection.sendall(piece) for piece in pieces] and None
+    def answer(connection: socket.socket, *_: object) -> None:
+        for piece in pieces:
+            connection.sendall(piece)
+
+    return answer
 
 
 def drip(begin: bytes, piece: bytes = b"x", every_s: float = 0.05) -> Answer:

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -102,7 +102,9 @@ def bag(path: Path, compression: Writer1.CompressionFormat | None = None) -> Pat
     return path
 
 
-def recording(folder: Path, storage: StoragePlugin, mode: CompressionMode | None = None, version: int = 9) -> Path:
+def recording(
+    folder: Path, storage: StoragePlugin, mode: CompressionMode | None = None, version: Literal[8, 9] = 9
+) -> Path:
     store = get_typestore(Stores.ROS2_JAZZY)
     writer = Writer2(folder, version=version, storage_plugin=storage)
     if mode is not None:

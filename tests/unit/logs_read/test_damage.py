@@ -41,7 +41,7 @@ def read_all(path: Path, *, recover: bool = False) -> tuple[dict[str, Columns], 
 
 def latitudes(loaded: dict[str, Columns]) -> list[float]:
     """The numbers of the messages on /fix, as far as they are there."""
-    return loaded["/fix"].fields["latitude"].tolist() if "/fix" in loaded else []
+    return np.asarray(loaded["/fix"].fields["latitude"]).tolist() if "/fix" in loaded else []
 
 
 def records(data: bytes) -> Iterator[tuple[int, int, int, int]]:

@@ -37,7 +37,7 @@ def marked(names: object) -> list[object]:
 
 def said_of(path: Path) -> str:
     """The errors, and the faults that are counted."""
-    said = []
+    said: list[str] = []
     try:
         with Log.open(path) as log:
             said.extend(log.faults.counts_by_reason())

@@ -18,7 +18,7 @@ from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
 from tests.unit.logs_read.official import assert_same, read_officially
 
 
-def columns_of(*messages: bytes | str | dict[str, Any], fields: list[str] | None = None) -> dict[str, Field]:
+def columns_of(*messages: bytes | str | dict[str, Any], fields: list[str] | None = None) -> dict[str, Any]:
     """The columns of messages that must all be decodable."""
     octets = [_bytes(each) for each in messages]
     ends = np.cumsum([len(each) for each in octets])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from mcap.writer import CompressionType
 
 from cwcli.errors import DataError, MissingSignalError
+from cwcli.logs.format.chunks import decompress_chunk
 from cwcli.logs.read import message_reader
 from cwcli.logs.read.reader import Log
 from tests.unit.logs_read.builders import FIX, LAYOUTS, NOTES, T0_NS, Declared, Sent, fix_message, log_bytes, small_log
@@ -66,9 +68,10 @@ def test_channel_without_messages_gives_empty_columns(tmp_path: Path) -> None:
     path.write_bytes(log_bytes([FIX, NOTES], [Sent("/notes", T0_NS, b'{"a": 1}')]))
     with Log.open(path) as log:
         columns = log.columns("/fix")
+        fields: Mapping[str, Any] = columns.fields
         assert len(columns) == 0
-        assert columns.fields["latitude"].shape == (0,)
-        assert columns.fields["variance"].shape == (0, 3)
+        assert fields["latitude"].shape == (0,)
+        assert fields["variance"].shape == (0, 3)
 
 
 def test_log_without_messages_opens(tmp_path: Path) -> None:
@@ -92,7 +95,7 @@ def test_only_chunks_with_wanted_channels_are_opened(tmp_path: Path, monkeypatch
     opened = []
     from cwcli.logs.read import message_reader
 
-    real = message_reader.decompress_chunk
+    real = decompress_chunk
 
     def counted(data: memoryview, chunk: object, *, verify: bool) -> memoryview:
         opened.append(chunk)
@@ -108,8 +111,10 @@ def test_projection_gives_the_same_columns_as_everything(tmp_path: Path) -> None
     path = tmp_path / "log.mcap"
     path.write_bytes(small_log())
     with Log.open(path) as log:
-        whole = log.load_topics({"/fix": None, "/notes": None})
-        some = log.load_topics({"/fix": ["latitude", "header.frame_id", "nothing"], "/notes": {"text", "list"}})
+        whole: Mapping[str, Any] = log.load_topics({"/fix": None, "/notes": None})
+        some: Mapping[str, Any] = log.load_topics(
+            {"/fix": ["latitude", "header.frame_id", "nothing"], "/notes": {"text", "list"}}
+        )
     assert set(some["/fix"].fields) == {"latitude", "header.frame_id"}
     assert set(some["/notes"].fields) == {"text", "list"}
     assert np.array_equal(some["/fix"].fields["latitude"], whole["/fix"].fields["latitude"])
@@ -131,7 +136,7 @@ def test_a_span_is_the_whole_topic_cut(tmp_path: Path, name: str, monkeypatch: p
     (tmp_path / "log.mcap").write_bytes(small_log(**LAYOUTS[name]))
     span = (T0_NS + 20_000_000, T0_NS + 22_500_000)  # from a message of /fix to before one of /notes
     opened: list[int] = []
-    real = message_reader.decompress_chunk
+    real = decompress_chunk
 
     def counted(*arguments: Any, **options: Any) -> memoryview:
         opened.append(arguments[1].chunk_start)

@@ -58,7 +58,9 @@ def log_bytes() -> bytes:
 
 
 @pytest.mark.parametrize(("topic", "read"), READINGS.values(), ids=READINGS.keys())
-def test_a_chunk_that_hides_a_channel_is_read(tmp_path: Path, topic: str, read: Callable[[Log], object]) -> None:
+def test_a_chunk_that_hides_a_channel_is_read(
+    tmp_path: Path, topic: str, read: Callable[[Log], Iterator[object]]
+) -> None:
     (tmp_path / "in.mcap").write_bytes(hiding(log_bytes(), topic))
     with Log.open(tmp_path / "in.mcap") as log:
         assert len([*read(log)]) == N
@@ -76,7 +78,7 @@ def test_a_miscounted_channel_is_a_fault(tmp_path: Path, reading: str) -> None:
 
 
 @pytest.mark.parametrize(("topic", "read"), READINGS.values(), ids=READINGS.keys())
-def test_an_honest_log_has_no_fault(tmp_path: Path, topic: str, read: Callable[[Log], object]) -> None:
+def test_an_honest_log_has_no_fault(tmp_path: Path, topic: str, read: Callable[[Log], Iterator[object]]) -> None:
     (tmp_path / "in.mcap").write_bytes(log_bytes())
     with Log.open(tmp_path / "in.mcap") as log:
         assert len([*read(log)]) == N

@@ -216,7 +216,7 @@ def test_absent_parts_are_nan_and_left_out_scalars_are_zero() -> None:
     decoder = ProtobufDecoder("test.Root", schema, ["one_3", "one_1", "maybe", "inner.x", "text", "choice_text"])
     data = full.SerializeToString()
     decoder.decode_batch(Payloads(np.frombuffer(data, np.uint8), np.array([0, 0]), np.array([len(data), 0])))
-    columns = decoder.build_columns(np.arange(2))
+    columns: dict[str, Any] = decoder.build_columns(np.arange(2))
     assert columns["one_3"].dtype == np.int64 and columns["one_3"].tolist() == [5, 0]
     assert columns["one_1"].tolist() == [0.0, 0.0]
     assert np.array_equal(columns["maybe"], [0.0, np.nan], equal_nan=True)
@@ -294,7 +294,7 @@ def test_same_schema_id_and_name_in_two_files_do_not_mix(tmp_path: Path) -> None
         schema = FileDescriptorSet(file=[file]).SerializeToString()
         log = check(tmp_path, schema, [message_class(schema)(v=3).SerializeToString()])
         with Log.open(log.name) as again:
-            assert again.columns("/m").fields["v"].dtype == (np.float64, np.int32)[k]
+            assert np.asarray(again.columns("/m").fields["v"]).dtype == (np.float64, np.int32)[k]
 
 
 @pytest.mark.parametrize("schema", [b"\xff\xff", b"", odd_schema()[:-30]])

@@ -192,7 +192,7 @@ def test_messages_and_definitions_are_converted_as_the_library_does() -> None:
     noetic, latest = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.LATEST)
     header = "std_msgs/msg/Header"
     of_ros2 = latest.fielddefs[header]
-    packed = {**noetic.fielddefs, header: ([], [("seq", (1, ("uint32", 0))), *of_ros2[1]])}
+    packed: dict[str, object] = {**noetic.fielddefs, header: ([], [("seq", (1, ("uint32", 0))), *of_ros2[1]])}
     rng = np.random.default_rng(5)
     n_types = 0
     for name in noetic.fielddefs:

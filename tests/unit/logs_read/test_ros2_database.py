@@ -53,8 +53,8 @@ def copy_unfinished(path: Path, target: Path, *statements: str, commit: bool = T
             connection.execute(each)
         if not commit:
             connection.execute("PRAGMA cache_size = 1")
-        for each in path.parent.glob(f"{path.name}*"):
-            shutil.copy(each, target / each.name)
+        for file in path.parent.glob(f"{path.name}*"):
+            shutil.copy(file, target / file.name)
     return target / path.name
 
 

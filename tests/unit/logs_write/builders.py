@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from cwcli.input import InputFile
+from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import OutputChannel, Strings
 
 T0_NS = 1_700_000_000_000_000_000
@@ -21,7 +22,7 @@ N_IMU = 400
 
 
 @dataclass(frozen=True)
-class SourceStub:
+class _SourceStub:
     """What `annotate` needs of a log."""
 
     path: Path
@@ -36,6 +37,11 @@ class SourceStub:
     @cached_property
     def file(self) -> InputFile:
         return InputFile.open(self.path, self.name)
+
+
+def source_stub(path: Path, *, recover: bool = False, **added: Any) -> Log:
+    """A file as a log that `annotate_log` can read, without reading it before."""
+    return cast(Log, _SourceStub(path, recover, **added))
 
 
 def write_log(

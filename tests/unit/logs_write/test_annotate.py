@@ -18,7 +18,7 @@ from cwcli.errors import EXIT_OUTPUT, OutputError
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import OutputChannel
-from tests.unit.logs_write.builders import SourceStub, read_content, state_channel, write_log
+from tests.unit.logs_write.builders import read_content, source_stub, state_channel, write_log
 
 STATE = "/cwcli/ego/state"
 RUN = {"cwcli.run.estimate": {"version": "1", "counts": "{}"}}
@@ -60,7 +60,7 @@ def chunk_bytes(path: Path) -> list[bytes]:
 def test_source_is_untouched_and_channel_is_there(tmp_path: Path, kind: str) -> None:
     source = write_log(tmp_path / "in.mcap", **SOURCES[kind])
     before = read_content(write_log(tmp_path / "same.mcap"))
-    report = annotate_log(SourceStub(source), [state_channel()], RUN, tmp_path / "out.mcap")
+    report = annotate_log(source_stub(source), [state_channel()], RUN, tmp_path / "out.mcap")
     after = read_content(tmp_path / "out.mcap")
     assert after.without(STATE) == before.messages
     assert after.attachments == before.attachments
@@ -76,7 +76,7 @@ def test_source_is_untouched_and_channel_is_there(tmp_path: Path, kind: str) -> 
 @pytest.mark.parametrize("kind", ["zstd", "lz4", "uncompressed", "without message indexes"])
 def test_chunks_are_copied_byte_for_byte(tmp_path: Path, kind: str) -> None:
     source = write_log(tmp_path / "in.mcap", **SOURCES[kind])
-    report = annotate_log(SourceStub(source), [state_channel()], RUN, tmp_path / "out.mcap")
+    report = annotate_log(source_stub(source), [state_channel()], RUN, tmp_path / "out.mcap")
     old, new = chunk_bytes(source), chunk_bytes(tmp_path / "out.mcap")
     assert [chunk for chunk in new if chunk in set(old)] == old
     assert (report.n_chunks_copied, report.n_chunks_added) == (len(old), len(new) - len(old))
@@ -85,14 +85,15 @@ def test_chunks_are_copied_byte_for_byte(tmp_path: Path, kind: str) -> None:
 def test_records_between_the_chunks_are_copied_byte_for_byte(tmp_path: Path) -> None:
     """With nothing to add, the whole data section is the source's."""
     source = write_log(tmp_path / "in.mcap")
-    annotate_log(SourceStub(source), [], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source), [], {}, tmp_path / "out.mcap")
     with source.open("rb") as stream:
         summary_start = int.from_bytes(source.read_bytes()[-28:-20], "little")
         assert stream.read(summary_start) == (tmp_path / "out.mcap").read_bytes()[:summary_start]
     assert read_content(tmp_path / "out.mcap") == read_content(source)
 
 
-PROMISES = {  # source's profile, its channels' (message encoding, schema encoding), whether a state is added -> profile
+# source's profile, its channels' (message encoding, schema encoding), whether a state is added -> profile
+PROMISES: dict[str, tuple[str, list[tuple[str, str | None]], bool, str]] = {
     "ROS 2": ("ros2", [("cdr", "ros2msg"), ("cdr", "ros2idl")], False, "ros2"),
     "ROS 2 without definitions": ("ros2", [("cdr", None)], False, "ros2"),
     "ROS 2 and protobuf that is added": ("ros2", [("cdr", "ros2msg")], True, ""),
@@ -115,7 +116,7 @@ def test_profile_stays_only_while_every_channel_keeps_it(tmp_path: Path, case: s
             schema = writer.register_schema(f"a/msg/M{k}", schema_encoding, b"float64 x") if schema_encoding else 0
             writer.add_message(writer.register_channel(f"/{k}", message_encoding, schema), k, b"12345678", k)
         writer.finish()
-    report = annotate_log(SourceStub(source), [state_channel()] if is_added else [], {}, tmp_path / "out.mcap")
+    report = annotate_log(source_stub(source), [state_channel()] if is_added else [], {}, tmp_path / "out.mcap")
     with (tmp_path / "out.mcap").open("rb") as stream:
         header = make_reader(stream).get_header()
     assert (header.profile, header.library) == (expected, "recorder 1.2")
@@ -126,7 +127,7 @@ def test_profile_stays_only_while_every_channel_keeps_it(tmp_path: Path, case: s
 def test_replaced_channel_does_not_count_for_the_profile(tmp_path: Path) -> None:
     """A JSON channel that a stage's own replaces is gone; the state that takes its place is no ROS message either."""
     source = write_log(tmp_path / "in.mcap", profile="ros2")
-    report = annotate_log(SourceStub(source), [state_channel("/plain")], {}, tmp_path / "out.mcap", replace=True)
+    report = annotate_log(source_stub(source), [state_channel("/plain")], {}, tmp_path / "out.mcap", replace=True)
     assert report.dropped_profile == "ros2"
     assert read_content(tmp_path / "out.mcap").profile == ""
 
@@ -134,7 +135,7 @@ def test_replaced_channel_does_not_count_for_the_profile(tmp_path: Path) -> None
 def test_new_messages_lie_near_their_time(tmp_path: Path) -> None:
     """Behind the chunk of their time, at most 64 KiB later: 2.5 s at these 30 kB/s."""
     source = write_log(tmp_path / "in.mcap")
-    annotate_log(SourceStub(source), [state_channel(n=180)], RUN, tmp_path / "out.mcap")
+    annotate_log(source_stub(source), [state_channel(n=180)], RUN, tmp_path / "out.mcap")
     latest_source_ns, waits_s = 0, []
     for topic, time_ns in read_content(tmp_path / "out.mcap").in_file_order:
         if topic == STATE:
@@ -149,7 +150,7 @@ def test_many_new_bytes_lie_right_behind_each_chunk(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap", chunk_size=10_000)
     wide = state_channel(n=4000)
     wide = OutputChannel(STATE, wide.schema_name, wide.log_time_ns[0] + np.arange(4000) * 1_000_000, wide.fields)
-    annotate_log(SourceStub(source), [wide], RUN, tmp_path / "out.mcap")
+    annotate_log(source_stub(source), [wide], RUN, tmp_path / "out.mcap")
     with (tmp_path / "out.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -164,13 +165,13 @@ def test_many_new_bytes_lie_right_behind_each_chunk(tmp_path: Path) -> None:
 def test_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
     for name in ("a.mcap", "b.mcap"):
-        annotate_log(SourceStub(source), [state_channel()], RUN, tmp_path / name)
+        annotate_log(source_stub(source), [state_channel()], RUN, tmp_path / name)
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
 
 
 def test_channels_in_memory_are_written(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
-    stub = SourceStub(source, added_channels=[state_channel("/a")], added_metadata={"cwcli.run.a": {"x": "1"}})
+    stub = source_stub(source, added_channels=[state_channel("/a")], added_metadata={"cwcli.run.a": {"x": "1"}})
     annotate_log(stub, [state_channel("/b")], RUN, tmp_path / "out.mcap")
     content = read_content(tmp_path / "out.mcap")
     assert len(content.messages["/a"]) == len(content.messages["/b"]) == 300
@@ -179,8 +180,8 @@ def test_channels_in_memory_are_written(tmp_path: Path) -> None:
 
 def test_one_annotation_after_the_other(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
-    annotate_log(SourceStub(source), [state_channel("/a")], {"cwcli.run.a": {}}, tmp_path / "1.mcap")
-    annotate_log(SourceStub(tmp_path / "1.mcap"), [state_channel("/b")], {"cwcli.run.b": {}}, tmp_path / "2.mcap")
+    annotate_log(source_stub(source), [state_channel("/a")], {"cwcli.run.a": {}}, tmp_path / "1.mcap")
+    annotate_log(source_stub(tmp_path / "1.mcap"), [state_channel("/b")], {"cwcli.run.b": {}}, tmp_path / "2.mcap")
     content = read_content(tmp_path / "2.mcap")
     assert content.without("/a", "/b") == read_content(source).messages
     assert content.messages["/a"] == read_content(tmp_path / "1.mcap").messages["/a"]
@@ -192,7 +193,7 @@ def test_one_annotation_after_the_other(tmp_path: Path) -> None:
 
 def test_channel_without_messages_is_declared(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
-    annotate_log(SourceStub(source), [state_channel(n=0)], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source), [state_channel(n=0)], {}, tmp_path / "out.mcap")
     with (tmp_path / "out.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -202,7 +203,7 @@ def test_channel_without_messages_is_declared(tmp_path: Path) -> None:
 def test_source_without_messages(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "in.mcap"):
         pass
-    annotate_log(SourceStub(tmp_path / "in.mcap"), [state_channel()], RUN, tmp_path / "out.mcap")
+    annotate_log(source_stub(tmp_path / "in.mcap"), [state_channel()], RUN, tmp_path / "out.mcap")
     assert len(read_content(tmp_path / "out.mcap").messages[STATE]) == 300
 
 
@@ -216,9 +217,9 @@ def test_source_without_messages(tmp_path: Path) -> None:
 def test_what_is_there_already_is_refused(
     tmp_path: Path, channels: list[OutputChannel], metadata: Mapping[str, Mapping[str, str]], words: str
 ) -> None:
-    annotate_log(SourceStub(write_log(tmp_path / "in.mcap")), [state_channel()], RUN, tmp_path / "1.mcap")
+    annotate_log(source_stub(write_log(tmp_path / "in.mcap")), [state_channel()], RUN, tmp_path / "1.mcap")
     with pytest.raises(OutputError, match=words) as caught:
-        annotate_log(SourceStub(tmp_path / "1.mcap"), channels, metadata, tmp_path / "2.mcap")
+        annotate_log(source_stub(tmp_path / "1.mcap"), channels, metadata, tmp_path / "2.mcap")
     assert caught.value.exit_code == EXIT_OUTPUT
     assert "--replace" in caught.value.hint
     assert not (tmp_path / "2.mcap").exists()
@@ -227,10 +228,10 @@ def test_what_is_there_already_is_refused(
 def test_replace_leaves_the_old_channel_out(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
     both = [state_channel(name="old"), state_channel("/other")]
-    annotate_log(SourceStub(source), both, {**RUN, "cwcli.run.other": {}}, tmp_path / "1.mcap")
+    annotate_log(source_stub(source), both, {**RUN, "cwcli.run.other": {}}, tmp_path / "1.mcap")
     new_run = {"cwcli.run.estimate": {"version": "2"}}
     report = annotate_log(
-        SourceStub(tmp_path / "1.mcap"), [state_channel(n=250, name="new")], new_run, tmp_path / "2.mcap", replace=True
+        source_stub(tmp_path / "1.mcap"), [state_channel(n=250, name="new")], new_run, tmp_path / "2.mcap", replace=True
     )
     before, after = read_content(tmp_path / "1.mcap"), read_content(tmp_path / "2.mcap")
     assert report.replaced_topics == (STATE,)
@@ -243,10 +244,10 @@ def test_replace_leaves_the_old_channel_out(tmp_path: Path) -> None:
 
 def test_replace_again_and_again_does_not_grow(tmp_path: Path) -> None:
     path = tmp_path / "0.mcap"
-    annotate_log(SourceStub(write_log(tmp_path / "in.mcap")), [state_channel()], RUN, path)
+    annotate_log(source_stub(write_log(tmp_path / "in.mcap")), [state_channel()], RUN, path)
     sizes = []
     for k in range(1, 4):
-        annotate_log(SourceStub(path), [state_channel()], RUN, tmp_path / f"{k}.mcap", replace=True)
+        annotate_log(source_stub(path), [state_channel()], RUN, tmp_path / f"{k}.mcap", replace=True)
         path = tmp_path / f"{k}.mcap"
         sizes.append(path.stat().st_size)
     assert len(set(sizes)) == 1
@@ -258,7 +259,7 @@ def test_replace_a_channel_that_another_writer_mixed_in(tmp_path: Path, chunked:
     """`/plain` shares its chunks with `/imu`: they are written anew without it."""
     source = write_log(tmp_path / "in.mcap", chunked=chunked)
     before = read_content(source)
-    annotate_log(SourceStub(source), [state_channel("/plain")], {}, tmp_path / "out.mcap", replace=True)
+    annotate_log(source_stub(source), [state_channel("/plain")], {}, tmp_path / "out.mcap", replace=True)
     after = read_content(tmp_path / "out.mcap")
     assert after.without("/plain") == before.without("/plain")
     assert {row[0] for row in after.messages["/plain"]} == {"cwcli.v1.VehicleState"}
@@ -268,11 +269,11 @@ def test_input_and_existing_target_are_refused(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
     content = source.read_bytes()
     with pytest.raises(OutputError, match="the input itself"):
-        annotate_log(SourceStub(source), [state_channel()], {}, source, force=True)
+        annotate_log(source_stub(source), [state_channel()], {}, source, force=True)
     (tmp_path / "out.mcap").write_bytes(b"old")
     with pytest.raises(OutputError, match="the file exists"):
-        annotate_log(SourceStub(source), [state_channel()], {}, tmp_path / "out.mcap")
-    annotate_log(SourceStub(source), [state_channel()], {}, tmp_path / "out.mcap", force=True)
+        annotate_log(source_stub(source), [state_channel()], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source), [state_channel()], {}, tmp_path / "out.mcap", force=True)
     assert source.read_bytes() == content
 
 
@@ -280,7 +281,7 @@ def test_column_that_does_not_fit_leaves_no_file(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
     wrong = OutputChannel("/a", "cwcli.v1.VehicleState", np.arange(2), {"speed_kmh": np.zeros(2)})
     with pytest.raises(ValueError, match="no field speed_kmh"):
-        annotate_log(SourceStub(source), [wrong], {}, tmp_path / "out.mcap")
+        annotate_log(source_stub(source), [wrong], {}, tmp_path / "out.mcap")
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
 
 
@@ -288,7 +289,7 @@ def test_channels_of_a_new_chunk_lie_one_behind_the_other(tmp_path: Path) -> Non
     """Messages of one channel are alike; readers get the log-time order from the indexes."""
     source = write_log(tmp_path / "in.mcap", chunk_size=1 << 20)
     topics = ["/cwcli/ego/state", "/cwcli/remote/state"]
-    annotate_log(SourceStub(source), [state_channel(topic) for topic in topics], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source), [state_channel(topic) for topic in topics], {}, tmp_path / "out.mcap")
     with (tmp_path / "out.mcap").open("rb") as stream:
         rows = [(m.log_time, c.topic) for _, c, m in make_reader(stream).iter_messages(topics)]
         assert rows == sorted(rows, key=lambda row: row[0]) and len(rows) == 600

@@ -19,7 +19,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from cwcli.errors import InputError
 from cwcli.logs.format.chunks import CHUNK_CRC_OFFSET_BYTES
 from cwcli.logs.write.annotate import annotate_log
-from tests.unit.logs_write.builders import SourceStub, read_content, state_channel, write_log
+from tests.unit.logs_write.builders import read_content, source_stub, state_channel, write_log
 
 STATE = "/cwcli/ego/state"
 UNLISTED: dict[str, dict[str, Any]] = {
@@ -50,7 +50,7 @@ def is_part(found: Rows, whole: Rows) -> bool:
 
 
 @pytest.mark.parametrize("options", [{}, {"compression": CompressionType.LZ4}, {"chunked": False}])
-def test_cut_at_any_byte(tmp_path: Path, options: dict[str, bool]) -> None:
+def test_cut_at_any_byte(tmp_path: Path, options: dict[str, Any]) -> None:
     source = write_log(tmp_path / "in.mcap", chunk_size=20_000, **options)
     whole, data = read_content(source), source.read_bytes()
     summary_start = int.from_bytes(data[-28:-20], "little")
@@ -60,11 +60,11 @@ def test_cut_at_any_byte(tmp_path: Path, options: dict[str, bool]) -> None:
         cut.write_bytes(data[:length])
         if length < summary_start:
             with pytest.raises(InputError):
-                annotate_log(SourceStub(cut), [state_channel()], {}, tmp_path / "out.mcap")
+                annotate_log(source_stub(cut), [state_channel()], {}, tmp_path / "out.mcap")
             assert not (tmp_path / "out.mcap").exists()
         if length < 100:
             continue
-        annotate_log(SourceStub(cut, recover=True), [state_channel()], {}, tmp_path / "out.mcap", force=True)
+        annotate_log(source_stub(cut, recover=True), [state_channel()], {}, tmp_path / "out.mcap", force=True)
         content = read_content(tmp_path / "out.mcap")
         assert is_part(content.without(STATE), whole.messages)
         assert len(content.messages[STATE]) == 300
@@ -84,7 +84,7 @@ def test_cut_chunk_gives_its_first_messages(tmp_path: Path) -> None:
     (chunk,) = chunk_indexes(source)[:1]
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[: chunk.chunk_start_offset + chunk.chunk_length // 2])
-    report = annotate_log(SourceStub(cut, recover=True), [], {}, tmp_path / "out.mcap")
+    report = annotate_log(source_stub(cut, recover=True), [], {}, tmp_path / "out.mcap")
     content = read_content(tmp_path / "out.mcap")
     imu = content.messages["/imu"]
     assert imu == read_content(source).messages["/imu"][: len(imu)]
@@ -97,7 +97,7 @@ def test_damaged_chunk_is_left_out(tmp_path: Path) -> None:
     whole = read_content(source)
     bad = chunk_indexes(source)[3]
     flip(source, bad.chunk_start_offset + bad.chunk_length - 20)
-    report = annotate_log(SourceStub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
+    report = annotate_log(source_stub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
     content = read_content(tmp_path / "out.mcap")
     assert is_part(content.without(STATE), whole.messages)
     lost = [
@@ -119,8 +119,8 @@ def test_damaged_length_of_a_chunk(tmp_path: Path, compression: CompressionType)
     chunks = chunk_indexes(source)
     flip(source, chunks[2].chunk_start_offset + 7)
     with pytest.raises(InputError, match="damaged at byte"):
-        annotate_log(SourceStub(source), [], {}, tmp_path / "out.mcap")
-    annotate_log(SourceStub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
+        annotate_log(source_stub(source), [], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
     assert read_content(tmp_path / "out.mcap").without(STATE) == whole.messages
 
 
@@ -139,7 +139,7 @@ def test_declared_size_of_a_chunk_is_not_believed(tmp_path: Path, compression: C
     whole = read_content(source)
     declare_size(source, chunk_indexes(source)[2], n_bytes)
     tracemalloc.start()
-    report = annotate_log(SourceStub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
+    report = annotate_log(source_stub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak_bytes < 10_000_000
@@ -158,7 +158,7 @@ def test_a_chunk_that_holds_more_than_it_declares_is_not_unpacked(tmp_path: Path
         writer.finish()
     declare_size(source, chunk_indexes(source)[0], 1000)
     tracemalloc.start()
-    report = annotate_log(SourceStub(source, recover=True), [], {}, tmp_path / "out.mcap")
+    report = annotate_log(source_stub(source, recover=True), [], {}, tmp_path / "out.mcap")
     peak_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert report.n_chunks_lost == 1
@@ -170,11 +170,11 @@ def test_damaged_chunk_of_a_log_without_an_index_is_not_copied(tmp_path: Path, o
     """Nobody has read the chunk: the copy must not be the first to pass it over."""
     bad = chunk_indexes(write_log(tmp_path / "listed.mcap"))[3]
     whole = write_log(tmp_path / "whole.mcap", **options)
-    assert annotate_log(SourceStub(whole), [], {}, tmp_path / "copy.mcap").n_messages_copied == 440
+    assert annotate_log(source_stub(whole), [], {}, tmp_path / "copy.mcap").n_messages_copied == 440
     source = write_log(tmp_path / "in.mcap", **options)
     flip(source, bad.chunk_start_offset + CHUNK_CRC_OFFSET_BYTES)
     with pytest.raises(InputError, match=f"damaged at byte {bad.chunk_start_offset}: a chunk's CRC is wrong"):
-        annotate_log(SourceStub(source), [], {}, tmp_path / "out.mcap")
+        annotate_log(source_stub(source), [], {}, tmp_path / "out.mcap")
     assert not (tmp_path / "out.mcap").exists()
 
 
@@ -183,7 +183,7 @@ def test_damaged_message_index_is_written_anew(tmp_path: Path) -> None:
     whole = read_content(source)
     chunk = chunk_indexes(source)[1]
     flip(source, chunk.message_index_offsets[1] + 9 + 6 + 3)
-    annotate_log(SourceStub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source, recover=True), [state_channel()], {}, tmp_path / "out.mcap")
     assert read_content(tmp_path / "out.mcap").without(STATE) == whole.messages
     index = chunk_indexes(tmp_path / "out.mcap")[1]
     data = (tmp_path / "out.mcap").read_bytes()
@@ -195,7 +195,7 @@ def test_damaged_time_of_a_chunk_is_written_anew(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
     chunks = chunk_indexes(source)
     flip(source, chunks[1].chunk_start_offset + 9 + 15)
-    annotate_log(SourceStub(source, recover=True), [], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source, recover=True), [], {}, tmp_path / "out.mcap")
     assert chunk_indexes(tmp_path / "out.mcap")[1].message_end_time == chunks[1].message_end_time
 
 
@@ -206,14 +206,14 @@ def test_damaged_summary_is_not_believed(tmp_path: Path, recover: bool) -> None:
     whole = read_content(source)
     start = int.from_bytes(source.read_bytes()[-28:-20], "little")
     flip(source, start + 30)
-    annotate_log(SourceStub(source, recover=recover), [state_channel()], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source, recover=recover), [state_channel()], {}, tmp_path / "out.mcap")
     assert read_content(tmp_path / "out.mcap").without(STATE) == whole.messages
 
 
 def test_damaged_attachment_is_left_out(tmp_path: Path) -> None:
     source = write_log(tmp_path / "in.mcap")
     flip(source, source.read_bytes().index(b"hello"))
-    report = annotate_log(SourceStub(source, recover=True), [], {}, tmp_path / "out.mcap")
+    report = annotate_log(source_stub(source, recover=True), [], {}, tmp_path / "out.mcap")
     assert read_content(tmp_path / "out.mcap").attachments == []
     assert report.n_messages_copied == 440
 
@@ -226,11 +226,11 @@ def test_no_log_at_all(tmp_path: Path, content: bytes, recover: bool) -> None:
     source = tmp_path / "in.mcap"
     source.write_bytes(content)
     if recover and content.startswith(b"\x89MCAP0"):
-        annotate_log(SourceStub(source, recover=True), [], {}, tmp_path / "out.mcap")
+        annotate_log(source_stub(source, recover=True), [], {}, tmp_path / "out.mcap")
         assert read_content(tmp_path / "out.mcap").messages == {}
         return
     with pytest.raises(InputError) as caught:
-        annotate_log(SourceStub(source, recover=recover), [], {}, tmp_path / "out.mcap")
+        annotate_log(source_stub(source, recover=recover), [], {}, tmp_path / "out.mcap")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out.mcap").exists()
 
@@ -245,7 +245,9 @@ def test_random_flips_never_crash(tmp_path: Path) -> None:
         damaged.write_bytes(data)
         flip(damaged, at)
         try:
-            annotate_log(SourceStub(damaged, recover=True), [state_channel(n=5)], {}, tmp_path / "out.mcap", force=True)
+            annotate_log(
+                source_stub(damaged, recover=True), [state_channel(n=5)], {}, tmp_path / "out.mcap", force=True
+            )
         except InputError:
             assert at < 8
             continue
@@ -263,9 +265,9 @@ def test_killed_annotation_leaves_no_file(tmp_path: Path) -> None:
         "import cwcli.logs.write.record_writer as record_writer\n"
         "from pathlib import Path\n"
         "from cwcli.logs.write.annotate import annotate_log\n"
-        "from tests.unit.logs_write.builders import SourceStub, state_channel\n"
+        "from tests.unit.logs_write.builders import source_stub, state_channel\n"
         "record_writer.RecordWriter.finish = lambda self: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "annotate_log(SourceStub(Path(sys.argv[1])), [state_channel()], {}, sys.argv[2])\n"
+        "annotate_log(source_stub(Path(sys.argv[1])), [state_channel()], {}, sys.argv[2])\n"
     )
     target = tmp_path / "out.mcap"
     run = subprocess.run(
@@ -281,8 +283,8 @@ def test_to_standard_output(tmp_path: Path) -> None:
         "import sys\n"
         "from pathlib import Path\n"
         "from cwcli.logs.write.annotate import annotate_log\n"
-        "from tests.unit.logs_write.builders import SourceStub, state_channel\n"
-        "annotate_log(SourceStub(Path(sys.argv[1])), [state_channel()], {}, '-')\n"
+        "from tests.unit.logs_write.builders import source_stub, state_channel\n"
+        "annotate_log(source_stub(Path(sys.argv[1])), [state_channel()], {}, '-')\n"
     )
     run = subprocess.run(
         [sys.executable, "-c", code, str(source)],
@@ -291,6 +293,6 @@ def test_to_standard_output(tmp_path: Path) -> None:
         check=True,
         capture_output=True,
     )
-    annotate_log(SourceStub(source), [state_channel()], {}, tmp_path / "out.mcap")
+    annotate_log(source_stub(source), [state_channel()], {}, tmp_path / "out.mcap")
     assert run.stdout == (tmp_path / "out.mcap").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "out.mcap"]

@@ -13,7 +13,7 @@ from mcap.stream_reader import StreamReader
 
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.signals.columns import OutputChannel
-from tests.unit.logs_write.builders import SourceStub, state_channel
+from tests.unit.logs_write.builders import source_stub, state_channel
 
 LOGS = sorted((Path(__file__).parents[4] / "shared" / "logs").glob("*.mcap"))
 STATE = "/cwcli/ego/state"
@@ -53,7 +53,7 @@ def test_real_log_is_untouched(tmp_path: Path, source: Path) -> None:
     times = np.linspace(*span, 500).astype(np.int64)
     channel = OutputChannel(STATE, template.schema_name, times, template.fields)
     target = tmp_path / "out.mcap"
-    annotate_log(SourceStub(source), [channel], {"cwcli.run.estimate": {"a": "b"}}, target)
+    annotate_log(source_stub(source), [channel], {"cwcli.run.estimate": {"a": "b"}}, target)
     before, after = digests(source), digests(target)
     assert after.pop(STATE)[0] == 500
     assert after == before

@@ -9,6 +9,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from cwcli.errors import InputError, UsageError
+from cwcli.logs.format.chunks import decompress_chunk
 from cwcli.logs.read.reader import Log
 from cwcli.logs.read.topic_patterns import topics_of_patterns
 from cwcli.logs.write.cut import CutReport, CutSpan, cut_log
@@ -55,7 +56,9 @@ def test_chunks_inside_are_copied_and_only_edges_are_rewritten(tmp_path: Path, k
     report, _ = cut(source, tmp_path / "out.mcap", CutSpan(FIRST_NS, LAST_NS))
     old, new = chunk_bytes(source), chunk_bytes(tmp_path / "out.mcap")
     with source.open("rb") as stream:
-        spans = [(c.message_start_time, c.message_end_time) for c in make_reader(stream).get_summary().chunk_indexes]
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    spans = [(c.message_start_time, c.message_end_time) for c in summary.chunk_indexes]
     n_touched = sum(first <= LAST_NS and last >= FIRST_NS for first, last in spans)
     n_inside = sum(first >= FIRST_NS and last <= LAST_NS for first, last in spans)
     assert (report.n_chunks_copied, report.n_chunks_rewritten) == (n_inside, n_touched - n_inside)
@@ -69,7 +72,7 @@ def test_whole_chunks_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyP
     opened: list[int] = []
     from cwcli.logs.read import message_reader
 
-    decompress = message_reader.decompress_chunk
+    decompress = decompress_chunk
 
     def noting(file: object, chunk: object, *, verify: bool) -> memoryview:
         opened.append(chunk.chunk_start)  # type: ignore[attr-defined]

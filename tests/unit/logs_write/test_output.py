@@ -203,7 +203,7 @@ def test_error_of_background_writing_is_reported(tmp_path: Path, monkeypatch: py
 
 
 def run_to_stdout(code: str, **streams: object) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-c", code], cwd=Path(__file__).parents[3], **streams)  # type: ignore[call-overload, no-any-return]
+    return subprocess.Popen([sys.executable, "-c", code], cwd=Path(__file__).parents[3], **streams)  # type: ignore[call-overload]
 
 
 def test_stdout_into_a_pipe(tmp_path: Path) -> None:

@@ -12,7 +12,8 @@ from google.protobuf.message_factory import GetMessageClass
 
 from cwcli.logs.codecs.protobuf_tables import is_repeated_field
 from cwcli.logs.encoders.byte_rows import ByteRows
-from cwcli.logs.encoders.protobuf_encoder import ColumnError, encode_protobuf
+from cwcli.logs.encoders.column_tree import ColumnError
+from cwcli.logs.encoders.protobuf_encoder import encode_protobuf
 from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, slice_column
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from cwcli.signals.columns import OutputChannel, Ragged
 from tests.unit.logs_write.builders import T0_NS, read_content, state_channel
 
 
-def write_example(path: Path, **options: bool) -> Path:
+def write_example(path: Path, **options: Any) -> Path:
     with LogWriter(path, profile="x", **options) as log:
         log.write_columns(state_channel(n=5000))
         raw = log.add_channel("/raw", "json", log.add_schema("Raw", "jsonschema", b"{}"), {"a": "b"})

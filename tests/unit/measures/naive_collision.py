@@ -165,7 +165,7 @@ def _interval(
             )
             for at in (-1.0, 1.0)
         ]
-        return min(low for low, _ in found), max(high for _, high in found)
+        return float(min(low for low, _ in found)), float(max(high for _, high in found))
 
     def cut(interval: tuple[float, float], n: FloatArray, reach: float) -> tuple[float, float]:
         low, high = bounds(n, reach)

@@ -35,7 +35,7 @@ def straight(
     """The other goes straight past a host that stands at the origin, heading along x; the error of the host is none."""
     along, across = sigma_m if isinstance(sigma_m, tuple) else (sigma_m, sigma_m)
     zero, one = np.zeros(len(TIME_S)), np.ones(len(TIME_S))
-    way = speed_mps * TIME_S
+    way: np.ndarray = speed_mps * TIME_S
     return Encounter(
         x_m + way * math.cos(heading_rad),
         y_m + way * math.sin(heading_rad),
@@ -134,8 +134,8 @@ def test_kernel_against_its_plain_twin(seed: int) -> None:
         contact_probability(
             one.x_m[points],
             one.y_m[points],
-            tuple(each[points] for each in one.headings_rad),
-            tuple(each[points] for each in one.covariances_m2),
+            (one.headings_rad[0][points], one.headings_rad[1][points]),
+            (one.covariances_m2[0][points], one.covariances_m2[1][points]),
             one.sizes,
             lines=[lines_through_errors(n) for n in LATTICE_GENERATORS],
             enough_below=MAX_VARIANCE_SHARES_OF_FEW_LINES,

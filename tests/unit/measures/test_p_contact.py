@@ -146,8 +146,10 @@ def sampled(
     (x, y, heading), (to_x, to_y, to_heading) = moved
     touching = np.zeros(len(x), bool)
     for share in (0.0, 0.25, 0.5, 0.75):
-        at = [each[:, :-1] + share * np.diff(each, axis=1) for each in (to_x - x, to_y - y, heading, to_heading)]
-        touching |= (outline_separation_m(*at, CAR, CAR) <= 0.0).any(axis=1)
+        dx, dy, own, their = [
+            each[:, :-1] + share * np.diff(each, axis=1) for each in (to_x - x, to_y - y, heading, to_heading)
+        ]
+        touching |= (outline_separation_m(dx, dy, own, their, CAR, CAR) <= 0.0).any(axis=1)
     return float(touching.mean())
 
 

@@ -1,6 +1,7 @@
 """Comparing two runs: verdicts by hand, and how often chance is called a change."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -25,9 +26,7 @@ def row(name: str, value: float) -> MetricRow:
     return MetricRow(metric.stage, name, value, metric.unit, 100, math.nan, math.nan, metric.pool, total, weight)
 
 
-def run(
-    values: dict[str, list[float]] | dict[str, FloatArray], *, first: int = 0, sha256: str = ""
-) -> list[LogMetrics]:
+def run(values: Mapping[str, list[float] | FloatArray], *, first: int = 0, sha256: str = "") -> list[LogMetrics]:
     """One log for each value."""
     n = len(next(iter(values.values())))
     return [

@@ -93,7 +93,7 @@ def _plain_rules(pred: np.ndarray, gt: np.ndarray, rows: np.ndarray) -> tuple[fl
     best = []
     for lane in gt:
         points = [(y, x) for y, x in zip(rows, lane, strict=True) if x >= 0]
-        angle = math.atan(np.polyfit(*zip(*points, strict=True), 1)[0]) if len(points) > 1 else 0.0
+        angle = math.atan(np.polyfit([y for y, _ in points], [x for _, x in points], 1)[0]) if len(points) > 1 else 0.0
         scores = [0.0]
         for guess in pred:
             hits = 0
@@ -119,7 +119,7 @@ def test_tusimple_as_the_plain_rules_on_random_lanes() -> None:
         gt = (feet[:, None] + slopes[:, None] * (rows - 480)).round()
         gt[rng.random(gt.shape) < 0.1] = -2
         pred = gt[rng.integers(0, n_gt, n_pred)] + rng.normal(0, 14, (n_pred, len(rows)))
-        score = tusimple_score(list(pred), list(gt), rows)
+        score = tusimple_score(list(pred), list(gt), rows.astype(float))
         expected = _plain_rules(pred, gt, rows)
         assert (score.accuracy, score.false_positive, score.false_negative) == pytest.approx(expected)
 

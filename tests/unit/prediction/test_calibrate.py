@@ -49,10 +49,10 @@ def white(n: int, sigma_m: float, seed: int) -> FloatArray:
 
 
 def variance_scale(
-    paths: Paths, stamp_ns: npt.NDArray[np.int64], xy: FloatArray, *settings: ScaleAdaptation
+    paths: Paths, stamp_ns: npt.NDArray[np.int64], xy: FloatArray, adaptation: ScaleAdaptation | None = None
 ) -> FloatArray:
     """Of the 90 % ellipse at 2.5 s, the last knot."""
-    return np.exp(log_variance_scale_from_outcomes(paths, stamp_ns, xy, *settings)[:, -1, 1])
+    return np.exp(log_variance_scale_from_outcomes(paths, stamp_ns, xy, adaptation)[:, -1, 1])
 
 
 @pytest.mark.parametrize("true_sigma", [0.3, 1.0, 2.5])

@@ -108,7 +108,7 @@ def test_no_acceleration_from_few_frames_or_beyond_a_gap() -> None:
 
 
 def test_a_steady_acceleration_goes_on() -> None:
-    track = replace(track_of(30), speed_mps=20.0 + 1.0 * 0.1 * np.arange(30))
+    track = replace(track_of(30), speed_mps=20.0 + 1.0 * 0.1 * np.arange(30.0))
     path = predict_paths_from_observer(track, CAR)
     assert path.x_m[-1, -1] == pytest.approx(22.9 * 2.0 + 0.5 * 1.0 * 4.0, abs=1e-6)
     assert predict_paths_from_observer(track, CAR, PAPER).x_m[-1, -1] == pytest.approx(22.9 * 2.0)

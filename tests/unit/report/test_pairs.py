@@ -64,6 +64,7 @@ def test_each_conflict_has_a_name_and_its_warnings() -> None:
         assert table.rows == (("vehicle 7", "4.8", "5.2", "0.00", "5.0", said),)
         assert table.row_marks == tuple(stable_anchor_names("x.mcap", "conflict", [("7",)]))
     assert unwarned_conflict_links(find_encounters(warned), "x.mcap") == []
+    assert table is not None
     assert unwarned_conflict_links(find_encounters(unwarned), "x.mcap") == [
         (table.row_marks[0], "conflict with vehicle 7")
     ]

@@ -45,7 +45,7 @@ def test_a_ramp_is_found_again_without_a_delay(step: int) -> None:
 
 def test_the_noise_grows_as_the_gain_says() -> None:
     rng = np.random.default_rng(2)
-    time_s = 0.1 * np.arange(20_000)
+    time_s = 0.1 * np.arange(20_000.0)
     found, gain = undo_low_pass_filter_and_noise_gain(time_s, 0.01 * rng.normal(size=len(time_s)))
     assert np.std(found[2:]) == pytest.approx(0.01 * gain[2], rel=0.02)
 

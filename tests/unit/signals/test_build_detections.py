@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +13,12 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from cwcli.channels.binding import bind_roles
 from cwcli.logs.read.reader import Log
-from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Ragged
 from cwcli.signals.inputs import find_input_for_role
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, development_log, stamp_fields
+from tests.unit.signals.signal_columns import build_known_signal as build_signal
 
 NAN = float("nan")
 
@@ -261,7 +263,7 @@ def test_the_lidar_radar_log_is_read_as_it_is_and_its_truth_has_the_map_s_veloci
         lidar, _ = build_signal(Role.DETECTIONS, loaded["/lidar/objects"])
         radar, _ = build_signal(Role.DETECTIONS, loaded["/radar/scan"])
         truth, _ = build_signal(Role.TARGET_TRUTH, loaded["/truth/target"])
-        twist = log.columns("/truth/target", ["twist.twist.linear.x", "twist.twist.linear.y"]).fields
+        twist: Mapping[str, Any] = log.columns("/truth/target", ["twist.twist.linear.x", "twist.twist.linear.y"]).fields
     assert (lidar.kind, len(lidar.values), radar.kind, len(radar.values)) == ("position", 250, "radar", 250)
     np.testing.assert_allclose(lidar.values[0], [0.3122427, 0.5803398])
     np.testing.assert_allclose(radar.values[0], [1.014892, 0.5543292, 4.892807], rtol=1e-6)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 import pynmea2
 import pytest
 
-from cwcli.signals.build import build_signal
 from cwcli.signals.builders.nmea import (
     BAD_CHECKSUM_REASON,
     NO_CHECKSUM_REASON,
@@ -30,6 +30,7 @@ from cwcli.signals.gnss_time import (
 from cwcli.signals.role import Role
 from tests.laws.receiver_messages import WEEK, WEEK_MS, sentence
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
+from tests.unit.signals.signal_columns import build_known_signal as build_signal
 
 GGA = "GPGGA,080710.00,4807.50000,N,01130.00000,E,4,12,0.8,500.0,M,47.0,M,,"
 RMC = "GPRMC,080710.00,A,4807.50000,N,01130.00000,E,10.0,90.0,081019,,,A"
@@ -164,7 +165,7 @@ def test_date_that_is_none(bad: dict[str, float]) -> None:
 
 
 def best_pos(log_time_ns: int = T0_NS, **more: float):
-    fields = {"nov_header.gps_week_number": WEEK, "nov_header.gps_week_milliseconds": WEEK_MS}
+    fields: dict[str, float] = {"nov_header.gps_week_number": WEEK, "nov_header.gps_week_milliseconds": WEEK_MS}
     fields |= {"sol_status.status": 0, "pos_type.type": 50, "lat": 48.0, "lon": 11.0, "hgt": 1.0, "undulation": 1.0}
     named = {name: np.array([value]) for name, value in (fields | more).items()}
     return columns_of("novatel_oem7_msgs/msg/BESTPOS", named, log_time_ns=[log_time_ns])
@@ -186,7 +187,7 @@ def test_round_of_weeks_is_not_told_by_a_clock_that_was_never_set() -> None:
 
 
 @pytest.mark.parametrize("bad", [{"sol_status.status": 1}, {"pos_type.type": 0}, {"sol_status.status": np.nan}])
-def test_best_pos_that_is_not_computed(bad: dict[str, float]) -> None:
+def test_best_pos_that_is_not_computed(bad: dict[str, Any]) -> None:
     assert build_signal(Role.EGO_POSITION, best_pos(**bad))[1].rejected == {"no fix": 1}
 
 
@@ -222,7 +223,17 @@ def test_septentrio_accuracy_that_is_not_there() -> None:
 
 
 def nav_pvt(**more: float):
-    fields = {"year": 2019, "month": 10, "day": 8, "hour": 8, "min": 7, "sec": 10, "nano": 0, "valid": 7, "flags": 1}
+    fields: dict[str, float] = {
+        "year": 2019,
+        "month": 10,
+        "day": 8,
+        "hour": 8,
+        "min": 7,
+        "sec": 10,
+        "nano": 0,
+        "valid": 7,
+        "flags": 1,
+    }
     fields |= {"fix_type": 3, "lat": 480_000_000, "lon": 110_000_000, "height": 0, "h_acc": 20} | more
     return columns_of("ublox_msgs/msg/NavPVT", {name: np.array([value]) for name, value in fields.items()})
 

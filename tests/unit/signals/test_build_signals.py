@@ -114,7 +114,8 @@ def test_fix_covariance_that_says_nothing_is_nan(covariance: list[float], kind: 
 def test_fix_whose_header_was_never_filled_takes_the_log_time() -> None:
     columns = fix_columns([51.0, 51.1], [13.0, 13.1], **stamp_fields(np.zeros(2)))
     signal, quality = build_signal(Role.EGO_POSITION, columns)
-    np.testing.assert_array_equal(signal.stamp_ns, columns.log_time_ns)  # type: ignore[union-attr]
+    assert isinstance(signal, PositionSignal)
+    np.testing.assert_array_equal(signal.stamp_ns, columns.log_time_ns)
     assert quality.repaired == {"no stamp, log time used": 2}
 
 

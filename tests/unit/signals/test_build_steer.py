@@ -9,10 +9,10 @@ import pytest
 
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_PATH, LANES, OBSERVER, OBSERVER_PATH
-from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import SteerSignal
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
+from tests.unit.signals.signal_columns import build_known_signal as build_signal
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def test_steering_report_has_its_stamp_without_a_header(package: str) -> None:
 def test_a_channel_without_a_row_is_an_empty_signal(role: Role, schema: str, names: tuple[str, ...]) -> None:
     fields = stamp_fields([]) | {name: np.zeros(0) for name in names}
     signal, quality = build_signal(role, columns_of(schema, fields))
-    assert (len(signal.stamp_ns), quality.read, quality.used) == (0, 0, 0)  # type: ignore[union-attr]
+    assert (len(signal.stamp_ns), quality.read, quality.used) == (0, 0, 0)
 
 
 def test_an_angle_beyond_a_right_angle_is_out_of_range() -> None:

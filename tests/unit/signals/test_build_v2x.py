@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.errors import MissingSignalError
-from cwcli.signals.build import build_signal, require_usable_rows
+from cwcli.signals.build import require_usable_rows
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteSignal, SpeedSignal
 from cwcli.signals.columns import Columns
 from cwcli.signals.etsi import VAM_PATHS
@@ -16,6 +16,7 @@ from cwcli.signals.j2735 import JSON_RAW_PATHS
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of
+from tests.unit.signals.signal_columns import build_known_signal as build_signal
 from tests.unit.signals.v2x_messages import (
     CAM,
     LOG_NS,
@@ -268,8 +269,8 @@ def test_bsm_whose_clock_can_not_be_used_takes_the_log_time(dsecond_ms: int) -> 
 def stream(stations: list[str], latitudes: list[int], dsecond_ms: list[int], **more: list[Any]) -> Columns:
     """Several raw JSON messages, logged 20 ms after their secMark."""
     n_rows = len(stations)
-    values = {name: [value] * n_rows for name, value in RAW_BSM.items()}
-    values |= {"station": stations, "latitude_deg": latitudes, "dsecond_ms": dsecond_ms} | more
+    values: dict[str, list[Any]] = {name: [value] * n_rows for name, value in RAW_BSM.items()}
+    values |= {"station": stations, "latitude_deg": latitudes, "dsecond_ms": dsecond_ms, **more}
     log_ns = T0_NS + (np.array(dsecond_ms) - 10_000 + 20) * MS
     fields = {JSON_RAW_PATHS[name]: value for name, value in values.items()}
     return columns_of("BasicSafetyMessage", fields, topic="/v2x", message_encoding="json", log_time_ns=log_ns)

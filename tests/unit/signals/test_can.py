@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cantools
 import numpy as np
 import pytest
+from cantools.database.can import Database
 
 from cwcli.errors import UsageError
 from cwcli.signals.build import build_signal
 from cwcli.signals.can import FRAME_TOO_SHORT_REASON, NOT_AVAILABLE_REASON, OTHER_MESSAGE_REASON, OUT_OF_RANGE_REASON
 from cwcli.signals.mapping import parse_field_mappings
+from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
@@ -53,15 +56,21 @@ def frames(rows: list[tuple[int, bool, bytes]], **more):
     return columns_of("can_msgs/msg/Frame", fields)
 
 
-def built(role: Role, text: str, columns, dbc: Path):
+def load_dbc(path: Path) -> Database:
+    database = cantools.database.load_file(path)
+    assert isinstance(database, Database)
+    return database
+
+
+def built(role: Role, text: str, columns, dbc: Path) -> tuple[Any, Quality]:
     return build_signal(role, columns, mapping=parse_field_mappings(role, f"/can:{text};{dbc}")[0])
 
 
 def test_signals_are_those_of_cantools(dbc: Path) -> None:
-    rng, theirs = np.random.default_rng(1), cantools.database.load_file(dbc)
+    rng, theirs = np.random.default_rng(1), load_dbc(dbc)
     rows = [(256, False, rng.bytes(8)) for _ in range(500)]
     signal, quality = built(Role.EGO_SPEED, "Motion.Speed,Motion.Yaw", frames(rows), dbc)
-    decoded = [theirs.decode_message(256, data, decode_choices=False) for _, _, data in rows]
+    decoded: list[Any] = [theirs.decode_message(256, data, decode_choices=False) for _, _, data in rows]
     good = [each for each in decoded if each["Speed"] <= 400.0 and -128 <= each["Yaw"] <= 128]
     n_none = sum(each["Speed"] == 4095 * 0.125 for each in decoded)
     assert quality.used == len(good) > 100
@@ -78,7 +87,7 @@ def test_signals_are_those_of_cantools(dbc: Path) -> None:
 
 def test_extended_identifier_and_a_real_number(dbc: Path) -> None:
     extended = 2566844672 & 0x1FFFFFFF
-    theirs = cantools.database.load_file(dbc)
+    theirs = load_dbc(dbc)
     data = theirs.encode_message(extended, {"Real": 12.5})
     rows = [(extended, True, data), (extended, False, data), (257, False, b"")]
     signal, quality = built(Role.EGO_SPEED, "Wheels.Real", frames(rows), dbc)

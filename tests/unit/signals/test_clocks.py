@@ -34,7 +34,7 @@ def settled(
     *,
     log_ns: Int64Array | None = None,
     values: Int64Array | None = None,
-    has_stamp: Int64Array | None = None,
+    has_stamp: np.ndarray | None = None,
     sender: Int64Array | None = None,
     clock: str = "stamp",
 ) -> tuple[Timeline, Quality]:

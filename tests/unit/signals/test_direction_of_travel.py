@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from tests.unit.signals.mounted_device import DEG, odometry
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
 STEP_S = 0.1
-TIME_S = STEP_S * np.arange(1200)
+TIME_S = STEP_S * np.arange(1200.0)
 EXACT = 1e-9
 
 
@@ -49,7 +51,7 @@ def pose_of(columns: Columns) -> PoseSignal:
     ids=["along", "nose up", "rolled", "camera axes", "backwards"],
 )
 @pytest.mark.parametrize("is_map", [False, True], ids=["child frame", "axes of the pose"])
-def test_speed_course_and_yaw_rate_do_not_depend_on_the_mounting(mounted: dict[str, float], is_map: bool) -> None:
+def test_speed_course_and_yaw_rate_do_not_depend_on_the_mounting(mounted: dict[str, Any], is_map: bool) -> None:
     heading, speed = curvy_heading(), city_speed()
     signal = pose_of(odometry(TIME_S, heading, speed, is_map=is_map, **mounted))
     in_motion = speed > 2.0
@@ -101,7 +103,7 @@ def test_poses_without_a_twist_show_the_mounting_by_their_way(noise_m: float) ->
     rng = np.random.default_rng(1)
     fields = {
         name.replace("pose.pose", "pose"): field + noise_m * rng.standard_normal(len(columns)) * ("position" in name)
-        for name, field in columns.fields.items()
+        for name, field in cast(dict[str, np.ndarray], columns.fields).items()
         if "twist" not in name and "stamp" not in name
     }
     stamps = stamp_fields(T0_NS + np.round(TIME_S * 1e9).astype(np.int64))
@@ -113,7 +115,9 @@ def test_poses_without_a_twist_show_the_mounting_by_their_way(noise_m: float) ->
 
 
 def test_twist_that_was_never_filled_is_no_speed_of_a_car_that_moves() -> None:
-    zeros = {f"twist.twist.{what}.{axis}": np.zeros(len(TIME_S)) for what in ("linear", "angular") for axis in "xyz"}
+    zeros: dict[str, Any] = {
+        f"twist.twist.{what}.{axis}": np.zeros(len(TIME_S)) for what in ("linear", "angular") for axis in "xyz"
+    }
     signal = pose_of(odometry(TIME_S, curvy_heading(), city_speed(), left=0.9, **zeros))
     assert np.isnan(signal.speed_mps).all()
     assert signal.mounting is not None
@@ -184,7 +188,7 @@ def test_variance_is_taken_along_the_direction_of_travel() -> None:
     """A device that looks to the left drives along minus y: the variance of y counts."""
     covariance = np.zeros((len(TIME_S), 6, 6))
     covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 2, 2] = 0.25, 0.04, 0.01
-    more = {"twist.covariance": covariance.reshape(-1, 36)}
+    more: dict[str, Any] = {"twist.covariance": covariance.reshape(-1, 36)}
     columns = odometry(TIME_S, curvy_heading(), city_speed() + 3.0, left=60.0, **more)
     signal, _ = build_signal(Role.EGO_SPEED, columns)
     assert isinstance(signal, SpeedSignal)
@@ -195,7 +199,10 @@ def test_variance_is_taken_along_the_direction_of_travel() -> None:
 def test_sideways_velocity_that_is_stated_as_not_measured_does_not_count() -> None:
     covariance = np.zeros((len(TIME_S), 6, 6))
     covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 2, 2] = 0.25, 1e6, np.inf
-    more = {"twist.covariance": covariance.reshape(-1, 36), "twist.twist.linear.y": np.full(len(TIME_S), 7.0)}
+    more: dict[str, Any] = {
+        "twist.covariance": covariance.reshape(-1, 36),
+        "twist.twist.linear.y": np.full(len(TIME_S), 7.0),
+    }
     signal, _ = build_signal(Role.EGO_SPEED, odometry(TIME_S, curvy_heading(), city_speed() + 3.0, **more))
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_allclose(signal.speed_mps, city_speed() + 3.0, atol=EXACT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,7 +129,8 @@ def test_the_plane_has_the_bits_of_proj(origin: tuple[float, float, float]) -> N
 @pytest.mark.parametrize("origin", [*ORIGINS, (90.0, 0.0, 0.0)])
 def test_the_way_back_has_the_bits_of_proj(origin: tuple[float, float, float]) -> None:
     xyz = np.random.default_rng(14).normal(0.0, 1.0, (3, 10_000)) * np.repeat([10.0, 1e3, 1e5, 1e7], 2500)
-    lon, lat, alt = proj(origin).transform(*xyz.copy(), direction="INVERSE")
+    x, y, z = xyz.copy()
+    lon, lat, alt = proj(origin).transform(x, y, z, direction="INVERSE")
     for mine, theirs in zip(LocalMap(*origin).wgs84_from_map(*xyz), (lat, lon, alt), strict=True):
         np.testing.assert_array_equal(mine, theirs)
 
@@ -140,6 +142,7 @@ def test_a_map_that_was_used_can_be_pickled() -> None:
 
 
 def test_positions_may_be_single_numbers() -> None:
-    x, y, z = LocalMap(48.0, 9.0, 100.0).map_from_wgs84(np.float64(48.0), np.float64(9.0), np.float64(130.0))
+    place: Any = (np.float64(48.0), np.float64(9.0), np.float64(130.0))
+    x, y, z = LocalMap(48.0, 9.0, 100.0).map_from_wgs84(*place)
     assert np.shape(x) == ()
     np.testing.assert_allclose([x, y, z], [0.0, 0.0, 30.0], atol=ATOL_M)

@@ -13,6 +13,7 @@ def test_every_named_builder_exists() -> None:
     builds = {entry.build for entries in inputs.INPUTS.values() for entry in entries if entry.build is not None}
     assert len(builds) > 40
     for build in builds:
+        assert build.__closure__ is not None
         names = dict(zip(build.__code__.co_freevars, (cell.cell_contents for cell in build.__closure__), strict=True))
         places = [names["codec"], f"builders.v2x.{names['maker']}"] if "codec" in names else ["{room}.{name}"]
         for place in places:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def test_another_size_is_another_vehicle() -> None:
 def test_two_that_could_be_either_stay_apart_and_are_counted() -> None:
     made = alone()
     signal = made.signal
-    twice = {
+    twice: dict[str, Any] = {
         name: np.concatenate([getattr(signal, name)] * 2)
         for name in signal.__dataclass_fields__
         if isinstance(getattr(signal, name), np.ndarray)
@@ -120,7 +121,8 @@ def test_many_ids_are_joined_in_little_memory() -> None:
     change_s = np.arange(n) / 14.0
     at_s = (change_s[:, None] + each_s).ravel()
     car, is_new = np.repeat(np.arange(n), 4), np.tile([0, 0, 1, 1], n)
-    speed_mps = 10.0 + car % 20
+    speed_mps: np.ndarray = 10.0 + car % 20
+    lane_m: np.ndarray = 100.0 * car
     nothing = np.full(4 * n, np.nan)
     signal = RemoteSignal(
         source="/v2x",
@@ -129,7 +131,7 @@ def test_many_ids_are_joined_in_little_memory() -> None:
         log_time_ns=T0_NS + np.round(at_s * 1e9).astype(np.int64),
         frame_id="map",
         x_m=speed_mps * at_s,
-        y_m=100.0 * car,
+        y_m=lane_m,
         latitude_deg=nothing,
         longitude_deg=nothing,
         altitude_m=nothing,

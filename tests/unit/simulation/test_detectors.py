@@ -61,7 +61,12 @@ def test_velocities_are_those_in_the_turning_body() -> None:
 
 
 def test_noise_is_as_declared_and_a_seed_gives_the_same_detections() -> None:
-    settings = {"rate_hz": 500, "range_sigma_m": 0.25, "azimuth_sigma_deg": 0.5, "rate_sigma_mps": 0.12}
+    settings: dict[str, object] = {
+        "rate_hz": 500,
+        "range_sigma_m": 0.25,
+        "azimuth_sigma_deg": 0.5,
+        "rate_sigma_mps": 0.12,
+    }
     scenario = parse_scenario(scene(radar=settings), name="a")
     exact = simulate_scenario(parse_scenario(scene(radar={"rate_hz": 500, **EXACT}), name="a")).detections["radar"]
     noisy = simulate_scenario(scenario, 3).detections["radar"]

@@ -67,6 +67,7 @@ def test_told_sigmas_are_those_of_the_noise() -> None:
         (lanes.curvature_1pm, lanes.curvature_sigma_1pm),
     )
     for values, sigma in pairs:
+        assert sigma is not None
         assert np.std(values) == pytest.approx(sigma[0], rel=0.06)  # 2001 frames: 1.6 % at one sigma
 
 

@@ -41,7 +41,7 @@ def at(made: TrueMotion, *time_s: float) -> np.ndarray:
 
 def test_constant_speed_north() -> None:
     state = at(motion(speed_mps=7, heading_rad=np.pi / 2), 0.0, 12.3456)
-    np.testing.assert_allclose(state[:, [X, Y]], [[0, 0], [0, 7 * 12.3456]], atol=ATOL_M)
+    np.testing.assert_allclose(state[:, [X, Y]], [[0.0, 0.0], [0.0, 7 * 12.3456]], atol=ATOL_M)
 
 
 def test_circle_of_40_m_comes_round_after_two_pi_r_over_v() -> None:

@@ -105,7 +105,7 @@ def lanes_channel(sensed: SensedDrive, order: Int64Array | None = None) -> Outpu
     rows = np.arange(n) if order is None else order
     fields: dict[str, OutputField] = {"stamp_ns": START_NS + lanes.stamp_ns}
     for side, body in (("left", sensed.left_body), ("right", sensed.right_body)):
-        fields[f"{side}.found"] = np.isfinite(body).all(axis=1)
+        fields[f"{side}.found"] = np.asarray(np.isfinite(body).all(axis=1))
         for k, name in enumerate(("lateral_m", "slope", "ground_curvature_1pm")):
             fields[f"{side}.{name}"] = body[:, k]
     for name in ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm"):

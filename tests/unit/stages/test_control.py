@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def rear_end() -> tuple[Log, StageResult]:
     return log, control(log, ControlConfig(predictor="cj-cya", rule="song2016"))
 
 
-def rows(result: StageResult) -> dict[str, dict[str, object]]:
+def rows(result: StageResult) -> dict[str, dict[str, Any]]:
     """Policy -> its row; there must be one warning."""
     found = {str(row["policy"]): row for row in result.tables["control"].rows_as_dicts()}
     assert len(result.tables["control"].rows_as_dicts()) == len(found) == len(POLICIES)
@@ -81,15 +82,13 @@ def test_channels_hold_the_recording_until_the_warning(rear_end: tuple[Log, Stag
 
 def test_map_position_of_the_replay_is_that_of_the_states(rear_end: tuple[Log, StageResult]) -> None:
     log, result = rear_end
-    replayed = log.with_channels(result.channels).columns(
-        "/cwcli/control/no-action/state", ("stamp_ns", "latitude_deg")
-    )
-    recorded = log.columns("/cwcli/ego/state", ("stamp_ns", "latitude_deg"))
-    inside = replayed.fields["stamp_ns"] <= recorded.fields["stamp_ns"][-1]
-    expected = np.interp(
-        replayed.fields["stamp_ns"][inside], recorded.fields["stamp_ns"], recorded.fields["latitude_deg"]
-    )
-    np.testing.assert_allclose(replayed.fields["latitude_deg"][inside], expected, atol=2e-8)  # 2 mm
+    names = ("stamp_ns", "latitude_deg")
+    found = log.with_channels(result.channels).columns("/cwcli/control/no-action/state", names)
+    replayed: Mapping[str, Any] = found.fields
+    recorded: Mapping[str, Any] = log.columns("/cwcli/ego/state", names).fields
+    inside = replayed["stamp_ns"] <= recorded["stamp_ns"][-1]
+    expected = np.interp(replayed["stamp_ns"][inside], recorded["stamp_ns"], recorded["latitude_deg"])
+    np.testing.assert_allclose(replayed["latitude_deg"][inside], expected, atol=2e-8)  # 2 mm
 
 
 def test_series_and_table_agree(rear_end: tuple[Log, StageResult]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import pytest
 
@@ -42,7 +44,7 @@ def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSu
 
 
 def test_table_of_metrics_holds_what_was_applied_beside_what_was_found(tracks: dict[str, TrackSummary]) -> None:
-    table = build_estimate_table(tracks)["estimate"].columns
+    table: Mapping[str, Any] = build_estimate_table(tracks)["estimate"].columns
     cells = zip(table["source"], table["metric"], table["value"], strict=True)
     values = {(str(source), str(metric)): float(value) for source, metric, value in cells}
     for source, (latency, _, applied_s) in CASES.items():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.signals.canonical import HeadingSignal, ImuSignal, PositionSignal, SpeedSignal
+from cwcli.signals.canonical import HeadingSignal, ImuSignal, PositionSignal, Signal, SpeedSignal
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.simulation.drive import simulate_scenario
@@ -39,7 +39,12 @@ def _signals() -> SensorSignals:
     stamp_ns, log_ns, imu = data["imu"]
     unknown = np.full((len(stamp_ns), 3), np.nan)
     imus = ImuSignal("/imu", stamp_ns, log_ns, imu[:, :3], imu[:, 3:], unknown, unknown)
-    found = {Role.EGO_POSITION: position, Role.EGO_SPEED: speeds, Role.EGO_HEADING: headings, Role.IMU: imus}
+    found: dict[Role, Signal] = {
+        Role.EGO_POSITION: position,
+        Role.EGO_SPEED: speeds,
+        Role.EGO_HEADING: headings,
+        Role.IMU: imus,
+    }
     return SensorSignals({role: (signal,) for role, signal in found.items()}, (), ())
 
 
@@ -66,7 +71,9 @@ def test_a_fault_of_latitude_and_longitude_is_corrected_and_the_map_with_it(
     assert found.local_map is not None
     assert abs(found.local_map.origin_lat_deg - 48.0) < 1e-3
     assert abs(found.local_map.origin_lon_deg - 11.0) < 1e-3
-    np.testing.assert_array_equal(sources.by_role[Role.EGO_POSITION][0].latitude_deg, position.latitude_deg)
+    (moved,) = sources.by_role[Role.EGO_POSITION]
+    assert isinstance(moved, PositionSignal)
+    np.testing.assert_array_equal(moved.latitude_deg, position.latitude_deg)
 
 
 def test_right_latitudes_and_longitudes_stay_as_they_are() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -35,12 +36,12 @@ def run(path: Path, config: LanesConfig | None = None) -> StageResult:
         return lanes(log, config or LanesConfig(method="zhang2011"))
 
 
-def written(path: Path, config: LanesConfig, target: Path) -> dict[str, list[object]]:
+def written(path: Path, config: LanesConfig, target: Path) -> dict[str, list[Any]]:
     """Topic -> messages of the annotated log, as the official reader decodes them."""
     with Log.open(path) as log:
         result = lanes(log, config)
         annotate_log(log, result.channels, {"cwcli.run.lanes": result.metadata}, target)
-    messages: dict[str, list[object]] = {}
+    messages: dict[str, list[Any]] = {}
     with target.open("rb") as file:
         for _, channel, message, decoded in make_reader(
             file, validate_crcs=True, decoder_factories=[DecoderFactory()]
@@ -67,7 +68,7 @@ def test_boundaries_are_published_frame_by_frame(tmp_path: Path) -> None:
 
 
 def test_annotations_lie_on_the_image_of_the_camera(tmp_path: Path) -> None:
-    frames = [cv2.resize(cv2.imdecode(np.frombuffer(f, np.uint8), 1), (640, 480)) for f in road_frames(14)]
+    frames = [cv2.resize(np.asarray(cv2.imdecode(np.frombuffer(f, np.uint8), 1)), (640, 480)) for f in road_frames(14)]
     source = write_log(tmp_path / "road.mcap", [encoded(image, ".png") for image in frames])
     messages = written(source, LanesConfig(method="zhang2011"), tmp_path / "out.mcap")
     lane, annotation = messages[LANES.topic][-1][1], messages[LANE_LINES.topic][-1][1]
@@ -89,9 +90,9 @@ def test_rendered_frames_are_the_cameras_with_lines(tmp_path: Path) -> None:
     originals = {m.timestamp.ToNanoseconds(): m for _, m in messages["/camera/image"]}
     for _, message in rendered:
         assert (message.format, message.frame_id) == ("jpeg", "camera")
-        image = cv2.imdecode(np.frombuffer(message.data, np.uint8), 1).astype(int)
+        image = np.asarray(cv2.imdecode(np.frombuffer(message.data, np.uint8), 1)).astype(int)
         original = originals[message.timestamp.ToNanoseconds()]
-        before = cv2.imdecode(np.frombuffer(original.data, np.uint8), 1).astype(int)
+        before = np.asarray(cv2.imdecode(np.frombuffer(original.data, np.uint8), 1)).astype(int)
         changed = np.abs(image - before).max(axis=2) > 60
         assert 0.001 < changed.mean() < 0.1
         assert np.abs(image - before)[:80].mean() < 10.0
@@ -119,14 +120,14 @@ def test_bad_frames_are_counted_and_the_others_used(tmp_path: Path) -> None:
         "more than 50 megapixels": 1,
         "smaller than 32 x 32 pixels": 1,
     }
-    assert result.tables["lanes"].columns["frame"].tolist() == [0, 1, 2, 7, 8, 9]
+    assert np.asarray(result.tables["lanes"].columns["frame"]).tolist() == [0, 1, 2, 7, 8, 9]
 
 
 def test_black_frames_are_used_and_nothing_is_found(tmp_path: Path) -> None:
     black = encoded(np.zeros((240, 320, 3), np.uint8))
     result = run(write_log(tmp_path / "road.mcap", [black] * 3))
     assert result.summary.inputs[0].used == 3
-    table = result.tables["lanes"].columns
+    table: Mapping[str, Any] = result.tables["lanes"].columns
     assert not table["left_found"].any()
     assert np.isnan(table["lateral_deviation_m"]).all()
 
@@ -140,17 +141,19 @@ def test_no_usable_frame_is_an_error_that_tells_why(tmp_path: Path) -> None:
 
 def test_change_of_size_starts_a_new_search_and_says_so(tmp_path: Path) -> None:
     small = road_frames(3)
-    large = [encoded(cv2.resize(cv2.imdecode(np.frombuffer(f, np.uint8), 1), (640, 480)), ".jpg") for f in small]
+    large = [
+        encoded(cv2.resize(np.asarray(cv2.imdecode(np.frombuffer(f, np.uint8), 1)), (640, 480)), ".jpg") for f in small
+    ]
     result = run(write_log(tmp_path / "road.mcap", [*small, *large]))
     assert any("320 x 240 to 640 x 480 at frame 3" in note for note in result.summary.notes)
-    assert result.tables["lanes"].columns["image_width_px"].tolist() == [320] * 3 + [640] * 3
-    sections = dict(result.summary.sections[0].rows)
+    assert np.asarray(result.tables["lanes"].columns["image_width_px"]).tolist() == [320] * 3 + [640] * 3
+    sections = {row[0]: row[1] for row in result.summary.sections[0].rows}
     assert sections["searches started"] == 2
 
 
 def test_gap_starts_a_new_search(tmp_path: Path) -> None:
     result = run(write_log(tmp_path / "road.mcap", road_frames(3), step_ns=1_000_000_000))
-    assert dict(result.summary.sections[0].rows)["searches started"] == 3
+    assert {row[0]: row[1] for row in result.summary.sections[0].rows}["searches started"] == 3
 
 
 def test_calibration_beside_the_camera_is_used(tmp_path: Path) -> None:
@@ -189,8 +192,8 @@ def test_unknown_distortion_model_is_told_and_the_calibration_not_used(tmp_path:
         0,
         {"calibration with an unknown distortion model": 1},
     )
-    curvature = [result.tables["lanes"].columns["curvature_1pm"] for result in (found, expected)]
-    np.testing.assert_array_equal(*curvature)
+    curvature = [np.asarray(result.tables["lanes"].columns["curvature_1pm"]) for result in (found, expected)]
+    np.testing.assert_array_equal(curvature[0], curvature[1])
 
 
 @pytest.mark.parametrize(("topic", "coefficients"), [("/camera/image_rect", [0.6, -0.2]), ("/camera/image", [0.0])])

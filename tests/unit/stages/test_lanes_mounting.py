@@ -60,7 +60,7 @@ def body_rotation(mounting: Mounting = MOUNTED) -> Rotation:
 
 def edge(parent: str, child: str, xyz: tuple[float, float, float], turn: Rotation | None = None) -> Transform:
     quaternion = (turn or Rotation.identity()).as_quat()
-    return Transform(parent, child, xyz, tuple(quaternion.tolist()))  # type: ignore[arg-type]
+    return Transform(parent, child, xyz, tuple(quaternion.tolist()))
 
 
 TREE = (

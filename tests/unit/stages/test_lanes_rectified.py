@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +25,7 @@ from cwcli.pipeline.result import StageResult
 from cwcli.prediction.paths import Paths
 from cwcli.registry import Registry, accept_dataclass_of
 from cwcli.report.frames import make_thumbnails_and_explain_gaps
-from cwcli.signals.columns import Columns, Strings
+from cwcli.signals.columns import Columns, StreamedChannel, Strings
 from cwcli.simulation.road.drive import RoadDrive
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.predict_lane import PredictLaneConfig, draw_paths_into_images
@@ -62,7 +64,9 @@ class Seen:
 
     def lines(self, row: int) -> list[np.ndarray]:
         """The annotated lines of a frame, shape (k, 2) each."""
-        points = self.result.channels[1].make_rows(row, row + 1)["points"]
+        channel = self.result.channels[1]
+        assert isinstance(channel, StreamedChannel)
+        points: Any = channel.make_rows(row, row + 1)["points"]
         strips = points.fields["points"]
         flat = np.column_stack([strips.fields["x"], strips.fields["y"]])
         return [flat[a:b] for a, b in zip(strips.offsets[:-1], strips.offsets[1:], strict=True)]
@@ -106,7 +110,7 @@ def off_the_truth(seen: Seen, row: int, lines: list[np.ndarray]) -> np.ndarray:
 
 
 def test_numbers_on_the_road_are_those_of_the_renderer(seen: Seen) -> None:
-    fields = seen.result.channels[0].fields
+    fields: Mapping[str, Any] = seen.result.channels[0].fields
     lateral, heading, curvature, pitch = [], [], [], []
     for row in range(N_FRAMES):
         truth = seen.drive.lane_truth_at(row)
@@ -154,7 +158,7 @@ def test_lens_is_told_with_the_lanes_and_read_back(seen: Seen, tmp_path: Path) -
 
 def test_lens_that_no_log_of_ours_has_is_survived() -> None:
     """The numbers come from a file: any may be anything."""
-    fields = {f"rectified_from.{name}": np.full(4, 300.0) for name in ("fx", "fy", "cx", "cy")}
+    fields: dict[str, Any] = {f"rectified_from.{name}": np.full(4, 300.0) for name in ("fx", "fy", "cx", "cy")}
     fields |= {"image_width_px": np.full(4, 640), "image_height_px": np.full(4, 360)}
     fields["rectified_from.fx"] = np.array([np.inf, 0.0, 300.0, 300.0])
     fields["rectified_from.roll_rad"] = np.full(4, np.nan)
@@ -184,7 +188,10 @@ def test_labels_in_the_cameras_pixels_fit(bent: Seen, tmp_path: Path) -> None:
             lines = [bent.lens.line(bent.drive.lane_truth_at(row), side) for side in ("left", "right")]
             lines = [line[np.argsort(line[:, 1])] for line in lines]
             columns = [np.interp(rows_px, line[:, 1], line[:, 0], left=-2, right=-2) for line in lines]
-            label = {"h_samples": rows_px.tolist(), "lanes": [np.rint(each).tolist() for each in columns]}
+            label: dict[str, Any] = {
+                "h_samples": rows_px.tolist(),
+                "lanes": [np.rint(each).tolist() for each in columns],
+            }
             label["timestamp"] = {"sec": stamp_ns // 10**9, "nsec": stamp_ns % 10**9}
             writer.add_message(channel, stamp_ns, json.dumps(label).encode(), stamp_ns)
         writer.finish()
@@ -208,7 +215,7 @@ def test_painted_frames_and_thumbnails_have_their_lines_on_the_markings(bent: Se
         width_m=1.6,
         config=PredictLaneConfig(render="/camera/painted"),
     )
-    data = channels[1].make_rows(3, 4)["data"]
+    data: Any = channels[1].make_rows(3, 4)["data"]
     painted = cv2.imdecode(np.asarray(data.values, np.uint8), cv2.IMREAD_COLOR)
     drive = read_drive(bent.log)
     pictures, _ = make_thumbnails_and_explain_gaps(bent.log, drive, [int(times[3])])
@@ -217,6 +224,7 @@ def test_painted_frames_and_thumbnails_have_their_lines_on_the_markings(bent: Se
     thumbnail = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR)
     true = bent.lens.line(bent.drive.lane_truth_at(3), "left")
     for image, tolerance_px in ((painted, 6.0), (thumbnail, 4.0)):
+        assert image is not None
         scale = image.shape[1] / WIDTH_PX
         blue_green_red = 255.0 * np.array(LEFT_BOUNDARY_RGB[::-1])
         v, u = np.nonzero(np.abs(image - blue_green_red).sum(axis=-1) < 110)

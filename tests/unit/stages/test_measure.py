@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,14 +30,14 @@ def follower(tmp_path: Path, **settings: object) -> StageResult:
     return measure(state_log(tmp_path / "log.mcap", ego, other), MeasureConfig(**settings))  # type: ignore[arg-type]
 
 
-def extremes(result: StageResult, encounter: int = 0) -> dict[str, dict[str, float]]:
+def extremes(result: StageResult, encounter: int = 0) -> dict[str, dict[str, Any]]:
     rows = result.tables["extremes"].rows_as_dicts()
     return {row["measure"]: row for row in rows if row["encounter"] == encounter}
 
 
 def test_series_and_extremes_by_hand(tmp_path: Path) -> None:
     result = follower(tmp_path)
-    series = result.tables["measures"].columns
+    series: Mapping[str, Any] = result.tables["measures"].columns
     gap = 75.5 - 10.0 * TIME_S
     np.testing.assert_allclose(series["gap_m"], gap)
     np.testing.assert_allclose(series["ttc_s"], gap / 10.0)
@@ -120,7 +122,7 @@ def test_online_states_are_measured_where_they_are_asked_for(tmp_path: Path) -> 
     log = log_of(tmp_path / "log.mcap", [write_vehicle_states(channel, each, None) for channel, each in made])
     for which, gap_m in (("hindsight", 75.5), ("online", 65.5)):
         result = measure(log, MeasureConfig(states=which))  # type: ignore[arg-type]
-        assert result.tables["measures"].columns["gap_m"][0] == pytest.approx(gap_m)
+        assert np.asarray(result.tables["measures"].columns["gap_m"])[0] == pytest.approx(gap_m)
 
 
 def test_nobody_near_is_said(tmp_path: Path) -> None:
@@ -143,7 +145,7 @@ def test_assumed_sizes_are_said(tmp_path: Path) -> None:
     other = without_sizes(states(["car"], [straight(80.0, 0.0, 10.0, 0.0, TIME_S)], TIME_S))
     result = measure(state_log(tmp_path / "log.mcap", ego, other), MeasureConfig(measures=("gap",)))
     assert "vehicles without a size, for which 4.5 x 1.8 m is assumed: 1" in result.summary.notes
-    np.testing.assert_allclose(result.tables["measures"].columns["gap_m"], 75.5 - 10.0 * TIME_S)
+    np.testing.assert_allclose(np.asarray(result.tables["measures"].columns["gap_m"]), 75.5 - 10.0 * TIME_S)
 
 
 def test_five_hundred_vehicles_of_which_few_are_near(tmp_path: Path) -> None:
@@ -183,7 +185,7 @@ def test_odd_tracks_make_gaps_and_no_false_values(odd: str, tmp_path: Path) -> N
         kept = TIME_S[3] == TIME_S
         other = other.select_rows(np.array([3]))
     result = measure(state_log(tmp_path / "log.mcap", ego, other), MeasureConfig())
-    series = result.tables["measures"].columns
+    series: Mapping[str, Any] = result.tables["measures"].columns
     seconds = (np.asarray(series["stamp_ns"]) - ego.stamp_ns[0]) / 1e9
     if odd == "one state":
         assert len(seconds) == 0

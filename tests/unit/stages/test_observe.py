@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -63,7 +65,9 @@ def errors(result: StageResult) -> dict[str, dict[str, float]]:
 def test_a_lane_that_no_frame_shows_is_no_measurement(state: int, *, is_measurement: bool) -> None:
     """Found, held and carried lanes: the observer would take the same measurement several times."""
     channel = lanes_channel(DRIVE.sensed)
-    fields = dict(channel.fields) | {"state": np.where(np.arange(len(DRIVE.sensed.lanes)) % 2, state, 1)}
+    fields: dict[str, Any] = dict(channel.fields) | {
+        "state": np.where(np.arange(len(DRIVE.sensed.lanes)) % 2, state, 1)
+    }
     sequence = np.zeros(len(channel.log_time_ns), np.uint32)
     columns = Columns(
         LANES, "cwcli.v1.Lanes", "protobuf", channel.log_time_ns, channel.log_time_ns, sequence, fields, 0
@@ -82,7 +86,9 @@ def test_the_stage_is_the_observer_on_the_logs_signals(whole: Path) -> None:
     speed = ScalarSamples(sensed.speed.stamp_ns, sensed.speed.values.round(6).astype(np.float32).astype(np.float64))
     gyro = ScalarSamples(sensed.yaw_rate.stamp_ns, sensed.yaw_rate.values.round(9), 0.0017)
     direct = observe_lateral(linearise_lanes(sensed.lanes), speed, load_vehicle(), yaw_rate=gyro)
-    table = run(whole, ObserveConfig(vehicle=load_vehicle(), use_steer=False)).tables["observer"].columns
+    table: Mapping[str, Any] = (
+        run(whole, ObserveConfig(vehicle=load_vehicle(), use_steer=False)).tables["observer"].columns
+    )
     np.testing.assert_allclose(table["yaw_rate_radps"], direct.state[:, 1], atol=1e-9)
     np.testing.assert_allclose(table["lateral_speed_mps"], direct.state[:, 0], atol=1e-9)
 
@@ -139,7 +145,7 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
 def test_a_preview_distance_that_is_none_is_the_papers(tmp_path: Path, told_m: float) -> None:
     """0 is what protobuf makes of a field that is not set."""
     channel = run(write_lane_log(tmp_path / "lanes.mcap", DRIVE), ALL).channels[0]
-    fields = dict(channel.fields)
+    fields: dict[str, Any] = dict(channel.fields)
     fields["preview_distance_m"] = np.where(np.arange(len(channel)) == 60, told_m, fields["preview_distance_m"])
     with Log.open(tmp_path / "lanes.mcap") as log:
         back = read_observed_drive(log.with_channels([replace(channel, fields=fields)]).columns(OBSERVER.topic))
@@ -164,7 +170,7 @@ def test_a_damaged_record_of_the_car_is_an_error(tmp_path: Path, entry: str) -> 
 def test_the_speed_may_come_from_the_ego_state(tmp_path: Path) -> None:
     path = write_lane_log(tmp_path / "l.mcap", DRIVE, without=(SPEED, IMU, STEERING))
     result = run(path, ALL, ego_state_channel(DRIVE))
-    sources = dict(result.summary.sections[0].rows)
+    sources = {row[0]: row[1] for row in result.summary.sections[0].rows}
     assert sources["speed from"] == sources["yaw rate from"] == "/cwcli/ego/state"
     assert np.degrees(errors(result)["yaw_rate_radps"]["rms"]) < 0.3
 
@@ -252,7 +258,9 @@ def test_frames_out_of_order_are_sorted_and_counted(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("method", ["cwcli", "zhang2011"])
 @pytest.mark.parametrize("value", [np.inf, -np.inf, 1e300, -1e300])
-def test_absurd_numbers_are_left_out_and_counted(tmp_path: Path, method: str, value: float) -> None:
+def test_absurd_numbers_are_left_out_and_counted(
+    tmp_path: Path, method: Literal["cwcli", "zhang2011"], value: float
+) -> None:
     channel = lanes_channel(DRIVE.sensed)
     fields = {name: np.asarray(values).copy() for name, values in channel.fields.items()}
     for row, (name, unit) in enumerate(
@@ -286,7 +294,7 @@ def test_the_load_is_estimated_when_asked_for(tmp_path: Path) -> None:
     car = load_vehicle(load="full")
     path = write_lane_log(tmp_path / "l.mcap", drive(seconds=60.0, car=car))
     config = ObserveConfig(vehicle=load_vehicle(), observer=ObserverConfig(estimate_load=True))
-    rows = dict(run(path, config).summary.sections[0].rows)
+    rows = {row[0]: row[1] for row in run(path, config).summary.sections[0].rows}
     mass, sigma = rows["mass at the end (kg)"], rows["its sigma (kg)"]
     assert isinstance(mass, float) and isinstance(sigma, float)
     assert abs(mass - 1460.0) < max(3.0 * sigma, 60.0)
@@ -307,7 +315,7 @@ def test_a_lane_that_turns_back_before_the_preview_point(tmp_path: Path) -> None
     """A ramp of 23 m: no value 33.5 m ahead, but the boundaries' shape; the paper's method has no use for it."""
     channel = lanes_channel(DRIVE.sensed)
     ramp = (np.arange(121) >= 60) & (np.arange(121) < 80)
-    fields = dict(channel.fields)
+    fields: dict[str, Any] = dict(channel.fields)
     for name in ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm"):
         fields[name] = np.where(ramp, np.nan, fields[name])
     for side, sign in (("left", 1.0), ("right", -1.0)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -56,8 +57,8 @@ def straight(n: int) -> Paths:
     return Paths(time_s, zero + 20.0 * time_s, zero, zero, zero + 20.0, covariance)
 
 
-def decoded(path: Path) -> dict[str, list[object]]:
-    messages: dict[str, list[object]] = {}
+def decoded(path: Path) -> dict[str, list[Any]]:
+    messages: dict[str, list[Any]] = {}
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for _, channel, message, body in reader.iter_decoded_messages(topics=[OBSERVER_PATH_LINES.topic, RENDERED]):
@@ -93,7 +94,8 @@ def test_annotations_and_rendered_frames_hold_the_projected_path(log: Log, tmp_p
     assert frames[7][1].timestamp.ToNanoseconds() == stamp_ns[7]
     assert frames[7][1].frame_id == "camera"
     with_path, without = (
-        cv2.imdecode(np.frombuffer(frames[k][1].data, np.uint8), cv2.IMREAD_COLOR).astype(int) for k in (7, 4)
+        np.asarray(cv2.imdecode(np.frombuffer(frames[k][1].data, np.uint8), cv2.IMREAD_COLOR)).astype(int)
+        for k in (7, 4)
     )
     assert with_path.shape == (SIZE[1], SIZE[0], 3)
     at = (200, round(SEEN.cx))
@@ -126,7 +128,7 @@ def test_paths_without_a_frame_are_left_out_and_counted(log: Log) -> None:
 
 def test_missing_lanes_and_the_cameras_own_topic_are_refused(log: Log) -> None:
     stamp_ns, log_time_ns = stamps(log)
-    given = {"stamp_ns": stamp_ns, "log_time_ns": log_time_ns, "width_m": 1.6}
+    given: dict[str, Any] = {"stamp_ns": stamp_ns, "log_time_ns": log_time_ns, "width_m": 1.6}
     with pytest.raises(UsageError, match="own topic"):
         draw_paths_into_images(log, straight(len(stamp_ns)), **given, config=PredictLaneConfig(render="/camera/image"))
     with pytest.raises(UsageError, match=r"the topic of cwcli\.v1\.PredictedPath"):

@@ -107,8 +107,7 @@ def whole_channel(log: Log, more_m: float) -> OutputChannel:
     """The paths that the log holds, as if somebody else had written them so."""
     (channel,) = (each for each in log.added_channels if each.topic == REMOTE_PATH.topic)
     given = dict(log.columns(REMOTE_PATH.topic).fields)
-    x_m = given["x_m"]
-    assert isinstance(x_m, np.ndarray)
+    x_m = np.asarray(given["x_m"], np.float64)
     given["x_m"] = x_m + more_m * np.arange(x_m.shape[1])
     return OutputChannel(channel.topic, channel.schema_name, channel.log_time_ns, given)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def run(
     return result, read_predicted_paths(columns), columns
 
 
-def errors(result: StageResult, model: str, horizon_s: float = 2.0) -> dict[str, float]:
+def errors(result: StageResult, model: str, horizon_s: float = 2.0) -> dict[str, Any]:
     rows = result.tables["observer_prediction"].rows_as_dicts()
     return next(row for row in rows if row["model"] == model and row["horizon_s"] == horizon_s)
 

@@ -15,7 +15,8 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.track import TrackConfig
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
-from cwcli.tracking.from_signals import SensorSetting, build_sensor_models, detections_from_signal, require_common_frame
+from cwcli.tracking.from_signals import build_sensor_models, detections_from_signal, require_common_frame
+from cwcli.tracking.sensor_setting import SensorSetting
 from cwcli.tracking.tracker import track_many_targets, track_one_target, track_targets_and_name_method
 
 T0_NS = 1_700_000_000_000_000_000
@@ -49,6 +50,7 @@ def test_detections_come_in_the_order_of_arrival_with_their_scans():
     )
     np.testing.assert_array_equal(data.values[:, 0], [0.0, 2.0, 1.0])
     np.testing.assert_array_equal(data.stamp_ns - T0_NS, [0, 2 * STEP_NS, STEP_NS])
+    assert data.scan_stamp_ns is not None
     np.testing.assert_array_equal(data.scan_stamp_ns - T0_NS, [0, STEP_NS, 2 * STEP_NS])
 
 
@@ -195,6 +197,7 @@ def test_errors_against_the_truth_by_hand_and_velocities_from_positions():
     moments = result.tracks[0].stamp_ns
     truth = truth_of(result, x_m=np.arange(40) * 0.5 + 3.0, y_m=np.full(40, -2.0))
     errors, notes = score_tracks_against_truth(truth, result, moments, in_map=True, local_map=None)
+    assert errors is not None
     (target,) = errors.scores.targets
     assert target.rmse[:2] == pytest.approx((3.0, 2.0), abs=0.05)
     assert np.abs(target.rmse[2:]).max() < 5.0
@@ -220,5 +223,6 @@ def test_a_truth_on_the_globe_is_brought_into_the_map_of_the_ego():
     lat, lon, _ = local_map.wgs84_from_map(track.state[:, 0] + 1.0, track.state[:, 1], np.zeros(len(track)))
     truth = truth_of(result, latitude_deg=lat, longitude_deg=lon)  # its x, y count from elsewhere
     errors, _ = score_tracks_against_truth(truth, result, track.stamp_ns, in_map=True, local_map=local_map)
+    assert errors is not None
     assert errors.scores.targets[0].rmse[:2] == pytest.approx((1.0, 0.0), abs=1e-3)
     assert map_from_record({}) is None

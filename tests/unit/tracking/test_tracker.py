@@ -120,7 +120,7 @@ def test_lidar_and_radar_feed_one_track():
 def test_tracks_live_in_the_map_when_the_car_moves():
     """The car drives at 15 m/s past a parked car; in the map it stands still."""
     stamp = np.arange(60) * S // 10
-    x = 15.0 * stamp * 1e-9
+    x: np.ndarray = 15.0 * stamp * 1e-9
     ego = EgoStates(stamp, x, np.zeros(60), np.zeros(60), np.full(60, 15.0), np.zeros(60))
     seen = np.stack([40.0 - x, np.full(60, 3.0)], axis=1)
     data = Detections("lidar", DetectionKind.POSITION, stamp, seen)

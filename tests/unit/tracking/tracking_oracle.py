@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 N_STATES = {"cv": 4, "ca": 6, "ctrv": 5}
@@ -110,7 +112,8 @@ def update(name, x, p, kind, z, r, origin, kappa):
 
 def run(name, model, time_s, kind, z, r, origin, x0, p0, noise, turn_noise, kappa):
     """Filter from a given first state, then smooth. Returns filtered and smoothed means, covariances, nis, loglik."""
-    states, covariances, predicted, nis, total = [x0], [p0], [None], [np.nan], 0.0
+    states, covariances, nis, total = [x0], [p0], [np.nan], 0.0
+    predicted: list[Any] = [None]
     for i in range(1, len(time_s)):
         mean, cov, cross = predict(
             name, model, states[-1], covariances[-1], time_s[i] - time_s[i - 1], noise, turn_noise, kappa

@@ -22,7 +22,7 @@ def mounted() -> Camera:
 
 def score(fit: LaneFit, truth: LaneTruth) -> VisualScore:
     """zhang2011's visual standard; what is not found is wrong."""
-    y_px = 240.0 - np.arange(240)
+    y_px = 240.0 - np.arange(240.0)
     low = y_px <= SEARCHED_ROWS
     u = [side.x_px(y_px) - 1.0 if side.found else np.full(240, np.nan) for side in (fit.left, fit.right)]
     return visual_standard_score(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -78,12 +79,12 @@ class Lens:
         camera = self.source
         return (level * [camera.fx, camera.fy] + [camera.cx, camera.cy]).reshape(HEIGHT_PX, WIDTH_PX, 2)
 
-    def seen(self, frame: FloatArray) -> FloatArray:
+    def seen(self, frame: np.ndarray) -> np.ndarray:
         """A rendered frame through this lens."""
-        smooth = cv2.GaussianBlur(frame, (0, 0), 0.5)
-        return cv2.remap(smooth, self.map.astype(np.float32), None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        smooth, nothing = cv2.GaussianBlur(frame, (0, 0), 0.5), cast(Any, None)  # OpenCV takes None for it
+        return cv2.remap(smooth, self.map.astype(np.float32), nothing, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
-    def points(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
+    def points(self, u_px: FloatArray, v_px: FloatArray) -> np.ndarray:
         """Shape (n, 2): where points of the rendered frame are in the lens's image."""
         camera = self.source
         x, y = (u_px - camera.cx) / camera.fx, (v_px - camera.cy) / camera.fy

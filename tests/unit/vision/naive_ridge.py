@@ -91,8 +91,8 @@ def column(lane: FloatArray, place: float, h: float, *, min_h: float, centre: fl
 
 
 def objective(
-    evidence: FloatArray,
-    broad: FloatArray,
+    evidence: npt.NDArray[np.floating],
+    broad: npt.NDArray[np.floating],
     rows: npt.NDArray[np.int32],
     lane: FloatArray,
     prior: FloatArray,
@@ -139,7 +139,7 @@ def widened(evidence: FloatArray, reach: int) -> FloatArray:
 
 
 def supports(
-    evidence: FloatArray,
+    evidence: npt.NDArray[np.floating],
     rows: npt.NDArray[np.int32],
     lane: FloatArray,
     *,

@@ -117,7 +117,7 @@ def search(response, low, high, genetic, *, is_left, seed_state, seed_stream):
                 children.append(parents[random.below(population)])
         for i in range(population):
             if random.draw() < int(genetic["crossover_rate"] * 2**32):
-                points = []
+                points: list[int] = []
                 while len(points) < 3:
                     point = 1 + random.below(n - 1)
                     if point not in points:

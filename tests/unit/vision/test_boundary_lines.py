@@ -23,7 +23,7 @@ ATOL_PX = 1e-6
 
 def fit_of(lane: np.ndarray) -> LaneFit:
     """What the default method publishes of a lane."""
-    left, right = (Boundary(*row, 0.0, 1.0, True) for row in fit_boundary_parabolas(lane, CAMERA).tolist())
+    left, right = (Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in fit_boundary_parabolas(lane, CAMERA).tolist())
     return LaneFit(left, right, pitch_rad=float(np.arctan((CAMERA.cy - lane[4]) / CAMERA.fy)))
 
 

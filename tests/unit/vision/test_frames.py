@@ -241,7 +241,9 @@ def test_frames_come_in_order_with_what_was_prepared() -> None:
     frames = [FakeFrame(encoded(np.full((40, 40, 3), k, np.uint8)), log_time_ns=k) for k in range(30)]
     frames[4] = FakeFrame(b"rubbish", log_time_ns=4)
     decoded = list(
-        decode_frames(frames, size_of=same_size, prepare=lambda frame: int(frame.image[0, 0]) + 1, n_threads=3)
+        decode_frames(
+            frames, size_of=same_size, prepare=lambda frame: int(np.asarray(frame.image)[0, 0]) + 1, n_threads=3
+        )
     )
     assert [each.index for each in decoded] == list(range(30))
     assert [each.prepared for each in decoded] == [None if k == 4 else k + 1 for k in range(30)]

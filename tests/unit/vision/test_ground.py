@@ -79,8 +79,8 @@ def curved(
     u0 = camera.cx + camera.fx * math.tan(heading_rad)
     horizon = float(camera.horizon_row_px())
     lane = np.array([u0, 0.0, width_m / 1.3, bend / cosine**3, horizon, spiral / cosine**3])
-    sides = [Boundary(*parabola, 1.0, 0.9, True) for parabola in fit_boundary_parabolas(lane, camera).tolist()]
-    return LaneFit(*sides, pitch_rad=0.0, roads=boundary_road_curves(lane, pinhole_of_camera(camera))), lane
+    left, right = (Boundary(a, b, c, 1.0, 0.9, True) for a, b, c in fit_boundary_parabolas(lane, camera).tolist())
+    return LaneFit(left, right, pitch_rad=0.0, roads=boundary_road_curves(lane, pinhole_of_camera(camera))), lane
 
 
 @pytest.mark.parametrize("preview_m", [10.0, 15.0, 20.0])
@@ -187,7 +187,7 @@ def test_sigmas_are_those_of_a_monte_carlo_run() -> None:
     told = compute_lane_geometry(columns_of([exact]), CAMERA, preview_m=PREVIEW_M, sigmas=sigmas)
     drawn = []
     for _ in range(600):
-        moved = [
+        left, right = [
             replace(side, a=side.a + d[0], b=side.b + d[1], c=side.c + d[2])
             for side, d in zip((fit.left, fit.right), rng.multivariate_normal(np.zeros(3), covariance, 2), strict=True)
         ]
@@ -198,7 +198,7 @@ def test_sigmas_are_those_of_a_monte_carlo_run() -> None:
             height_m=MOUNTING.height_m + rng.normal(0, sigmas.height_m),
         )
         made = compute_lane_geometry(
-            columns_of([LaneFit(*moved)]), replace(CAMERA, mounting=mounting), preview_m=PREVIEW_M
+            columns_of([LaneFit(left, right)]), replace(CAMERA, mounting=mounting), preview_m=PREVIEW_M
         )
         drawn.append((made.lateral_deviation_m[0], made.heading_deviation_rad[0], made.curvature_1pm[0]))
     spread = np.std(drawn, axis=0)

@@ -89,7 +89,7 @@ def test_what_looks_like_stripes_everywhere_is_no_boundary() -> None:
 def test_noise_is_no_lane(camera: Camera, sigma: float, grain_px: float) -> None:
     search, rng = LaneTracker(), np.random.default_rng(3)
     for index in range(4):
-        noise = rng.normal(size=(240, 320))
+        noise: np.ndarray = rng.normal(size=(240, 320))
         if grain_px:
             noise = cv2.GaussianBlur(noise, (0, 0), grain_px)
         grey = np.clip(120.0 + sigma / noise.std() * noise, 0, 255).astype(np.uint8)

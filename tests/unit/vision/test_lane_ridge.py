@@ -66,7 +66,15 @@ def stripes(
 
 
 PINHOLE = {"min_h": 7.0, "centre": 160.0, "focal": 300.0}
-SCORING: lane_ridge.Scoring = {"prior_weight": 0.0, "beside": 0.5, "half": 3.0, "segment": 9, **PINHOLE}
+SCORING: lane_ridge.Scoring = {
+    "prior_weight": 0.0,
+    "beside": 0.5,
+    "half": 3.0,
+    "segment": 9,
+    "min_h": PINHOLE["min_h"],
+    "centre": PINHOLE["centre"],
+    "focal": PINHOLE["focal"],
+}
 
 
 def test_evidence_equals_the_plain_twin() -> None:
@@ -150,7 +158,7 @@ def test_scan_counts_stretches_of_the_rows_that_it_is_told(segment: int) -> None
         np.ones((n, 160), np.float32),
         prior,
         {**SCORING, "beside": 0.0, "half": half, "segment": segment},
-        depths=np.arange(n) * 0.1 + 5.0,
+        depths=np.arange(float(n)) * 0.1 + 5.0,
         step=2,
         vanishing=np.array([80.0]),
         bends=np.zeros(1),

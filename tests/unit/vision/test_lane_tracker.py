@@ -28,6 +28,7 @@ from cwcli.vision.lane_following import (
     prior_with_driven_curvature,
     shift_to_adjacent_lane,
 )
+from cwcli.vision.lane_hypotheses import LaneHypothesis, add_or_merge_hypothesis
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -44,7 +45,7 @@ from cwcli.vision.lane_model import (
     pinhole_of_camera,
     pitch_from_horizon_rad,
 )
-from cwcli.vision.lane_tracker import LaneHypothesis, LaneTracker, add_or_merge_hypothesis, search_size
+from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import find_vanishing_point

@@ -20,7 +20,7 @@ ATOL = 1e-6
 def test_points_without_distortion_project_back_to_where_they_were() -> None:
     ideal = np.random.default_rng(3).uniform(-0.5, 0.5, (40, 2))
     seen = cv2.projectPoints(np.column_stack([ideal, np.ones(40)]), np.zeros(3), np.zeros(3), MATRIX, COEFFICIENTS)[0]
-    found = undistort_points(seen.reshape(-1, 1, 2), MATRIX, COEFFICIENTS, STOP)
+    found = undistort_points(seen.reshape(-1, 1, 2).astype(np.float64), MATRIX, COEFFICIENTS, STOP)
     np.testing.assert_allclose(found.reshape(-1, 2), ideal, atol=ATOL)
 
 

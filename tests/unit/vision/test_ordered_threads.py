@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from threading import Event
 
 from cwcli.vision.ordered_threads import run_jobs_in_order
@@ -11,7 +12,7 @@ LONGEST_WAIT_S = 20.0
 
 
 def test_results_come_in_the_order_of_the_jobs() -> None:
-    assert list(run_jobs_in_order((lambda k=k: k for k in range(50)), 3)) == list(range(50))
+    assert list(run_jobs_in_order((partial(int, k) for k in range(50)), 3)) == list(range(50))
 
 
 def test_closing_does_not_wait_for_a_job_that_runs() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -120,7 +121,7 @@ def test_images_of_every_size_have_their_own_map() -> None:
         seen_by = fisheye.with_image_size(*image_size).with_image_size(*search_size)
         v, u = np.mgrid[: search_size[1], : search_size[0]].astype(np.float64)
         points = map_rectified_to_camera_px(np.stack([u, v], axis=-1), seen_by).astype(np.float32)
-        expected = cv2.remap(grey, points, None, cv2.INTER_LINEAR)
+        expected = cv2.remap(grey, points, cast(Any, None), cv2.INTER_LINEAR)
         made = rectifier.rectify_image(grey, image_size)
         np.testing.assert_allclose(made.astype(int), expected.astype(int), atol=6)  # 1/32 pixel of 255
         np.testing.assert_array_equal(made, rectifier.rectify_image(grey, image_size))

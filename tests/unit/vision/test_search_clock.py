@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -121,13 +123,13 @@ def test_every_frame_of_a_fast_camera_has_a_lane(tmp_path: Path) -> None:
     drive = plan_road_drive(config, wide_camera(480, 270))
     frames = [cv2.imencode(".jpg", each.grey)[1].tobytes() for each in drive.iter_rendered_frames()]
     source = write_log(tmp_path / "fast.mcap", frames, step_ns=33_333_333)
-    tables = {}
+    tables: dict[bool, Mapping[str, Any]] = {}
     for is_every in (False, True):
         with Log.open(source) as log:
             result = lanes(log, LanesConfig(every_frame=is_every))
         tables[is_every] = result.tables["lanes"].columns
         assert len(tables[is_every]["state"]) == len(frames)
-        n_searched = dict(result.summary.sections[0].rows)["frames searched"]
+        n_searched = {row[0]: row[1] for row in result.summary.sections[0].rows}["frames searched"]
         assert n_searched == (len(frames) if is_every else -(-len(frames) // 2))
     states = list(tables[False]["state"])
     assert [each == "carried" for each in states[1:]] == [k % 2 > 0 for k in range(1, len(frames))]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cwcli.prediction.paths import Paths
 from cwcli.warning.remote_alignment import interpolate_paths, pair_with_newest_state
 from tests.unit.warning.vehicles import straight
 
@@ -48,6 +49,7 @@ def test_old_states_are_not_used_and_counted() -> None:
 
 def test_paths_are_read_between_points_and_go_straight_on_past_their_end() -> None:
     track = straight("a", speed_mps=10.0, heading_rad=np.pi / 2, duration_s=1.0, horizon_s=2.5)
+    assert isinstance(track.paths, Paths)
     points = interpolate_paths(track.paths, np.array([0, 4]), np.array([0.0, 0.13]), np.array([0.0, 0.07, 2.5]))
     np.testing.assert_allclose(points.y_m, [[0.0, 0.7, 25.0], [3.3, 4.0, 28.3]], atol=1e-9)
     np.testing.assert_allclose(points.x_m, 0.0, atol=1e-9)
@@ -56,6 +58,7 @@ def test_paths_are_read_between_points_and_go_straight_on_past_their_end() -> No
 
 def test_braking_remote_is_brought_forward_by_its_own_model() -> None:
     track = straight("a", speed_mps=10.0, accel_mps2=-4.0, duration_s=1.0, horizon_s=3.5)
+    assert isinstance(track.paths, Paths)
     points = interpolate_paths(track.paths, np.array([0]), np.array([0.5]), np.array([0.0, 1.0]))
     # 10 t - 2 t^2 at 0.5 and 1.5 s
     assert points.x_m[0] == pytest.approx([4.5, 10.5], abs=1e-9)

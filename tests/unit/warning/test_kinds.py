@@ -63,7 +63,7 @@ def test_a_follower_is_counted_and_warned_of_on_request_alone() -> None:
     assert len(found.events_table.columns["kind"]) == 0
     assert found.n_left_out == {WarningKind.FROM_BEHIND: 1, WarningKind.BESIDE_LANE: 0}
     asked = _warnings(host, other, from_behind=True)
-    assert list(asked.events_table.columns["kind"]) == ["from behind"]
+    assert list(np.asarray(asked.events_table.columns["kind"])) == ["from behind"]
     assert seconds(np.asarray(asked.events_table.columns["raised_stamp_ns"])) == [0.3]
     assert asked.n_left_out == {WarningKind.BESIDE_LANE: 0}
     assert "collision with car from behind, in" in asked.rows.message.values[0]
@@ -72,7 +72,7 @@ def test_a_follower_is_counted_and_warned_of_on_request_alone() -> None:
 def test_the_follower_itself_is_warned() -> None:
     host, other = straight("host", speed_mps=30.0), straight("car", x_m=50.0, speed_mps=10.0)
     found = _warnings(host, other)
-    assert list(found.events_table.columns["kind"]) == ["collision"]
+    assert list(np.asarray(found.events_table.columns["kind"])) == ["collision"]
     assert set(found.n_left_out.values()) == {0}
 
 
@@ -95,12 +95,12 @@ def test_an_oncoming_car_beside_the_lane_is_counted_and_warned_of_on_request_alo
     found = _warnings(host, other)
     assert len(found.events_table.columns["kind"]) == 0
     assert found.n_left_out[WarningKind.BESIDE_LANE] == 1
-    assert list(_warnings(host, other, beside_lane=True).events_table.columns["kind"]) == ["beside lane"]
+    assert list(np.asarray(_warnings(host, other, beside_lane=True).events_table.columns["kind"])) == ["beside lane"]
 
 
 @pytest.mark.parametrize("rule", ["song2016", "ttc", "path-ttc"])
 def test_the_rules_of_papers_have_no_kinds(rule: str) -> None:
     host, other = straight("host", speed_mps=10.0), straight("car", x_m=-50.0, speed_mps=30.0)
     found = find_warnings(host, [other], WarningConfig(rule=rule))
-    assert list(found.events_table.columns["kind"]) == ["collision"]
+    assert list(np.asarray(found.events_table.columns["kind"])) == ["collision"]
     assert found.n_left_out == {}

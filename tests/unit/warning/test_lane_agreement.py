@@ -11,7 +11,7 @@ from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, LaneDepartur
 
 STEP_NS = 100_000_000
 N = 40
-T = np.arange(41) * 0.05
+T = np.arange(41.0) * 0.05
 
 
 def stamps(n: int) -> np.ndarray:
@@ -114,5 +114,5 @@ def test_approach_by_hand() -> None:
 
 def test_an_approach_is_that_of_the_last_half_second() -> None:
     gap = np.concatenate([np.full(10, 1.0), 1.0 - 0.05 * np.arange(1, 7)])
-    found = approach_speed_bound_mps(stamps(16), gap, 0.1 * np.arange(16))
+    found = approach_speed_bound_mps(stamps(16), gap, 0.1 * np.arange(16.0))
     np.testing.assert_allclose(found[[9, 15]], [0.0, 0.5], atol=1e-6)

@@ -17,7 +17,7 @@ from cwcli.warning.lane_departure import (
 WIDTH_M = 1.8
 LANE_M = 3.6
 V = 25.0
-T = np.arange(41) * 0.05
+T = np.arange(41.0) * 0.05
 
 
 def evaluate(offset_m, rate_mps, *, speed=V, found=(True, True), curvature=0.0, config=None) -> LaneDepartureResult:
@@ -38,7 +38,7 @@ def evaluate(offset_m, rate_mps, *, speed=V, found=(True, True), curvature=0.0, 
         side[~np.broadcast_to(is_found, n)] = np.nan
         sides.append(side)
     stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
-    boundaries = LaneBoundaries(*sides)
+    boundaries = LaneBoundaries(sides[0], sides[1])
     return evaluate_lane_departure(
         stamp_ns, stamp_ns + 5, paths, boundaries, speed, config, host=FrontAxle(WIDTH_M, 1e-9)
     )
@@ -70,7 +70,7 @@ def test_time_to_line_crossing_by_hand(side: float) -> None:
 def test_a_bend_that_is_followed_is_no_departure() -> None:
     result = evaluate(np.zeros(50), 0.0, curvature=0.004)
     assert len(result.events) == 0
-    assert np.isinf(result.series.columns["left_time_to_line_crossing_s"]).all()
+    assert np.isinf(np.asarray(result.series.columns["left_time_to_line_crossing_s"])).all()
 
 
 @pytest.mark.parametrize("rate_mps", [0.1, 0.3, 0.5, 0.8, -0.1, -0.8])

@@ -41,7 +41,7 @@ def test_a_gap_that_is_not_known_hides_no_crossing_behind_it() -> None:
 @pytest.mark.parametrize("outwards_mps", [0.0, 0.5])
 def test_a_ramp_that_is_kept_is_silent_and_one_that_is_left_is_not(side: float, outwards_mps: float) -> None:
     """2 s at 10 m/s round 23 m turn the car by 50 degrees; the parabolas that touch are 1.6 m beside the lane then."""
-    n, time_s = 20, np.arange(41) * 0.05
+    n, time_s = 20, np.arange(41.0) * 0.05
     begun_m = outwards_mps * 0.1 * np.arange(n)[:, None]  # so far the car has drifted, frame by frame
     angle_rad = np.tile(10.0 / RADIUS_M * time_s, (n, 1))
     radius_m = RADIUS_M + begun_m + outwards_mps * time_s

@@ -13,7 +13,7 @@ from cwcli.warning.measures import Measures, add_contact_probabilities, measure_
 from cwcli.warning.remote_alignment import interpolate_paths
 from tests.unit.warning.vehicles import straight
 
-TIME_S = np.arange(51) * 0.05
+TIME_S = np.arange(51.0) * 0.05
 CAR = (4.5, 1.8)
 
 
@@ -35,7 +35,9 @@ def between(host_paths: Paths, other_paths: Paths) -> Measures:
 
 
 def at(sigma_m: float = 0.01, **values: float) -> Paths:
-    return straight("car", duration_s=0.0, sigma_m=sigma_m, **values).paths  # type: ignore[arg-type]
+    paths = straight("car", duration_s=0.0, sigma_m=sigma_m, **values).paths  # type: ignore[arg-type]
+    assert isinstance(paths, Paths)
+    return paths
 
 
 def test_head_on() -> None:
@@ -115,6 +117,7 @@ def test_the_probability_across_is_a_normal_one() -> None:
 def driver_cross_m2(time_s: float) -> float:
     """What the driver's noise adds across the path after a time, at 20 m/s."""
     certain = straight("car", speed_mps=20.0, duration_s=0.0, sigma_m=0.0).paths
+    assert isinstance(certain, Paths)
     return float(certain.position_covariance_m2[0, round(time_s / 0.05), 2])
 
 

@@ -17,7 +17,7 @@ FloatArray = npt.NDArray[np.float64]
 T0_NS = 1_700_000_000_000_000_000
 
 
-def stamps(time_s: FloatArray) -> npt.NDArray[np.int64]:
+def stamps(time_s: np.ndarray) -> npt.NDArray[np.int64]:
     return T0_NS + np.rint(time_s * 1e9).astype(np.int64)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -266,7 +267,7 @@ def check_mutated(n: int, seed: int) -> dict[str, int]:
 def test_a_published_message_is_what_its_publisher_decoded() -> None:
     decoded = decode_messages(CPM.program, octets_of([PUBLISHED]))
     assert not decoded.status.any()
-    found = CPM.read_quantities(decoded)
+    found: Mapping[str, Any] = CPM.read_quantities(decoded)
     assert {name: int(found[name][0]) for name in PUBLISHED_CODES} == PUBLISHED_CODES
     assert np.isnan(found["speed_mps"]).all()
 

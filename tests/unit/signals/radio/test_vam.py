@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import asn1tools
 import numpy as np
 import pytest
@@ -125,12 +127,12 @@ def any_vam(rng: np.random.Generator) -> dict:
     def acceleration(way: str) -> dict[str, int]:
         return {f"{way}AccelerationValue": whole(-160, 161), f"{way}AccelerationConfidence": whole(0, 102)}
 
-    high = {
+    high: dict[str, Any] = {
         "heading": {"value": whole(0, 3601), "confidence": whole(1, 127)},
         "speed": {"speedValue": whole(0, 16_383), "speedConfidence": whole(1, 127)},
         "longitudinalAcceleration": acceleration("longitudinal"),
     }
-    optional = {
+    optional: dict[str, Any] = {
         "curvature": {"curvatureValue": whole(-1023, 1023), "curvatureConfidence": whole(0, 7)},
         "curvatureCalculationMode": "abc"[whole(0, 2)],
         "yawRate": {"yawRateValue": whole(-32_766, 32_767), "yawRateConfidence": whole(0, 8)},
@@ -146,7 +148,7 @@ def any_vam(rng: np.random.Generator) -> dict:
         "positionConfidenceEllipse": ellipse | {"semiMajorAxisOrientation": whole(0, 3601)},
         "altitude": {"altitudeValue": whole(-100_000, 800_001), "altitudeConfidence": whole(0, 15)},
     }
-    parameters = {
+    parameters: dict[str, Any] = {
         "basicContainer": {"stationType": whole(0, 255), "referencePosition": position},
         "vruHighFrequencyContainer": high,
     }

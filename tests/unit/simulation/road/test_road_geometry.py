@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cwcli.errors import UsageError
-from cwcli.simulation.road.camera import PAPER_PREVIEW_M, paper_camera, wide_camera
+from cwcli.simulation.road.camera import PAPER_PREVIEW_M, RoadCamera, paper_camera, wide_camera
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead, clothoid_curvature_1pm
 from cwcli.simulation.road.truth import VISIBLE_RANGE_M, compute_lane_truth
 from cwcli.vision.camera import Camera, Mounting
@@ -104,7 +104,7 @@ def test_crest_hides_what_is_beyond_it() -> None:
 
 
 @pytest.mark.parametrize("camera", [paper_camera(), paper_camera(640, 480), wide_camera()], ids=["320", "640", "wide"])
-def test_truth_agrees_with_the_vision_rooms_camera(camera: object) -> None:
+def test_truth_agrees_with_the_vision_rooms_camera(camera: RoadCamera) -> None:
     made = camera  # the two rooms share no code
     mounting = Mounting(height_m=made.height_m, pitch_rad=made.pitch_rad)
     vision = Camera(made.width_px, made.height_px, made.fx, made.fy, made.cx, made.cy, mounting=mounting)
