@@ -270,7 +270,7 @@ def _metrics_of_table(path: Path) -> list[LogMetrics]:
 
 def _select_table_rows(table: Table, rows: list[int]) -> Table:
     columns = {
-        name: column[np.array(rows)] if isinstance(column, np.ndarray) else [list(column)[k] for k in rows]
+        name: column[np.array(rows)] if isinstance(column, np.ndarray) else [column[k] for k in rows]
         for name, column in table.columns.items()
         if name in METRICS_TABLE_COLUMNS and isinstance(column, np.ndarray | list)
     }

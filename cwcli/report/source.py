@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
 
+from cwcli.digest.fleet import LogLine
 from cwcli.errors import InputError
 from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, RecordedLog, read_output_folder
 from cwcli.fleet.results import MetricsOfRun
@@ -28,6 +29,7 @@ class LogEntry:
         error: What, where and hint of the failure.
         left_out: Stage -> why it did not run.
         metrics: Headline metrics by name.
+        line: What the run's digest says of the log; None for a single log.
     """
 
     id: str
@@ -38,6 +40,7 @@ class LogEntry:
     error: Mapping[str, str] = field(default_factory=dict)
     skip_reason_by_stage: Mapping[str, str] = field(default_factory=dict)
     metrics: Mapping[str, MetricRow] = field(default_factory=dict)
+    line: LogLine | None = None
 
 
 @dataclass(frozen=True)
@@ -117,4 +120,5 @@ def _build_log_entry(log: RecordedLog, metrics_of_run: MetricsOfRun) -> LogEntry
         if isinstance(left_out, dict)
         else {},
         metrics=metrics,
+        line=LogLine.from_entry({"id": log.id, "error": None, "tables": {}, **log.entry}, str(log.entry.get("status"))),
     )

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -164,3 +170,41 @@ def test_more_shards_than_logs(runs: Path, tmp_path: Path) -> None:
     code = run_command_line(["run", str(runs / "logs"), "-d", str(tmp_path / "s"), *STAGES, "--shard", "9/9"])
     assert code == EXIT_DONE
     assert json.loads((tmp_path / "s" / "manifest.json").read_text())["logs"] == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("n_logs", "n_shards", "n_kills"), [(12, 3, 5), (200, 8, 20)])
+def test_shards_that_are_killed_at_any_moment_and_rerun_equal_one_run(
+    tmp_path: Path, n_logs: int, n_shards: int, n_kills: int
+) -> None:
+    """`kill -9` of one shard after another, at moments spread over the time that a shard takes."""
+    (tmp_path / "logs").mkdir()
+    for k in range(n_logs):
+        cut(SAMPLES / "straight.mcap", tmp_path / "logs" / f"d{k:03}.mcap", start_s=0.05 * (k % 300), seconds=2.0)
+
+    def command(out: str, *options: str) -> list[str]:
+        return [sys.executable, "-m", "cwcli", "run", "logs", "-d", out, *STAGES, *options]
+
+    environment = {**os.environ, "PYTHONPATH": str(SAMPLES.parent)}
+    subprocess.run(command("whole"), check=True, cwd=tmp_path, env=environment)
+    begin = time.monotonic()
+    subprocess.run(command("timed", "--shard", f"1/{n_shards}"), check=True, cwd=tmp_path, env=environment)
+    took_s = time.monotonic() - begin
+    for k in range(n_kills):
+        shard = 1 + k % n_shards
+        process = subprocess.Popen(
+            command(f"shard{shard}", "--shard", f"{shard}/{n_shards}"),
+            cwd=tmp_path,
+            env=environment,
+            start_new_session=True,
+        )
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(took_s * (k + 1) / n_kills)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    for shard in range(1, n_shards + 1):
+        options = ("--shard", f"{shard}/{n_shards}")
+        subprocess.run(command(f"shard{shard}", *options), check=True, cwd=tmp_path, env=environment)
+    assert merge(tmp_path, *(f"shard{k}" for k in range(1, n_shards + 1))) == EXIT_DONE
+    assert tree(tmp_path / "merged") == tree(tmp_path / "whole")
