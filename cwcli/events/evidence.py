@@ -24,7 +24,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_tracks
+from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_ego_and_other_tracks
 
 SENSOR_ROLES = (
     Role.EGO_SPEED,
@@ -74,12 +74,12 @@ class EventEvidence:
             MissingSignalError: The log holds no states of the ego.
         """
         bound = self._bind_states(OTHER_VEHICLE_ROLES)
-        return read_tracks(self.log, bound, self._selection, ego=self._ego)[0]
+        return read_ego_and_other_tracks(self.log, bound, self._selection, ego=self._ego)[0]
 
     @cached_property
     def _ego(self) -> VehicleStates:
         """The states of the ego by stamp; the others', which are most of a log, are not read."""
-        return read_tracks(self.log, self._bind_states(()), self._selection)[0].ego
+        return read_ego_and_other_tracks(self.log, self._bind_states(()), self._selection)[0].ego
 
     def _bind_states(self, others: tuple[str, ...]) -> Bindings:
         """Return the channels of the states of the ego, and of the others with these roles."""

@@ -20,11 +20,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from cwcli import __version__
 from cwcli.errors import InputError, OutputError
 from cwcli.input import remember_input_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import open_output
+from cwcli.version import __version__
 
 MANIFEST_FORMAT = 2
 """Version of the manifest's format."""
@@ -55,7 +55,7 @@ Document = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class LogFolder:
+class LogOutputs:
     """One log's part of the output folder.
 
     Attributes:
@@ -110,7 +110,7 @@ class LogFolder:
         write_json_object(whole, self.entry_path)
         return whole
 
-    def remove_outputs_of_log(self) -> None:
+    def remove_all_outputs(self) -> None:
         """Remove all files of the log.
 
         Raises:
@@ -159,7 +159,7 @@ class RecordedLog:
     """
 
     id: str
-    folder: LogFolder | None
+    folder: LogOutputs | None
     entry: Document
 
 
@@ -201,7 +201,7 @@ def read_output_folder(out: Path) -> RecordedRun | None:
     logs = []
     for name, entry in sorted(given.items()):
         is_plain = name not in {"", ".", ".."} and not set(name) & {"/", "\\", "\0"}
-        folder = LogFolder(out, name) if is_plain else None
+        folder = LogOutputs(out, name) if is_plain else None
         if folder is not None:
             folder.note_entry_as_input()
         # the manifest of a run that was killed knows of no log that has ended

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from cwcli import __version__
 from cwcli.errors import OutputError
 from cwcli.fleet.folder import (
     ENDED,
@@ -19,13 +18,14 @@ from cwcli.fleet.folder import (
     RUN_TIMES_NAME,
     SHARD_KEY,
     Document,
-    LogFolder,
+    LogOutputs,
     format_mismatch_text,
     read_json_object,
 )
 from cwcli.fleet.input_states import FileState, read_file_state, states_from_document
 from cwcli.fleet.plan import FleetPlan, LogTask, make_cache_key
 from cwcli.fleet.tables import DETAILS_FOLDER, TABLES_FOLDER, iter_table_names
+from cwcli.version import __version__
 
 FOLDERS_WITH_RESULTS = (LOGS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER)
 """Subfolders of the output folder with results."""
@@ -93,7 +93,7 @@ def split_by_file_state(
         state = known.get(task.id)
         entry = None
         if state is not None and state == read_file_state(task.path):
-            entry = index.entries.get(task.id) or LogFolder(out, task.id).read_entry()
+            entry = index.entries.get(task.id) or LogOutputs(out, task.id).read_entry()
         if state is not None and entry is not None and _is_up_to_date(task, entry, settings_hash):
             current.append((task, state))
         else:
@@ -106,7 +106,7 @@ def _is_up_to_date(task: LogTask, entry: Document, settings_hash: str) -> bool:
     if entry.get("source") != task.source or not isinstance(entry.get("sha256"), str):
         return False
     key = make_cache_key(settings_hash, entry["sha256"])
-    return LogFolder(Path(task.out), task.id).is_done(entry, key, has_tables=task.has_tables)
+    return LogOutputs(Path(task.out), task.id).is_done(entry, key, has_tables=task.has_tables)
 
 
 def is_complete(manifest: Document, plan: FleetPlan, ids: Sequence[str], out: Path) -> bool:
@@ -117,4 +117,4 @@ def is_complete(manifest: Document, plan: FleetPlan, ids: Sequence[str], out: Pa
     head = json.loads(json.dumps(manifest_head(plan)))
     if len(listed) != len(ids) or any(manifest.get(key) != value for key, value in head.items()):
         return False
-    return not any(os.path.exists(LogFolder(out, id).staged_tables_path) for id in ids)  # noqa: PTH110
+    return not any(os.path.exists(LogOutputs(out, id).staged_tables_path) for id in ids)  # noqa: PTH110

@@ -18,7 +18,7 @@ from cwcli.fleet.folder import (
     SHARD_KEY,
     TABLES_KEY,
     Document,
-    LogFolder,
+    LogOutputs,
     format_mismatch_text,
     read_json_object,
     write_json_object,
@@ -95,7 +95,7 @@ def merge_shards(
         write_json_object({**manifest, TABLES_KEY: [], "logs": pending}, target / MANIFEST_NAME)
         n_copied = 0
         for k, (name, (source, entry)) in enumerate(entries.items()):
-            n_copied += _merge_log(LogFolder(source, name), LogFolder(target, name), entry)
+            n_copied += _merge_log(LogOutputs(source, name), LogOutputs(target, name), entry)
             report(k + 1, len(entries))
         rows = {each.path: MergedRows(each.path) for each in shards}
         done = {name: rows[path] for name, (path, entry) in entries.items() if entry["status"] == "done"}
@@ -168,7 +168,7 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Do
             name = listed.get("id") if isinstance(listed, dict) else None
             if not isinstance(name, str) or name in {"", ".", ".."} or set(name) & {"/", "\\", "\0"}:
                 raise InputError(f"the log id {name!r} is no name of a file", where=str(path / MANIFEST_NAME))
-            folder = LogFolder(path, name)
+            folder = LogOutputs(path, name)
             entry = listed
             if entry.get("status") not in ENDED:
                 raise InputError(f"the log {name} is not done", where=str(path), hint=RUN_AGAIN_HINT)
@@ -196,12 +196,12 @@ def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> 
         raise OutputError(f"the folder holds {len(others)} logs that no shard has", where=str(target), hint=hint)
 
 
-def _merge_log(source: LogFolder, target: LogFolder, entry: Document) -> bool:
+def _merge_log(source: LogOutputs, target: LogOutputs, entry: Document) -> bool:
     """Bring one log's files into the merged folder, its entry last; return whether it was not there yet."""
     is_done = entry["status"] == "failed" or target.is_done(entry, str(entry.get("key")), has_tables=True)
     if target.read_entry() == entry and is_done:
         return False
-    target.remove_outputs_of_log()
+    target.remove_all_outputs()
     for name in entry.get("outputs", []):
         _link_or_copy(source.out / name, target.out / name)
     make_folder(target.annotated_log_path.parent, parents=True)

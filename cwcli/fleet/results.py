@@ -14,7 +14,7 @@ from cwcli.fleet.folder import (
     MANIFEST_NAME,
     NOT_DONE_TEXT,
     SCORES_KEY,
-    LogFolder,
+    LogOutputs,
     RecordedLog,
     RecordedRun,
     read_output_folder,
@@ -156,7 +156,7 @@ def _iter_metrics_of_output_folder(
 
 
 def _metrics_of_log(
-    log: RecordedLog, folder: LogFolder, metrics: MetricsOfRun, how: _ScoringOptions, step: Callable[[str], None]
+    log: RecordedLog, folder: LogOutputs, metrics: MetricsOfRun, how: _ScoringOptions, step: Callable[[str], None]
 ) -> LogMetrics:
     scores = log.entry.get(SCORES_KEY)
     scores = scores if isinstance(scores, dict) else {}
@@ -186,11 +186,11 @@ class MetricsOfRun:
         self._error: InputError | None = None
         self._rows: dict[str, Mapping[str, MetricRow]] | None = None
 
-    def has_table(self, folder: LogFolder) -> bool:
+    def has_table(self, folder: LogOutputs) -> bool:
         """Whether there is a file that can hold rows of a log."""
         return self._path.is_file() or folder.staged_tables_path.is_file()
 
-    def rows_of_log(self, folder: LogFolder) -> Mapping[str, MetricRow]:
+    def rows_of_log(self, folder: LogOutputs) -> Mapping[str, MetricRow]:
         """Return metric -> row of a log.
 
         Raises:

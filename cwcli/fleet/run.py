@@ -19,7 +19,7 @@ from cwcli.fleet.folder import (
     SCRATCH_FOLDER,
     TABLES_KEY,
     Document,
-    LogFolder,
+    LogOutputs,
     iter_recorded_ids,
     new_log_entry,
     write_json_object,
@@ -142,7 +142,7 @@ def run_fleet(
                     done = _record_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
                     statuses[task.id] = done.status
                     entry = index.entries.get(task.id) if not done.attempts else None
-                    entry = entry or LogFolder(folder, task.id).read_entry()
+                    entry = entry or LogOutputs(folder, task.id).read_entry()
                     if entry is not None:
                         entries[task.id] = entry
                     if done.input_state is not None:
@@ -182,11 +182,11 @@ def _times_document(done: TaskResult) -> Document:
 
 def _write_tables_of_run(out: Path, entries: Mapping[str, Document], plan: FleetPlan) -> list[str]:
     """Write the tables with the rows of all logs that are done; returns their names."""
-    merged, staged = MergedRows(out), StagedRows(lambda id: LogFolder(out, id).staged_tables_path)
+    merged, staged = MergedRows(out), StagedRows(lambda id: LogOutputs(out, id).staged_tables_path)
     return write_tables(
         out,
         {
-            id: staged if LogFolder(out, id).staged_tables_path.is_file() else merged
+            id: staged if LogOutputs(out, id).staged_tables_path.is_file() else merged
             for id, entry in entries.items()
             if entry["status"] == "done"
         },
@@ -198,7 +198,7 @@ def _remove_staged_tables(out: Path, ids: Iterable[str]) -> None:
     """Remove the logs' own tables, whose rows are in those of the run."""
     for id in ids:
         with suppress(OSError):
-            LogFolder(out, id).staged_tables_path.unlink(missing_ok=True)
+            LogOutputs(out, id).staged_tables_path.unlink(missing_ok=True)
 
 
 def _run_tasks(
@@ -250,11 +250,11 @@ def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], index: Index, *,
     sources = {task.source for task in tasks}
     others = []
     for known in sorted(({*iter_recorded_ids(out)} | index.entries.keys()) - ids):
-        entry = index.entries.get(known) or LogFolder(out, known).read_entry()
+        entry = index.entries.get(known) or LogOutputs(out, known).read_entry()
         if (
             entry is None or display_name_of_url(str(entry.get("source"))) in sources
         ):  # it was interrupted, or has another id now
-            LogFolder(out, known).remove_outputs_of_log()
+            LogOutputs(out, known).remove_all_outputs()
         else:
             others.append(known)
     if others:
@@ -289,7 +289,7 @@ def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
         "found": [],
         "hint": "run `cwcli run` on this log alone, or with fewer --jobs",
     }
-    write_log_entry(LogFolder(Path(task.out), task.id), entry, [])
+    write_log_entry(LogOutputs(Path(task.out), task.id), entry, [])
     return TaskResult(task.id, "failed", 0.0, 0.0, attempts=MAX_ATTEMPTS)
 
 

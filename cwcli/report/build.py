@@ -112,13 +112,13 @@ def build_report(
         source = source if not run.is_folder else str(run.entries[0].log)
         return _build_report_of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
     results = check_gates(gates, [log_metrics_of_entry(each) for each in run.entries])
+    is_opened = len(run.entries) <= MAX_LOGS_OPENED
     candidates = sorted(
-        (_build_candidate(each, results, is_opened=len(run.entries) <= MAX_LOGS_OPENED) for each in run.entries),
+        (_read_log_and_rank_candidate(each, results, is_opened=is_opened) for each in run.entries),
         key=_candidate_sort_key,
     )
     is_few = len(candidates) <= MAX_LOGS_IN_FULL_DETAIL
-    is_long = len(candidates) > MAX_LOGS_OPENED
-    row_bytes, page_bytes = (LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES) if is_long else (OVERVIEW_ROW_BYTES, MAX_PAGE_BYTES)
+    row_bytes, page_bytes = (OVERVIEW_ROW_BYTES, MAX_PAGE_BYTES) if is_opened else (LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES)
     budget = page_bytes - renderer.fixed_size_bytes - row_bytes * len(candidates) - 20_000
     sections: list[str] = []
     n_misfits = 0
@@ -126,7 +126,7 @@ def build_report(
     for index, candidate in enumerate(shown):
         say(candidate.entry.name)
         is_open = len(shown) <= MAX_UNFOLDED_LOGS or index == 0
-        made = _render_section_within_budget(
+        made = _render_section_and_complete_candidate(
             candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open
         )
         if made is None:
@@ -225,7 +225,7 @@ def _evaluate_headline_metrics(log: Log, system: OtherSystemTopics | None, *, is
         return {}
 
 
-def _build_candidate(entry: LogEntry, results: Sequence[GateResult], *, is_opened: bool) -> LogCandidate:
+def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult], *, is_opened: bool) -> LogCandidate:
     """Collect what the run says of a log, and count its warnings: those of its channel, or as the run counted them."""
     badges: list[Badge] = []
     n_warnings, n_doubts, rank = 0, 0, 3
@@ -275,7 +275,7 @@ def _candidate_sort_key(candidate: LogCandidate) -> tuple[Any, ...]:
     return candidate.rank, -candidate.n_doubts, candidate.n_warnings == 0, candidate.entry.id
 
 
-def _render_section_within_budget(
+def _render_section_and_complete_candidate(
     candidate: LogCandidate,
     anchor: str,
     renderer: PageRenderer,
