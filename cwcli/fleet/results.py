@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,7 +28,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.headline import METRICS_TABLE_COLUMNS, OPTIONAL_COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, MetricRow, metric_rows_by_name, notes_from_metadata
-from cwcli.metrics.table import Table
+from cwcli.metrics.table import Table, TableColumn
 from cwcli.url import display_name_of_url
 
 if TYPE_CHECKING:
@@ -203,7 +203,7 @@ class MetricsOfRun:
                 return _checked_rows(_table_from_arrow(table, staged), staged)
         if self._rows is None and self._error is None:
             try:
-                self._rows = {id: _checked_rows(rows, self._path) for id, rows in _tables_by_log(self._path)}
+                self._rows = _metric_rows_by_log(read_metrics_table(self._path), self._path)
             except InputError as error:
                 self._error = error
         if self._error is not None:
@@ -217,6 +217,31 @@ def _checked_rows(table: Table, path: Path) -> dict[str, MetricRow]:
         return metric_rows_by_name(table)
     except (ValueError, TypeError) as error:
         raise InputError(f"can't be read: {error}", where=str(path)) from error
+
+
+def _metric_rows_by_log(table: Table, path: Path) -> dict[str, dict[str, MetricRow]]:
+    """Return log -> metric -> row of a table whose types are checked, in one pass; it may have a million rows.
+
+    Raises:
+        InputError: The table has no column `log`.
+    """
+    ids = table.columns.get(LOG_COLUMN)
+    if not isinstance(ids, list):
+        raise InputError("the table has no column log", where=str(path))
+    names = [field.name for field in fields(MetricRow) if field.name in table.columns]
+    columns = [_plain_values(table.columns[name]) for name in names]
+    rows: dict[str, dict[str, MetricRow]] = {}
+    for id, *values in zip(ids, *columns, strict=True):
+        row = MetricRow(*values)
+        rows.setdefault(id, {})[row.metric] = row
+    return rows
+
+
+def _plain_values(column: TableColumn) -> list[Any]:
+    """Return the values of a column of numbers or texts as a list."""
+    if isinstance(column, np.ndarray):
+        return list(column.tolist())
+    return column if isinstance(column, list) else []
 
 
 def _tables_by_log(path: Path) -> Iterator[tuple[str, Table]]:
