@@ -121,7 +121,11 @@ def _require_equal_runs(shards: Sequence[_ShardFolder]) -> None:
     """Raise `UsageError` if the shards differ in pipeline or version."""
     first = shards[0]
     for each in shards[1:]:
-        for key, what in (("cwcli", "version of cwcli"), ("pipeline", "pipeline")):
+        for key, what in (
+            ("cwcli", "version of cwcli"),
+            ("pipeline", "pipeline"),
+            ("run_id", "set of options or version of the tables"),
+        ):
             if each.manifest[key] != first.manifest[key]:
                 raise UsageError(
                     f"{first.path} and {each.path} were made by another {what}",

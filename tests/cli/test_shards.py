@@ -98,6 +98,13 @@ def spoil_manifest(path: Path, **changes: object) -> None:
         (None, ("shard1", "logs"), EXIT_BAD_INPUT, "the folder holds no run"),
         ({"cwcli": "0.0.1"}, ("shard1", "shard2"), EXIT_USAGE, "another version of cwcli"),
         ({"pipeline": {}}, ("shard1", "shard2"), EXIT_USAGE, "another pipeline"),
+        ({"run_id": "0"}, ("shard1", "shard2"), EXIT_USAGE, "another set of options or version of the tables"),
+        (
+            {"tables": ["details/none"]},
+            ("shard1", "shard2"),
+            EXIT_BAD_INPUT,
+            "tables of the run are missing or changed",
+        ),
         ({"format": 99}, ("shard1", "shard2"), EXIT_BAD_INPUT, "a manifest of format 99"),
         ({"shard": {"index": 2, "count": 4}}, ("shard1", "shard2"), EXIT_USAGE, "runs in 2 and 4 parts"),
         ({"logs": [{"id": "../x"}]}, ("shard1", "shard2"), EXIT_BAD_INPUT, "is no name of a file"),
