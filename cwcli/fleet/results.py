@@ -184,7 +184,7 @@ class MetricsOfRun:
     def __init__(self, out: Path) -> None:
         self._path = out / f"{METRICS_TABLE}{SUFFIX}"
         self._error: InputError | None = None
-        self._rows: dict[str, Mapping[str, MetricRow]] | None = None
+        self._rows: Mapping[str, Mapping[str, MetricRow]] | None = None
 
     def has_table(self, folder: LogOutputs) -> bool:
         """Whether there is a file that can hold rows of a log."""
