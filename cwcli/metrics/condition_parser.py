@@ -24,7 +24,7 @@ MAX_LENGTH = 2000
 MAX_DEPTH = 50
 """Greatest depth of nested parentheses, which bounds the recursion of the parser; chosen by hand."""
 COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
-"""The comparison operators."""
+"""The comparison operators that a condition may have."""
 NUMBER_PATTERN = r"(?P<number>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 """Pattern of a number, without the parenthesis at its end: a grammar may allow a sign behind it."""
 SIGN_PATTERN = r"(?P<sign><=|>=|==|!=|<|>|\(|\))"

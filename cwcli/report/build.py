@@ -53,8 +53,8 @@ MAX_LOGS_IN_FULL_DETAIL = 5
 OVERVIEW_ROW_BYTES = 900
 """Space that is reserved for one row of the overview table, in bytes. Estimated by hand."""
 LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES = 330, 5_000_000
-"""What is set aside for a row of the overview of many logs, and the size of their page, in bytes. Chosen by hand: ten
-thousand rows, and figures of the worst logs."""
+"""The page of many logs sets aside so many bytes for a row of its overview, and is at most so many bytes long. Chosen by
+hand: ten thousand rows, and figures of the worst logs."""
 MAX_LOGS_OPENED = 200
 """Greatest number of logs of a run that are opened for the overview; of more, the run's digest tells. Chosen by hand:
 opening one takes some 20 ms."""
