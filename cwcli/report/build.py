@@ -53,7 +53,7 @@ MAX_LOGS_IN_FULL_DETAIL = 5
 OVERVIEW_ROW_BYTES = 900
 """Space that is reserved for one row of the overview table, in bytes. Estimated by hand."""
 LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES = 330, 5_000_000
-"""The page of many logs sets aside so many bytes for a row of its overview, and is at most so many bytes long. Chosen by
+"""The page of many logs sets aside so many bytes for a row of its overview, and has at most so many bytes. Chosen by
 hand: ten thousand rows, and figures of the worst logs."""
 MAX_LOGS_OPENED = 200
 """Greatest number of logs of a run that are opened for the overview; of more, the run's digest tells. Chosen by hand:
