@@ -322,12 +322,12 @@ def check_unchanged(more: Sequence[InputFile] = ()) -> None:
         each.check_unchanged()
 
 
-def names_of_inputs_in_folder(folder: Path) -> list[str]:
-    """Return the names of this run's inputs that lie in a folder or below it."""
+def names_of_inputs_in_folders(*folders: Path) -> list[str]:
+    """Return the names of this run's inputs that lie in one of the folders or below it."""
     inputs = _RUN.get()
-    prefix = os.path.realpath(folder) + os.sep
+    prefixes = tuple(os.path.realpath(folder) + os.sep for folder in folders)
     names = inputs.names.values() if inputs is not None else ()
-    return [name for name in names if os.path.realpath(name).startswith(prefix)]
+    return [name for name in names if os.path.realpath(name).startswith(prefixes)]
 
 
 def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTINGS_BYTES) -> bytes:

@@ -55,14 +55,15 @@ class LogLine:
         digest = found if isinstance(found, dict) else {}
         happened, doubts = (each if isinstance(each, list) else [] for each in map(digest.get, ("happened", "doubts")))
         sentences = [doubt.get("sentence") for doubt in doubts if isinstance(doubt, dict)]
-        error = entry["error"] or {}
+        error = entry["error"] if isinstance(entry["error"], dict) else {}
+        n_events = entry["tables"].get("events", 0) if isinstance(entry["tables"], dict) else 0
         return cls(
             id=str(entry["id"]),
             status=status,
             error=str(error.get("what", "")),
             happened=next((text for text in happened if isinstance(text, str)), ""),
             doubts=tuple(text for text in sentences if isinstance(text, str)),
-            n_warnings=int(entry["tables"].get("events", 0)),
+            n_warnings=n_events if isinstance(n_events, int) else 0,
         )
 
     @property

@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.binding import bind_roles
+from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.channels.lanes import SIDES
 from cwcli.channels.published import EGO_STATE, LANES, WARNINGS
+from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes
@@ -62,6 +63,7 @@ class EventEvidence:
     def __init__(self, log: Log, other_system: OtherSystemTopics | None = None) -> None:
         self.log = log
         self.other_system = other_system
+        self._selection = StatesSelection(states="hindsight")
         self._pairs: dict[str, Pair] = {}
 
     @cached_property
@@ -71,31 +73,39 @@ class EventEvidence:
         Raises:
             MissingSignalError: The log holds no states of the ego.
         """
-        selection = StatesSelection(states="hindsight")
-        bound = bind_roles(
+        bound = self._bind_states(OTHER_VEHICLE_ROLES)
+        return read_ego_and_other_tracks(self.log, bound, self._selection, ego=self._ego)[0]
+
+    @cached_property
+    def _ego(self) -> VehicleStates:
+        """The states of the ego by stamp; the others', which are most of a log, are not read."""
+        return read_ego_and_other_tracks(self.log, self._bind_states(()), self._selection)[0].ego
+
+    def _bind_states(self, others: tuple[str, ...]) -> Bindings:
+        """Return the channels of the states of the ego, and of the others with these roles."""
+        return bind_roles(
             self.log.channels,
-            selection.topics,
+            self._selection.topics,
             required=(EGO_STATE.role,),
-            optional=OTHER_VEHICLE_ROLES,
+            optional=others,
             where=self.log.name,
             command="find",
         )
-        return read_ego_and_other_tracks(self.log, bound, selection)[0]
 
     @property
     def stamp_ns(self) -> Int64Array:
         """The stamps of the ego's states, (n,)."""
-        return self.tracks.ego.stamp_ns
+        return self._ego.stamp_ns
 
     @property
     def ego_state(self) -> FloatArray:
         """The ego's states, (n, 8)."""
-        return self.tracks.ego.state
+        return self._ego.state
 
     @property
     def ego_id(self) -> str:
         """The id of the ego."""
-        return self.tracks.ego_id
+        return str(self._ego.ids.values[self._ego.ids.codes[0]])
 
     def iter_pairs(self) -> Iterator[tuple[str, Pair]]:
         """Yield id and pair of each other vehicle that comes near the ego."""

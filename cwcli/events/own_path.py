@@ -121,8 +121,8 @@ class DrivenWay:
         """Project states (m, 4) on the way near the ego: (ahead, left, turn), (3, m), and when the ego is there."""
         reach = np.arange(-round(BEHIND_M / PATH_STEP_M), round(AHEAD_M / PATH_STEP_M) + 1)
         points = np.clip(np.round(ego_along_m / PATH_STEP_M).astype(int)[:, None] + reach, 0, len(self.along_m) - 1)
-        apart_m = np.hypot(self._x_m[points] - theirs[:, :1], self._y_m[points] - theirs[:, 1:2])
-        best = points[np.arange(len(points)), apart_m.argmin(axis=1)]
+        apart_m2 = (self._x_m[points] - theirs[:, :1]) ** 2 + (self._y_m[points] - theirs[:, 1:2]) ** 2
+        best = points[np.arange(len(points)), apart_m2.argmin(axis=1)]
         dx_m, dy_m = theirs[:, 0] - self._x_m[best], theirs[:, 1] - self._y_m[best]
         heading_rad = np.asarray(self._heading_rad)[best]
         cosine, sine = np.cos(heading_rad), np.sin(heading_rad)

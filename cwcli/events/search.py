@@ -25,13 +25,11 @@ from cwcli.events.quantities import (
     window_values,
 )
 from cwcli.events.syntax import (
-    AndOr,
     Comparison,
     EventName,
     Lasting,
     Near,
     Node,
-    Not,
     Number,
     Series,
     event_names,
@@ -40,6 +38,7 @@ from cwcli.events.syntax import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
+from cwcli.metrics.condition_parser import AndOr, Not
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.records import read_run_records
 from cwcli.signals.columns import FloatArray, Int64Array

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from cwcli.channels.published import EGO_PATH, PATH_SCENE, REMOTE_PATH
 from cwcli.errors import CwcliError
 from cwcli.fleet.names import safe_topic_name
+from cwcli.fleet.table_schemas import COMMON_COLUMNS
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.signals.columns import StreamedChannel
 
@@ -53,6 +54,7 @@ def make_channel_table(name: str, columns: Columns) -> Table:
         "publish_time_ns": columns.publish_time_ns,
         "sequence": columns.sequence,
     }
-    fields = {f"message.{leaf}" if leaf in header else leaf: values for leaf, values in columns.fields.items()}
+    taken = COMMON_COLUMNS | header.keys()
+    fields = {f"message.{leaf}" if leaf in taken else leaf: values for leaf, values in columns.fields.items()}
     about = {"topic": columns.topic, "schema": columns.schema_name, "encoding": columns.message_encoding}
     return Table(name, {**header, **fields}, {"log_time_ns": LOG_TIME_DOC, "publish_time_ns": PUBLISH_TIME_DOC}, about)

@@ -4,53 +4,51 @@ manifest.json                                the pipeline, the logs that are don
 run_times.json                               the only file that differs from run to run
 logs/<id>/annotated.mcap                     the log with its new channels
 logs/<id>/entry.json                         what became of the log; written last
-metrics/log=<id>/metrics.parquet             headline metrics; all logs together are one table
-details/<table>/log=<id>/<table>.parquet     each table of each stage
-tables/<channel>/log=<id>/<channel>.parquet  the channels' columns (`--tables`)
+logs/<id>/tables.arrows                      its tables, until those of the run hold them (`cwcli.fleet.tables`)
+metrics.parquet, details/, tables/           the tables of the run
 """
 
 from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
-import sys
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cwcli.errors import InputError, OutputError
 from cwcli.input import remember_input_file
 from cwcli.lazy_dataclass import dataclass
-from cwcli.output import make_folder, open_output
+from cwcli.output import open_output
 from cwcli.version import __version__
 
-if TYPE_CHECKING:
-    from cwcli.metrics.table import Table
-
-MANIFEST_FORMAT = 1
+MANIFEST_FORMAT = 2
 """Version of the manifest's format."""
-MANIFEST_NAME, RUN_TIMES_NAME, ENTRY_NAME, ANNOTATED_LOG_NAME = (
+MANIFEST_NAME, RUN_TIMES_NAME, ENTRY_NAME, ANNOTATED_LOG_NAME, STAGED_TABLES_NAME = (
     "manifest.json",
     "run_times.json",
     "entry.json",
     "annotated.mcap",
+    "tables.arrows",
 )
 """Names of the files in the output folder."""
+ENDED = ("done", "failed")
+"""Statuses of a log that has ended; a manifest with one is that of a run that has ended, too."""
 SHARD_KEY = "shard"
 """Key of the manifest with the number of the shard and of all shards; a whole run has none."""
 NOT_DONE_TEXT = "it was not processed"
 """Error text of a log that has no entry."""
 OTHER_FORMAT_HINT = "use the version of cwcli that wrote it, or do the run again into a new folder"
 """Hint of the error about a manifest in another format."""
-LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER, SCRATCH_FOLDER = (
-    "logs",
-    "metrics",
-    "details",
-    "tables",
-    ".scratch",
-)
+TABLES_KEY = "tables"
+"""Key of the manifest with the names of the run's tables."""
+SCORES_KEY = "scores"
+"""Key of a log's entry with what its headline metrics were held against, and notes on them."""
+LOGS_FOLDER, SCRATCH_FOLDER = "logs", ".scratch"
 """Names of the subfolders of the output folder."""
 
 Document = dict[str, Any]
@@ -74,13 +72,9 @@ class LogOutputs:
         return self.out / LOGS_FOLDER / self.id / ANNOTATED_LOG_NAME
 
     @property
-    def metrics_path(self) -> Path:
-        """Path of the table of headline metrics."""
-        return self._partition_path(METRICS_FOLDER) / f"{METRICS_FOLDER}.parquet"
-
-    def table_path(self, kind: str, name: str) -> Path:
-        """Path of one table; `kind` is the folder of details or of channel tables."""
-        return self._partition_path(kind, name) / f"{name}.parquet"
+    def staged_tables_path(self) -> Path:
+        """Path of the log's tables, which is there until the tables of the run hold them."""
+        return self.out / LOGS_FOLDER / self.id / STAGED_TABLES_NAME
 
     def read_entry(self) -> Document | None:
         """Read the log's entry; None if there is none or it can't be read."""
@@ -95,11 +89,19 @@ class LogOutputs:
         """Register the entry as an input of this run, so that no output overwrites it."""
         remember_input_file(self.entry_path)
 
-    def is_done(self, entry: Document | None, key: str) -> bool:
-        """Whether the log was done with this key and all its files still have their sizes."""
+    def is_done(self, entry: Document | None, key: str, *, has_tables: bool) -> bool:
+        """Whether the log was done with this key, its files have their sizes, and its rows are there.
+
+        Args:
+            entry: The log's entry.
+            key: As the entry must have it.
+            has_tables: Whether the tables of the run are whole; else the log's own tables must be there.
+        """
         if entry is None or entry.get("status") != "done" or entry.get("key") != key or not _has_all_fields(entry):
             return False
-        return bool(self._file_sizes(entry["outputs"]) == entry["bytes"])
+        if self._file_sizes(entry["outputs"]) != entry["bytes"]:
+            return False
+        return has_tables or self.staged_tables_path.is_file()
 
     def write_entry(self, entry: Mapping[str, Any], outputs: list[Path]) -> Document:
         """Write the log's entry with the names and sizes of its files; returns the whole entry."""
@@ -116,25 +118,24 @@ class LogOutputs:
         """
         with suppress(FileNotFoundError):  # first, so that a half-removed log does not look done
             self.entry_path.unlink()
-        parts = [self.out / LOGS_FOLDER / self.id, self._partition_path(METRICS_FOLDER)]
-        for kind in (DETAILS_FOLDER, TABLES_FOLDER):
-            if (self.out / kind).is_dir():
-                parts += [table / f"log={self.id}" for table in (self.out / kind).iterdir()]
-        for part in parts:
-            try:
-                if part.exists():
-                    shutil.rmtree(part)
-            except OSError as error:
-                raise OutputError(f"it can't be removed: {error.strerror}", where=str(part)) from error
-        for part in parts[2:]:
-            with suppress(OSError):  # it is empty only after the last log that had this table
-                part.parent.rmdir()
-
-    def _partition_path(self, *names: str) -> Path:
-        return self.out.joinpath(*names, f"log={self.id}")
+        path = self.out / LOGS_FOLDER / self.id
+        try:
+            if path.exists():
+                shutil.rmtree(path)
+        except OSError as error:
+            raise OutputError(f"it can't be removed: {error.strerror}", where=str(path)) from error
 
     def _file_sizes(self, paths: list[str]) -> list[int]:
-        return [path.stat().st_size if path.is_file() else -1 for path in (self.out / name for name in paths)]
+        return [_file_size(f"{self.out}/{name}") for name in paths]
+
+
+def _file_size(path: str) -> int:
+    """Return the size of a regular file in bytes; -1 if there is none."""
+    try:
+        found = os.stat(path)  # noqa: PTH116 - asked for every log of a run, and a `Path` takes longer
+    except (OSError, ValueError):
+        return -1
+    return found.st_size if stat.S_ISREG(found.st_mode) else -1
 
 
 def log_id_of_annotated_file(path: Path) -> str | None:
@@ -178,8 +179,8 @@ class RecordedRun:
 def read_output_folder(out: Path) -> RecordedRun | None:
     """Read the run in an output folder: the logs in the manifest, else those that have a folder.
 
-    The manifest of a killed run calls every log pending, so a log's own entry takes precedence. All types are checked,
-    because the files may come from elsewhere.
+    The manifest of a killed run calls every log pending; then its own entry is read. All types are checked, because the
+    files may come from elsewhere.
 
     Returns:
         The run, or None if the folder holds none.
@@ -203,7 +204,9 @@ def read_output_folder(out: Path) -> RecordedRun | None:
         folder = LogOutputs(out, name) if is_plain else None
         if folder is not None:
             folder.note_entry_as_input()
-        logs.append(RecordedLog(name, folder, (folder and folder.read_entry()) or entry))
+        # the manifest of a run that was killed knows of no log that has ended
+        own = folder.read_entry() if folder is not None and entry.get("status") not in ENDED else None
+        logs.append(RecordedLog(name, folder, own or entry))
     pipeline = manifest.get("pipeline")
     gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
     kept = tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
@@ -246,6 +249,7 @@ def new_log_entry(id: str, source: str) -> Document:
         "faults": {},
         "inputs": [],
         "tables": {},
+        SCORES_KEY: {},
         "key": None,
     }
 
@@ -256,7 +260,7 @@ def _has_all_fields(entry: Document) -> bool:
         entry.get("error") is None
         and all(isinstance(entry.get(key), str) for key in ("id", "source", "sha256"))
         and all(isinstance(entry.get(key), list) for key in ("stages", "outputs", "bytes", "inputs"))
-        and all(isinstance(entry.get(key), dict) for key in ("left_out", "faults", "tables"))
+        and all(isinstance(entry.get(key), dict) for key in ("left_out", "faults", "tables", SCORES_KEY))
         and all(isinstance(each, str) for each in (*entry["stages"], *entry["outputs"], *entry["left_out"].values()))
         and all(isinstance(each, int) for each in entry["tables"].values())
         and all(isinstance(each, dict) and _is_message_count(each) for each in entry["inputs"])
@@ -272,27 +276,13 @@ def _is_message_count(count: Document) -> bool:
     )
 
 
-def write_table_with_folders(table: Table, path: Path) -> Path:
-    """Write one table and create its folders; returns the path."""
-    from cwcli.metrics.table import write_table
-
-    make_folder(path.parent, parents=True)
-    write_table(table, path, force=True, durable=False)
-    return path
-
-
 def read_json_object(path: Path) -> Document | None:
     """Read a JSON file that holds an object; None if it is missing or holds something else."""
     try:
-        document = json.loads(path.read_bytes(), object_pairs_hook=_intern_strings)
+        document = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None
-
-
-def _intern_strings(pairs: list[tuple[str, Any]]) -> Document:
-    """Make an object whose strings are interned, because many logs repeat them."""
-    return {sys.intern(key): sys.intern(value) if type(value) is str else value for key, value in pairs}
 
 
 def write_json_object(document: Mapping[str, Any], path: Path, *, durable: bool = False) -> None:

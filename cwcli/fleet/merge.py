@@ -11,28 +11,28 @@ from typing import Any, NamedTuple
 
 from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.fleet.folder import (
-    DETAILS_FOLDER,
-    LOGS_FOLDER,
+    ENDED,
     MANIFEST_NAME,
-    METRICS_FOLDER,
     OTHER_FORMAT_HINT,
     RUN_TIMES_NAME,
     SHARD_KEY,
-    TABLES_FOLDER,
+    TABLES_KEY,
     Document,
     LogOutputs,
     format_mismatch_text,
     read_json_object,
     write_json_object,
 )
+from cwcli.fleet.index import FOLDERS_WITH_RESULTS
 from cwcli.fleet.input_states import INPUTS_KEY
 from cwcli.fleet.run import lock_folder
+from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, write_tables
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import make_folder
 
 RUN_AGAIN_HINT = "run the shard again with the same command: it goes on where it was"
 """Advice on a shard that was killed."""
-COMMON_KEYS = ("format", "cwcli", "pipeline")
+COMMON_KEYS = ("format", "cwcli", "run_id", "pipeline")
 """Keys of the manifest that all shards share."""
 
 
@@ -92,14 +92,17 @@ def merge_shards(
             {"id": name, "source": entry["source"], "status": "pending", "error": None}
             for name, (_, entry) in entries.items()
         ]
-        write_json_object({**manifest, "logs": pending}, target / MANIFEST_NAME)
+        write_json_object({**manifest, TABLES_KEY: [], "logs": pending}, target / MANIFEST_NAME)
         n_copied = 0
         for k, (name, (source, entry)) in enumerate(entries.items()):
             n_copied += _merge_log(LogOutputs(source, name), LogOutputs(target, name), entry)
             report(k + 1, len(entries))
+        rows = {each.path: MergedRows(each.path) for each in shards}
+        done = {name: rows[path] for name, (path, entry) in entries.items() if entry["status"] == "done"}
+        tables = write_tables(target, done, manifest["run_id"])
         write_json_object(_merge_run_times(shards), target / RUN_TIMES_NAME)
         whole = [entry for _, entry in entries.values()]
-        write_json_object({**manifest, "logs": whole}, target / MANIFEST_NAME, durable=True)
+        write_json_object({**manifest, TABLES_KEY: tables, "logs": whole}, target / MANIFEST_NAME, durable=True)
     n_failed = sum(entry.get("status") == "failed" for entry in whole)
     return MergeResult(len(whole), n_failed, n_copied, len(shards))
 
@@ -118,7 +121,11 @@ def _require_equal_runs(shards: Sequence[_ShardFolder]) -> None:
     """Raise `UsageError` if the shards differ in pipeline or version."""
     first = shards[0]
     for each in shards[1:]:
-        for key, what in (("cwcli", "version of cwcli"), ("pipeline", "pipeline")):
+        for key, what in (
+            ("cwcli", "version of cwcli"),
+            ("pipeline", "pipeline"),
+            ("run_id", "set of options or version of the tables"),
+        ):
             if each.manifest[key] != first.manifest[key]:
                 raise UsageError(
                     f"{first.path} and {each.path} were made by another {what}",
@@ -154,20 +161,22 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Do
     """Return id -> folder of the shard and entry of each log, in order of id.
 
     Raises:
-        InputError: A log is not done, its id is no file name, or its files are not those that its entry lists.
+        InputError: A log is not done, its id is no file name, or files or tables are not those that were written.
         UsageError: A log is in two shards with different results.
     """
     found: dict[str, tuple[Path, Document]] = {}
     for path, manifest in shards:
+        if not are_tables_whole(path, manifest.get(TABLES_KEY)):
+            raise InputError("tables of the run are missing or changed", where=str(path), hint=RUN_AGAIN_HINT)
         for listed in manifest["logs"]:
             name = listed.get("id") if isinstance(listed, dict) else None
             if not isinstance(name, str) or name in {"", ".", ".."} or set(name) & {"/", "\\", "\0"}:
                 raise InputError(f"the log id {name!r} is no name of a file", where=str(path / MANIFEST_NAME))
             folder = LogOutputs(path, name)
-            entry = folder.read_entry()
-            if entry is None or entry.get("id") != name or entry.get("status") not in ("done", "failed"):
+            entry = listed
+            if entry.get("status") not in ENDED:
                 raise InputError(f"the log {name} is not done", where=str(path), hint=RUN_AGAIN_HINT)
-            if entry["status"] == "done" and not folder.is_done(entry, str(entry.get("key"))):
+            if entry["status"] == "done" and not folder.is_done(entry, str(entry.get("key")), has_tables=True):
                 raise InputError(
                     f"files of the log {name} are missing or changed", where=str(path), hint=RUN_AGAIN_HINT
                 )
@@ -179,7 +188,7 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Do
 
 def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> None:
     """Raise `OutputError` if the output folder holds anything but a part of this merge."""
-    ours = [each for each in (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER) if (target / each).exists()]
+    ours = [*(each for each in FOLDERS_WITH_RESULTS if (target / each).exists()), *iter_table_names(target)]
     known = read_json_object(target / MANIFEST_NAME)
     if known is None and not ours:
         return
@@ -193,7 +202,8 @@ def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> 
 
 def _merge_log(source: LogOutputs, target: LogOutputs, entry: Document) -> bool:
     """Bring one log's files into the merged folder, its entry last; return whether it was not there yet."""
-    if target.read_entry() == entry and (entry["status"] == "failed" or target.is_done(entry, str(entry.get("key")))):
+    is_done = entry["status"] == "failed" or target.is_done(entry, str(entry.get("key")), has_tables=True)
+    if target.read_entry() == entry and is_done:
         return False
     target.remove_all_outputs()
     for name in entry.get("outputs", []):

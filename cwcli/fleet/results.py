@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,20 +13,27 @@ from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.fleet.folder import (
     MANIFEST_NAME,
     NOT_DONE_TEXT,
+    SCORES_KEY,
     LogOutputs,
+    RecordedLog,
     RecordedRun,
     read_output_folder,
     read_run_times,
 )
+from cwcli.fleet.staged_tables import iter_staged_tables, list_staged_tables
+from cwcli.fleet.table_schemas import LOG_COLUMN
+from cwcli.fleet.tables import METRICS_TABLE, SUFFIX
 from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.headline import METRICS_TABLE_COLUMNS, OPTIONAL_COLUMNS
-from cwcli.metrics.pooling import POOLED_ID, LogMetrics, metric_rows_by_name, notes_from_metadata
-from cwcli.metrics.table import Table
+from cwcli.metrics.pooling import POOLED_ID, LogMetrics, MetricRow, metric_rows_by_name, notes_from_metadata
+from cwcli.metrics.table import Table, TableColumn
 from cwcli.url import display_name_of_url
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from cwcli.evaluation.system_topics import OtherSystemTopics
     from cwcli.logs.read.reader import Log
 
@@ -36,6 +43,8 @@ TEXT_COLUMNS = ("stage", "metric", "unit", "pool", "states")
 """The text columns of the table of metrics; the others hold numbers."""
 NO_TABLE_TEXT = "the log has no readable table of metrics, and no annotated log to make it from"
 """Error text of a log that is done but has neither metrics nor an annotated log."""
+NO_LOG_TEXT = "the run wrote no annotated log, from which other scores could be computed"
+"""Error text of a log of a run with `--no-annotate`, for another truth or another system."""
 
 
 @dataclass(frozen=True)
@@ -133,24 +142,33 @@ def _iter_metrics_of_output_folder(
 ) -> Iterator[LogMetrics]:
     """Yield the metrics of each log of an output folder."""
     times = read_run_times(path)
+    metrics = MetricsOfRun(path)
     for log in run.logs:
         if log.folder is None:
             raise InputError(f"the log id {log.id!r} is no name of a file", where=str(path / MANIFEST_NAME))
         if log.entry.get("status") != "done":
             found = LogMetrics(log.id, error=_error_text_of_entry(log.entry))
         else:
-            found = replace(_metrics_of_log_folder(log.folder, how, step), sha256=str(log.entry.get("sha256") or ""))
+            found = replace(
+                _metrics_of_log(log, log.folder, metrics, how, step), sha256=str(log.entry.get("sha256") or "")
+            )
         yield replace(found, source=str(log.entry.get("source") or ""), run_s=times.get(log.id, 0.0))
 
 
-def _metrics_of_log_folder(folder: LogOutputs, how: _ScoringOptions, step: Callable[[str], None]) -> LogMetrics:
+def _metrics_of_log(
+    log: RecordedLog, folder: LogOutputs, metrics: MetricsOfRun, how: _ScoringOptions, step: Callable[[str], None]
+) -> LogMetrics:
+    scores = log.entry.get(SCORES_KEY)
+    scores = scores if isinstance(scores, dict) else {}
     try:
-        table = read_metrics_table(folder.metrics_path)
-        if table.metadata.get("truth", "auto") == how.truth and how.system is None:
-            return LogMetrics(folder.id, metric_rows_by_name(table), notes=notes_from_metadata(table))
-    except (InputError, ValueError):
+        rows = metrics.rows_of_log(folder)
+        if scores.get("truth", "auto") == how.truth and how.system is None:
+            return LogMetrics(folder.id, rows, notes=tuple(str(scores.get("notes", "")).splitlines()))
+    except InputError:
         if not folder.annotated_log_path.is_file():
             return LogMetrics(folder.id, error=NO_TABLE_TEXT)
+    if not folder.annotated_log_path.is_file():
+        return LogMetrics(folder.id, error=NO_LOG_TEXT)
     step(f"evaluating {folder.id}")
     try:
         return _score_log(str(folder.annotated_log_path), folder.id, how)
@@ -158,6 +176,89 @@ def _metrics_of_log_folder(folder: LogOutputs, how: _ScoringOptions, step: Calla
         raise
     except CwcliError as error:
         return LogMetrics(folder.id, error=str(error))
+
+
+class MetricsOfRun:
+    """The headline metrics of a run's logs, whose table is read once."""
+
+    def __init__(self, out: Path) -> None:
+        self._path = out / f"{METRICS_TABLE}{SUFFIX}"
+        self._error: InputError | None = None
+        self._rows: Mapping[str, Mapping[str, MetricRow]] | None = None
+
+    def has_table(self, folder: LogOutputs) -> bool:
+        """Whether there is a file that can hold rows of a log."""
+        return self._path.is_file() or folder.staged_tables_path.is_file()
+
+    def rows_of_log(self, folder: LogOutputs) -> Mapping[str, MetricRow]:
+        """Return metric -> row of a log.
+
+        Raises:
+            InputError: The table is missing or damaged.
+        """
+        staged = folder.staged_tables_path
+        if staged.is_file():
+            wanted = [each for each in list_staged_tables(staged) if each.name == METRICS_TABLE]
+            for _, table in iter_staged_tables(staged, wanted):
+                return _checked_rows(_table_from_arrow(table, staged), staged)
+        if self._rows is None and self._error is None:
+            try:
+                self._rows = _metric_rows_by_log(read_metrics_table(self._path), self._path)
+            except InputError as error:
+                self._error = error
+        if self._error is not None:
+            raise self._error
+        return (self._rows or {}).get(folder.id, {})
+
+
+def _checked_rows(table: Table, path: Path) -> dict[str, MetricRow]:
+    """Return the rows of a table by metric; raise `InputError` if it does not hold what it should."""
+    try:
+        return metric_rows_by_name(table)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"can't be read: {error}", where=str(path)) from error
+
+
+def _metric_rows_by_log(table: Table, path: Path) -> dict[str, dict[str, MetricRow]]:
+    """Return log -> metric -> row of a table whose types are checked, in one pass; it may have a million rows.
+
+    Raises:
+        InputError: The table has no column `log`.
+    """
+    ids = table.columns.get(LOG_COLUMN)
+    if not isinstance(ids, list):
+        raise InputError("the table has no column log", where=str(path))
+    names = [field.name for field in fields(MetricRow) if field.name in table.columns]
+    columns = [_plain_values(table.columns[name]) for name in names]
+    rows: dict[str, dict[str, MetricRow]] = {}
+    for id, *values in zip(ids, *columns, strict=True):
+        row = MetricRow(*values)
+        rows.setdefault(id, {})[row.metric] = row
+    return rows
+
+
+def _plain_values(column: TableColumn) -> list[Any]:
+    """Return the values of a column of numbers or texts as a list."""
+    if isinstance(column, np.ndarray):
+        return list(column.tolist())
+    return column if isinstance(column, list) else []
+
+
+def _tables_by_log(path: Path) -> Iterator[tuple[str, Table]]:
+    """Yield each id in the column `log` of a table of metrics, with its rows.
+
+    Raises:
+        InputError: It can't be read, or lacks a column.
+    """
+    table = read_metrics_table(path)
+    ids = table.columns.get(LOG_COLUMN)
+    if not isinstance(ids, list):
+        raise InputError("the table has no column log", where=str(path), hint="make one: cwcli evaluate --metrics")
+    rows: dict[str, list[int]] = {}
+    for k, name in enumerate(ids):
+        rows.setdefault(str(name), []).append(k)
+    for name, selected in rows.items():
+        yield name, _select_table_rows(table, selected)
 
 
 def _error_text_of_entry(entry: dict[str, Any]) -> str:
@@ -189,20 +290,12 @@ def _input_sha256(log: Log) -> str:
 
 def _metrics_of_table(path: Path) -> list[LogMetrics]:
     """Read the metrics of each log from a table with a column `log`."""
-    table = read_metrics_table(path)
-    ids = table.columns.get("log")
-    if not isinstance(ids, list):
-        raise InputError("the table has no column log", where=str(path), hint="make one: cwcli evaluate --metrics")
-    rows: dict[str, list[int]] = {}
-    for k, name in enumerate(ids):
-        rows.setdefault(str(name), []).append(k)
-    rows.pop(POOLED_ID, None)
-    return [LogMetrics(name, metric_rows_by_name(_select_table_rows(table, kept))) for name, kept in rows.items()]
+    return [LogMetrics(name, metric_rows_by_name(table)) for name, table in _tables_by_log(path) if name != POOLED_ID]
 
 
 def _select_table_rows(table: Table, rows: list[int]) -> Table:
     columns = {
-        name: column[np.array(rows)] if isinstance(column, np.ndarray) else [list(column)[k] for k in rows]
+        name: column[np.array(rows)] if isinstance(column, np.ndarray) else [column[k] for k in rows]
         for name, column in table.columns.items()
         if name in METRICS_TABLE_COLUMNS and isinstance(column, np.ndarray | list)
     }
@@ -223,6 +316,13 @@ def read_metrics_table(path: Path) -> Table:
     except (OSError, ValueError, pa.ArrowException) as error:
         what = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error
+    return _table_from_arrow(found, path)
+
+
+def _table_from_arrow(found: pa.Table, path: Path) -> Table:
+    """Return a table of metrics; raise `InputError` if it lacks a column or one holds something else."""
+    import pyarrow as pa
+
     missing = [
         name for name in METRICS_TABLE_COLUMNS if name not in found.column_names and name not in OPTIONAL_COLUMNS
     ]

@@ -7,51 +7,57 @@ import shutil
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from cwcli.errors import EXIT_BUG, OutputError, UsageError
 from cwcli.fleet.folder import (
-    DETAILS_FOLDER,
-    LOGS_FOLDER,
-    MANIFEST_FORMAT,
     MANIFEST_NAME,
-    METRICS_FOLDER,
-    OTHER_FORMAT_HINT,
     RUN_TIMES_NAME,
     SCRATCH_FOLDER,
-    SHARD_KEY,
-    TABLES_FOLDER,
+    TABLES_KEY,
     Document,
     LogOutputs,
-    format_mismatch_text,
     iter_recorded_ids,
     new_log_entry,
-    read_json_object,
     write_json_object,
+)
+from cwcli.fleet.index import (
+    FOLDERS_WITH_RESULTS,
+    MAX_SHOWN_NAMES,
+    Index,
+    is_complete,
+    manifest_head,
+    read_index,
+    split_by_file_state,
 )
 from cwcli.fleet.input_states import (
     INPUTS_KEY,
     FileState,
-    read_file_state,
-    states_from_document,
     states_to_document,
 )
 from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
 from cwcli.fleet.names import unique_log_ids
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
-from cwcli.input import names_of_inputs_in_folder, remember_input_file, remember_inputs
+from cwcli.fleet.tables import (
+    MergedRows,
+    StagedRows,
+    are_tables_whole,
+    remove_all_tables,
+    write_tables,
+)
+from cwcli.input import names_of_inputs_in_folders, remember_input_file, remember_inputs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import check_targets, make_folder
 from cwcli.pipeline.selection import check_selection_options
 from cwcli.url import display_name_of_url
-from cwcli.version import __version__
 
 Report = Callable[[LogTask, str, int, int], None]
-RUN_FOLDERS = (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER, SCRATCH_FOLDER)
+RUN_FOLDERS = (*FOLDERS_WITH_RESULTS, SCRATCH_FOLDER)
 """Subfolders of the output folder that a run writes and may empty."""
 
 
@@ -103,12 +109,9 @@ def run_fleet(
         OutputError: The folder is something else, is in use, or can't be written.
     """
     begin = time.monotonic()
+    statuses: dict[str, str] = {}
     began = datetime.now(UTC).isoformat(timespec="seconds")
-    if is_remote_url(str(out)):
-        raise UsageError("the output folder must lie on this machine", where=str(out), hint="copy it there afterwards")
-    if str(out) in {"", "-"}:
-        raise UsageError(f"the output folder can't be '{out}'", hint="name it with -d")
-    folder = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
+    folder = _absolute_output_folder(out)
     check_selection_options(plan.topic, plan.start, plan.end)
     found = expand_sources(sources, [str(folder / part) for part in RUN_FOLDERS])
     ids = unique_log_ids([source for source, _ in found])
@@ -118,47 +121,96 @@ def run_fleet(
         tasks = plan.shard.select_own(tasks)
     with remember_inputs(), lock_folder(folder):
         _refuse_inputs_in_output_folder(folder, tasks)
-        _prepare_output_folder(folder, tasks, force=force)
-        write_json_object(_make_manifest(folder, plan, tasks), folder / MANIFEST_NAME)
-        known = {} if plan.rehash else states_from_document(read_json_object(folder / RUN_TIMES_NAME))
-        statuses: dict[str, str] = {}
+        index = read_index(folder, force=force)
+        _prepare_output_folder(folder, tasks, index, force=force)
+        has_tables = are_tables_whole(folder, index.manifest.get(TABLES_KEY))
+        tasks = [replace(task, has_tables=has_tables) for task in tasks]
+        current, to_read = split_by_file_state(tasks, plan, index)
+        if not to_read and is_complete(index.manifest, plan, [task.id for task, _ in current], folder):
+            for task, _ in current:
+                statuses[task.id] = "unchanged"
+                report(task, "unchanged", len(statuses), len(tasks))
+            return FleetResult(folder, index.manifest, statuses)
+        tables = index.manifest.get(TABLES_KEY, [])
+        write_json_object(_make_manifest(plan, tasks, {}, tables), folder / MANIFEST_NAME)
+        entries: dict[str, Document] = {}
         states: dict[str, FileState] = {}
         times: dict[str, Any] = {}
         try:
-            with closing(_run_tasks(tasks, plan, known, jobs, ray)) as ended:
+            with closing(_run_tasks(current, to_read, plan, jobs, ray)) as ended:
                 for task, answer in ended:
                     done = _record_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
                     statuses[task.id] = done.status
+                    entry = index.entries.get(task.id) if not done.attempts else None
+                    entry = entry or LogOutputs(folder, task.id).read_entry()
+                    if entry is not None:
+                        entries[task.id] = entry
                     if done.input_state is not None:
                         states[task.id] = done.input_state
-                    times[task.id] = {
-                        "status": done.status,
-                        "wall_s": round(done.wall_s, 4),
-                        "cpu_s": round(done.cpu_s, 4),
-                        "peak_mb": round(done.peak_mb, 1),
-                        "attempts": done.attempts,
-                    }
+                    times[task.id] = _times_document(done)
                     report(task, done.status, len(statuses), len(tasks))
+            tables = _write_tables_of_run(folder, entries, plan)
         finally:
             shutil.rmtree(folder / SCRATCH_FOLDER, ignore_errors=True)
-            manifest = _make_manifest(folder, plan, tasks, statuses)
+            manifest = _make_manifest(plan, tasks, entries, tables)
             write_json_object(manifest, folder / MANIFEST_NAME, durable=True)
+        _remove_staged_tables(folder, entries)
         took = {"began": began, "wall_s": round(time.monotonic() - begin, 3), "logs": dict(sorted(times.items()))}
         write_json_object({**took, INPUTS_KEY: states_to_document(states)}, folder / RUN_TIMES_NAME)
     return FleetResult(folder, manifest, statuses)
 
 
+def _absolute_output_folder(out: str | Path) -> Path:
+    """Return the output folder with its whole path; refuse what is no folder of this machine."""
+    if is_remote_url(str(out)):
+        raise UsageError("the output folder must lie on this machine", where=str(out), hint="copy it there afterwards")
+    if str(out) in {"", "-"}:
+        raise UsageError(f"the output folder can't be '{out}'", hint="name it with -d")
+    return Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
+
+
+def _times_document(done: TaskResult) -> Document:
+    """Make a log's part of `run_times.json`."""
+    return {
+        "status": done.status,
+        "wall_s": round(done.wall_s, 4),
+        "cpu_s": round(done.cpu_s, 4),
+        "peak_mb": round(done.peak_mb, 1),
+        "attempts": done.attempts,
+    }
+
+
+def _write_tables_of_run(out: Path, entries: Mapping[str, Document], plan: FleetPlan) -> list[str]:
+    """Write the tables with the rows of all logs that are done; returns their names."""
+    merged, staged = MergedRows(out), StagedRows(lambda id: LogOutputs(out, id).staged_tables_path)
+    return write_tables(
+        out,
+        {
+            id: staged if LogOutputs(out, id).staged_tables_path.is_file() else merged
+            for id, entry in entries.items()
+            if entry["status"] == "done"
+        },
+        plan.run_id,
+    )
+
+
+def _remove_staged_tables(out: Path, ids: Iterable[str]) -> None:
+    """Remove the logs' own tables, whose rows are in those of the run."""
+    for id in ids:
+        with suppress(OSError):
+            LogOutputs(out, id).staged_tables_path.unlink(missing_ok=True)
+
+
 def _run_tasks(
-    tasks: list[LogTask], plan: FleetPlan, known: Mapping[str, FileState], jobs: int | None, ray: str | None
+    current: Iterable[tuple[LogTask, FileState]],
+    to_read: list[LogTask],
+    plan: FleetPlan,
+    jobs: int | None,
+    ray: str | None,
 ) -> Generator[tuple[LogTask, TaskResult | WorkerDied]]:
     """Yield each task with its result: first the logs that need no reading, then the others as workers end them."""
-    to_read = []
-    for task in tasks:
-        state = known.get(task.id)
-        if state is not None and state == read_file_state(task.path) and _is_up_to_date(task, plan):
-            yield task, TaskResult(task.id, "unchanged", 0.0, 0.0, attempts=0, input_state=state)
-        else:
-            to_read.append(task)
+    for task, state in current:
+        yield task, TaskResult(task.id, "unchanged", 0.0, 0.0, attempts=0, input_state=state)
     if not to_read:
         return
     if ray is not None:
@@ -168,15 +220,6 @@ def _run_tasks(
     else:
         running = run_on_local_processes(to_read, plan, min(jobs or count_available_processors(), len(to_read)))
     yield from running
-
-
-def _is_up_to_date(task: LogTask, plan: FleetPlan) -> bool:
-    """Whether the folder holds the results of a log whose bytes are those of its entry."""
-    folder = LogOutputs(Path(task.out), task.id)
-    entry = folder.read_entry()
-    if entry is None or entry.get("source") != task.source or not isinstance(entry.get("sha256"), str):
-        return False
-    return folder.is_done(entry, plan.cache_key(entry["sha256"]))
 
 
 def count_available_processors() -> int:
@@ -192,32 +235,22 @@ def _refuse_inputs_in_output_folder(out: Path, tasks: Iterable[LogTask]) -> None
         if not is_remote_url(task.path):
             remember_input_file(task.path)
     check_targets([out / MANIFEST_NAME, out / RUN_TIMES_NAME], force=True)
-    for part in RUN_FOLDERS:
-        for name in names_of_inputs_in_folder(out / part):
-            raise OutputError("an input lies where the results go", where=name, hint="name another folder with -d")
+    for name in names_of_inputs_in_folders(*(out / part for part in RUN_FOLDERS)):
+        raise OutputError("an input lies where the results go", where=name, hint="name another folder with -d")
 
 
-def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], *, force: bool) -> None:
-    """Prepare the output folder: refuse one with other content, and remove what cancelled or forced runs left."""
-    by_id = {task.id: task for task in tasks}
-    ours = [name for name in (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER) if (out / name).exists()]
-    manifest = read_json_object(out / MANIFEST_NAME)
-    if what := format_mismatch_text(manifest or {}):
-        raise OutputError(what, where=str(out / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
-    if ours and (manifest is None or manifest.get("format") != MANIFEST_FORMAT):
-        raise OutputError(
-            f"the folder holds no run of cwcli, but {', '.join(ours)}", where=str(out), hint="name a new folder with -d"
-        )
+def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], index: Index, *, force: bool) -> None:
+    """Remove what cancelled or forced runs left; refuse a folder with logs that this run does not name."""
     shutil.rmtree(out / SCRATCH_FOLDER, ignore_errors=True)
     if force:
-        for name in ours:
-            shutil.rmtree(out / name)
-    sources = {task.source for task in by_id.values()}
+        for name in FOLDERS_WITH_RESULTS:
+            shutil.rmtree(out / name, ignore_errors=True)
+        remove_all_tables(out)
+    ids = {task.id for task in tasks}
+    sources = {task.source for task in tasks}
     others = []
-    for known in iter_recorded_ids(out):
-        if known in by_id:
-            continue
-        entry = LogOutputs(out, known).read_entry()
+    for known in sorted(({*iter_recorded_ids(out)} | index.entries.keys()) - ids):
+        entry = index.entries.get(known) or LogOutputs(out, known).read_entry()
         if (
             entry is None or display_name_of_url(str(entry.get("source"))) in sources
         ):  # it was interrupted, or has another id now
@@ -228,21 +261,20 @@ def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], *, force: bool) 
         raise UsageError(
             f"the folder holds {len(others)} logs that this run does not name",
             where=str(out),
-            found=tuple(others[:10]),
+            found=tuple(others[:MAX_SHOWN_NAMES]),
             hint="name them too, use another folder, or begin afresh with --force",
         )
 
 
 def _make_manifest(
-    out: Path, plan: FleetPlan, tasks: list[LogTask], statuses: dict[str, str] | None = None
+    plan: FleetPlan, tasks: Iterable[LogTask], entries: Mapping[str, Document], tables: Sequence[str]
 ) -> Document:
     """Make the manifest: the entries of the logs that have ended; all others are pending."""
-    entries = []
-    for task in tasks:
-        known = LogOutputs(out, task.id).read_entry() if statuses and task.id in statuses else None
-        entries.append(known or {"id": task.id, "source": task.source, "status": "pending", "error": None})
-    shard = {} if plan.shard is None else {SHARD_KEY: {"index": plan.shard.index, "count": plan.shard.count}}
-    return {"format": MANIFEST_FORMAT, "cwcli": __version__, **shard, "pipeline": dict(plan.pipeline), "logs": entries}
+    logs = [
+        entries.get(task.id) or {"id": task.id, "source": task.source, "status": "pending", "error": None}
+        for task in tasks
+    ]
+    return {**manifest_head(plan), TABLES_KEY: list(tables), "logs": logs}
 
 
 def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:

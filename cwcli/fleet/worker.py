@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,23 +16,24 @@ from cwcli.digest.fleet import ENTRY_KEY, digest_to_entry
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.fleet.folder import (
-    DETAILS_FOLDER,
+    SCORES_KEY,
     SCRATCH_FOLDER,
-    TABLES_FOLDER,
     Document,
     LogOutputs,
     new_log_entry,
-    write_table_with_folders,
 )
 from cwcli.fleet.input_states import FileState, read_file_state
 from cwcli.fleet.inputs import temporary_local_copy
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
+from cwcli.fleet.staged_tables import write_staged_tables
+from cwcli.fleet.tables import DETAILS_FOLDER, METRICS_TABLE, TABLES_FOLDER
 from cwcli.input import InputFile, remember_inputs
 from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.reader import Log
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.logs.read.source import open_source
 from cwcli.logs.write.annotate import CopyOptions, annotate_log
+from cwcli.metrics.table import Table
 from cwcli.output import make_folder
 from cwcli.pipeline.channel_choice import ChannelChoice
 from cwcli.pipeline.execute import RunOutcome, SkipRules, run_stages
@@ -86,7 +87,7 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState 
             state = read_file_state(file.descriptor) if is_plain else None
             entry["sha256"] = file.begin_sha256().result()
             entry["key"] = plan.cache_key(entry["sha256"])
-            if before is not None and folder.is_done(before, entry["key"]):
+            if before is not None and folder.is_done(before, entry["key"], has_tables=task.has_tables):
                 if before["source"] != task.source:
                     folder.write_entry(
                         {**before, "source": task.source}, [folder.out / name for name in before["outputs"]]
@@ -132,29 +133,40 @@ def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogOutputs, entry: 
         strict=plan.strict,
         choice=choice,
     )
-    annotate_log(
-        annotated,
-        (),
-        {},
-        folder.annotated_log_path,
-        replace=plan.replace,
-        force=True,
-        options=CopyOptions(chosen_topics=choice, durable=False),
-    )
-    outputs = [folder.annotated_log_path]
+    outputs = []
+    if plan.annotate:
+        annotate_log(
+            annotated,
+            (),
+            {},
+            folder.annotated_log_path,
+            replace=plan.replace,
+            force=True,
+            options=CopyOptions(chosen_topics=choice, durable=False),
+        )
+        outputs.append(folder.annotated_log_path)
     tables = outcome.tables_by_name()
-    for name, table in tables.items():
-        outputs.append(write_table_with_folders(table, folder.table_path(DETAILS_FOLDER, name)))
-    outputs.append(write_table_with_folders(evaluate_log(annotated, tables=tables), folder.metrics_path))
-    if plan.tables:
-        from cwcli.fleet.channel_tables import iter_channel_tables_by_safe_name
-
-        for name, table in iter_channel_tables_by_safe_name(annotated, entry["without_table"]):
-            outputs.append(write_table_with_folders(table, folder.table_path(TABLES_FOLDER, name)))
+    scores = evaluate_log(annotated, tables=tables)
+    entry[SCORES_KEY] = dict(scores.metadata)
+    write_staged_tables(_iter_all_tables(annotated, scores, tables, plan, entry), folder.staged_tables_path)
     _add_stages_inputs_and_tables_to_entry(outcome, entry)
     stages = [result.stage for result in outcome.results]
     entry[ENTRY_KEY] = digest_to_entry(build_digest(annotated, stages, outcome.left_out, tables, is_run=True))
     return outputs
+
+
+def _iter_all_tables(
+    log: Log, scores: Table, details: Mapping[str, Table], plan: FleetPlan, entry: Document
+) -> Iterator[tuple[str, Table]]:
+    """Yield name and content of each table of the log; the entry gets the topics that have none."""
+    yield METRICS_TABLE, Table(scores.name, scores.columns, scores.docs)
+    for name, table in details.items():
+        yield f"{DETAILS_FOLDER}/{name}", table
+    if plan.tables:
+        from cwcli.fleet.channel_tables import iter_channel_tables_by_safe_name
+
+        for name, table in iter_channel_tables_by_safe_name(log, entry["without_table"]):
+            yield f"{TABLES_FOLDER}/{name}", table
 
 
 def _add_stages_inputs_and_tables_to_entry(outcome: RunOutcome, entry: Document) -> None:

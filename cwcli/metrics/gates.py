@@ -17,13 +17,13 @@ from functools import cached_property
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
+from cwcli.metrics.condition_parser import Not
 from cwcli.metrics.gate_syntax import (
     Aggregate,
     AnyAll,
     Comparison,
     Name,
     Node,
-    Not,
     Number,
     Operand,
     needs_single_log,

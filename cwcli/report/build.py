@@ -42,6 +42,7 @@ from cwcli.report.source import LogEntry, ReportedRun, read_reported_run
 from cwcli.report.system import judge_other_system, other_system_sentences
 from cwcli.report.tiles import TileServer
 from cwcli.report.views import LogView
+from cwcli.text import format_count
 from cwcli.warning.rows import RAISED
 
 MAX_UNFOLDED_LOGS = 3
@@ -51,6 +52,12 @@ MAX_LOGS_IN_FULL_DETAIL = 5
 """Greatest number of logs of a run that are first tried in full detail. Chosen by hand; not fitted."""
 OVERVIEW_ROW_BYTES = 900
 """Space that is reserved for one row of the overview table, in bytes. Estimated by hand."""
+LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES = 330, 5_000_000
+"""The page of many logs sets aside so many bytes for a row of its overview, and has at most so many bytes. Chosen by
+hand: ten thousand rows, and figures of the worst logs."""
+MAX_LOGS_OPENED = 200
+"""Greatest number of logs of a run that are opened for the overview; of more, the run's digest tells. Chosen by hand:
+opening one takes some 20 ms."""
 MAX_PATHS_TO_EVALUATE = 20_000
 """Greatest number of predicted paths of a log whose metrics are computed although no gate needs them. Chosen by hand;
 not fitted."""
@@ -59,6 +66,8 @@ MAX_LOGS_TOO_LARGE = 5
 fitted."""
 MAX_STORY_CHARACTERS = 400
 """The greatest length of a log's description in the overview table, in characters. Chosen by hand; not fitted."""
+MAX_SHORT_STORY_CHARACTERS = 90
+"""The same in a run of more than `MAX_LOGS_OPENED` logs. Chosen by hand: ten thousand rows fit into 5 MB."""
 FOLDED_DETAIL = DetailLevel(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False)
 """The detail of logs in runs of more than `MAX_LOGS_IN_FULL_DETAIL` logs. Chosen by hand; not fitted."""
 MINIMAL_DETAIL = DetailLevel(
@@ -103,12 +112,17 @@ def build_report(
         source = source if not run.is_folder else str(run.entries[0].log)
         return _build_report_of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
     results = check_gates(gates, [log_metrics_of_entry(each) for each in run.entries])
-    candidates = sorted((_read_log_and_rank_candidate(each, results) for each in run.entries), key=_candidate_sort_key)
+    is_opened = len(run.entries) <= MAX_LOGS_OPENED
+    candidates = sorted(
+        (_read_log_and_rank_candidate(each, results, is_opened=is_opened) for each in run.entries),
+        key=_candidate_sort_key,
+    )
     is_few = len(candidates) <= MAX_LOGS_IN_FULL_DETAIL
-    budget = MAX_PAGE_BYTES - renderer.fixed_size_bytes - OVERVIEW_ROW_BYTES * len(candidates) - 20_000
+    row_bytes, page_bytes = (OVERVIEW_ROW_BYTES, MAX_PAGE_BYTES) if is_opened else (LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES)
+    budget = page_bytes - renderer.fixed_size_bytes - row_bytes * len(candidates) - 20_000
     sections: list[str] = []
     n_misfits = 0
-    shown = [candidate for candidate in candidates if candidate.entry.log is not None]
+    shown = [candidate for candidate in candidates if candidate.entry.log is not None and budget > 0]
     for index, candidate in enumerate(shown):
         say(candidate.entry.name)
         is_open = len(shown) <= MAX_UNFOLDED_LOGS or index == 0
@@ -123,7 +137,7 @@ def build_report(
         candidate.anchor = f"log-{index + 1}"
         sections.append(made)
         budget -= len(made.encode())
-        if budget < OVERVIEW_ROW_BYTES:
+        if budget < row_bytes:
             break
     return assemble_run_report(run, candidates, results, sections, renderer)
 
@@ -211,10 +225,10 @@ def _evaluate_headline_metrics(log: Log, system: OtherSystemTopics | None, *, is
         return {}
 
 
-def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult]) -> LogCandidate:
-    """Collect what the run says of a log, and count the warnings of its channel."""
+def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult], *, is_opened: bool) -> LogCandidate:
+    """Collect what the run says of a log, and count its warnings: those of its channel, or as the run counted them."""
     badges: list[Badge] = []
-    n_warnings, rank = 0, 3
+    n_warnings, n_doubts, rank = 0, 0, 3
     if entry.has_failed:
         badges.append(Badge("the run failed", "bad"))
         rank = 0
@@ -228,7 +242,12 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult])
         if entry.error.get("hint"):
             story += f" (hint: {entry.error['hint']})"
     sources: list[SourceInLog] = []
-    if entry.log is not None:
+    if not is_opened and entry.line is not None:
+        n_warnings = entry.line.n_warnings
+        story = (story or entry.line.text)[:MAX_SHORT_STORY_CHARACTERS]
+        n_doubts = len(entry.line.doubts)
+        badges += [Badge(format_count(n_doubts, "doubt"), "plain")] if n_doubts else []
+    elif entry.log is not None:
         try:
             with Log.open(str(entry.log)) as log:
                 n_warnings = _count_raised_warnings(log)
@@ -236,9 +255,11 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult])
         except CwcliError as error:
             story, rank = story or f"{error.what}", 0
             badges.append(Badge("the annotated log can't be read", "bad"))
-    if n_warnings:
+    if n_warnings or n_doubts:
         rank = min(rank, 2)
-    return LogCandidate(entry, badges, rank, n_warnings, story[:MAX_STORY_CHARACTERS], sources=tuple(sources))
+    return LogCandidate(
+        entry, badges, rank, n_warnings, story[:MAX_STORY_CHARACTERS], sources=tuple(sources), n_doubts=n_doubts
+    )
 
 
 def _count_raised_warnings(log: Log) -> int:
@@ -250,8 +271,8 @@ def _count_raised_warnings(log: Log) -> int:
 
 
 def _candidate_sort_key(candidate: LogCandidate) -> tuple[Any, ...]:
-    """Sort key: failed logs come first, then those with warnings, then the rest."""
-    return candidate.rank, candidate.n_warnings == 0, candidate.entry.id
+    """Sort key: failed logs come first, then those with doubts and warnings, then the rest."""
+    return candidate.rank, -candidate.n_doubts, candidate.n_warnings == 0, candidate.entry.id
 
 
 def _render_section_and_complete_candidate(

@@ -23,6 +23,11 @@ MAX_PAGE_BYTES = 5_900_000
 """The size of a page that sections are fitted into, in bytes; docs/report.md promises less than 6 MB."""
 MAX_NAMED_LOGS = 3
 """Greatest number of doubtful logs that the headline names; chosen by hand."""
+MIN_REASONS, MAX_REASONS = 2, 8
+"""Least and greatest number of reasons of failures that are listed; chosen by hand."""
+MAX_ROWS_WITH_NAMED_CELLS = 200
+"""Greatest number of rows whose cells carry the names of their columns, for narrow screens. Chosen by hand: they take a
+third of the table."""
 DOUBTS_METRIC = "doubts.count"
 """Metric that counts the doubts about a log."""
 METRIC_COLUMNS = (
@@ -60,7 +65,10 @@ class Report:
 
 @dataclass
 class LogCandidate:
-    """A log, as far as it is known before its figures are made; those of the lowest rank come first."""
+    """A log, as far as it is known before its figures are made; those of the lowest rank come first.
+
+    Doubts are counted where the run's digest stands for the log.
+    """
 
     entry: LogEntry
     badges: list[Badge]
@@ -70,6 +78,7 @@ class LogCandidate:
     anchor: str = ""
     links: tuple[tuple[str, str], ...] = ()
     sources: tuple[SourceInLog, ...] = ()
+    n_doubts: int = 0
 
 
 def log_metrics_of_entry(entry: LogEntry) -> LogMetrics:
@@ -113,7 +122,7 @@ def assemble_run_report(
     page = PageContent(
         title=run.name,
         headline=_run_headline(candidates),
-        sentences=tuple(_left_out_sentences(left_out, len(candidates))),
+        sentences=(*_failure_sentences(candidates), *_left_out_sentences(left_out, len(candidates))),
         badges=tuple(_build_run_badges(candidates, results)),
         gates=tuple(build_gate_views(results)),
         columns=tuple(title for _, title in columns),
@@ -121,12 +130,29 @@ def assemble_run_report(
         metrics=pool_metrics([log_metrics_of_entry(each.entry) for each in candidates], anchors),
         sources=sources,
         n_sources=n_sources,
+        has_plain_cells=len(candidates) > MAX_ROWS_WITH_NAMED_CELLS,
         footer=footer_sentences(renderer.tiles),
     )
     html = renderer.render_page(page, sections).encode()
     if len(html) > MAX_PAGE_BYTES * 1.5:
         raise InputError(f"the run has so many logs ({len(candidates)}) that the page would be {len(html)} bytes long")
     return Report(html, len(candidates), len(sections), len(failed), left_out)
+
+
+def _failure_sentences(candidates: Sequence[LogCandidate]) -> list[str]:
+    """Say why logs failed, the most frequent reason first."""
+    names: dict[str, list[str]] = {}
+    for each in candidates:
+        if each.entry.has_failed:
+            names.setdefault(each.entry.error.get("what", "it failed"), []).append(each.entry.name)
+    if len(names) < MIN_REASONS:  # the rows say it
+        return []
+    ordered = sorted(names.items(), key=lambda item: (-len(item[1]), item[0]))
+    return [
+        f"{format_count(len(logs), 'log')} failed: {what} ({', '.join(logs[:MAX_NAMED_LOGS])}"
+        f"{', ...' if len(logs) > MAX_NAMED_LOGS else ''})."
+        for what, logs in ordered[:MAX_REASONS]
+    ]
 
 
 def _run_headline(candidates: Sequence[LogCandidate]) -> str:

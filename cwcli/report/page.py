@@ -54,7 +54,7 @@ class GateView:
 
 @dataclass(frozen=True)
 class PageContent:
-    """The content of the page around the sections of the logs."""
+    """The content of the page around the sections of the logs; plain cells do not name their columns."""
 
     title: str
     headline: str
@@ -67,6 +67,7 @@ class PageContent:
     metrics: tuple[PooledMetric, ...] = ()
     sources: tuple[PooledSource, ...] = ()
     n_sources: int = 0
+    has_plain_cells: bool = False
 
 
 class PageRenderer:

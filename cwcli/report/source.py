@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
 
+from cwcli.digest.fleet import LogLine
 from cwcli.errors import InputError
 from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, RecordedLog, read_output_folder
-from cwcli.fleet.results import read_metrics_table
+from cwcli.fleet.results import MetricsOfRun
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
-from cwcli.metrics.pooling import MetricRow, metric_rows_by_name
+from cwcli.metrics.pooling import MetricRow
 from cwcli.url import display_name_of_url
 
 
@@ -28,6 +29,7 @@ class LogEntry:
         error: What, where and hint of the failure.
         skip_reason_by_stage: Stage -> why it did not run.
         metrics: Headline metrics by name.
+        line: What the run's digest says of the log; None for a single log.
     """
 
     id: str
@@ -38,6 +40,7 @@ class LogEntry:
     error: Mapping[str, str] = field(default_factory=dict)
     skip_reason_by_stage: Mapping[str, str] = field(default_factory=dict)
     metrics: Mapping[str, MetricRow] = field(default_factory=dict)
+    line: LogLine | None = None
 
 
 @dataclass(frozen=True)
@@ -85,19 +88,22 @@ def read_reported_run(source: str) -> ReportedRun:
         )
     if not run.logs:
         raise InputError("the folder holds no log", where=source, hint="fill it with `cwcli run logs/*.mcap -d out/`")
-    return ReportedRun(path.resolve().name, tuple(_build_log_entry(log) for log in run.logs), run.gates, is_folder=True)
+    metrics = MetricsOfRun(path)
+    entries = tuple(_build_log_entry(log, metrics) for log in run.logs)
+    return ReportedRun(path.resolve().name, entries, run.gates, is_folder=True)
 
 
-def _build_log_entry(log: RecordedLog) -> LogEntry:
+def _build_log_entry(log: RecordedLog, metrics_of_run: MetricsOfRun) -> LogEntry:
     """Build the entry of one log of the folder; damaged metrics count as its failure."""
     annotated = None if log.folder is None else log.folder.annotated_log_path
     has_failed = log.entry.get("status") != "done"
     error, left_out = log.entry.get("error"), log.entry.get("left_out")
     if has_failed and not isinstance(error, dict):
         error = {"what": NOT_DONE_TEXT}
-    metrics: dict[str, MetricRow] = {}
+    metrics: Mapping[str, MetricRow] = {}
     try:
-        metrics = {} if log.folder is None else _read_log_metrics(log.folder.metrics_path)
+        has_metrics = log.folder is not None and not has_failed and metrics_of_run.has_table(log.folder)
+        metrics = {} if log.folder is None or not has_metrics else metrics_of_run.rows_of_log(log.folder)
     except InputError as damage:
         if not has_failed:
             has_failed, error = True, {"what": damage.what, "where": damage.where, "hint": "do the run again"}
@@ -114,18 +120,5 @@ def _build_log_entry(log: RecordedLog) -> LogEntry:
         if isinstance(left_out, dict)
         else {},
         metrics=metrics,
+        line=LogLine.from_entry({"id": log.id, "error": None, "tables": {}, **log.entry}, str(log.entry.get("status"))),
     )
-
-
-def _read_log_metrics(file: Path) -> dict[str, MetricRow]:
-    """Read the log's rows of the metrics dataset; {} if there is no file.
-
-    Raises:
-        InputError: The file is damaged.
-    """
-    if not file.is_file():
-        return {}
-    try:
-        return metric_rows_by_name(read_metrics_table(file))
-    except (ValueError, TypeError) as error:
-        raise InputError(f"can't be read: {error}", where=str(file)) from error

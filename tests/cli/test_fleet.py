@@ -13,10 +13,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-import pyarrow.dataset as ds
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
+from cwcli.fleet.table_schemas import TABLES_SCHEMA_VERSION
 from tests.cli.conftest import ROOT, Run
 from tests.cli.fleet_logs import cut, tree
 
@@ -102,13 +104,13 @@ def test_rejected_measurements_are_the_same_bytes(cwcli: Run, tmp_path: Path) ->
         samples = [ROOT / "sample_logs" / name for name in ("straight.mcap", "intersection.mcap")]
         done = cwcli("run", *samples, "-d", f"out{jobs}", "--jobs", jobs, "--stage", "estimate", "--quiet")
         assert done.returncode == 0, done.stderr
-        tables.append((tmp_path / f"out{jobs}/details/rejected/log=straight/rejected.parquet").read_bytes())
+        tables.append((tmp_path / f"out{jobs}/details/rejected.parquet").read_bytes())
     assert len(set(tables)) == 1
 
 
 def test_layout_and_manifest(reference: Path) -> None:
     manifest = json.loads((reference / "manifest.json").read_text())
-    assert (manifest["format"], manifest["cwcli"]) == (1, "0.1.0")
+    assert (manifest["format"], manifest["cwcli"]) == (2, "0.1.0")
     assert manifest["pipeline"]["run"]["stages"] == ["estimate", "track", "lanes", "observe", "predict", "warn"]
     by_id = {entry["id"]: entry for entry in manifest["logs"]}
     assert len(by_id) == N_LOGS
@@ -120,10 +122,12 @@ def test_layout_and_manifest(reference: Path) -> None:
     assert by_id["broken"]["error"]["exit_code"] == 3
     assert by_id["broken"]["error"]["where"] == "logs/broken.mcap"
     assert by_id["broken"]["outputs"] == []
-    assert not list(reference.glob("**/log=broken"))
+    tables = {f"{name}.parquet" for name in manifest["tables"]}
+    assert {"metrics.parquet", "details/estimate.parquet", "tables/gps.fix.parquet"} < tables
     named = {name for entry in by_id.values() for name in entry["outputs"]}
     found = {path.relative_to(reference).as_posix() for path in reference.rglob("*") if path.is_file()}
-    assert found == named | {f"logs/{i}/entry.json" for i in by_id} | {"manifest.json", "run_times.json"}
+    others = {"manifest.json", "run_times.json", "views.sql"}
+    assert found == named | tables | {f"logs/{i}/entry.json" for i in by_id} | others
     for i, entry in by_id.items():
         assert json.loads((reference / "logs" / i / "entry.json").read_text()) == entry
         assert entry["source"].startswith("logs/")
@@ -134,7 +138,10 @@ def test_annotated_logs_equal_those_of_single_runs(cwcli: Run, logs: Path, refer
     assert done.returncode == 0
     assert (tmp_path / "a.mcap").read_bytes() == (reference / "logs/a/annotated.mcap").read_bytes()
     for path in (tmp_path / "metrics").iterdir():
-        assert path.read_bytes() == (reference / "details" / path.stem / "log=a" / path.name).read_bytes()
+        table = pq.read_table(reference / "details" / path.name)
+        of_a = table.filter(pc.equal(table["log"], "a")).drop(["log", "run_id", "schema_version"])
+        alone = pq.read_table(path)
+        assert str(of_a.cast(alone.schema).to_pylist()) == str(alone.to_pylist())  # NaN is not NaN
 
 
 def test_tables_hold_every_message(logs: Path, reference: Path) -> None:
@@ -144,11 +151,21 @@ def test_tables_hold_every_message(logs: Path, reference: Path) -> None:
     assert summary is not None and summary.statistics is not None
     for channel in summary.channels.values():
         name = channel.topic.removeprefix("/").replace("/", ".")
-        table = ds.dataset(reference / "tables" / name / "log=a" / f"{name}.parquet")
-        assert table.count_rows() == summary.statistics.channel_message_counts.get(channel.id, 0)
-    states = ds.dataset(reference / "tables" / "cwcli.ego.state", partitioning="hive").to_table()
+        logs = pq.read_table(reference / "tables" / f"{name}.parquet", columns=["log"])["log"]
+        assert pc.sum(pc.equal(logs, "a")).as_py() == summary.statistics.channel_message_counts.get(channel.id, 0)
+    states = pq.read_table(reference / "tables" / "cwcli.ego.state.parquet")
     assert {"speed_mps", "log_time_ns", "log"} <= set(states.column_names)
     assert len(states["log"].unique()) == N_LOGS - 1
+
+
+def test_schemas_are_those_of_the_schema_version(reference: Path) -> None:
+    """A changed column is a new `TABLES_SCHEMA_VERSION`; then write the file anew with what the test prints."""
+    found = {
+        path.relative_to(reference).as_posix(): {field.name: str(field.type) for field in pq.read_schema(path)}
+        for path in sorted([reference / "metrics.parquet", *(reference / "details").iterdir()])
+    }
+    document = {"schema_version": TABLES_SCHEMA_VERSION, "tables": found}
+    assert json.loads((Path(__file__).parent / "table_schemas.json").read_text()) == document, json.dumps(document)
 
 
 def test_second_run_does_nothing_again(logs: Path, reference: Path, tmp_path: Path) -> None:
@@ -176,8 +193,9 @@ def test_what_has_changed_is_done_again(logs: Path, tmp_path: Path) -> None:
     assert statuses(start(tmp_path, *arguments)) == {"a": "done", "alone": "done", "b": "done"}
     first = tree(tmp_path / "out")
     shutil.copy(logs / "b.mcap", tmp_path / "logs/a.mcap")  # another input
-    (tmp_path / "out/details/estimate/log=b/estimate.parquet").unlink()  # an output is gone
-    assert statuses(start(tmp_path, *arguments)) == {"a": "done", "alone": "unchanged", "b": "done"}
+    assert statuses(start(tmp_path, *arguments)) == {"a": "done", "alone": "unchanged", "b": "unchanged"}
+    (tmp_path / "out/details/estimate.parquet").unlink()  # a table is gone, and with it rows of all logs
+    assert set(statuses(start(tmp_path, *arguments)).values()) == {"done"}
     with (tmp_path / "out/logs/b/annotated.mcap").open("r+b") as file:  # an output was cut
         file.truncate(100)
     shutil.copy(logs / "a.mcap", tmp_path / "logs/a.mcap")
@@ -192,10 +210,14 @@ def test_what_has_changed_is_done_again(logs: Path, tmp_path: Path) -> None:
 def test_a_table_that_is_not_made_any_more_goes(logs: Path, tmp_path: Path) -> None:
     process = start(logs.parent, "logs/a.mcap", "-d", str(tmp_path / "out"), "--quiet")
     assert process.wait(60) == 0
-    assert (tmp_path / "out/details/events/log=a").is_dir()
+    assert (tmp_path / "out/details/events.parquet").is_file()
     process = start(logs.parent, "logs/a.mcap", "-d", str(tmp_path / "out"), "--quiet", "--stage", "estimate")
     assert process.wait(60) == 0
-    assert sorted(path.name for path in (tmp_path / "out/details").iterdir()) == ["estimate", "link", "rejected"]
+    assert sorted(path.name for path in (tmp_path / "out/details").iterdir()) == [
+        "estimate.parquet",
+        "link.parquet",
+        "rejected.parquet",
+    ]
 
 
 @pytest.fixture(scope="module")

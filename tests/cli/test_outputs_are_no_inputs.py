@@ -297,7 +297,7 @@ def test_what_a_run_over_many_logs_writes_is_no_input(
     assert state(tmp_path) == before
 
 
-@pytest.mark.parametrize("part", ["logs/LOG", "metrics", "details", "tables"])
+@pytest.mark.parametrize("part", ["logs/LOG", "details", "tables"])
 def test_what_a_run_over_many_logs_removes_is_no_input(
     files: dict[str, Path], tmp_path: Path, part: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -331,7 +331,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 ENTRIES = ("manifest.json", "logs/straight/entry.json")
-METRICS_OF_LOG, ANNOTATED_LOG = "metrics/log=straight/metrics.parquet", "logs/straight/annotated.mcap"
+METRICS_OF_LOG, ANNOTATED_LOG = "metrics.parquet", "logs/straight/annotated.mcap"
 READ_OF_RUN = [
     (["evaluate", "OUT", "--junit"], (*ENTRIES, METRICS_OF_LOG)),
     (["evaluate", "OUT", "--truth", "none", "--markdown"], (*ENTRIES, METRICS_OF_LOG, ANNOTATED_LOG)),
@@ -391,6 +391,7 @@ OPENERS = {
     "simulate/detections.py": "comes with cwcli",
     "fleet/inputs.py": "the copy of a remote log",
     "fleet/folder.py": "what an earlier run into the same folder has done",
+    "fleet/tables.py": "both ends of the tables that an earlier run into the same folder has written",
     "fleet/run.py": "the lock of the output folder",
     "cli/main.py": "the null device",
     "registry.py": "what tells of a plug-in",

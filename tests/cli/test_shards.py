@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -57,9 +63,7 @@ def test_merge_that_was_killed_goes_on(runs: Path, tmp_path: Path) -> None:
     assert merge(runs, "shard1", "shard2", out=target) == EXIT_DONE
     entry = next((target / "logs").glob("drive_0/entry.json"))
     entry.unlink()
-    table = next((target / "metrics").glob("log=drive_1/*.parquet"))
-    table.unlink()  # it is a link to the shard's
-    table.write_bytes(b"half")
+    (target / "metrics.parquet").write_bytes(b"half")
     assert merge(runs, "shard1", "shard2", out=target) == EXIT_DONE
     assert tree(target) == tree(runs / "whole")
 
@@ -68,7 +72,10 @@ def test_shard_that_was_killed_is_refused_until_it_ran_again(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = shards_of(runs, tmp_path)
-    name = json.loads((folder / "shard1" / "manifest.json").read_text())["logs"][-1]["id"]
+    manifest = json.loads((folder / "shard1" / "manifest.json").read_text())
+    name = manifest["logs"][-1]["id"]
+    manifest["logs"][-1]["status"] = "pending"
+    (folder / "shard1" / "manifest.json").write_text(json.dumps(manifest))
     (folder / "shard1" / "logs" / name / "entry.json").unlink()
     assert merge(folder, "shard1", "shard2") == EXIT_BAD_INPUT
     said = " ".join(capsys.readouterr().err.split())
@@ -91,6 +98,13 @@ def spoil_manifest(path: Path, **changes: object) -> None:
         (None, ("shard1", "logs"), EXIT_BAD_INPUT, "the folder holds no run"),
         ({"cwcli": "0.0.1"}, ("shard1", "shard2"), EXIT_USAGE, "another version of cwcli"),
         ({"pipeline": {}}, ("shard1", "shard2"), EXIT_USAGE, "another pipeline"),
+        ({"run_id": "0"}, ("shard1", "shard2"), EXIT_USAGE, "another set of options or version of the tables"),
+        (
+            {"tables": ["details/none"]},
+            ("shard1", "shard2"),
+            EXIT_BAD_INPUT,
+            "tables of the run are missing or changed",
+        ),
         ({"format": 99}, ("shard1", "shard2"), EXIT_BAD_INPUT, "a manifest of format 99"),
         ({"shard": {"index": 2, "count": 4}}, ("shard1", "shard2"), EXIT_USAGE, "runs in 2 and 4 parts"),
         ({"logs": [{"id": "../x"}]}, ("shard1", "shard2"), EXIT_BAD_INPUT, "is no name of a file"),
@@ -121,7 +135,7 @@ def test_changed_files_and_other_folders_are_refused(
     assert merge(folder, "shard1", "shard2", out="shard1") == EXIT_USAGE
     (folder / "other" / "logs").mkdir(parents=True)
     assert merge(folder, "shard1", "shard2", out="other") == EXIT_OUTPUT
-    next((folder / "shard1" / "metrics").glob("*/*.parquet")).write_bytes(b"half")
+    (folder / "shard1" / "metrics.parquet").write_bytes(b"half")
     assert merge(folder, "shard1", "shard2") == EXIT_BAD_INPUT
     assert "are missing or changed" in " ".join(capsys.readouterr().err.split())
 
@@ -163,3 +177,41 @@ def test_more_shards_than_logs(runs: Path, tmp_path: Path) -> None:
     code = run_command_line(["run", str(runs / "logs"), "-d", str(tmp_path / "s"), *STAGES, "--shard", "9/9"])
     assert code == EXIT_DONE
     assert json.loads((tmp_path / "s" / "manifest.json").read_text())["logs"] == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("n_logs", "n_shards", "n_kills"), [(12, 3, 5), (200, 8, 20)])
+def test_shards_that_are_killed_at_any_moment_and_rerun_equal_one_run(
+    tmp_path: Path, n_logs: int, n_shards: int, n_kills: int
+) -> None:
+    """`kill -9` of one shard after another, at moments spread over the time that a shard takes."""
+    (tmp_path / "logs").mkdir()
+    for k in range(n_logs):
+        cut(SAMPLES / "straight.mcap", tmp_path / "logs" / f"d{k:03}.mcap", start_s=0.05 * (k % 300), seconds=2.0)
+
+    def command(out: str, *options: str) -> list[str]:
+        return [sys.executable, "-m", "cwcli", "run", "logs", "-d", out, *STAGES, *options]
+
+    environment = {**os.environ, "PYTHONPATH": str(SAMPLES.parent)}
+    subprocess.run(command("whole"), check=True, cwd=tmp_path, env=environment)
+    begin = time.monotonic()
+    subprocess.run(command("timed", "--shard", f"1/{n_shards}"), check=True, cwd=tmp_path, env=environment)
+    took_s = time.monotonic() - begin
+    for k in range(n_kills):
+        shard = 1 + k % n_shards
+        process = subprocess.Popen(
+            command(f"shard{shard}", "--shard", f"{shard}/{n_shards}"),
+            cwd=tmp_path,
+            env=environment,
+            start_new_session=True,
+        )
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(took_s * (k + 1) / n_kills)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    for shard in range(1, n_shards + 1):
+        options = ("--shard", f"{shard}/{n_shards}")
+        subprocess.run(command(f"shard{shard}", *options), check=True, cwd=tmp_path, env=environment)
+    assert merge(tmp_path, *(f"shard{k}" for k in range(1, n_shards + 1))) == EXIT_DONE
+    assert tree(tmp_path / "merged") == tree(tmp_path / "whole")

@@ -57,6 +57,9 @@ class PipelineOptions:
         ),
     ] = field(default_factory=list)
     tables: Annotated[bool, typer.Option("--tables", help="With -d: write the channels' columns too.")] = False
+    no_annotate: Annotated[
+        bool, typer.Option("--no-annotate", help="With -d: write the tables, and no annotated logs.")
+    ] = False
     gates: Annotated[
         list[str],
         typer.Option(
@@ -145,6 +148,8 @@ class AllOptions:
         """Convert all options and their values to the form of a configuration file."""
         shared = {**asdict(self.inputs), "gates": list(self.pipeline.gates)}
         run = {"stages": list(self.stage_calls()), "tables": self.pipeline.tables}
+        if self.pipeline.no_annotate:
+            run["no_annotate"] = True
         return {
             **shared,
             "run": run,
@@ -171,6 +176,7 @@ class AllOptions:
             ego_station=inputs.ego_station,
             replace=replace,
             tables=self.pipeline.tables,
+            annotate=not self.pipeline.no_annotate,
             channels=choice.patterns,
         )
 
@@ -266,6 +272,7 @@ def _refuse_without_directory(
         ("--rehash", fleet.rehash or None),
         ("--shard", fleet.shard),
         ("--tables", pipeline.tables or None),
+        ("--no-annotate", pipeline.no_annotate or None),
     ):
         if value is not None:
             raise UsageError(f"{option} needs an output folder", hint="name it with -d")

@@ -77,9 +77,21 @@ class TracksOfLog:
 
 
 def read_ego_and_other_tracks(
-    log: Log, bound: Bindings, selection: Selection, *, with_covariance: bool = False
+    log: Log,
+    bound: Bindings,
+    selection: Selection,
+    *,
+    with_covariance: bool = False,
+    ego: VehicleStates | None = None,
 ) -> tuple[TracksOfLog, tuple[InputMessageCount, ...]]:
     """Read the tracks in the chosen span, and count the messages.
+
+    Args:
+        log: The log.
+        bound: The channels that are read.
+        selection: The part of the log that is used.
+        with_covariance: Read the covariances, too.
+        ego: The states of the ego by stamp, if they are known; then its channel is not read.
 
     Raises:
         MissingSignalError: There is no state of the ego.
@@ -87,9 +99,11 @@ def read_ego_and_other_tracks(
     counts = []
     others: dict[str, VehicleStates] = {}
     topics: dict[str, tuple[str, str]] = {}
-    ego: VehicleStates | None = None
     for role, bindings in bound.by_role.items():
         topic = bindings[0].topic
+        if role == EGO_STATE.role and ego is not None:
+            topics[ego.ids.values[ego.ids.codes[0]]] = topic, role
+            continue
         everything = _read_states(log, topic, role, with_covariance)
         states = everything.select_logged_within(selection.start_ns, selection.end_ns)
         counts.append(InputMessageCount(topic, role, len(everything), len(states)))

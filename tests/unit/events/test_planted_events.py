@@ -60,3 +60,19 @@ def test_clip_holds_the_event_with_its_id(tmp_path: Path) -> None:
     written = write_clips([hit], {hit.log: str(path)}, tmp_path / "clips", Log.open, margin_s=5.0)
     (again,) = found_in(Path(written[hit.id]), "cut-in")
     assert (again.id, again.moment.start_ns, again.moment.end_ns) == (hit.id, hit.moment.start_ns, hit.moment.end_ns)
+
+
+def test_an_event_of_the_ego_alone_reads_no_other_vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_drive(planted_drive("hard-brake", seed=3), tmp_path / "drive.mcap", seed=3)
+    topics: list[str] = []
+    load_topics = Log.load_topics
+
+    def record(log: Log, wanted: object, *arguments: object, **options: object) -> object:
+        topics.extend(wanted)  # type: ignore[arg-type]
+        return load_topics(log, wanted, *arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Log, "load_topics", record)
+    assert len(found_in(path, "hard-brake")) == 1
+    assert topics == ["/cwcli/ego/state"]
+    found_in(path, "cut-in")
+    assert topics == ["/cwcli/ego/state"] * 2 + ["/cwcli/remote/state"]

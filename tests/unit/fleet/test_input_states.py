@@ -10,12 +10,17 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from cwcli.cli.commands.run import gather_default_options
+from cwcli.fleet import folder
+from cwcli.fleet import index as fleet_index
 from cwcli.fleet import run as fleet_run
 from cwcli.fleet.input_states import FileState, read_file_state, states_from_document, states_to_document
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
+from cwcli.fleet.results import read_run_metrics
 from cwcli.fleet.run import run_fleet
 from cwcli.fleet.worker import process_log
 from tests.cli.fleet_logs import tree
@@ -97,11 +102,11 @@ def test_a_touched_log_is_hashed_and_then_known_again(runs: Runs) -> None:
 
 
 def remove_table(runs: Runs) -> None:
-    next((runs.out / "metrics/log=curve").glob("*.parquet")).unlink()
+    (runs.out / "metrics.parquet").unlink()
 
 
-def remove_entry(runs: Runs) -> None:
-    (runs.out / "logs/curve/entry.json").unlink()
+def remove_annotated_log(runs: Runs) -> None:
+    (runs.out / "logs/curve/annotated.mcap").unlink()
 
 
 def change_options(runs: Runs) -> None:
@@ -110,7 +115,11 @@ def change_options(runs: Runs) -> None:
 
 @pytest.mark.parametrize(
     ("change", "read"),
-    [(remove_table, ["curve"]), (remove_entry, ["curve"]), (change_options, ["curve", "straight"])],
+    [
+        (remove_table, ["curve", "straight"]),
+        (remove_annotated_log, ["curve"]),
+        (change_options, ["curve", "straight"]),
+    ],
 )
 def test_results_that_are_gone_or_of_other_options_are_made_again(
     runs: Runs, change: Callable[[Runs], None], read: list[str]
@@ -118,6 +127,50 @@ def test_results_that_are_gone_or_of_other_options_are_made_again(
     change(runs)
     assert [id for id, status in runs().items() if status == "done"] == read
     assert runs.read == read
+
+
+def test_finished_logs_are_known_from_one_index(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No entry of a log is read, and nothing is written."""
+    opened: list[str] = []
+    read = folder.read_json_object
+    for module in (fleet_index, folder):
+        monkeypatch.setattr(module, "read_json_object", lambda path: (opened.append(path.name), read(path))[1])
+    monkeypatch.setattr(fleet_run, "write_json_object", lambda *arguments, **options: opened.append("written"))
+    assert set(runs().values()) == {"unchanged"}
+    assert opened == ["manifest.json", "run_times.json"]
+
+
+def test_a_run_that_was_killed_before_its_tables_writes_them(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = tree(runs.out)
+    shutil.rmtree(runs.out)
+    write = fleet_run.write_tables
+
+    def kill(*arguments: object) -> list[str]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(fleet_run, "write_tables", kill)
+    with pytest.raises(KeyboardInterrupt):
+        runs()
+    assert not (runs.out / "metrics.parquet").exists()
+    assert all(log.rows for log in read_run_metrics(str(runs.out)).logs)
+    monkeypatch.setattr(fleet_run, "write_tables", write)
+    assert set(runs().values()) == {"unchanged"}
+    assert tree(runs.out) == before
+
+
+def test_no_annotate_writes_the_same_tables_and_no_logs(runs: Runs) -> None:
+    def rows() -> dict[str, pa.Table]:
+        names = [name for name in tree(runs.out) if name.endswith(".parquet")]
+        return {name: pq.read_table(runs.out / name).drop(["run_id"]) for name in names}
+
+    tables = {name: table.to_pylist() for name, table in rows().items()}
+    shutil.rmtree(runs.out)
+    runs.plan = dataclasses.replace(runs.plan, annotate=False)
+    assert set(runs().values()) == {"done"}
+    assert not list(runs.out.rglob("*.mcap"))
+    assert str({name: table.to_pylist() for name, table in rows().items()}) == str(tables)  # NaN is not NaN
+    assert set(runs().values()) == {"unchanged"}
+    assert runs.read == []
 
 
 def test_a_log_that_failed_is_read_again(runs: Runs) -> None:

@@ -57,22 +57,21 @@ def test_numbers_beyond_all_bounds_are_read(tmp_path: Path) -> None:
         assert len(read_run_metrics(str(path)).logs) == 1
 
 
-def test_damaged_metrics_of_one_log_do_not_stop_the_report(tmp_path: Path) -> None:
+def test_damaged_metrics_do_not_stop_the_report(tmp_path: Path) -> None:
     entries = [{"id": name, "source": name, "status": "done"} for name in ("a", "b")]
-    (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": entries}))
-    for name in "ab":
-        (tmp_path / f"metrics/log={name}").mkdir(parents=True)
-    metrics_table(tmp_path / "metrics/log=a/metrics.parquet")
-    (tmp_path / "metrics/log=b/metrics.parquet").write_bytes(b"PAR1")
-    whole, damaged = read_reported_run(str(tmp_path)).entries
-    assert (whole.has_failed, list(whole.metrics)) == (False, ["ego.position_rmse_m"])
-    assert damaged.has_failed and "the metrics can't be read" in damaged.error["what"]
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 2, "logs": entries}))
+    metrics_table(tmp_path / "metrics.parquet")
+    with_rows, without = read_reported_run(str(tmp_path)).entries
+    assert (list(with_rows.metrics), dict(without.metrics)) == (["ego.position_rmse_m"], {})
+    (tmp_path / "metrics.parquet").write_bytes(b"PAR1")
+    for damaged in read_reported_run(str(tmp_path)).entries:
+        assert damaged.has_failed and "the metrics can't be read" in damaged.error["what"]
 
 
 def test_an_empty_name_is_not_the_folder_where_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     metrics_table(tmp_path / "m.parquet")
-    (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": [{"id": "a"}]}))
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 2, "logs": [{"id": "a"}]}))
     for read in (read_run_metrics, read_reported_run):
         assert read(".")
         with pytest.raises(InputError, match="the name of the run is empty"):

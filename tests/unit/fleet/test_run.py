@@ -178,6 +178,7 @@ def test_a_log_that_became_a_folder_is_an_error_of_its_log(plan: FleetPlan, tmp_
         {"tables": {"events": "many"}},
         {"source": 7},
         {"error": {"what": "?"}},
+        {"scores": None},
     ],
     ids=json.dumps,
 )
@@ -196,7 +197,7 @@ def test_a_log_whose_entry_was_tampered_with_is_done_again(
         "key": plan.cache_key(EMPTY_SHA256),
     }
     whole = folder.write_entry(entry, [folder.annotated_log_path])
-    assert folder.is_done(whole, plan.cache_key(EMPTY_SHA256))
+    assert folder.is_done(whole, plan.cache_key(EMPTY_SHA256), has_tables=True)
     write_json_object({**whole, **damage}, folder.annotated_log_path.parent / "entry.json")
     assert (
         process_log(LogTask("log", str(log), str(log), str(tmp_path)), plan).status == "failed"

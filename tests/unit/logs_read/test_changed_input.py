@@ -14,7 +14,7 @@ from cwcli.errors import InputError, OutputError
 from cwcli.input import (
     InputFile,
     check_unchanged,
-    names_of_inputs_in_folder,
+    names_of_inputs_in_folders,
     read_file,
     remember_input_file,
     remember_inputs,
@@ -163,7 +163,7 @@ def test_a_file_that_a_run_has_read_is_no_target(tmp_path: Path) -> None:
     link.hardlink_to(source)
     with remember_inputs():
         assert read_file(source) == b"mine"
-        assert names_of_inputs_in_folder(tmp_path) == [str(source)]
+        assert names_of_inputs_in_folders(tmp_path) == [str(source)]
         with pytest.raises(OutputError, match="the input itself"):
             write_file(link, b"new", force=True)
         with remember_inputs(), pytest.raises(OutputError, match="the input itself"):
@@ -188,7 +188,7 @@ def test_what_nobody_can_read_is_not_remembered(tmp_path: Path) -> None:
         remember_input_file(tmp_path / "none")
         remember_input_file("a\0b")
         remember_input_file(tmp_path)
-        assert names_of_inputs_in_folder(tmp_path.parent) == []
+        assert names_of_inputs_in_folders(tmp_path.parent) == []
 
 
 def test_a_change_behind_the_last_read_is_nobodys_matter(path: Path) -> None:

@@ -5,13 +5,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cwcli.errors import UsageError
+from cwcli.metrics.condition_parser import AndOr, Not
 from cwcli.metrics.gate_syntax import (
     Aggregate,
-    AndOr,
     AnyAll,
     Comparison,
     Name,
-    Not,
     Number,
     Share,
     needs_single_log,

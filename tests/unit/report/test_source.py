@@ -17,7 +17,7 @@ def folder(path: Path, *logs: dict[str, object], manifest: bool = True) -> Path:
         (path / "logs" / str(log["id"]) / "annotated.mcap").write_bytes(b"x")
         (path / "logs" / str(log["id"]) / "entry.json").write_text(json.dumps(log))
     if manifest:
-        (path / "manifest.json").write_text(json.dumps({"format": 1, "pipeline": {"gates": ["a < 1"]}, "logs": logs}))
+        (path / "manifest.json").write_text(json.dumps({"format": 2, "pipeline": {"gates": ["a < 1"]}, "logs": logs}))
     return path
 
 
@@ -38,7 +38,7 @@ def test_folder_of_a_killed_run_tells_what_is_done(tmp_path: Path) -> None:
 def test_a_logs_own_entry_counts_more_than_the_manifest_of_a_killed_run(tmp_path: Path) -> None:
     out = folder(tmp_path, {"id": "a", "status": "done"}, {"id": "b", "status": "failed"})
     pending = [{"id": name, "status": "pending", "error": None} for name in ("a", "b", "c")]
-    (out / "manifest.json").write_text(json.dumps({"format": 1, "pipeline": {}, "logs": pending}))
+    (out / "manifest.json").write_text(json.dumps({"format": 2, "pipeline": {}, "logs": pending}))
     assert [(entry.id, entry.has_failed) for entry in read_reported_run(str(out)).entries] == [
         ("a", False),
         ("b", True),

@@ -1,0 +1,332 @@
+"""The tables of a run: one Parquet file of each kind, with the rows of all logs in order of their ids.
+
+metrics.parquet               headline metrics
+details/<table>.parquet       each table of each stage
+tables/<channel>.parquet      the channels' columns (`--tables`)
+views.sql                     all of them as views for DuckDB
+
+Equal results of the logs give equal bytes, whoever computed them, so that merged shards equal one run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from cwcli.errors import InputError, OutputError
+from cwcli.fleet.staged_tables import (
+    StagedTable,
+    decode_dictionaries,
+    iter_staged_tables,
+    list_staged_tables,
+)
+from cwcli.fleet.table_schemas import (
+    COMMON_COLUMNS,
+    LOG_COLUMN,
+    RUN_ID_COLUMN,
+    SCHEMA_VERSION_COLUMN,
+    TABLES_SCHEMA_VERSION,
+    conform_columns,
+    is_nested,
+    unify_schemas,
+)
+from cwcli.metrics.table import ArrowSink
+from cwcli.output import AtomicGroup, make_folder, open_output
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+METRICS_TABLE, DETAILS_FOLDER, TABLES_FOLDER = "metrics", "details", "tables"
+"""The table of headline metrics, and the folders of the other tables."""
+SUFFIX = ".parquet"
+"""Ending of a table's file."""
+VIEWS_NAME = "views.sql"
+"""Name of the file with the views."""
+PARQUET_MAGIC = b"PAR1"
+"""First and last bytes of a Parquet file. Source: the Parquet format."""
+ROWS_PER_GROUP, ROWS_PER_NESTED_GROUP = 65_536, 4_096
+"""Rows of a row group, and of one with lists, which are larger. Chosen by hand: a few MB are held for each table."""
+MAX_OPEN_FILES = 400
+"""Number of files that are open at a time; chosen: below the 1,024 that most systems allow."""
+
+RowsOfLog = Callable[[str], Iterator[tuple[str, "pa.Table"]]]
+"""The type of a function from a log's id to its tables by name."""
+
+
+class RowSource(Protocol):
+    """Where the rows of some logs are."""
+
+    def schemas(self, ids: Sequence[str]) -> Iterable[tuple[str, pa.Schema]]:
+        """Yield name and schema of the tables of the logs; equal ones need not be repeated."""
+
+    def open(self, names: frozenset[str]) -> RowsOfLog:
+        """Return a function that yields the tables of a log that have these names; ids come in ascending order."""
+
+
+class StagedRows:
+    """The rows of logs that a worker has done.
+
+    Attributes:
+        path_of: The staged file of a log.
+    """
+
+    def __init__(self, path_of: Callable[[str], Path]) -> None:
+        self.path_of = path_of
+        self._index: dict[str, list[StagedTable]] = {}
+
+    def schemas(self, ids: Sequence[str]) -> Iterator[tuple[str, pa.Schema]]:
+        """Yield name and schema of each table once for each different schema."""
+        known = set()
+        for id in ids:
+            self._index[id] = list_staged_tables(self.path_of(id))
+            unknown = [each for each in self._index[id] if each[:2] not in known]
+            known |= {each[:2] for each in unknown}
+            for name, table in iter_staged_tables(self.path_of(id), unknown):
+                yield name, table.schema
+
+    def open(self, names: frozenset[str]) -> RowsOfLog:
+        """Return a function that yields the tables of a log."""
+        return lambda id: iter_staged_tables(self.path_of(id), [each for each in self._index[id] if each.name in names])
+
+
+class MergedRows:
+    """The rows of logs in the tables of an output folder."""
+
+    def __init__(self, out: Path) -> None:
+        self._out = out
+
+    def schemas(self, ids: Sequence[str]) -> Iterator[tuple[str, pa.Schema]]:
+        """Yield name and schema of each table, without the columns that all tables have."""
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        for name in iter_table_names(self._out) if ids else ():
+            path = self._out / f"{name}{SUFFIX}"
+            try:
+                schema = parquet.read_schema(path)
+            except (OSError, ValueError, pa.ArrowException) as error:
+                raise InputError(f"the table can't be read: {error}", where=str(path)) from error
+            metadata = {
+                key: value
+                for key, value in (schema.metadata or {}).items()
+                if key.decode() not in (RUN_ID_COLUMN, SCHEMA_VERSION_COLUMN)
+            }
+            own = [field for field in schema if field.name not in COMMON_COLUMNS]
+            yield name, pa.schema(own, metadata=metadata)
+
+    def open(self, names: frozenset[str]) -> RowsOfLog:
+        """Return a function that yields the rows of a log from all tables."""
+        readers = {
+            name: _RowsInOrder(self._out / f"{name}{SUFFIX}") for name in iter_table_names(self._out) if name in names
+        }
+
+        def rows_of_log(id: str) -> Iterator[tuple[str, pa.Table]]:
+            for name, reader in readers.items():
+                found = reader.take(id)
+                if found is not None:
+                    yield name, found
+
+        return rows_of_log
+
+
+class _RowsInOrder:
+    """Reads one table from its begin to its end, log by log."""
+
+    def __init__(self, path: Path) -> None:
+        self._pieces = _iter_rows_by_log(path)
+        self._next = next(self._pieces, None)
+
+    def take(self, id: str) -> pa.Table | None:
+        """Return the rows of a log; None if there are none. Each id must be greater than the one before."""
+        import pyarrow as pa
+
+        while self._next is not None and self._next[0] < id:
+            self._next = next(self._pieces, None)
+        found = []
+        while self._next is not None and self._next[0] == id:
+            found.append(self._next[1])
+            self._next = next(self._pieces, None)
+        return pa.Table.from_batches(found) if found else None
+
+
+def _iter_rows_by_log(path: Path) -> Iterator[tuple[str, pa.RecordBatch]]:
+    """Yield the id of a log and rows of it; one log's rows may come in several pieces."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    from pyarrow import parquet
+
+    try:
+        with parquet.ParquetFile(path) as file:
+            for batch in file.iter_batches(ROWS_PER_GROUP, use_threads=False):
+                runs = pc.run_end_encode(batch.column(LOG_COLUMN))
+                start = 0
+                for id, end in zip(runs.values.to_pylist(), runs.run_ends.to_pylist(), strict=True):
+                    yield id, batch.slice(start, end - start)
+                    start = end
+    except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+        raise InputError(f"the table can't be read: {error}", where=str(path)) from error
+
+
+def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str) -> list[str]:
+    """Write the tables of a run and the file of views, and remove tables that the run does not have.
+
+    Each file is replaced whole. A run that is killed in between leaves the rows of every log in all of the files that
+    held them or in its staged file, so writing them again gives the same.
+
+    Args:
+        out: The output folder.
+        source_of_log: Id of each log that is done -> where its rows are.
+        run_id: What equal pipelines of one version have in common.
+
+    Returns:
+        The names of the tables, sorted.
+
+    Raises:
+        InputError: A source is damaged.
+        OutputError: A table can't be written.
+    """
+    ids = sorted(source_of_log)
+    sources = list({id(each): each for each in source_of_log.values()}.values())
+    schemas: dict[str, list[pa.Schema]] = {}
+    for source in sources:
+        for name, schema in source.schemas([each for each in ids if source_of_log[each] is source]):
+            schemas.setdefault(name, []).append(schema)
+    names = sorted(schemas)
+    n_at_a_time = max(MAX_OPEN_FILES // (len(sources) + 1), 1)
+    for k in range(0, len(names), n_at_a_time):
+        some = frozenset(names[k : k + n_at_a_time])
+        with AtomicGroup() as together, ExitStack() as stack:
+            writers = {
+                name: _TableWriter(out, name, unify_schemas(schemas[name]), run_id, stack, together)
+                for name in sorted(some)
+            }
+            rows_of_log = {id(source): source.open(some) for source in sources}
+            for each in ids:
+                for name, rows in rows_of_log[id(source_of_log[each])](each):
+                    writers[name].add(each, rows)
+            for writer in writers.values():
+                writer.close()
+    for name in iter_table_names(out):
+        if name not in schemas:
+            _remove_table(out, name)
+    with open_output(out / VIEWS_NAME, force=True, durable=False) as output:
+        output.write(views_text(names).encode())
+    return names
+
+
+class _TableWriter:
+    """Writes one table in row groups of a fixed number of rows."""
+
+    def __init__(
+        self, out: Path, name: str, schema: pa.Schema, run_id: str, stack: ExitStack, together: AtomicGroup
+    ) -> None:
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        path = out / f"{name}{SUFFIX}"
+        make_folder(path.parent, parents=True)
+        self._own, self._run_id = schema, run_id
+        self._n_rows = ROWS_PER_NESTED_GROUP if is_nested(schema) else ROWS_PER_GROUP
+        common = {RUN_ID_COLUMN: run_id, SCHEMA_VERSION_COLUMN: str(TABLES_SCHEMA_VERSION)}
+        self._schema = pa.schema(
+            [
+                pa.field(LOG_COLUMN, pa.string()),
+                *schema,
+                pa.field(RUN_ID_COLUMN, pa.string()),
+                pa.field(SCHEMA_VERSION_COLUMN, pa.int32()),
+            ],
+            metadata={**(schema.metadata or {}), **common},
+        )
+        output = stack.enter_context(open_output(path, force=True, durable=False, together=together))
+        sink = stack.enter_context(pa.PythonFile(ArrowSink(output), "w"))
+        self._writer = stack.enter_context(parquet.ParquetWriter(sink, self._schema, compression="zstd"))
+        self._pending: list[pa.Table] = []
+        self._n_pending = 0
+
+    def add(self, id: str, rows: pa.Table) -> None:
+        """Add the rows of one log."""
+        import pyarrow as pa
+
+        n = len(rows)
+        common = [pa.repeat(pa.scalar(id), n), pa.repeat(pa.scalar(self._run_id), n)]
+        version = pa.repeat(pa.scalar(TABLES_SCHEMA_VERSION, pa.int32()), n)
+        columns = conform_columns(decode_dictionaries(rows), self._own)
+        self._pending.append(pa.Table.from_arrays([common[0], *columns, common[1], version], schema=self._schema))
+        self._n_pending += n
+        if self._n_pending >= self._n_rows:
+            self._write_pending(all_rows=False)
+
+    def close(self) -> None:
+        """Write the rest; a table without rows has its columns all the same."""
+        self._write_pending(all_rows=True)
+
+    def _write_pending(self, *, all_rows: bool) -> None:
+        import pyarrow as pa
+
+        # how rows are cut into arrays shows in the file: they are made one array first
+        rows = pa.concat_tables(self._pending).combine_chunks() if self._pending else self._schema.empty_table()
+        n_whole = len(rows) if all_rows else len(rows) // self._n_rows * self._n_rows
+        for start in range(0, n_whole, self._n_rows):
+            group = rows.slice(start, min(self._n_rows, n_whole - start))
+            self._writer.write_table(group, row_group_size=self._n_rows)
+        rest = rows.slice(n_whole)
+        self._pending, self._n_pending = ([rest] if len(rest) else []), len(rest)
+
+
+def iter_table_names(out: Path) -> Iterator[str]:
+    """Yield the names of the tables in an output folder, sorted."""
+    found = [path.relative_to(out) for pattern in ("*", f"{DETAILS_FOLDER}/*", f"{TABLES_FOLDER}/*")
+             for path in out.glob(f"{pattern}{SUFFIX}")]  # fmt: skip
+    yield from sorted(path.as_posix().removesuffix(SUFFIX) for path in found)
+
+
+def _remove_table(out: Path, name: str) -> None:
+    path = out / f"{name}{SUFFIX}"
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(f"it can't be removed: {error.strerror}", where=str(path)) from error
+    with suppress(OSError):  # it is empty only after its last table
+        if path.parent != out:
+            path.parent.rmdir()
+
+
+def remove_all_tables(out: Path) -> None:
+    """Remove all tables of a run.
+
+    Raises:
+        OutputError: One can't be removed.
+    """
+    for name in [*iter_table_names(out)]:
+        _remove_table(out, name)
+
+
+def are_tables_whole(out: Path, names: object) -> bool:
+    """Whether all tables that a manifest names are there with their beginning and their end."""
+    if not isinstance(names, list):
+        return False
+    return all(isinstance(name, str) and _is_whole(out / f"{name}{SUFFIX}") for name in names)
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            begin = file.read(len(PARQUET_MAGIC))
+            file.seek(-len(PARQUET_MAGIC), 2)
+            return begin == PARQUET_MAGIC == file.read()
+    except (OSError, ValueError):
+        return False
+
+
+def views_text(names: Iterable[str]) -> str:
+    """Return the views of DuckDB on the tables; their paths are relative to the output folder."""
+    lines = ["-- in the output folder: duckdb -init views.sql"]
+    lines += [f"create schema if not exists {folder};" for folder in (DETAILS_FOLDER, TABLES_FOLDER)]
+    for name in names:
+        folder, _, own = name.rpartition("/")
+        view = ".".join(filter(None, (folder, '"{}"'.format(own.replace('"', '""')))))
+        file = f"{name}{SUFFIX}".replace("'", "''")
+        lines.append(f"create or replace view {view} as select * from read_parquet('{file}');")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,170 @@
+"""What the grammars of conditions have in common: tokens, `and`, `or`, `not`, parentheses, comparisons and errors.
+
+The gates (`cwcli.metrics.gate_syntax`) and what is looked for in logs (`cwcli.events.syntax`) build on it. Nothing of a
+condition is ever run as code.
+
+condition  = and { "or" and }
+and        = not { "and" not }
+not        = "not" not | term
+comparison = operand compare operand [ compare operand ]
+compare    = "<" | "<=" | ">" | ">=" | "==" | "!="
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any, ClassVar
+
+from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
+
+MAX_LENGTH = 2000
+"""Greatest number of characters of a condition; chosen by hand."""
+MAX_DEPTH = 50
+"""Greatest depth of nested parentheses, which bounds the recursion of the parser; chosen by hand."""
+COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
+"""The comparison operators that a condition may have."""
+NUMBER_PATTERN = r"(?P<number>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+"""Pattern of a number, without the parenthesis at its end: a grammar may allow a sign behind it."""
+SIGN_PATTERN = r"(?P<sign><=|>=|==|!=|<|>|\(|\))"
+"""Pattern of a comparison operator or a parenthesis."""
+CONNECTIVES = frozenset({"and", "or", "not"})
+"""Words that are no names."""
+
+Token = tuple[str, str, int]
+"""The type of a token: its kind, its text, and where it starts."""
+
+
+@dataclass(frozen=True)
+class Not:
+    """The negation of a condition, a node of its grammar."""
+
+    inner: Any
+
+
+@dataclass(frozen=True)
+class AndOr:
+    """A conjunction (`is_and`) or disjunction of conditions, nodes of their grammar."""
+
+    parts: tuple[Any, ...]
+    is_and: bool
+
+
+class ConditionParser:
+    """A recursive-descent parser; a grammar adds the terms that `not`, `and` and `or` join.
+
+    Attributes:
+        what: What is parsed, with its article, for errors.
+        example: A hint with valid examples.
+        token: Pattern of one token after any white space, with a group for each kind.
+    """
+
+    what: ClassVar[str]
+    example: ClassVar[str]
+    token: ClassVar[re.Pattern[str]]
+
+    def __init__(self, text: str) -> None:
+        if len(text) > MAX_LENGTH:
+            raise UsageError(f"{self.what} of {len(text)} characters is longer than {MAX_LENGTH}", hint=self.example)
+        self.text = text
+        self.at = 0
+        self._depth = 0
+
+    def parse_term(self) -> Any:
+        """Parse what `not`, `and` and `or` join."""
+        raise NotImplementedError
+
+    def parse_condition(self) -> Any:
+        """Parse `condition` of the grammar."""
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise UsageError(f"the {self._noun} has more than {MAX_DEPTH} parentheses inside each other")
+        parts = [self._parse_and()]
+        while self.take("name", "or"):
+            parts.append(self._parse_and())
+        self._depth -= 1
+        return parts[0] if len(parts) == 1 else AndOr(tuple(parts), is_and=False)
+
+    def _parse_and(self) -> Any:
+        parts = [self._parse_not()]
+        while self.take("name", "and"):
+            parts.append(self._parse_not())
+        return parts[0] if len(parts) == 1 else AndOr(tuple(parts), is_and=True)
+
+    def _parse_not(self) -> Any:
+        """Parse `not` of the grammar; two negations cancel each other."""
+        negations = 0
+        while self.take("name", "not"):
+            negations += 1
+        node = self.parse_term()
+        return Not(node) if negations % 2 else node
+
+    def parse_operand(self) -> Any:
+        """Parse one side of a comparison."""
+        raise NotImplementedError
+
+    def parse_operands_and_signs(self) -> tuple[list[Any], list[str]]:
+        """Parse a comparison or a chain of two; without a sign there is one operand."""
+        operands = [self.parse_operand()]
+        signs: list[str] = []
+        while self.peek()[1] in COMPARISONS and len(signs) < 2:
+            signs.append(self.next_token()[1])
+            operands.append(self.parse_operand())
+        return operands, signs
+
+    def finite_number(self, text: str, start: int) -> float:
+        """Return the value of a number; refuse one that overflows: it would always hold, or never."""
+        value = float(text)
+        if not math.isfinite(value):
+            raise self.error("a number that a computer can hold", start)
+        return value
+
+    def peek(self) -> Token:
+        """Return the next token; its kind is `end` beyond the last one, and `other` where nothing fits."""
+        rest = self.text[self.at :]
+        start = self.at + len(rest) - len(rest.lstrip())
+        if not rest.strip():
+            return ("end", "", len(self.text))
+        match = self.token.match(self.text, self.at)
+        if match is None or match.lastgroup is None:
+            return ("other", self.text[start : start + 1], start)
+        return (match.lastgroup, match[match.lastgroup], match.start(match.lastgroup))
+
+    def next_token(self) -> Token:
+        """Consume the next token."""
+        token = self.peek()
+        self.at = token[2] + len(token[1])
+        return token
+
+    def take(self, kind: str, text: str) -> bool:
+        """Consume the next token if it has this kind and text; return whether it had."""
+        if self.peek()[:2] != (kind, text):
+            return False
+        self.next_token()
+        return True
+
+    def require(self, text: str) -> None:
+        """Consume a sign; raise `UsageError` if the next token is another one."""
+        if not self.take("sign", text):
+            raise self.error(f"`{text}`")
+
+    def error(self, expected: str, start: int | None = None) -> UsageError:
+        """Return the error that says what was expected at a character, by default that of the next token."""
+        start = self.peek()[2] if start is None else start
+        found = self.text[start : start + 20].strip()
+        found = "a URL" if "://" in self.text else found  # a part of one could be a part of its password
+        what = f"found `{found}`" if found else "it ends"
+        return UsageError(
+            f"can't read the {self._noun} `{self.text.strip()}`: expected {expected} at character {start + 1}, {what}",
+            hint=self.example,
+        )
+
+    def numbers_only_error(self) -> UsageError:
+        """Return the error about a comparison of constants."""
+        return UsageError(f"the {self._noun} compares numbers only: {self.text.strip()}", hint=self.example)
+
+    @property
+    def _noun(self) -> str:
+        """What is parsed, without its article."""
+        return self.what.partition(" ")[2]

@@ -1,0 +1,146 @@
+"""The tables of a run: the same bytes for the same rows, in whatever order and by whomever they were computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from cwcli.errors import InputError
+from cwcli.fleet import tables
+from cwcli.fleet.staged_tables import list_staged_tables, write_staged_tables
+from cwcli.fleet.table_schemas import unify_schemas
+from cwcli.fleet.tables import MergedRows, StagedRows, are_tables_whole, write_tables
+from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.signals.columns import Strings
+from tests.cli.fleet_logs import tree
+
+RUN_ID = "0123456789abcdef"
+Logs = Mapping[str, Sequence[tuple[str, Table]]]
+
+
+def table(**columns: TableColumn) -> Table:
+    docs = {name: ColumnDoc(doc=f"the {name}") for name in columns}
+    return Table("t", columns, docs, {"topic": "/t", "n": str(len(columns))})
+
+
+def logs_of_one_schema(rng: np.random.Generator) -> Logs:
+    """Nine logs of up to 40 rows, with text that repeats, lists and NaN."""
+    logs = {}
+    for k in range(9):
+        n = int(rng.integers(0, 40))
+        speed_mps = np.where(rng.random(n) < 0.2, np.nan, rng.normal(size=n))
+        words = Strings(np.array(rng.integers(-1, 2, n), np.int32), ["left", f"right {k}"])
+        found = table(speed_mps=speed_mps, word=words, pair=rng.normal(size=(n, 2)), n=np.arange(n))
+        logs[f"log{k}"] = [("metrics", found), ("details/events", table(at_s=np.arange(2.0)))]
+    return logs
+
+
+def logs_of_many_schemas(rng: np.random.Generator) -> Logs:
+    """Logs that lack columns, and whose columns have other types."""
+    n = 3
+    columns: list[dict[str, TableColumn]] = [
+        {"z": np.arange(n), "x": np.arange(n) / 2.0},
+        {"z": np.arange(n, dtype=np.int8)},
+        {"x": np.arange(n), "a": ["1", None, "b"]},
+        {"a": np.arange(n), "b": rng.normal(size=(n, 2))},
+        {"b": rng.normal(size=(n, 3)), "z": np.arange(n) / 3.0},
+    ]
+    return {f"log{k}": [("tables/odd", table(**each))] for k, each in enumerate(columns)}
+
+
+def stage(out: Path, logs: Logs) -> None:
+    for id, own in logs.items():
+        (out / "logs" / id).mkdir(parents=True)
+        write_staged_tables(own, out / "logs" / id / "tables.arrows")
+
+
+def staged_rows(out: Path) -> StagedRows:
+    return StagedRows(lambda id: out / "logs" / id / "tables.arrows")
+
+
+def content(out: Path) -> dict[str, str]:
+    return {name: digest for name, digest in tree(out).items() if not name.startswith("logs/")}
+
+
+@pytest.mark.parametrize("make_logs", [logs_of_one_schema, logs_of_many_schemas])
+@pytest.mark.parametrize("seed", range(4))
+def test_shards_merged_equal_one_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, make_logs: object
+) -> None:
+    monkeypatch.setattr(tables, "ROWS_PER_GROUP", 16)
+    monkeypatch.setattr(tables, "ROWS_PER_NESTED_GROUP", 7)
+    monkeypatch.setattr(tables, "MAX_OPEN_FILES", 4)  # the tables are written in several passes
+    rng = np.random.default_rng(seed)
+    logs: Logs = make_logs(rng)  # type: ignore[operator]
+    whole = tmp_path / "whole"
+    stage(whole, logs)
+    rows = staged_rows(whole)
+    names = write_tables(whole, dict.fromkeys(logs, rows), RUN_ID)
+    assert names == sorted({name for own in logs.values() for name, _ in own})
+    shard_of = {id: int(rng.integers(3)) for id in logs}
+    merged: dict[str, MergedRows] = {}
+    for k in range(3):
+        own = {id: each for id, each in logs.items() if shard_of[id] == k}
+        (tmp_path / f"s{k}").mkdir()
+        stage(tmp_path / f"s{k}", own)
+        write_tables(tmp_path / f"s{k}", dict.fromkeys(own, staged_rows(tmp_path / f"s{k}")), RUN_ID)
+        merged |= dict.fromkeys(own, MergedRows(tmp_path / f"s{k}"))
+    (tmp_path / "merged").mkdir()
+    assert write_tables(tmp_path / "merged", merged, RUN_ID) == names
+    assert content(tmp_path / "merged") == content(whole)
+
+
+def test_new_rows_replace_those_of_the_same_log_and_others_stay(tmp_path: Path) -> None:
+    logs = logs_of_one_schema(np.random.default_rng(1))
+    changed = {**logs, "log3": logs["log4"]}
+    for name, each in (("a", logs), ("b", changed)):
+        stage(tmp_path / name, each)
+        write_tables(tmp_path / name, dict.fromkeys(each, staged_rows(tmp_path / name)), RUN_ID)
+    stage(tmp_path / "new", {"log3": changed["log3"]})
+    old, new = MergedRows(tmp_path / "a"), staged_rows(tmp_path / "new")
+    write_tables(tmp_path / "a", {id: new if id == "log3" else old for id in logs}, RUN_ID)
+    assert content(tmp_path / "a") == content(tmp_path / "b")
+
+
+def test_columns_tell_log_run_and_version_and_keep_their_descriptions(tmp_path: Path) -> None:
+    stage(
+        tmp_path,
+        {"b": [("metrics", table(speed_mps=np.array([1.0])))], "a": [("metrics", table(speed_mps=np.array([2.0])))]},
+    )
+    write_tables(tmp_path, dict.fromkeys(("b", "a"), staged_rows(tmp_path)), RUN_ID)
+    found = pq.read_table(tmp_path / "metrics.parquet")
+    assert found.to_pylist() == [
+        {"log": "a", "speed_mps": 2.0, "run_id": RUN_ID, "schema_version": 1},
+        {"log": "b", "speed_mps": 1.0, "run_id": RUN_ID, "schema_version": 1},
+    ]
+    assert found.schema.field("speed_mps").metadata == {b"unit": b"m/s", b"doc": b"the speed_mps"}
+    assert {b"name": b"t", b"topic": b"/t", b"run_id": RUN_ID.encode()}.items() <= found.schema.metadata.items()
+
+
+def test_types_that_have_nothing_in_common_become_text() -> None:
+    schemas = [pa.schema([("a", kind)]) for kind in (pa.int8(), pa.int64(), pa.string())]
+    assert unify_schemas(schemas[:2]).field("a").type == pa.int64()
+    assert unify_schemas(schemas).field("a").type == pa.string()
+    assert unify_schemas([pa.schema([("b", pa.int8())]), pa.schema([("a", pa.int8())])]).names == ["a", "b"]
+
+
+@pytest.mark.parametrize("damage", [b"", b"half", b"\0" * 40 + (10**9).to_bytes(8, "little") + b"CWTABLE1"])
+def test_damaged_tables_of_a_log_are_refused(tmp_path: Path, damage: bytes) -> None:
+    (tmp_path / "tables.arrows").write_bytes(damage)
+    with pytest.raises(InputError, match="can't be read"):
+        list_staged_tables(tmp_path / "tables.arrows")
+
+
+def test_tables_that_were_cut_are_not_whole(tmp_path: Path) -> None:
+    stage(tmp_path, {"a": [("metrics", table(x=np.arange(3)))]})
+    names = write_tables(tmp_path, {"a": staged_rows(tmp_path)}, RUN_ID)
+    assert are_tables_whole(tmp_path, names) and are_tables_whole(tmp_path, [])
+    assert not are_tables_whole(tmp_path, [*names, "details/none"]) and not are_tables_whole(tmp_path, None)
+    path = tmp_path / "metrics.parquet"
+    path.write_bytes(path.read_bytes()[:-1])
+    assert not are_tables_whole(tmp_path, names)
