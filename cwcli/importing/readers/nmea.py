@@ -42,6 +42,8 @@ PRESETS = {
     "course_deg": Preset("course", "deg-cw-north"),
 }
 """Column -> the quantity and unit that the format fixes."""
+TIMED_TYPES = {"RMC", "GGA", "ZDA"}
+"""The sentences that have a time of their own; the others have that of the last one before them."""
 SOURCES = {"position": ("GGA", "RMC"), "velocity": ("RMC", "VTG"), "heading": ("HDT",)}
 """Table -> the sentences that give it, the best first."""
 
@@ -135,13 +137,12 @@ def _collect_sentence_of_line(collected: Collected, line: str) -> None:
     if not fields:
         collected.counts[kind] += 1
         return
-    if kind in {"RMC", "GGA", "ZDA"}:
-        _collect_time(collected, kind, fields)
-    if kind not in SENTENCE_PARSERS or not len(collected.ns_of_day):
+    has_time = _collect_time(collected, kind, fields) if kind in TIMED_TYPES else bool(len(collected.ns_of_day))
+    if kind not in SENTENCE_PARSERS:
         return
     values = SENTENCE_PARSERS[kind][1](fields)
-    if not values.is_fix:
-        collected.counts[f"{kind} without a fix"] += 1
+    if not values.is_fix or not has_time:
+        collected.counts[f"{kind} without a {'time' if values.is_fix else 'fix'}"] += 1
         return
     sentences = collected.by_type.setdefault(kind, Sentences())
     sentences.row.append(len(collected.ns_of_day) - 1)
@@ -149,13 +150,14 @@ def _collect_sentence_of_line(collected: Collected, line: str) -> None:
         sentences.values.setdefault(name, array("d")).append(getattr(values, name))
 
 
-def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> None:
+def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> bool:
+    """Collect the time, and the date, of a sentence; tell whether it has a time."""
     match = re.fullmatch(r"(\d{2})(\d{2})(\d{2})(?:\.(\d*))?", fields[0])
     if not match:
-        return
+        return False
     hour, minute, second = (int(match.group(k)) for k in (1, 2, 3))
     if hour > 23 or minute > 59 or second > 60:
-        return
+        return False
     part = int((match.group(4) or "").ljust(9, "0")[:9] or "0")
     day = -1
     text = fields[8] if kind == "RMC" and len(fields) > 8 else ""
@@ -167,6 +169,7 @@ def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> Non
         day = _days_since_1970(int(fields[3]), int(fields[2]), int(fields[1]))
     collected.ns_of_day.append(((hour * 60 + minute) * 60 + second) * NS_PER_S + part)
     collected.day.append(day)
+    return True
 
 
 def _days_since_1970(year: int, month: int, day: int) -> int:
