@@ -56,7 +56,7 @@ def nmea(paths: list[Path], tables: Sequence[SourceTable]) -> Tables:
             body = line.strip()
             match = SENTENCE.match(body, max(body.find("$"), body.find("!"), 0))
             try:
-                message = pynmea2.parse(match[0], check=True) if match and body.isascii() else None
+                message = pynmea2.parse("$" + match[0][1:], check=True) if match and body.isascii() else None
             except pynmea2.ParseError:
                 continue
             kind = getattr(message, "sentence_type", "")
@@ -197,6 +197,10 @@ def can(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
     except UnicodeDecodeError:
         described = text.decode("cp1252", "replace")
     database = cantools.database.load_string(described, database_format="dbc", strict=False)
+    names = [message.name for message in database.messages]
+    signals = [(message.name, signal.name) for message in database.messages for signal in message.signals]
+    if len({*names}) < len(names) or len({*signals}) < len(signals):
+        return None
     made: Tables = {table.part: [] for table in tables}
     columns = {table.part: table.columns for table in tables}
     with reader[paths[0].suffix](paths[0]) as frames:

@@ -42,6 +42,8 @@ PRESETS = {
     "course_deg": Preset("course", "deg-cw-north"),
 }
 """Column -> the quantity and unit that the format fixes."""
+MAX_LINE_CHARACTERS = 65_536
+"""The greatest length of a line that is read as one. Chosen by hand: a sentence has 82 characters (NMEA 0183)."""
 TIMED_TYPES = {"RMC", "GGA", "ZDA"}
 """The sentences that have a time of their own; the others have that of the last one before them."""
 SOURCES = {"position": ("GGA", "RMC"), "velocity": ("RMC", "VTG"), "heading": ("HDT",)}
@@ -124,7 +126,7 @@ def _collect_sentences(path: str) -> Collected:
     collected = Collected()
     try:
         with Path(path).open(encoding="ascii", errors="replace") as file:
-            for line in file:
+            while line := file.readline(MAX_LINE_CHARACTERS):
                 if line.strip():
                     _collect_sentence_of_line(collected, line)
     except OSError as error:

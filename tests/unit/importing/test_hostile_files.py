@@ -19,6 +19,7 @@ from cwcli.importing.run import ImportPlan, plan_import, write_import
 from cwcli.importing.tables import AmbiguousError, Answers
 from cwcli.logs.read.reader import Log
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
+from tests.unit.importing.files import can_dump
 
 D = DRIVE
 T, LAT, LON = epoch(), digits(D.lat_deg, 8), digits(D.lon_deg, 8)
@@ -373,3 +374,14 @@ def test_nmea_sentences_without_a_time_are_counted(tmp_path: Path) -> None:
     assert len(log_times(made)) == 29
     assert "GGA without a time: 1 sentences" in notes(made)
     assert "VTG without a time: 1 sentences" in notes(made)
+
+
+@pytest.mark.parametrize("time", ["99999999999999999999.5", "1e300"])
+def test_can_frames_of_an_impossible_time_are_counted(tmp_path: Path, time: str) -> None:
+    """Their nanoseconds have more than 64 bits: exit code 70."""
+    trace, dbc = can_dump(tmp_path)
+    lines = trace.read_text().splitlines()
+    lines[300] = f"({float(time):f}) {lines[300].split(' ', 1)[1]}"
+    trace.write_text("\n".join(lines) + "\n")
+    made = plan_import([str(trace), str(dbc)], Answers())
+    assert "1 frames have an impossible time" in notes(made)
