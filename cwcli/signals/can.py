@@ -158,7 +158,7 @@ def _load_dbc_file(file: str) -> Any:
             text = data.decode("utf-8")
         except UnicodeDecodeError:
             text = data.decode("cp1252", "replace")  # what the format's own editors write: a degree sign is one byte
-        loaded = database.load_string(text, database_format="dbc", strict=False)
+        loaded: Any = database.load_string(text, database_format="dbc", strict=False)
         for message in loaded.messages:
             for signal in message.signals:
                 for value in (signal.scale, signal.offset, signal.minimum or 0, signal.maximum or 0):

@@ -44,6 +44,11 @@ def repeated(name: str, block: bytes, n: int, head: bytes = b"", tail: bytes = b
     return make
 
 
+def later(make: Callable[[], Make]) -> Make:
+    """What is large is made when it is needed."""
+    return lambda folder: make()(folder)
+
+
 def entities(n_levels: int) -> str:
     """Each entity holds the one before ten times."""
     declared = "".join('<!ENTITY e{} "{}">'.format(k + 1, f"&e{k};" * 10) for k in range(n_levels))
@@ -255,10 +260,8 @@ HOSTILE: dict[str, Make] = {
     "dbc, 200,000 names of values": with_dbc(
         candump, files.DBC + "VAL_ 256 VehicleSpeed " + "".join(f'{k} "n{k}" ' for k in range(200_000)) + ";\n"
     ),
-    "blf, a container of 1 GB": with_dbc(lambda folder: text("a.blf", blf(container(bytes(1000 * MEGABYTE))))(folder)),
-    "blf, a container that lies": with_dbc(
-        lambda folder: text("a.blf", blf(container(bytes(500 * MEGABYTE), 100)))(folder)
-    ),
+    "blf, a container of 1 GB": with_dbc(later(lambda: text("a.blf", blf(container(bytes(1000 * MEGABYTE)))))),
+    "blf, a container that lies": with_dbc(later(lambda: text("a.blf", blf(container(bytes(500 * MEGABYTE), 100))))),
     "blf, objects of no size": with_dbc(
         text("a.blf", blf(container(struct.pack("<4sHHII", b"LOBJ", 16, 1, 0, 1) * 99)))
     ),
@@ -271,12 +274,12 @@ HOSTILE: dict[str, Make] = {
     # zip
     "zip, zips inside each other": (nested_zip),
     "zip, 500 MB that say 1 MB": (lying_zip),
-    "zip, 100,000 files": lambda folder: zipped({f"a{k}.csv": b"" for k in range(100_000)})(folder),
+    "zip, 100,000 files": later(lambda: zipped({f"a{k}.csv": b"" for k in range(100_000)})),
     "zip, 400 MB of blanks by lzma": (
-        lambda folder: zipped({"Location.csv": b" " * (400 * MEGABYTE)}, zipfile.ZIP_LZMA)(folder)
+        later(lambda: zipped({"Location.csv": b" " * (400 * MEGABYTE)}, zipfile.ZIP_LZMA))
     ),
     "zip, 150 MB of commas": (
-        lambda folder: zipped({"Location.csv": b"Time (s),Latitude\n" + b",,,,\n" * (30 * MEGABYTE)})(folder)
+        later(lambda: zipped({"Location.csv": b"Time (s),Latitude\n" + b",,,,\n" * (30 * MEGABYTE)}))
     ),
     # Parquet
     "parquet, 2 * 10^8 rows of one value": (parquet(_one_value)),
