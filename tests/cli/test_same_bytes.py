@@ -1,4 +1,4 @@
-"""Outputs are the same bytes whatever the locale, the time zone, the seed of hashes and the number of threads and jobs."""
+"""Outputs are the same bytes whatever the locale, time zone, seed of hashes and number of threads and jobs are."""
 
 from __future__ import annotations
 

@@ -46,7 +46,11 @@ def repeated(name: str, block: bytes, n: int, head: bytes = b"", tail: bytes = b
 
 def later(make: Callable[[], Make]) -> Make:
     """What is large is made when it is needed."""
-    return lambda folder: make()(folder)
+
+    def made(folder: Path) -> list[str]:
+        return make()(folder)
+
+    return made
 
 
 def entities(n_levels: int) -> str:
