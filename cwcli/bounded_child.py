@@ -50,8 +50,10 @@ def serve_request() -> None:
         answer = {"error": {"kind": "memory"}}
     except Exception:
         answer = {"error": {"kind": "bug", "trace": traceback.format_exc()}}
+    sys.stdout.flush()
     with answers:
         json.dump(answer, answers)
+    os._exit(0)  # what the libraries do when Python ends is of no use, and may hang
 
 
 def _limit_resources(limits: dict[str, Any]) -> None:

@@ -24,6 +24,8 @@ BYTES_PER_MEGABYTE = 1_000_000
 """The number of bytes in a megabyte."""
 MAX_ANSWER_BYTES = 16_000_000
 """The greatest size of what the process answers. Chosen by hand."""
+END_S = 30.0
+"""Seconds in which a process that has closed its output must end. Chosen by hand, for a busy machine."""
 MAX_OPEN_FILES = 64
 """The greatest number of files that the process has open at once. Chosen by hand."""
 CPU_S, CPU_S_PER_MEGABYTE = 4, 8
@@ -161,7 +163,7 @@ def _run_child(envelope: dict[str, Any], name: str, descriptors: Sequence[int]) 
 def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:
     """Wait for a process that has closed its output; kill one that has not."""
     try:
-        process.wait(1.0)
+        process.wait(END_S)
     except (subprocess.TimeoutExpired, KeyboardInterrupt):
         process.kill()
 

@@ -88,13 +88,18 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
         "force": force,
         "stdout": None,
     }
-    descriptors = []
-    if target == "-":
-        sys.stdout.flush()
-        request["stdout"] = sys.stdout.fileno()
-        descriptors = [request["stdout"]]
     classes = ERROR_CLASSES | {AmbiguousError.__name__: AmbiguousError}
-    answer = run_bounded(FUNCTION, request, limits, name, descriptors=descriptors, classes=classes)
+    descriptors = []
+    try:
+        if target == "-":
+            sys.stdout.flush()
+            # the process has its own standard output, for the answer
+            request["stdout"] = os.dup(sys.stdout.fileno())
+            descriptors = [request["stdout"]]
+        answer = run_bounded(FUNCTION, request, limits, name, descriptors=descriptors, classes=classes)
+    finally:
+        for descriptor in descriptors:
+            os.close(descriptor)
     try:
         return _report_of_answer(answer)
     except (KeyError, TypeError, ValueError) as error:
