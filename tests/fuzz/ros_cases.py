@@ -55,13 +55,21 @@ def check_export(data: bytes, counts: Counter[str]) -> None:
         if code:
             return
         counts["accepted"] += 1
+        try:
+            read_officially(data)
+        except Exception:  # it raises what it comes upon, as where the summary lacks a channel
+            counts["refused by the official reader"] += 1
+            return
         written = out.read_bytes()
         official = read_officially(written)
         with Log.open(out) as log:
             for topic in official:
                 assert not (topic.startswith(ROS_TOPIC_PREFIX) and official[topic].n_undecodable), topic
                 with suppress(CwcliError):
-                    assert_same(log.columns(topic), official[topic], expect_paths=False)
+                    columns = log.columns(topic)
+                    # the official decoder takes recorded messages of XCDR2 for XCDR1
+                    if columns.n_undecodable == official[topic].n_undecodable or topic.startswith(ROS_TOPIC_PREFIX):
+                        assert_same(columns, official[topic], expect_paths=False)
         before = recorded_messages(data)
         if before is not None:
             counts["compared"] += 1

@@ -137,7 +137,8 @@ def _have_right_checksums(octets: Int64Array, starts: Int64Array, ends: Int64Arr
     begin, end = starts + len(SYNC), ends - CHECKSUM_BYTES
     first = sums[end] - sums[begin]
     second = end * first - (weighted[end] - weighted[begin])
-    return (first & 0xFF == octets[end]) & (second & 0xFF == octets[end + 1])
+    is_right: BoolArray = (first & 0xFF == octets[end]) & (second & 0xFF == octets[end + 1])
+    return is_right
 
 
 def _append_solution_or_count(rows: list[tuple[float, ...]], counts: Counter[str], payload: bytes) -> None:
