@@ -22,7 +22,7 @@ from cwcli.importing.tables import AmbiguousError, Answers, Guess
 from cwcli.lazy_dataclass import dataclass
 
 FUNCTION = "cwcli.importing.bounded_import:import_request"
-"""What the process runs."""
+"""The function that the process runs."""
 MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 400_000_000, 20
 """Memory of the process, and more for each byte of the files: a table is held as columns of numbers. Chosen by hand:
 the libraries and a drive of ten minutes take 150 MB."""

@@ -52,7 +52,7 @@ ACTIVATIONS = ("softmax", "sigmoid", "none")
 ROW_ANCHOR_AXES = ("cell", "row", "lane")
 """The axes of a row-anchor output."""
 FUNCTION = "cwcli.vision.onnx_model:run_once"
-"""What the bounded process runs before the net is used."""
+"""The function that the bounded process runs before the net is used."""
 MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 700_000_000, 8
 """Memory of that process, and more for each byte of the net. Chosen by hand: OpenCV reserves 240 MB that it does not
 use, and a net is held as numbers, once more while it is optimised."""

@@ -21,7 +21,7 @@ from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 
 FUNCTION = "cwcli.logs.read.reader_child:convert_request"
-"""What the process runs."""
+"""The function that the process runs."""
 MEMORY_BYTES = 128_000_000
 """Memory of the process beyond its start and one chunk (`--max-chunk`). Chosen by hand: ordinary bags take 40 MB."""
 MAX_NOTES = 100_000
