@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 
 from cwcli.cli.markdown import format_markdown_table, replace_marked_block
+from cwcli.conformance.cache import RepetitionCache
 from cwcli.conformance.clause import clause_names, load_clause
 from cwcli.conformance.results import FAILED, ClauseResult
 from cwcli.conformance.run import ConformConfig, run_clauses
@@ -21,9 +22,7 @@ RULES = (DEFAULT_RULE, "song2016", "ttc", "path-ttc")
 LANE_SCENE = "lane-drift"
 MAX_COMPARED_TRIALS = 10
 """Number of trials up to which other rules run a clause; larger grids would take most of the time."""
-LONGER_HORIZON_S = 2.8
-"""The horizon of the last column, s: the shortest in steps of 0.1 s that passes NHTSA's trials with 0.1 s to spare."""
-COLUMNS = ("clause", *RULES, f"{DEFAULT_RULE}, horizon {LONGER_HORIZON_S:g} s")
+COLUMNS = ("clause", *RULES)
 
 
 def clause_block(results: dict[str, dict[str, ClauseResult]]) -> str:
@@ -69,16 +68,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--cache", help="folder of finished repetitions")
     options = parser.parse_args()
     hide_plugins()
     others = [name for name in clause_names() if _is_compared(name)]
     results: dict[str, dict[str, ClauseResult]] = {}
     for column in COLUMNS[1:]:
-        rule = column if column in RULES else DEFAULT_RULE
         names = list(clause_names()) if column == DEFAULT_RULE else others
-        horizon_s = None if column in RULES else LONGER_HORIZON_S
-        config = ConformConfig(options.seeds, options.jobs, rule, horizon_s)
-        results[column] = {found.clause.name: found for found in run_clauses(names, config)}
+        config = ConformConfig(options.seeds, options.jobs, column)
+        cache = RepetitionCache(options.cache) if options.cache else None
+        results[column] = {found.clause.name: found for found in run_clauses(names, config, cache=cache)}
         print(f"{column} is done", flush=True)
         text = PAGE.read_text(encoding="utf-8")
         PAGE.write_text(replace_marked_block(text, "clauses", clause_block(results)), encoding="utf-8")

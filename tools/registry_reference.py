@@ -29,6 +29,17 @@ order, by the states' covariances). Where a measure is not defined the cell is e
 A measure is a `Measure` in a file of its own or of its family, and one line in `cwcli/measures/__init__.py`. A package
 adds one by an entry point in the group `cwcli.measures`.
 {sections}
+## Left out
+
+A measure is only here if its definition could be read.
+
+- DSS, T2, TTCD, RCRI, TERCRI, WTTR: no definition was found that could be read; the one of DSS that was read exchanges
+  the two vehicles.
+- Time to accident, conflict severity, extended Delta-V: they begin with the first evasive action, which Westhofen et
+  al. 2023 leave undefined.
+- ACI, TCI, P-SMH: they need a causal model, weights or a set of manoeuvres with probabilities; no values are given.
+- PRI: it needs the place of a pedestrian crossing, so a map.
+
 ## Where they peak
 
 In the bundled scenarios in which two vehicles touch. Black line: first contact; red: most critical value; orange:

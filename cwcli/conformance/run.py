@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
+from cwcli.conformance.cache import RepetitionCache, repetition_key
 from cwcli.conformance.clause import Clause, Trial, load_clause, require_judge_module
 from cwcli.conformance.grades import GRADES
 from cwcli.conformance.lane_trials import simulate_lane_trial, warn_of_lane_departure
@@ -24,7 +26,9 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.process_pool import process_pool
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 
-Tick = Callable[[str], None]
+Tick = Callable[[str, int, int], None]
+BUILTIN_RULES = ("cwcli", "song2016", "ttc", "path-ttc", "eebl")
+"""The rules of cwcli itself."""
 MAX_HORIZON_S = 10.0
 """Longest horizon, s. Chosen by hand: no prediction means anything beyond."""
 MAX_SEEDS = 1000
@@ -69,51 +73,104 @@ class ConformConfig:
                 raise UsageError(f"there is no {option} {value!r}", hint=names_hint(value, known))
 
 
-def run_clauses(names: Sequence[str], config: ConformConfig, tick: Tick = lambda text: None) -> list[ClauseResult]:
-    """Run clauses; `tick` is called with a text when a trial is done.
+def run_clauses(
+    names: Sequence[str],
+    config: ConformConfig,
+    tick: Tick = lambda text, done, total: None,
+    cache: RepetitionCache | None = None,
+) -> list[ClauseResult]:
+    """Run clauses; `tick` is called with a text, and how many trials are done of how many, when one is done.
 
     Args:
         names: Names or files of clauses.
         config: How.
+        tick: Shows the progress.
+        cache: Repetitions that were run before, which gets the new ones; None: everything is run.
 
     Raises:
         UsageError: A clause does not exist, is wrong, or has a trial that nobody can drive.
     """
-    clauses = [load_clause(name) for name in names]
-    tasks = [(name, k) for name, clause in zip(names, clauses, strict=True) for k in range(len(clause.trials))]
-    for name, clause in zip(names, clauses, strict=True):
+    clauses = {name: load_clause(name) for name in names}
+    for name, clause in clauses.items():
         check_trials(clause, name)
-    seeds = {name: range(config.seeds or clause.n_repetitions) for name, clause in zip(names, clauses, strict=True)}
-    done: dict[tuple[str, int], tuple[Repetition, ...]] = {}
-    if config.jobs == 1:
-        for name, k in tasks:
-            done[name, k] = run_trial(name, k, tuple(seeds[name]), config)
-            tick(f"{name}: {load_clause(name).trials[k].name}")
-    else:
-        with process_pool(config.jobs) as pool:
-            running = {
-                (name, k): [
-                    pool.submit(run_trial, name, k, tuple(seeds[name][part :: config.jobs]), config)
-                    for part in range(min(config.jobs, len(seeds[name])))
-                ]
-                for name, k in tasks
-            }
-            for (name, k), parts in running.items():
-                found = [each for part in parts for each in part.result()]
-                done[name, k] = tuple(sorted(found, key=lambda each: int(each.label)))
-                tick(f"{name}: {load_clause(name).trials[k].name}")
+    seeds = {name: range(config.seeds or clause.n_repetitions) for name, clause in clauses.items()}
+    tasks = [(name, k) for name, clause in clauses.items() for k in range(len(clause.trials))]
+    known: dict[tuple[str, int], dict[int, Repetition]] = {}
+    for name, k in tasks:
+        known[name, k] = _known_repetitions(clauses[name], k, seeds[name], config, cache)
+    missing = {task: [seed for seed in seeds[task[0]] if seed not in known[task]] for task in tasks}
+    for n_done, ((name, k), found) in enumerate(_run_missing(missing, config), start=1):
+        if cache is not None and _is_cacheable(config):
+            parts = _key_parts(clauses[name], k, config)
+            cache.add((repetition_key(parts, int(each.label)), each) for each in found)
+        known[name, k] |= {int(each.label): each for each in found}
+        tick(f"{name}: {clauses[name].trials[k].name}", n_done, len(tasks))
     return [
         ClauseResult(
             clause,
             tuple(
-                TrialResult(trial, done[name, k], clause.required_passes(len(seeds[name])))
+                TrialResult(
+                    trial,
+                    tuple(known[name, k][seed] for seed in seeds[name]),
+                    clause.required_passes(len(seeds[name])),
+                )
                 for k, trial in enumerate(clause.trials)
             ),
             len(seeds[name]),
             _settings(clause, config),
         )
-        for name, clause in zip(names, clauses, strict=True)
+        for name, clause in clauses.items()
     ]
+
+
+def _run_missing(
+    missing: Mapping[tuple[str, int], Sequence[int]], config: ConformConfig
+) -> Iterator[tuple[tuple[str, int], list[Repetition]]]:
+    """Run the missing seeds of every trial; yields each trial with its new repetitions."""
+    n_new = sum(len(seeds) for seeds in missing.values())
+    if config.jobs == 1 or n_new <= 1:
+        for (name, k), seeds in missing.items():
+            yield (name, k), list(run_trial(name, k, seeds, config)) if seeds else []
+        return
+    with process_pool(config.jobs) as pool:
+        running = {
+            (name, k): [
+                pool.submit(run_trial, name, k, tuple(seeds[part :: config.jobs]), config)
+                for part in range(min(config.jobs, len(seeds)))
+            ]
+            for (name, k), seeds in missing.items()
+        }
+        for task, parts in running.items():
+            yield task, [each for part in parts for each in part.result()]
+
+
+def _known_repetitions(
+    clause: Clause, index: int, seeds: Sequence[int], config: ConformConfig, cache: RepetitionCache | None
+) -> dict[int, Repetition]:
+    """The repetitions of a trial that were run before, by seed."""
+    if cache is None or not _is_cacheable(config):
+        return {}
+    parts = _key_parts(clause, index, config)
+    found = {seed: cache.get(repetition_key(parts, seed)) for seed in seeds}
+    return {seed: each for seed, each in found.items() if each is not None}
+
+
+def _is_cacheable(config: ConformConfig) -> bool:
+    """Whether results depend on cwcli alone: another package's rule can change while its name stays."""
+    return config.rule in BUILTIN_RULES
+
+
+def _key_parts(clause: Clause, index: int, config: ConformConfig) -> dict[str, Any]:
+    """What the repetitions of a trial depend on, besides the seed and the code."""
+    trial = clause.trials[index]
+    return {
+        **{name: getattr(trial, name) for name in ("scene", "judge", "rule")},
+        "given": dict(trial.given),
+        "demands": dict(trial.demands),
+        "policy": config.policy or clause.policy,
+        "grade": config.grade or clause.grade,
+        "config": [config.rule, config.horizon_s],
+    }
 
 
 def check_trials(clause: Clause, where: str) -> None:

@@ -21,6 +21,8 @@ from cwcli.warning.types import VehicleTrack, WarningConfig
 
 MAX_COLLISION_DISTANCE_M = 1e4
 """Largest permitted collision distance, m. Chosen by hand."""
+MAX_HORIZON_S = 10.0
+"""Longest look beyond the horizon, s: no prediction means anything behind it. Chosen by hand."""
 MAX_PERSISTENCE_S = 60.0
 """Longest permitted persistence, s. Chosen by hand."""
 
@@ -117,6 +119,8 @@ def check_warning_config(config: WarningConfig) -> None:
     for name, value in positive.items():
         if not (np.isfinite(value) and value > 0.0):
             raise UsageError(f"a {name} of {value:g} is not positive")
+    if not 0.0 <= config.max_horizon_s <= MAX_HORIZON_S:
+        raise UsageError(f"a max horizon of {config.max_horizon_s:g} s is not between 0 and {MAX_HORIZON_S:g} s")
     if config.distance_m > MAX_COLLISION_DISTANCE_M:
         raise UsageError(f"a distance of {config.distance_m:g} m is above {MAX_COLLISION_DISTANCE_M:g} m")
     if not 0.0 <= config.probability <= 1.0:

@@ -52,6 +52,7 @@ class Measures:
         by_name: Further measures that the rule names: name of a measure of docs/measures.md -> (m,), NaN where it has
             no value. They follow from the present states, so there are none under the onset hypothesis.
         states: The present states, for a rule that uses them; None under the onset hypothesis.
+        farther: The same to the horizon that braking needs (`warning.braking_horizon`), for a rule that uses it.
     """
 
     distance_m: FloatArray
@@ -67,9 +68,12 @@ class Measures:
     braked_probability: FloatArray
     by_name: Mapping[str, FloatArray] = field(default_factory=dict)
     states: PairStates | None = None
+    farther: Measures | None = None
 
 
-MEASURE_ARRAY_NAMES = tuple(entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states"))
+MEASURE_ARRAY_NAMES = tuple(
+    entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states", "farther")
+)
 """Names of the fields of `Measures` that are arrays (m,)."""
 MIN_ONSET_DIFFERENCE_M = 0.25
 """Least advantage in m of the onset path's distance at the horizon over the mean path's for the onset to count. Chosen

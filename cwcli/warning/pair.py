@@ -14,6 +14,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import SPEED
+from cwcli.warning.braking_horizon import measure_to_braking_horizon
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.events import EventSpan, EventTiming, find_events
 from cwcli.warning.kinds import WarningKind, classify_warnings
@@ -166,7 +167,9 @@ def _evaluate_window(
     host, other = window.host, window.other
     chosen, place = np.unique(at[1], return_inverse=True)
     theirs = other.paths.take(chosen)
-    within = np.flatnonzero(_within_reach_mask(window.paths, theirs, at[0], place, float(time_s[-1]), config))
+    looks_farther = rule.uses_braking_horizon and config.max_horizon_s > config.horizon_s
+    span_s = max(float(time_s[-1]), config.max_horizon_s + persistence_s) if looks_farther else float(time_s[-1])
+    within = np.flatnonzero(_within_reach_mask(window.paths, theirs, at[0], place, span_s, config))
     host_row, other_row, place, age_s = at[0][within], at[1][within], place[within], at[2][within]
     near = (host_row, place, age_s)
     sizes = host.outline_m, other.outline_m
@@ -186,10 +189,17 @@ def _evaluate_window(
         onset, _ = _measures_and_short_paths_coarse_then_fine(window.points, begun, near, time_s, config, sizes)
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_DIFFERENCE_M
         nearer &= np.abs(other.state[other_row, SPEED]) > STANDSTILL_SPEED_MPS
-        onset = judged(onset, replace(pairs, other=begun), wanted=nearer)
+        begun_pairs = replace(pairs, other=begun)
+        onset = judged(onset, begun_pairs, wanted=nearer)
+        if looks_farther:
+            onset = replace(
+                onset, farther=measure_to_braking_horizon(onset, begun_pairs, config, persistence_s, wanted=nearer)
+            )
     of_moment = host, other, window.first + host_row, theirs, (other_row, place, age_s)
     states = pair_states_at_moments(*of_moment) if rule.uses_states else None
     asked = replace(measures, by_name=evaluate_named_measures(rule.measures, *of_moment), states=states)
+    if looks_farther:
+        asked = replace(asked, farther=measure_to_braking_horizon(measures, pairs, config, persistence_s))
     decision = rule.decide(asked, onset, config, persistence_s)
     kinds = np.zeros(len(host_row), np.int8)
     if rule.leaves_out_kinds:

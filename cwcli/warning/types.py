@@ -132,6 +132,8 @@ class WarningConfig:
     Attributes:
         rule: A key of `RULES`.
         horizon_s: Warn when the event is at most this far ahead (song2016: 2.5 s).
+        max_horizon_s: The default rule looks up to this far ahead where braking takes that long
+            (`warning.braking_horizon`); `horizon_s` or less: it never looks farther than that.
         distance_m: Centres nearer than this are a collision (song2016: 2.5 m).
         probability: The default rule's threshold on the probability of contact within the horizon.
         min_deceleration_mps2: The default rule does not warn of what gentler braking by the host makes improbable; 0:
@@ -152,6 +154,14 @@ class WarningConfig:
 
     rule: Annotated[str, Option("--rule", "{choices}", metavar="NAME", choices="cwcli.warning.rules:RULES")] = "cwcli"
     horizon_s: Annotated[float, Option("--horizon", "Warn of events at most this far ahead.", metavar="SECONDS")] = 2.5
+    max_horizon_s: Annotated[
+        float,
+        Option(
+            "--max-horizon",
+            "The rule cwcli looks up to this far ahead where braking takes that long; 0: never beyond --horizon.",
+            metavar="SECONDS",
+        ),
+    ] = 3.7
     distance_m: Annotated[
         float, Option("--distance", "Centres nearer than this are a collision.", metavar="METRES")
     ] = 2.5

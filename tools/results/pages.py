@@ -14,6 +14,7 @@ DOCS = RESULTS.parent
 PAPER_PAGES = {f"papers/{name}.md": name for name in ("song2016", "xiang2019", "zhang2011")}
 """Pages that are made from a result file alone."""
 MEASURED_SECTIONS: dict[str, tuple[str, ...]] = {
+    "conformance.md": ("Over many seeds",),
     "control.md": ("Measured",),
     "estimation.md": ("Accuracy of latencies",),
     "papers/song2016-choices.md": ("Table 1", "Figure 7", "Figures 9 and 11", "Traps", "Figures 12 to 15"),

@@ -8,11 +8,13 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tools.results.conformance import SEEDS_BY_CLAUSE, run_clause_over_seeds, values_of_runs
 from tools.results.papers import more_of_reproduction, values_of_reproduction
 
 ROOT = Path(__file__).parents[2]
@@ -148,6 +150,10 @@ def _cwcli(folder: str, *arguments: str) -> str:
     return done.stdout
 
 
+def _run_clause(name: str, seeds: int) -> Measured:
+    return Measured(values_of_runs(run_clause_over_seeds(name, seeds)))
+
+
 def _run_latency(seeds: int) -> Measured:
     """Planted latencies of city drives."""
     from tests.studies.latency import SOURCES, TOLERANCE_S, one_run
@@ -195,5 +201,9 @@ STUDIES: dict[str, Study] = {
     "bundled": Study("cwcli simulate rear-end --seed 1 | cwcli run - --json", _run_bundled, 1, 1),
     "walking-targets": Study("cwcli simulate xiang2019-turn | cwcli track", _run_walking_targets, 1, 1),
     "latency": Study("python -m tests.studies.latency --runs 40", _run_latency, 40, 2),
+    **{
+        f"conform-{name}": Study(f"cwcli conform {name} --seeds {seeds}", partial(_run_clause, name), seeds, 2)
+        for name, seeds in SEEDS_BY_CLAUSE.items()
+    },
 }
 """Name of a result file -> its study."""

@@ -24,6 +24,7 @@ EXAMPLES = (
     "cwcli conform --list",
     "cwcli conform nhtsa-fcw",
     "cwcli conform un-r152 --policy full --seeds 20 --junit r152.xml",
+    "cwcli conform all --seeds 10 --cache conform-cache",
     "cwcli conform nhtsa-fcw --log drive.mcap",
     "cwcli conform nhtsa-fcw --log drive.mcap --system /adas/fcw:data==true",
 )
@@ -82,6 +83,15 @@ class TrialOptions:
             metavar="NAME",
             show_default="the clause's own",
             help="Noise of the simulated sensors and messages: nominal, fine, j2945.",
+        ),
+    ] = None
+    cache: Annotated[
+        str | None,
+        typer.Option(
+            "--cache",
+            metavar="FOLDER",
+            show_default=False,
+            help="Keep finished repetitions here; a further run does only what is new.",
         ),
     ] = None
 
@@ -191,6 +201,7 @@ def _judge(clauses: list[str], trials: TrialOptions, recorded: LogOptions, progr
     Raises:
         CwcliError: A clause does not exist or is wrong, or the log holds no such trial.
     """
+    from cwcli.conformance.cache import RepetitionCache
     from cwcli.conformance.clause import clause_names
     from cwcli.conformance.run import ConformConfig, run_clauses
 
@@ -208,11 +219,16 @@ def _judge(clauses: list[str], trials: TrialOptions, recorded: LogOptions, progr
             if value is not None:
                 raise UsageError(f"{option} is for a recorded trial", hint="name the log with --log")
         progress.begin_step(f"driving the trials of {', '.join(names)}")
-        return run_clauses(names, config, progress.begin_step)
+
+        def tick(text: str, n_done: int, n_trials: int) -> None:
+            progress.begin_step(text)
+            progress(n_done, n_trials)
+
+        return run_clauses(names, config, tick, RepetitionCache(trials.cache) if trials.cache else None)
     from cwcli.conformance.recorded import LogTrial, judge_log
 
-    if trials.seeds is not None or trials.grade is not None:
-        raise UsageError("--seeds and --grade are for simulated trials", hint="leave them out with --log")
+    if trials.seeds is not None or trials.grade is not None or trials.cache is not None:
+        raise UsageError("--seeds, --grade and --cache are for simulated trials", hint="leave them out with --log")
     progress.begin_step(f"reading {recorded.log}")
     place = LogTrial(recorded.log, recorded.system, recorded.lead, recorded.start, recorded.end)
     return [judge_log(name, place, config) for name in names]

@@ -218,8 +218,11 @@ def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> StudyPart:
 
 
 def _first_default_warning_s(host: KnownVehicle, others: Sequence[KnownVehicle], start_ns: int) -> float:
-    """Return when our default chain warns first, in s from the start; NaN if it never does."""
-    warnings_ns = _warning_times_ns(host, others, DEFAULT_MODEL, WarningConfig())
+    """Return when our default chain warns first, in s from the start; NaN if it never does.
+
+    It looks as far ahead as the paper's rule, and not as far as braking needs: the figures compare with that moment.
+    """
+    warnings_ns = _warning_times_ns(host, others, DEFAULT_MODEL, WarningConfig(max_horizon_s=0.0))
     return (warnings_ns[0] - start_ns) * 1e-9 if warnings_ns else math.nan
 
 

@@ -54,6 +54,7 @@ class Rule:
         uses_states: Whether it uses the two states themselves; `Measures.states` then has them.
         uses_onset: Whether it uses the onset hypothesis.
         uses_braking: Whether it uses the probability of contact under braking.
+        uses_braking_horizon: Whether it uses the measures to the horizon that braking needs (`Measures.farther`).
         is_symmetric: Whether its decision is the same whichever of the two is the host.
         is_of_collisions: Whether it warns of every collision, and not of some other danger.
         leaves_out_kinds: Whether it does not warn of followers from behind and of vehicles beside the lane, unless the
@@ -68,6 +69,7 @@ class Rule:
     uses_states: bool = False
     uses_onset: bool = False
     uses_braking: bool = False
+    uses_braking_horizon: bool = False
     is_symmetric: bool = True
     is_of_collisions: bool = True
     leaves_out_kinds: bool = False

@@ -7,6 +7,8 @@ Three conditions, each against one kind of false warning:
    past a standing car bring the centres near, and do not touch; a path that only just scrapes does not warn either.
 2. It is serious: were the host to brake gently from now on (`min_deceleration_mps2`, 2 m/s^2), contact would still be
    possible, with a probability of `AVOIDED_PROBABILITY` at least. A lead that needs only 1 m/s^2 is no conflict.
+   At a great closing speed that is too late, so there the rule looks farther: contact within the time that a driver
+   needs to react and brake with 4 m/s^2 is serious, too (`warning.braking_horizon`).
 3. Condition 1 has held for the persistence time. To cost no lead it may look farther ahead by just that time while it
    is being confirmed; the warning itself comes when contact is within the horizon.
 
@@ -45,9 +47,21 @@ def decide_by_contact_probability(
     raised = armed & _is_probable_despite_gentle_braking(measures, config)
     held = measures.late_probability > RELEASE_SHARE * config.probability
     shown, at_once = measures, None
+    if measures.farther is not None:
+        farther = measures.farther
+        needs_braking = _is_contact_probable(farther.probability, config)
+        shown = _select_by_row(needs_braking & ~raised, farther, measures)
+        armed |= _is_contact_probable(farther.late_probability, config)
+        raised |= needs_braking
+        held |= farther.late_probability > RELEASE_SHARE * config.probability
     if onset is not None:
         at_once = _is_probable_despite_gentle_braking(onset, config)
-        shown = _select_by_row(at_once & ~raised, onset, measures)
+        shown = _select_by_row(at_once & ~raised, onset, shown)
+        if onset.farther is not None:
+            needs_braking = _is_contact_probable(onset.farther.probability, config)
+            shown = _select_by_row(needs_braking & ~raised & ~at_once, onset.farther, shown)
+            at_once |= needs_braking
+            held |= onset.farther.probability > RELEASE_SHARE * config.probability
         held |= onset.probability > RELEASE_SHARE * config.probability
     return Decision(
         armed=armed,
@@ -86,6 +100,7 @@ RULE = Rule(
     decide=decide_by_contact_probability,
     uses_onset=True,
     uses_braking=True,
+    uses_braking_horizon=True,
     leaves_out_kinds=True,
     is_symmetric=False,  # who follows can brake, who leads can't
 )

@@ -30,7 +30,7 @@ def column(result: ScoredWarnings, table: str, name: str) -> list[object]:
     ("rule", "first"),
     [
         ("song2016", 2.40),  # 100 - 20 (t + 2.5) < 2.5 from 2.375 s
-        ("cwcli", 2.30),  # the outlines, as path-ttc; the persistence is looked ahead for
+        ("cwcli", 1.20),  # braking needs 1.1 + 20 / 8 s: 95.5 - 20 t = 72 at 1.175 s; persistence is looked ahead for
         ("ttc", 2.55),  # (100 - 20 t) / 20 < 2.5 after 2.5 s
         ("path-ttc", 2.30),  # 95.5 - 20 t = 50 at 2.275 s
     ],
@@ -225,7 +225,7 @@ def flagged(track: VehicleTrack, flag: StateFlag, end_s: float, begin_s: float =
     ("rule", "first", "again", "n_withheld"),
     [
         ("path-ttc", 2.3, 3.0, 27),  # within reach of 20 m/s 2.5 s + 17.5 m from 1.65 s on
-        ("cwcli", 2.3, 3.1, 29),  # which looks 0.1 s farther
+        ("cwcli", 1.2, 3.1, 53),  # within reach of 20 m/s 3.8 s + 17.5 m from 0.35 s on
     ],
 )
 def test_no_warning_from_a_state_that_is_to_be_trusted_less(
@@ -249,7 +249,7 @@ def test_a_standing_warning_outlives_a_gap() -> None:
     car = straight("car", x_m=100.0, speed_mps=0.0, duration_s=6.0)
     bridged = flagged(car, StateFlag.BRIDGED, 4.5, begin_s=2.6)
     result = evaluate(host, [bridged], WarningConfig(hold_off_s=0.2))
-    assert raised_s(result) == [2.3]
+    assert raised_s(result) == [1.2]
     assert column(result, "scores", "n_withheld") == [0]
     assert result.counts["withheld"] == 38
 
@@ -270,7 +270,7 @@ def test_channel_rows_tell_the_life_of_the_event() -> None:
     assert (stamp[-1] - stamp[-2]) * 1e-9 == pytest.approx(0.5)
     message = result.rows.message
     assert isinstance(message, Strings)
-    assert message.values[message.codes[0]] == "collision with car in 2.5 s, predicted distance 2.0 m"
+    assert message.values[message.codes[0]] == "collision with car in 3.6 s, predicted distance 0.0 m"
 
 
 def test_two_vehicles_are_numbered_in_order_of_time() -> None:
