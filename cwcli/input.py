@@ -343,10 +343,12 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
         OutputError: Standard output or standard error goes into it.
     """
     with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
-        _remember_run_input(os.fstat(file.fileno()), str(path))
+        found = os.fstat(file.fileno())
+        _remember_run_input(found, str(path))
         if max_bytes >= 0:
             return file.read(max_bytes)
-        data = file.read(limit + 1)
+        # Python takes memory for as many bytes as are asked for
+        data = file.read(min(limit, found.st_size) + 1 if stat.S_ISREG(found.st_mode) else limit + 1)
         if len(data) > limit:
             raise OSError(errno.EFBIG, f"it has more than {limit / BYTES_PER_MEGABYTE:g} MB")
         return data

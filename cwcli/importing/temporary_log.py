@@ -7,8 +7,8 @@ import tempfile
 from pathlib import Path
 
 from cwcli.errors import InputError
+from cwcli.importing.bounded_import import import_files
 from cwcli.importing.readers import find_kind
-from cwcli.importing.run import plan_import, write_import
 from cwcli.importing.tables import AmbiguousError, Answers
 from cwcli.input import InputFile
 from cwcli.logs.read.converted import ConvertedFile
@@ -27,13 +27,12 @@ def import_to_temporary_log(path: str) -> ConvertedFile | None:
     except InputError:
         return None
     try:
-        plan = plan_import([path], Answers())
+        with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
+            target = Path(folder) / "imported.mcap"
+            import_files([path], Answers(), str(target))
+            log = ConvertedFile(os.open(target, os.O_RDONLY), InputFile.open(path))
     except AmbiguousError as error:
         hint = f"cwcli import {path} -o log.mcap, with {error.hint}"
         raise AmbiguousError(error.what, where=error.where, found=error.found, hint=hint) from error
-    with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
-        target = Path(folder) / "imported.mcap"
-        write_import(plan, str(target))
-        log = ConvertedFile(os.open(target, os.O_RDONLY), InputFile.open(path))
     log.source_format = SourceFormat(f"a file of the kind {kind}")
     return log

@@ -158,10 +158,15 @@ def _load_dbc_file(file: str) -> Any:
             text = data.decode("utf-8")
         except UnicodeDecodeError:
             text = data.decode("cp1252", "replace")  # what the format's own editors write: a degree sign is one byte
-        return database.load_string(text, database_format="dbc", strict=False)
+        loaded: Any = database.load_string(text, database_format="dbc", strict=False)
+        for message in loaded.messages:
+            for signal in message.signals:
+                for value in (signal.scale, signal.offset, signal.minimum or 0, signal.maximum or 0):
+                    float(value)  # a whole number may be too large for one
+        return loaded
     except OSError as error:
         raise UsageError(f"can't read the DBC file: {error.strerror}", where=file) from error
-    except (Error, ValueError, KeyError, RecursionError) as error:
+    except (Error, ValueError, KeyError, RecursionError, OverflowError) as error:
         first = (str(error).splitlines() or [type(error).__name__])[0]
         raise UsageError(f"the DBC file can't be read: {first}", where=file) from error
 

@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.bounded_process import Limits, cpu_limit_s, run_bounded
 from cwcli.errors import InputError, UsageError
 from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
@@ -50,6 +51,11 @@ ACTIVATIONS = ("softmax", "sigmoid", "none")
 """The activations that turn a segmentation's output into probabilities."""
 ROW_ANCHOR_AXES = ("cell", "row", "lane")
 """The axes of a row-anchor output."""
+FUNCTION = "cwcli.vision.onnx_model:run_once"
+"""The function that the bounded process runs before the net is used."""
+MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 700_000_000, 8
+"""Memory of that process, and more for each byte of the net. Chosen by hand: OpenCV reserves 240 MB that it does not
+use, and a net is held as numbers, once more while it is optimised."""
 MAX_INPUT_SIDE_PX = 4096
 """Greatest width and height of a net's input in pixels. Chosen by hand; not fitted."""
 MARKING_SIGMA_PX = 2.0
@@ -116,8 +122,6 @@ class LaneNet:
     """
 
     def __init__(self, path: Path) -> None:
-        import cv2
-
         self.path = path
         self.description_path = path.with_suffix(".toml")
         self.description = read_net_description(self.description_path)
@@ -132,12 +136,16 @@ class LaneNet:
                 f"{_format_shape(described_shape)}"
             )
             raise InputError(what, where=str(path), hint=f"correct {self.description_path}")
-        try:
-            self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
-        except cv2.error as error:
-            raise InputError(
-                "OpenCV can't load the net", where=str(path), found=(_last_line_of_error(error),)
-            ) from None
+        limits = Limits(
+            cpu_limit_s(len(data)), 0, data_bytes=MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * len(data), has_threads=True
+        )
+        run_bounded(
+            FUNCTION,
+            {"path": str(path), "shape": described_shape, "output": self.description.output},
+            limits,
+            str(path),
+        )
+        self._net = _load_net(path, data)
 
     def compute_marking_map(self, grey: GreyImage) -> Float32Array:
         """How much each pixel looks like a lane marking, 0 to 1, of the shape of `grey`.
@@ -154,14 +162,7 @@ class LaneNet:
         height, width = grey.shape
         seen = grey[height - shape.height_px :].astype(np.float32) / np.float32(255.0)
         blob = (seen[None] - shape.mean[:, None, None]) / shape.std[:, None, None]
-        self._net.setInput(np.ascontiguousarray(blob[None], np.float32))
-        try:
-            raw_output = self._net.forward(shape.output) if shape.output else self._net.forward()
-        except cv2.error as error:
-            size = _format_shape((1, len(shape.mean), shape.height_px, shape.width_px))
-            what = f"the net does not run on an input of {size}"
-            raise InputError(what, where=str(self.path), found=(_last_line_of_error(error),)) from None
-        output = np.asarray(raw_output, np.float32)
+        output = _run_net(self.path, self._net, np.ascontiguousarray(blob[None], np.float32), shape.output)
         if len(output.shape) != 4 or any(
             length not in (None, found)
             for length, found in zip(shape.expected_output_shape(), output.shape, strict=True)
@@ -179,6 +180,37 @@ class LaneNet:
         whole = np.zeros((height, width), np.float32)
         whole[height - shape.height_px :] = cv2.resize(small, (width, shape.height_px), interpolation=cv2.INTER_LINEAR)
         return whole
+
+
+def run_once(request: dict[str, Any]) -> dict[str, Any]:
+    """Load a net and run it on a black image, in a process of its own; a net that takes too much ends that process.
+
+    Raises:
+        InputError: It can't be loaded, or does not run on such an image.
+    """
+    path = Path(request["path"])
+    _run_net(path, _load_net(path, _read_net_file(path)), np.zeros(request["shape"], np.float32), request["output"])
+    return {}
+
+
+def _load_net(path: Path, data: bytes) -> Any:
+    import cv2
+
+    try:
+        return cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
+    except cv2.error as error:
+        raise InputError("OpenCV can't load the net", where=str(path), found=(_last_line_of_error(error),)) from None
+
+
+def _run_net(path: Path, net: Any, blob: Float32Array, output: str) -> Float32Array:
+    import cv2
+
+    net.setInput(blob)
+    try:
+        return np.asarray(net.forward(output) if output else net.forward(), np.float32)
+    except cv2.error as error:
+        what = f"the net does not run on an input of {_format_shape(blob.shape)}"
+        raise InputError(what, where=str(path), found=(_last_line_of_error(error),)) from None
 
 
 def _segmentation_to_marking_map(output: Float32Array, shape: NetDescription) -> Float32Array:

@@ -7,17 +7,25 @@ from pathlib import Path
 
 import pytest
 
-from tests.disturb import KINDS, SAMPLES, Finding, Reference, check_outputs, disturb
+from tests.disturb import COMMANDS, KINDS, Finding, Reference, check_outputs, disturb
 
 SEED = 3
-N = 3
-LOGS = (SAMPLES / "intersection.mcap").read_bytes(), (SAMPLES / "rear-end.mcap").read_bytes()
+QUICK_KINDS = ("kill", "fill", "change")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [each if each in QUICK_KINDS else pytest.param(each, marks=pytest.mark.long) for each in KINDS]
+)
 def test_what_is_left_is_whole(kind: str) -> None:
     with tempfile.TemporaryDirectory() as folder:  # a short path: workers talk through a socket below it
-        assert disturb(kind, N, SEED, Path(folder), LOGS).total() == N
+        assert disturb(kind, 3, SEED, Path(folder), COMMANDS[:3]).total() == 3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_any_command_leaves_is_whole(kind: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        assert disturb(kind, len(COMMANDS), SEED, Path(folder)).total() == len(COMMANDS)
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from cwcli.cli.main import run_command_line
+from cwcli.errors import EXIT_DONE, EXIT_PIPE_CLOSED
 from cwcli.logs.read.reader import Log
+from tests.cli.conftest import ROOT
 
 ROWS = "".join(f"{1_700_000_000 + k},{48.1 + k * 1e-4:.5f},11.5,40.03\n" for k in range(60))
 """A car that drives north at 11.12 m/s, 40.03 km/h."""
@@ -31,6 +35,18 @@ def test_import_writes_a_log_and_its_mapping(drive: Path, tmp_path: Path, capsys
         assert {channel.topic for channel in log.channels} == {"/gps/fix", "/vehicle/twist"}
         assert "cwcli.import" in dict(log.metadata)
     assert 'speed = "speed*kmh"  # likely: 3.6' in (tmp_path / "log.import.toml").read_text()
+
+
+def test_log_on_standard_output_is_that_in_a_file(drive: Path, tmp_path: Path) -> None:
+    """The process that imports has a standard output of its own, for what it answers."""
+    assert run_command_line(["import", str(drive), "-o", str(tmp_path / "log.mcap"), "--quiet"]) == 0
+    command = [sys.executable, "-m", "cwcli", "import", str(drive), "-o", "-", "--quiet"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    assert done.stdout == (tmp_path / "log.mcap").read_bytes()
+    closed = subprocess.run(
+        ["bash", "-c", '"$@" | head -c 8; exit ${PIPESTATUS[0]}', "-", *command], cwd=ROOT, check=False
+    )
+    assert closed.returncode in {EXIT_DONE, EXIT_PIPE_CLOSED}
 
 
 def test_estimate_reads_the_log_without_an_option(drive: Path, tmp_path: Path) -> None:

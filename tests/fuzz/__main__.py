@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tests.fuzz import sanitized
 from tests.fuzz.drive import drive
-from tests.fuzz.worker import LEVELS
+from tests.fuzz.worker import CASES
 
 MINUTE_S = 60.0
 
@@ -18,7 +18,7 @@ MINUTE_S = 60.0
 def main() -> int:
     """Parse the arguments, check the cases and tell."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=sys.modules["tests.fuzz"].__doc__)
-    parser.add_argument("--level", "--family", choices=LEVELS, default="kernel")
+    parser.add_argument("--level", "--family", choices=CASES, default="kernel")
     parser.add_argument("--minutes", type=float, help="stop after this time")
     parser.add_argument("--inputs", type=int, help="stop after so many mutated inputs")
     parser.add_argument("--seed", type=int, default=1)

@@ -12,71 +12,29 @@ from rosbags.rosbag1 import Reader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from cwcli.errors import CwcliError
-from cwcli.input import InputFile
-from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.read.read_bounds import ReadBounds
-from cwcli.logs.read.source_format import SourceFormat
 from cwcli.logs.ros1.bag import BagReader
-from tests.fuzz.file_cases import fast_folder
+from tests.fuzz.container_rows import Rows, check_mutants, compare_rows
 from tests.fuzz.mutate import NUMBERS, Rng, mutate
 from tests.unit.logs_read.test_bags import bag
 
-N_INPUTS = 4
 MARKS = (b"op=\x02", b"op=\x05", b"op=\x07", b"conn=", b"time=")
 TOKENS = (*NUMBERS, *MARKS, b"float64", b"string", b"[]", b"[3]", b"[9999999]")
 HEADER = "std_msgs/msg/Header"
 COMPRESSIONS = (None, None, Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4)
-Rows = Counter[tuple[str, int, bytes]]
-"""Topic, log time in ns and payload of each message, and how often it occurs."""
 
 
 def check_case(rng: Rng) -> dict[str, int]:
     """Mutate a bag a few times and check each; counts of inputs."""
-    counts: Counter[str] = Counter()
-    for _ in range(N_INPUTS):
-        data = mutate(rng, _bag(int(rng.integers(len(COMPRESSIONS)))), TOKENS)
-        with tempfile.TemporaryDirectory(dir=fast_folder()) as folder:
-            path = Path(folder) / "in.bag"
-            path.write_bytes(data)
-            check_bag(path, counts)
-    return dict(counts)
+    return check_mutants(
+        rng, "in.bag", lambda rng: mutate(rng, _bag(int(rng.integers(len(COMPRESSIONS)))), TOKENS), check_bag
+    )
 
 
 def check_bag(path: Path, counts: Counter[str]) -> None:
-    """Compare the messages of a bag that both accept; where something is counted, both may lack messages."""
-    counts["inputs"] += 1
-    ours, notes = read_bag(path, recover=False)
-    recovered, _ = read_bag(path, recover=True)
-    assert ours is None or recovered == ours, "recovery changes an intact bag"
-    official = official_rows(path)
-    if ours is not None:
-        counts["accepted"] += 1
-    if ours is None or official is None:
-        return
-    counts["compared"] += 1
-    if notes:
-        counts["counted"] += 1
-    else:
-        assert official == ours, (list((official - ours).items())[:3], list((ours - official).items())[:3])
-
-
-def read_bag(path: Path, *, recover: bool) -> tuple[Rows | None, dict[str, int]]:
-    """The messages that cwcli reads, None if it refuses; and what it counts."""
-    source = SourceFormat("a bag")
-    topics: dict[int, str] = {}
-    rows: Rows = Counter()
-    try:
-        with InputFile.open(path) as file:
-            for item in BagReader(file, source, ReadBounds(recover=recover)).iter_content():
-                if isinstance(item, Channel):
-                    topics[item.id] = item.topic
-                elif not isinstance(item, Schema):
-                    rows[topics[item[0]], item[1], item[2]] += 1
-    except CwcliError as error:
-        assert "\n" not in str(error)
-        return None, source.notes
-    return rows, source.notes
+    """Compare the messages of a bag with those that `rosbags` reads."""
+    compare_rows(
+        path, counts, lambda file, source, bounds: BagReader(file, source, bounds).iter_content(), official_rows
+    )
 
 
 def official_rows(path: Path) -> Rows | None:

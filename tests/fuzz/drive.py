@@ -17,6 +17,8 @@ from tests.fuzz.sanitized import ROOT
 
 CASES_A_PROCESS = 2000
 MOST_SHOWN = 4000
+MOST_FINDINGS = 30
+"""A run ends with so many: inputs of a case that is a finding are not counted."""
 N_SUMMARY_LINES = 12
 
 
@@ -49,7 +51,7 @@ def drive(
     """Check cases one after the other.
 
     Args:
-        level: One of `worker.LEVELS`.
+        level: One of `worker.CASES`.
         seed: Of the cases.
         first: Number of the first case.
         n_inputs, n_cases: Stop after so many.
@@ -65,6 +67,7 @@ def drive(
             (n_inputs is not None and report.counts["inputs"] >= n_inputs)
             or (n_cases is not None and report.n_cases >= n_cases)
             or (until_s is not None and time.monotonic() >= until_s)
+            or len(report.findings) >= MOST_FINDINGS
         )
 
     while not is_done():

@@ -24,14 +24,18 @@ from osi3.osi_sensordata_pb2 import SensorData
 from osi3.osi_sensorview_pb2 import SensorView
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_OUTPUT
+from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_OUTPUT, CwcliError
+from cwcli.logs.read.reader import Log
 from tests.fuzz.file_cases import fast_folder
 from tests.fuzz.mutate import Rng, mutate
 from tests.osi_traces import Actor, along, fill_world
+from tests.unit.logs_read.official import assert_same, read_officially
 
 Message = tuple[str, int, Any]
 """Topic, log time in ns, protobuf message."""
 N_INPUTS = 4
+WITH_VALUES = 0.1
+"""The share of traces whose values are compared, too: the official decoder takes as long as the command."""
 MAX_MESSAGES = 60
 STEP_NS = 100_000_000
 HOST = Actor(3, along(0.0, 0.0, 0.3, 12.0, -1.0), size_m=(4.4, 1.8))
@@ -63,7 +67,30 @@ def check_case(rng: Rng) -> dict[str, int]:
         make = TRACES[int(rng.integers(len(TRACES)))]
         data = mutated_trace(rng, make(int(rng.integers(2, MAX_MESSAGES))))
         check_trace(data, COMMANDS[int(rng.integers(len(COMMANDS)))], counts)
+        if rng.random() < WITH_VALUES:
+            check_values(data, counts)
     return dict(counts)
+
+
+def check_values(data: bytes, counts: Counter[str]) -> None:
+    """Compare all values of a trace with those of the official decoder of protobuf.
+
+    Raises:
+        AssertionError: A value is another one.
+    """
+    official = read_officially(data)
+    with tempfile.TemporaryDirectory(dir=fast_folder()) as folder:
+        path = Path(folder) / "in.mcap"
+        path.write_bytes(data)
+        try:
+            with Log.open(path) as log:
+                found = {topic: log.columns(topic) for topic in official}
+        except CwcliError as error:
+            assert "\n" not in str(error)
+            return
+    counts["compared"] += 1
+    for topic, columns in found.items():
+        assert_same(columns, official[topic], expect_paths=False)
 
 
 def check_trace(data: bytes, command: Sequence[str], counts: Counter[str]) -> None:

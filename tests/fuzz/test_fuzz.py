@@ -5,22 +5,25 @@ from __future__ import annotations
 import base64
 import json
 from collections import Counter
+from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
 from cwcli.errors import EXIT_BUG
+from cwcli.importing.readers import ubx
 from cwcli.logs.codecs.cdr import CdrDecoder
 from cwcli.logs.read.reader import Log
 from cwcli.logs.ros1.cdr_conversion import Ros1Converter
 from cwcli.signals.columns import Columns, Field, Int64Array
-from tests.fuzz import bag_cases, database_cases, file_cases, kernel_cases, osi_cases
+from tests.fuzz import bag_cases, file_cases, import_cases, kernel_cases, osi_cases
 from tests.fuzz.decoding import check_messages
 from tests.fuzz.drive import drive
+from tests.fuzz.import_cases import rows_of
 from tests.fuzz.logs import joined, mutated_log, split
 from tests.fuzz.messages import Messages
+from tests.fuzz.worker import CASES
 from tests.osi_traces import write_messages
 from tests.unit.logs_read.builders import small_log
 from tests.unit.logs_read.test_bags import bag
@@ -55,11 +58,24 @@ def test_a_few_osi_traces() -> None:
     assert counts["accepted"] > 10
 
 
-@pytest.mark.parametrize("cases", [bag_cases, database_cases], ids=["bag", "database"])
-def test_a_few_bags_and_databases(cases: ModuleType) -> None:
-    counts = inputs_of(cases.check_case, range(10))
-    assert counts["inputs"] == 4 * 10
-    assert counts["compared"] > 3
+@pytest.mark.parametrize("level", [each for each in CASES if each not in {"kernel", "file", "osi"}])
+def test_a_few_files_of_other_formats(level: str) -> None:
+    module, _, name = CASES[level].partition(":")
+    counts = inputs_of(getattr(import_module(f"tests.fuzz.{module}"), name), range(1 if level == "ros" else 8))
+    assert counts["inputs"] >= 2
+    assert counts["compared"] > 0
+
+
+def test_a_wrong_value_of_an_import_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ubx, "NS_PER_S", 10**9 + 1)
+    with pytest.raises(AssertionError, match="not a row of the file"):
+        inputs_of(import_cases.check_ubx, range(2))
+
+
+def test_a_missing_row_of_an_import_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(import_cases, "rows_of", lambda table: list(rows_of(table))[1:])
+    with pytest.raises(AssertionError, match="1 rows are missing, 0 are counted"):
+        inputs_of(import_cases.check_csv, range(2))
 
 
 def test_a_wrong_value_of_a_bag_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -16,8 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-LEVELS = ("kernel", "file", "osi", "bag", "database")
-"""What is mutated; the cases of each are in the module of its name."""
+CASES = {
+    **{level: f"{level}_cases:check_case" for level in ("kernel", "file", "osi", "bag", "database", "radio", "ros")},
+    **{level: f"import_cases:check_{level}" for level in ("nmea", "ubx", "csv", "gpx", "can")},
+}
+"""What is mutated -> the function that makes a case and checks it."""
 MOST_CPU_S = 10.0
 MOST_BYTES = 8 << 30
 """Of address space; not under AddressSanitizer, which reserves terabytes."""
@@ -26,7 +29,7 @@ MOST_BYTES = 8 << 30
 def main() -> None:
     """Check the cases that the arguments name."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("level", choices=LEVELS)
+    parser.add_argument("level", choices=CASES)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--first", type=int, required=True)
     parser.add_argument("--stop", type=int, required=True)
@@ -38,7 +41,8 @@ def main() -> None:
         use(given.kernels)
     else:
         resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-    check_case = import_module(f"tests.fuzz.{given.level}_cases").check_case
+    module, _, name = CASES[given.level].partition(":")
+    check_case = getattr(import_module(f"tests.fuzz.{module}"), name)
     for k in range(given.first, given.stop):
         tell({"case": k})
         signal.setitimer(signal.ITIMER_PROF, MOST_CPU_S)  # ends the process

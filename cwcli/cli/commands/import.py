@@ -15,7 +15,7 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
-    from cwcli.importing.run import ImportPlan
+    from cwcli.importing.bounded_import import ImportReport
     from cwcli.importing.tables import Answers
 
 EXAMPLES = (
@@ -95,9 +95,8 @@ def command(
     times and axes, is guessed and said; the guesses are written beside the log, to be edited and given again with
     --mapping. What the files do not say is asked, never assumed.
     """
-    from cwcli.array_memory import bound_array_memory
+    from cwcli.importing.bounded_import import import_files
     from cwcli.importing.mapping import mapping_file_name
-    from cwcli.importing.run import plan_import, write_import
     from cwcli.output import check_targets, write_file
 
     if output is None and not preview:
@@ -109,17 +108,15 @@ def command(
     if not preview:
         own = beside if beside != mapping else None
         check_targets([target, own], force=force, inputs=files)
-    bound_array_memory()
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-" and not preview)
-    plan = plan_import(files, _merge_options_and_mapping_file(answers, mapping))
-    if not preview:
-        write_import(plan, target, force=force)
-        if beside is not None and beside != mapping:
-            write_file(beside, plan.mapping_text().encode(), force=force)
+    given = _merge_options_and_mapping_file(answers, mapping)
+    report = import_files(files, given, None if preview else target, force=force)
+    if not preview and beside is not None and beside != mapping:
+        write_file(beside, report.mapping_text.encode(), force=force)
     if talk.json:
-        console.print_document("import", _import_plan_document(plan, None if preview else target))
+        console.print_document("import", _import_document(report, None if preview else target))
         return
-    _print_plan(console, plan)
+    _print_report(console, report)
     if not preview and target != "-":
         print_written_files(console, [target, *([beside] if beside not in (None, mapping) else [])])
 
@@ -154,10 +151,10 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
     return given if mapping is None else merge_answers(read_mapping(mapping), given)
 
 
-def _import_plan_document(plan: ImportPlan, target: str | None) -> dict[str, Any]:
+def _import_document(report: ImportReport, target: str | None) -> dict[str, Any]:
     """The content of `--json`."""
     return {
-        "files": dict(plan.kinds),
+        "files": dict(report.kinds),
         "guesses": [
             {
                 "table": table,
@@ -167,20 +164,21 @@ def _import_plan_document(plan: ImportPlan, target: str | None) -> dict[str, Any
                 "confidence": each.confidence,
                 "why": each.why,
             }
-            for table, guesses in plan.tables
+            for table, guesses in report.tables
             for each in guesses
         ],
         "channels": [
-            {"topic": topic, "schema": schema, "messages": n, "table": table} for topic, schema, n, table in plan.topics
+            {"topic": topic, "schema": schema, "messages": n, "table": table}
+            for topic, schema, n, table in report.topics
         ],
-        "notes": {name: list(notes) for name, notes in plan.notes.items() if notes},
-        "unused": {name: list(columns) for name, columns in plan.unused.items() if columns},
+        "notes": {name: list(notes) for name, notes in report.notes.items() if notes},
+        "unused": {name: list(columns) for name, columns in report.unused.items() if columns},
         "written": target,
     }
 
 
-def _print_plan(console: Console, plan: ImportPlan) -> None:
-    for table, guesses in plan.tables:
+def _print_report(console: Console, report: ImportReport) -> None:
+    for table, guesses in report.tables:
         console.print_heading(table)
         headings = ("quantity", "column", "unit", "confidence", "why")
         texts = [(each.quantity, each.column, each.unit or "-", each.confidence, each.why) for each in guesses]
@@ -188,12 +186,12 @@ def _print_plan(console: Console, plan: ImportPlan) -> None:
             format_table(headings, [[escape_control_characters(text) for text in row] for row in texts])
         )
         console.print_summary("")
-    made = [(topic, schema, n) for topic, schema, n, _ in plan.topics]
+    made = [(topic, schema, n) for topic, schema, n, _ in report.topics]
     console.print_summary(format_table(("topic", "schema", "messages"), made))
-    for table, notes in plan.notes.items():
+    for table, notes in report.notes.items():
         for note in notes:
             console.print_note(f"{table}: {note}")
-    for table, columns in plan.unused.items():
+    for table, columns in report.unused.items():
         if columns:
             more = f" and {len(columns) - MAX_UNUSED} more" if len(columns) > MAX_UNUSED else ""
             console.print_note(f"{shorten_and_escape(table)}: not read: {', '.join(columns[:MAX_UNUSED])}{more}")

@@ -18,6 +18,7 @@ from cwcli.errors import DataError, InputError, MissingSignalError, UsageError, 
 from cwcli.importing.names import QUANTITIES, quantities_of_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.signals.can import MAX_FRAME_BYTES, decode_all_signals, load_dbc_messages
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
@@ -64,7 +65,7 @@ def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequ
     for message in load_dbc_messages(answers.dbc):
         if any(_can_be_quantity(signal.name) or signal.name in given for signal in message.signals):
             messages[message.frame_id, bool(message.is_extended_frame)] = message
-    frames, n_frames = _read_frames_by_message(path, kind, messages)
+    frames, n_frames, notes = _read_frames_by_message(path, kind, messages)
     found = [(messages[key], *rows) for key, rows in frames.items() if rows[0]]
     if not found:
         names = tuple(sorted(message.name for message in messages.values()))
@@ -74,7 +75,9 @@ def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequ
             found=names[:20],
             hint="--dbc FILE names the file of this bus; --column QUANTITY=SIGNAL names a signal",
         )
-    return [_build_table_of_message(path, kind, message, times, data, n) for message, times, data, n in found]
+    tables = [_build_table_of_message(path, kind, message, times, data, n) for message, times, data, n in found]
+    tables[0].notes.extend(notes)
+    return tables
 
 
 def _can_be_quantity(name: str) -> bool:
@@ -117,8 +120,8 @@ def _text_with_absolute_times(path: str) -> str | io.StringIO:
 
 def _read_frames_by_message(
     path: str, kind: str, messages: dict[tuple[int, bool], Any]
-) -> tuple[dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]], int]:
-    """Return stamps, padded data and lengths of the frames of each message, and how many frames there are."""
+) -> tuple[dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]], int, list[str]]:
+    """Return stamps, padded data and lengths of the frames of each message, the number of frames, and notes."""
     try:
         import can
     except ImportError as error:
@@ -127,7 +130,7 @@ def _read_frames_by_message(
     frames: dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]] = {
         key: ([], bytearray(), []) for key in messages
     }
-    n_frames = 0
+    n_frames = n_without_time = 0
     try:
         source = _text_with_absolute_times(path) if kind == "asc" else path
         with reader_of_kind[kind](source) as reader:
@@ -135,6 +138,9 @@ def _read_frames_by_message(
                 n_frames += 1
                 rows = frames.get((frame.arbitration_id, frame.is_extended_id))
                 if rows is None or frame.is_error_frame or frame.is_remote_frame:
+                    continue
+                if not abs(frame.timestamp) < MAX_STAMP_NS / NS_PER_S:
+                    n_without_time += 1
                     continue
                 data = bytes(frame.data)[:MAX_FRAME_BYTES]
                 rows[0].append(round(frame.timestamp * 1e6) * (NS_PER_S // 1_000_000))
@@ -146,7 +152,8 @@ def _read_frames_by_message(
         raise InputError(f"the trace is damaged behind {n_frames} frames: {error}", where=path) from error
     if not n_frames:
         raise DataError("it has no frames", where=path)
-    return frames, n_frames
+    notes = [f"{n_without_time} frames have an impossible time and are left out"] if n_without_time else []
+    return frames, n_frames, notes
 
 
 def _make_trace_kind(name: str, summary: str, suffix: str, accepts: Any) -> ImportKind:

@@ -42,6 +42,10 @@ PRESETS = {
     "course_deg": Preset("course", "deg-cw-north"),
 }
 """Column -> the quantity and unit that the format fixes."""
+MAX_LINE_CHARACTERS = 65_536
+"""The greatest length of a line that is read as one. Chosen by hand: a sentence has 82 characters (NMEA 0183)."""
+TIMED_TYPES = {"RMC", "GGA", "ZDA"}
+"""The sentences that have a time of their own; the others have that of the last one before them."""
 SOURCES = {"position": ("GGA", "RMC"), "velocity": ("RMC", "VTG"), "heading": ("HDT",)}
 """Table -> the sentences that give it, the best first."""
 
@@ -127,7 +131,7 @@ def _collect_sentences(path: str) -> Collected:
     collected = Collected()
     try:
         with Path(path).open(encoding="ascii", errors="replace") as file:
-            for line in file:
+            while line := file.readline(MAX_LINE_CHARACTERS):
                 if line.strip():
                     _collect_sentence_of_line(collected, line)
     except OSError as error:
@@ -140,13 +144,12 @@ def _collect_sentence_of_line(collected: Collected, line: str) -> None:
     if not fields:
         collected.counts[kind] += 1
         return
-    if kind in {"RMC", "GGA", "ZDA"}:
-        _collect_time(collected, kind, fields)
-    if kind not in SENTENCE_PARSERS or not len(collected.ns_of_day):
+    has_time = _collect_time(collected, kind, fields) if kind in TIMED_TYPES else bool(len(collected.ns_of_day))
+    if kind not in SENTENCE_PARSERS:
         return
     values = SENTENCE_PARSERS[kind][1](fields)
-    if not values.is_fix:
-        collected.counts[f"{kind} without a fix"] += 1
+    if not values.is_fix or not has_time:
+        collected.counts[f"{kind} without a {'time' if values.is_fix else 'fix'}"] += 1
         return
     sentences = collected.by_type.setdefault(kind, Sentences())
     sentences.row.append(len(collected.ns_of_day) - 1)
@@ -154,13 +157,14 @@ def _collect_sentence_of_line(collected: Collected, line: str) -> None:
         sentences.values.setdefault(name, array("d")).append(getattr(values, name))
 
 
-def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> None:
+def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> bool:
+    """Collect the time, and the date, of a sentence; tell whether it has a time."""
     match = re.fullmatch(r"(\d{2})(\d{2})(\d{2})(?:\.(\d*))?", fields[0])
     if not match:
-        return
+        return False
     hour, minute, second = (int(match.group(k)) for k in (1, 2, 3))
     if hour > 23 or minute > 59 or second > 60:
-        return
+        return False
     part = int((match.group(4) or "").ljust(9, "0")[:9] or "0")
     day = -1
     text = fields[8] if kind == "RMC" and len(fields) > 8 else ""
@@ -172,6 +176,7 @@ def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> Non
         day = _days_since_1970(int(fields[3]), int(fields[2]), int(fields[1]))
     collected.ns_of_day.append(((hour * 60 + minute) * 60 + second) * NS_PER_S + part)
     collected.day.append(day)
+    return True
 
 
 def _days_since_1970(year: int, month: int, day: int) -> int:

@@ -1,20 +1,46 @@
-"""u-blox UBX: the navigation solutions NAV-PVT, read by `pyubx2`."""
+"""u-blox UBX: the navigation solutions NAV-PVT.
+
+A message begins with two sync bytes, has a length and ends with a checksum (u-blox M8 protocol specification, 32). One
+whose checksum is wrong, or whose end is missing, is passed over to the next sync bytes.
+"""
 
 from __future__ import annotations
 
+import struct
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cwcli.errors import DataError, InputError, UsageError, install_hint
+from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
+from cwcli.importing.times import MAX_STAMP_NS
+from cwcli.signals.columns import Int64Array
+from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 SYNC = b"\xb5\x62"
-"""The first two bytes of a UBX message (u-blox protocol specification)."""
+"""The first two bytes of a UBX message (u-blox M8 protocol specification, 32.2)."""
+NAV_PVT = b"\x01\x07"
+"""Class and number of the message NAV-PVT (u-blox M8 protocol specification, 32.17.14)."""
+HEAD = struct.Struct("<2s2sH")
+"""The beginning of a message: sync bytes, class and number, length of the payload."""
+CHECKSUM_BYTES = 2
+"""The number of bytes of the checksum behind the payload."""
+SOLUTION = struct.Struct("<4xH5BB4xiBB2x4i8x2i")
+"""The used fields of NAV-PVT: year, month, day, hour, minute, second, valid, nano, fixType, flags, longitude, latitude,
+height, height above the sea, north and east velocity."""
+LEAST_SOLUTION_BYTES = 84
+"""The least length of NAV-PVT: that of u-blox 7; later receivers send 92 bytes."""
+MAX_MESSAGE_BYTES = HEAD.size + 0xFFFF + CHECKSUM_BYTES
+"""The greatest length of a message."""
+BLOCK_BYTES = 1 << 20
+"""Number of bytes that are read at a time, 1 MiB. Chosen by hand."""
+DATE_AND_TIME_VALID, FIX_OK = 0b11, 0b1
+"""The bits of the fields valid and flags that say that date, time and fix can be used."""
 LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX = 0, 5
 """Values of the field fixType of NAV-PVT that have no position: no fix, and time only (u-blox protocol
 specification)."""
@@ -37,12 +63,15 @@ def _accepts_ubx_file(head: FileHead) -> bool:
 def _read_ubx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     rows, counts = _read_solutions_and_count_skipped(path)
     if not rows:
-        raise DataError("it has no NAV-PVT message with a fix", where=path, hint="let the receiver send NAV-PVT")
+        skipped = tuple(f"{reason}: {n} messages" for reason, n in counts.items())
+        raise DataError(
+            "it has no NAV-PVT message with a fix", where=path, found=skipped, hint="let the receiver send NAV-PVT"
+        )
     table = np.array(rows, np.float64)
     stamps = np.array([row[0] for row in rows], np.int64)
     columns: dict[str, Any] = {name: table[:, k] for k, name in enumerate(PRESETS)}
     columns["time"] = stamps
-    notes = [f"{reason}: {n} messages" for reason, n in counts.items() if n]
+    notes = [f"{reason}: {n} messages" for reason, n in counts.items()]
 
     def read(wanted: Sequence[str]) -> Iterator[Batch]:
         yield {name: columns[name] for name in wanted}
@@ -50,46 +79,89 @@ def _read_ubx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     return [SourceTable(path, "NAV-PVT", "ubx", tuple(PRESETS), read, presets=PRESETS, notes=notes)]
 
 
-def _read_solutions_and_count_skipped(path: str) -> tuple[list[tuple[float, ...]], dict[str, int]]:
-    try:
-        from pyubx2 import ERR_IGNORE, UBX_PROTOCOL, UBXReader
-    except ImportError as error:
-        raise UsageError("UBX files need pyubx2", hint=install_hint("import")) from error
+def _read_solutions_and_count_skipped(path: str) -> tuple[list[tuple[float, ...]], Counter[str]]:
     rows: list[tuple[float, ...]] = []
-    counts = {"no fix": 0, "no time": 0, "damaged": 0}
+    counts: Counter[str] = Counter()
+    data, is_end = b"", False
     try:
         with Path(path).open("rb") as file:
-            reader = UBXReader(file, protfilter=UBX_PROTOCOL, quitonerror=ERR_IGNORE)
-            for _, message in reader:
-                if message is None:
-                    counts["damaged"] += 1
-                elif message.identity == "NAV-PVT":
-                    _append_solution_or_count(rows, counts, message)
+            while not is_end:
+                block = file.read(BLOCK_BYTES)
+                data, is_end = data + block, not block
+                stop = len(data) if is_end else max(len(data) - MAX_MESSAGE_BYTES, 0)
+                payloads, n_damaged, at = _find_solutions(data, stop)
+                counts["damaged"] += n_damaged
+                for payload in payloads:
+                    _append_solution_or_count(rows, counts, payload)
+                data = data[at:]
     except OSError as error:
         raise InputError(f"it can't be read: {error.strerror}", where=path) from error
-    except Exception as error:
-        if not rows:
-            raise InputError(f"the UBX file is damaged: {error}", where=path) from error
-        counts["damaged"] += 1
-    return rows, counts
+    return rows, +counts
 
 
-def _append_solution_or_count(rows: list[tuple[float, ...]], counts: dict[str, int], message: Any) -> None:
-    if not (message.validDate and message.validTime):
+def _find_solutions(data: bytes, stop: int) -> tuple[list[bytes], int, int]:
+    """Find the NAV-PVT messages that begin before a place.
+
+    All beginnings are judged at once, so that a file of nothing but sync bytes takes no longer than another.
+
+    Returns:
+        The payloads, the number of damaged ones, and the place where the next search must begin.
+    """
+    octets = np.frombuffer(data, np.uint8).astype(np.int64)
+    starts = np.flatnonzero((octets[:-1] == SYNC[0]) & (octets[1:] == SYNC[1]))
+    starts = starts[(starts < stop) & (starts + HEAD.size <= len(octets))]
+    ends = starts + HEAD.size + octets[starts + 4] + 256 * octets[starts + 5] + CHECKSUM_BYTES
+    is_solution = (octets[starts + 2] == NAV_PVT[0]) & (octets[starts + 3] == NAV_PVT[1])
+    is_solution &= ends - starts >= HEAD.size + LEAST_SOLUTION_BYTES + CHECKSUM_BYTES
+    is_sound = ends <= len(octets)
+    is_sound[is_sound] = _have_right_checksums(octets, starts[is_sound], ends[is_sound])
+    damaged = starts[is_solution & ~is_sound]
+    payloads, at, n_inside = [], 0, 0
+    for start, end, has_position in zip(
+        starts[is_sound].tolist(), ends[is_sound].tolist(), is_solution[is_sound].tolist(), strict=True
+    ):
+        if start < at:  # inside the message before
+            continue
+        at = end
+        if len(damaged):
+            n_inside += int(np.searchsorted(damaged, end) - np.searchsorted(damaged, start))
+        if has_position:
+            payloads.append(data[start + HEAD.size : end - CHECKSUM_BYTES])
+    return payloads, len(damaged) - n_inside, max(at, stop)
+
+
+def _have_right_checksums(octets: Int64Array, starts: Int64Array, ends: Int64Array) -> BoolArray:
+    """Tell of each message whether its checksum is right: the 8-bit Fletcher algorithm of RFC 1145, by running sums."""
+    sums = np.concatenate([[0], np.cumsum(octets)])
+    weighted = np.concatenate([[0], np.cumsum(octets * np.arange(len(octets)))])
+    begin, end = starts + len(SYNC), ends - CHECKSUM_BYTES
+    first = sums[end] - sums[begin]
+    second = end * first - (weighted[end] - weighted[begin])
+    is_right: BoolArray = (first & 0xFF == octets[end]) & (second & 0xFF == octets[end + 1])
+    return is_right
+
+
+def _append_solution_or_count(rows: list[tuple[float, ...]], counts: Counter[str], payload: bytes) -> None:
+    year, month, day, hour, minute, second, valid, nano, fix, flags, lon, lat, height, _, north, east = (
+        SOLUTION.unpack_from(payload)
+    )
+    if valid & DATE_AND_TIME_VALID != DATE_AND_TIME_VALID:
         counts["no time"] += 1
         return
-    if message.fixType in {LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX} or not message.gnssFixOk:
+    if fix in {LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX} or not flags & FIX_OK:
         counts["no fix"] += 1
         return
     try:
-        day = np.datetime64(f"{message.year:04d}-{message.month:02d}-{message.day:02d}", "D").astype(np.int64)
+        days = int(np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "D").astype(np.int64))
     except ValueError:
         counts["no time"] += 1
         return
-    seconds = (int(day) * 24 + message.hour) * 3600 + message.min * 60 + message.second
-    stamp_ns = seconds * NS_PER_S + message.nano
-    rows.append((stamp_ns, message.lat, message.lon, message.height / 1e3, message.velE / 1e3, message.velN / 1e3))
+    stamp_ns = ((days * 24 + hour) * 3600 + minute * 60 + second) * NS_PER_S + nano
+    if not 0 <= stamp_ns <= MAX_STAMP_NS:
+        counts["no time"] += 1
+        return
+    rows.append((stamp_ns, lat / 1e7, lon / 1e7, height / 1e3, east / 1e3, north / 1e3))
 
 
-KIND = ImportKind("u-blox UBX: NAV-PVT (needs pyubx2)", (".ubx",), _accepts_ubx_file, _read_ubx_tables)
+KIND = ImportKind("u-blox UBX: NAV-PVT", (".ubx",), _accepts_ubx_file, _read_ubx_tables)
 """How u-blox UBX files are recognised and read, for the table of import formats."""

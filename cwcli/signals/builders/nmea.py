@@ -7,6 +7,7 @@ The others are set aside. A sentence whose checksum is wrong or missing is rejec
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import reduce
 from operator import xor
@@ -26,6 +27,8 @@ from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaf_fields import read_stamps, read_texts
 from cwcli.signals.quality import RowLedger
 
+STANDARD_ADDRESS = re.compile(r"[A-OQ-Z0-9][A-Z0-9]{4}")
+"""A talker of two characters and a sentence type of three (NMEA 0183); `P` begins a maker's own sentences."""
 MPS_PER_KNOT = 1852.0 / 3600.0
 """One knot in m/s (1852 m per hour)."""
 MPS_PER_KMH = 1.0 / 3.6
@@ -76,7 +79,8 @@ def split_sentence(text: str) -> tuple[str, list[str]]:
     if given != reduce(xor, content.encode(), 0):
         return BAD_CHECKSUM_REASON, []
     address, *fields = content.split(",")
-    kind = address[2:] if len(address) == 5 and not address.startswith("P") else OTHER_SENTENCE_REASON
+    is_standard = STANDARD_ADDRESS.fullmatch(address) is not None
+    kind = address[2:] if is_standard else OTHER_SENTENCE_REASON
     return (
         (SENTENCE_TOO_SHORT_REASON, [])
         if kind in SENTENCE_PARSERS and len(fields) < SENTENCE_PARSERS[kind][0]

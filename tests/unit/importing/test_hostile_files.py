@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import struct
 import tracemalloc
 import warnings
 import zipfile
@@ -19,6 +20,7 @@ from cwcli.importing.run import ImportPlan, plan_import, write_import
 from cwcli.importing.tables import AmbiguousError, Answers
 from cwcli.logs.read.reader import Log
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
+from tests.unit.importing.files import can_dump
 
 D = DRIVE
 T, LAT, LON = epoch(), digits(D.lat_deg, 8), digits(D.lon_deg, 8)
@@ -319,3 +321,68 @@ def test_broken_utf_16_is_an_error_in_words(tmp_path: Path) -> None:
     path.write_bytes(b"\xff\xfe" + data * 30 + b"\x00\xdc" * 9 + data)
     with pytest.raises(CwcliError):
         plan(path)
+
+
+def ubx_message(kind: bytes, payload: bytes) -> bytes:
+    """A message with the checksum of the u-blox specification, octet by octet."""
+    body = kind + len(payload).to_bytes(2, "little") + payload
+    first = second = 0
+    for octet in body:
+        first = (first + octet) & 0xFF
+        second = (second + first) & 0xFF
+    return b"\xb5\x62" + body + bytes([first, second])
+
+
+def solution(year: int, second: int = 0) -> bytes:
+    """NAV-PVT of 2023-11-14T22:13 and a second, another year, with a fix."""
+    head = struct.pack("<IHBBBBBBIiBB", 0, year, 11, 14, 22, 13, second, 7, 0, 0, 3, 1)
+    return ubx_message(
+        b"\x01\x07", (head + bytes(2) + struct.pack("<iii", 115_750_000, 481_370_000, 5000)).ljust(92, b"\0")
+    )
+
+
+@pytest.mark.parametrize(
+    ("others", "note"),
+    [
+        ([solution(65_535), solution(2262)], "no time: 2 messages"),
+        ([solution(2023)[:-1] + b"\xff"], "damaged: 1 messages"),
+        ([b"\xb5\x62\x02\x15\xff\xff"], ""),
+        ([ubx_message(b"\x02\x15", solution(2023, 9))], ""),
+    ],
+    ids=["years", "checksum", "a length of 64 kB", "a message inside of another"],
+)
+def test_damaged_ubx_messages_are_counted_and_the_others_read(tmp_path: Path, others: list[bytes], note: str) -> None:
+    """The year 65535 ended with exit code 70: its nanoseconds have more than 64 bits."""
+    path = tmp_path / "rover.ubx"
+    path.write_bytes(b"".join([solution(2023, 20), *others, *(solution(2023, 21 + k) for k in range(9))]))
+    made = plan(path)
+    np.testing.assert_array_equal(log_times(made), (START_S + np.arange(10)) * 1_000_000_000)
+    assert note in notes(made)
+
+
+def test_nmea_sentences_without_a_time_are_counted(tmp_path: Path) -> None:
+    """A GGA whose time is empty took that of the sentence before, and a VTG before the first time was lost."""
+    lines = [
+        sentence(f"GPGGA,2213{20 + k:02d}.00,48{8 + k / 100:07.4f},N,01134.0000,E,1,09,0.9,475.0,M,45.0,M,,")
+        for k in range(30)
+    ]
+    lines[3] = lines[3].replace(",221323.00,", ",,")
+    lines[3] = sentence(lines[3][1 : lines[3].index("*")])
+    vtg = sentence("GPVTG,000.0,T,,M,19.4,N,36.0,K,A")
+    path = tmp_path / "drive.nmea"
+    path.write_text("\n".join([vtg, *lines]))
+    made = plan(path, start="2023-11-14T00:00:00Z")
+    assert len(log_times(made)) == 29
+    assert "GGA without a time: 1 sentences" in notes(made)
+    assert "VTG without a time: 1 sentences" in notes(made)
+
+
+@pytest.mark.parametrize("time", ["99999999999999999999.5", "1e300"])
+def test_can_frames_of_an_impossible_time_are_counted(tmp_path: Path, time: str) -> None:
+    """Their nanoseconds have more than 64 bits: exit code 70."""
+    trace, dbc = can_dump(tmp_path)
+    lines = trace.read_text().splitlines()
+    lines[300] = f"({float(time):f}) {lines[300].split(' ', 1)[1]}"
+    trace.write_text("\n".join(lines) + "\n")
+    made = plan_import([str(trace), str(dbc)], Answers())
+    assert "1 frames have an impossible time" in notes(made)

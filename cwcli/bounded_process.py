@@ -1,0 +1,190 @@
+"""Runs a function in a process of its own that can take no more than its bounds.
+
+What reads files of strangers by a large library is run in such a process: bags, databases, files for `cwcli import`,
+the first look at a net. It is bounded in memory, processor time, the size of its files and their number, gives up the
+network where the system lets it, and is killed with its parent (`cwcli.bounded_child`). It gets a request and gives an
+answer, both of JSON; what it answers is checked by the one who asked.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cwcli.errors import CwcliError, DataError, InputError, MissingSignalError, OutputError, UsageError
+from cwcli.lazy_dataclass import dataclass
+
+BYTES_PER_MEGABYTE = 1_000_000
+"""The number of bytes in a megabyte."""
+MAX_ANSWER_BYTES = 16_000_000
+"""The greatest size of what the process answers. Chosen by hand."""
+END_S = 30.0
+"""Seconds in which a process that has closed its output must end. Chosen by hand, for a busy machine."""
+MAX_OPEN_FILES = 64
+"""The greatest number of files that the process has open at once. Chosen by hand."""
+CPU_S, CPU_S_PER_MEGABYTE = 4, 8
+"""Processor time of the process in seconds, and seconds more for each megabyte of the file. Chosen by hand: about a
+hundred times what ordinary bags take."""
+ROOM_HINT = "point TMPDIR to a folder with more room"
+"""The advice to a user whose temporary file can't be written."""
+HARM_HINT = "it is damaged, or made to do harm"
+"""The advice to a user whose file takes more than it may, or ends the process that reads it."""
+ERROR_CLASSES: dict[str, type[CwcliError]] = {
+    each.__name__: each for each in (InputError, UsageError, DataError, MissingSignalError, OutputError)
+}
+"""Name of an error in the answer -> its class."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the process may take; None is no limit.
+
+    Attributes:
+        cpu_s: Seconds of processor time.
+        file_bytes: Greatest size of a file that it writes.
+        address_bytes: Address space beyond what it has when it begins.
+        data_bytes: Memory of its own, where its libraries reserve address space that they do not use.
+        n_files: Open files.
+        has_threads: Whether it may start threads.
+    """
+
+    cpu_s: int
+    file_bytes: int
+    address_bytes: int | None = None
+    data_bytes: int | None = None
+    n_files: int = MAX_OPEN_FILES
+    has_threads: bool = False
+
+    @property
+    def memory_mb(self) -> int:
+        """The limit of memory in megabytes."""
+        return (self.address_bytes or self.data_bytes or 0) // BYTES_PER_MEGABYTE
+
+
+def cpu_limit_s(n_bytes: int) -> int:
+    """Return the processor time in seconds that reading a file of this size may take."""
+    return CPU_S + CPU_S_PER_MEGABYTE * n_bytes // BYTES_PER_MEGABYTE
+
+
+def run_bounded(
+    function: str,
+    request: Mapping[str, Any],
+    limits: Limits,
+    name: str,
+    *,
+    descriptors: Sequence[int] = (),
+    folder: str | None = None,
+    classes: Mapping[str, type[CwcliError]] = ERROR_CLASSES,
+) -> dict[str, Any]:
+    """Run a function in a process of its own and return its answer.
+
+    Args:
+        function: `module:name`; it takes the request and returns the answer.
+        request: What it is given, as JSON.
+        limits: What it may take.
+        name: The file that it reads, for errors.
+        descriptors: Open files that it inherits.
+        folder: A folder that it makes for temporary files; the caller removes it.
+        classes: Name of an error -> its class.
+
+    Raises:
+        CwcliError: One that the function raised; an `InputError` where it took more than its bounds, or has died.
+        OutputError: No process can be started, or there is no room.
+        BrokenPipeError: The reader of its standard output has gone away.
+        RuntimeError: The function has a bug.
+    """
+    envelope = {
+        "function": function,
+        "request": dict(request),
+        "limits": {key: getattr(limits, key) for key in Limits.__annotations__},
+        "parent": os.getpid(),
+        "folder": folder,
+    }
+    code, answer = _run_child(envelope, name, descriptors)
+    told = answer.get("error")
+    if code == 0 and isinstance(told, dict):
+        raise _error_of_answer(told, name, limits, classes)
+    if code == 0 and isinstance(answer.get("answer"), dict):
+        found: dict[str, Any] = answer["answer"]
+        return found
+    if code == -getattr(signal, "SIGXCPU", 0):
+        what = f"reading it takes more than the {limits.cpu_s} s of processor time that a file of its size may take"
+        raise InputError(what, where=name, hint=HARM_HINT)
+    how = signal.Signals(-code).name if -code in set(signal.Signals) else f"code {code}"
+    raise InputError(f"the process that reads it ended with {how}", where=name, hint=HARM_HINT)
+
+
+def _run_child(envelope: dict[str, Any], name: str, descriptors: Sequence[int]) -> tuple[int, dict[str, Any]]:
+    """Run the process; return how it ended, and its answer, which is empty if it gave none.
+
+    Raises:
+        OutputError: No process can be started.
+    """
+    # it imports from where this process does, and not from the current folder, as `-c` alone would
+    path = f"import sys; sys.path[:] = {sys.path!r}"
+    code = f"{path}; from cwcli.bounded_child import serve_request; serve_request()"
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-c", code],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            pass_fds=descriptors,
+            env=environment,
+        )
+    except OSError as error:
+        raise OutputError(f"no process can be started to read it: {error.strerror}", where=name) from error
+    with process:
+        try:
+            assert process.stdin is not None and process.stdout is not None
+            try:
+                process.stdin.write(json.dumps(envelope).encode())
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # it has ended; how, is told by its code
+            said = process.stdout.read(MAX_ANSWER_BYTES + 1)
+        finally:
+            if process.poll() is None:
+                _wait_or_kill(process)
+    try:
+        answer = json.loads(said) if len(said) <= MAX_ANSWER_BYTES else None
+    except (ValueError, RecursionError):
+        answer = None
+    return process.returncode, answer if isinstance(answer, dict) else {}
+
+
+def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:
+    """Wait for a process that has closed its output; kill one that has not."""
+    try:
+        process.wait(END_S)
+    except (subprocess.TimeoutExpired, KeyboardInterrupt):
+        process.kill()
+
+
+def _error_of_answer(
+    told: dict[str, Any], name: str, limits: Limits, classes: Mapping[str, type[CwcliError]]
+) -> Exception:
+    """Return the error by which the function has ended."""
+    kind = told.get("kind")
+    if kind == "memory":
+        what = f"reading it takes more than {limits.memory_mb:,} MB of memory"
+        return InputError(what, where=name, hint=HARM_HINT)
+    if kind == "system":
+        number = told.get("errno")
+        reason = os.strerror(number) if isinstance(number, int) else "unknown"
+        return OutputError(f"{name} can't be converted: {reason}", where=tempfile.gettempdir(), hint=ROOM_HINT)
+    if kind == "pipe":
+        return BrokenPipeError()
+    if kind == "bug":
+        return RuntimeError(f"in the process that reads {name}:\n{told.get('trace')}")
+    what, where, hint = (str(told.get(each, "")) for each in ("what", "where", "hint"))
+    found = told.get("found")
+    listed = tuple(map(str, found)) if isinstance(found, list) else ()
+    return classes.get(str(kind), InputError)(what, where=where, found=listed, hint=hint)

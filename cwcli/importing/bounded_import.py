@@ -1,0 +1,161 @@
+"""Imports files in a process of its own that can take no more than its bounds: their libraries have none.
+
+The process reads the files and writes the log; what it says of them comes back as an `ImportReport`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from cwcli.bounded_process import ERROR_CLASSES, Limits, cpu_limit_s, run_bounded
+from cwcli.errors import InputError
+from cwcli.importing.readers import load_kind
+from cwcli.importing.readers.base import FileHead
+from cwcli.importing.run import plan_import, write_import
+from cwcli.importing.tables import AmbiguousError, Answers, Guess
+from cwcli.lazy_dataclass import dataclass
+
+FUNCTION = "cwcli.importing.bounded_import:import_request"
+"""The function that the process runs."""
+MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 400_000_000, 20
+"""Memory of the process, and more for each byte of the files: a table is held as columns of numbers. Chosen by hand:
+the libraries and a drive of ten minutes take 150 MB."""
+VIDEO_BYTES = 400_000_000
+"""Memory more for a video. Chosen by hand: OpenCV reserves 240 MB that it does not use, and a decoder holds 16 pictures
+of 12 MB at 3840 by 2160."""
+OUTPUT_BYTES, OUTPUT_BYTES_PER_BYTE = 100_000_000, 200
+"""Size of the log, and more for each byte of the files: a video becomes images of its frames. Chosen by hand: a second
+of H.265 becomes 30 times its size."""
+MAX_OPEN_FILES = 256
+"""The greatest number of files that the process has open at once. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What an import has made, or would make.
+
+    Attributes:
+        kinds: File -> kind.
+        tables: Name of each table and its guesses.
+        topics: Topic, schema, number of messages and table of each channel.
+        notes: Table -> what the user should know.
+        unused: Table -> columns that are no quantity.
+        mapping_text: The mapping file.
+    """
+
+    kinds: Mapping[str, str]
+    tables: Sequence[tuple[str, Sequence[Guess]]]
+    topics: Sequence[tuple[str, str, int, str]]
+    notes: Mapping[str, Sequence[str]]
+    unused: Mapping[str, Sequence[str]]
+    mapping_text: str
+
+
+def import_files(files: Sequence[str], answers: Answers, target: str | None, *, force: bool = False) -> ImportReport:
+    """Import files in a process of its own.
+
+    Args:
+        files: The files of one drive.
+        answers: What the user decided.
+        target: The log, "-" for standard output, None to write none.
+        force: An existing log is replaced.
+
+    Raises:
+        CwcliError: As `plan_import` and `write_import`; an `InputError` where the files take more than their bounds.
+        BrokenPipeError: The reader of standard output has gone away.
+    """
+    n_bytes = sum(map(_size_or_zero, {*files, *answers.dbc, answers.frame_times}))
+    name = ", ".join(files)
+    has_video = any(load_kind("video").accepts(FileHead(path)) for path in files)
+    limits = Limits(
+        cpu_limit_s(n_bytes),
+        OUTPUT_BYTES + OUTPUT_BYTES_PER_BYTE * n_bytes,
+        data_bytes=MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * n_bytes + (VIDEO_BYTES if has_video else 0),
+        n_files=MAX_OPEN_FILES,
+        has_threads=True,
+    )
+    given = {each.name: getattr(answers, each.name) for each in fields(answers)}
+    request: dict[str, Any] = {
+        "files": list(files),
+        "answers": given | {"columns": [[*key, *value] for key, value in answers.columns.items()]},
+        "target": target,
+        "force": force,
+        "stdout": None,
+    }
+    classes = ERROR_CLASSES | {AmbiguousError.__name__: AmbiguousError}
+    descriptors = []
+    try:
+        if target == "-":
+            sys.stdout.flush()
+            # the process has its own standard output, for the answer
+            request["stdout"] = os.dup(sys.stdout.fileno())
+            descriptors = [request["stdout"]]
+        answer = run_bounded(FUNCTION, request, limits, name, descriptors=descriptors, classes=classes)
+    finally:
+        for descriptor in descriptors:
+            os.close(descriptor)
+    try:
+        return _report_of_answer(answer)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError("the process that reads it gave no usable answer", where=name) from error
+
+
+def import_request(request: dict[str, Any]) -> dict[str, Any]:
+    """Import the files of a request, in the process of its own; return what a report holds.
+
+    Raises:
+        CwcliError: As `plan_import` and `write_import`.
+    """
+    from cwcli.array_memory import bound_array_memory
+
+    if request["stdout"] is not None:
+        os.dup2(request["stdout"], 1)
+    bound_array_memory()
+    given = request["answers"]
+    columns = {(table, quantity): (column, unit) for table, quantity, column, unit in given["columns"]}
+    answers = Answers(**{**given, "columns": columns, "dbc": tuple(given["dbc"])})
+    plan = plan_import(request["files"], answers)
+    if request["target"] is not None:
+        write_import(plan, request["target"], force=request["force"])
+        sys.stdout.flush()
+    return {
+        "kinds": dict(plan.kinds),
+        "tables": [(name, [asdict(guess) for guess in guesses]) for name, guesses in plan.tables],
+        "topics": plan.topics,
+        "notes": {name: list(notes) for name, notes in plan.notes.items()},
+        "unused": {name: list(columns) for name, columns in plan.unused.items()},
+        "mapping_text": plan.mapping_text(),
+    }
+
+
+def _report_of_answer(answer: dict[str, Any]) -> ImportReport:
+    """Return the report that an answer holds.
+
+    Raises:
+        KeyError, TypeError, ValueError: It has another form.
+    """
+    texts = ("quantity", "column", "unit", "confidence", "why")
+    tables = [
+        (str(name), [Guess(**{key: str(guess[key]) for key in texts}) for guess in guesses])
+        for name, guesses in answer["tables"]
+    ]
+    topics = [(str(topic), str(schema), int(n), str(table)) for topic, schema, n, table in answer["topics"]]
+    notes, unused = (
+        {str(name): [str(each) for each in entries] for name, entries in answer[key].items()}
+        for key in ("notes", "unused")
+    )
+    kinds = {str(path): str(kind) for path, kind in answer["kinds"].items()}
+    return ImportReport(kinds, tables, topics, notes, unused, str(answer["mapping_text"]))
+
+
+def _size_or_zero(path: str) -> int:
+    """Return the size of a file in bytes, 0 where there is none."""
+    with suppress(OSError, ValueError):
+        return Path(path).stat().st_size
+    return 0

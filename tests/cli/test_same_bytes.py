@@ -1,0 +1,97 @@
+"""Outputs are the same bytes whatever the locale, time zone, seed of hashes and number of threads and jobs are."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import ROOT, SAMPLES
+
+LOGS = (
+    *sorted(SAMPLES.glob("*.mcap")),
+    ("simulate", "city", "--seed", "3"),
+    ("simulate", "rear-end", "--seed", "7"),
+)
+"""Bundled logs, and commands that make others."""
+ENVIRONMENTS = (
+    {"PYTHONHASHSEED": "0", "TZ": "UTC", "LC_ALL": "C", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    {"PYTHONHASHSEED": "7", "TZ": "Asia/Kathmandu", "LC_ALL": "C.UTF-8", "OMP_NUM_THREADS": "2"},
+    {"PYTHONHASHSEED": "99", "TZ": "America/St_Johns", "LC_ALL": "POSIX", "OMP_NUM_THREADS": "4", "COLUMNS": "40"},
+)
+COMMANDS = (
+    ("run", "LOG", "-o", "all.mcap", "--metrics-dir", "tables"),
+    ("estimate", "LOG", "-o", "states.mcap"),
+    ("cut", "LOG", "--start", "1", "--end", "3", "-o", "cut.mcap"),
+    ("export", "all.mcap", "--what", "ego", "-o", "ego.csv"),
+    ("export", "all.mcap", "--format", "ros2", "-o", "ros.mcap"),
+    ("export", "all.mcap", "--what", "ego", "--format", "gpx", "-o", "ego.gpx"),
+    ("import", "ego.gpx", "-o", "again.mcap"),
+    ("report", "all.mcap", "-o", "page.html"),
+    ("layout", "all.mcap", "-o", "layout.json"),
+)
+"""In this order: some read what those before them have written."""
+SAME = {".mcap", ".csv", ".parquet", ".html", ".json", ".gpx", ".toml"}
+NEVER_SAME = {"manifest.json"}
+"""It tells how long each log took."""
+
+
+def cwcli(folder: Path, environment: dict[str, str], *arguments: str) -> None:
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG"))}
+    subprocess.run(
+        [sys.executable, "-m", "cwcli", *arguments, "--quiet"],
+        cwd=folder,
+        env={**kept, "PYTHONPATH": str(ROOT), **environment},
+        check=True,
+        capture_output=True,
+    )
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    paths = (path for path in folder.rglob("*") if path.suffix in SAME and path.name not in NEVER_SAME)
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+
+def assert_same(made: list[dict[str, bytes]]) -> None:
+    first = made[0]
+    assert first
+    for other in made[1:]:
+        assert first.keys() == other.keys()
+        assert [name for name in first if first[name] != other[name]] == []
+
+
+def log_of(folder: Path, k: int) -> Path:
+    """One of the six logs."""
+    log = LOGS[k]
+    if isinstance(log, Path):
+        return log
+    cwcli(folder, {}, *log, "-o", f"simulated-{k}.mcap")
+    return folder / f"simulated-{k}.mcap"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(len(LOGS)))
+def test_outputs_are_the_same_bytes_in_every_environment(tmp_path: Path, number: int) -> None:
+    log = log_of(tmp_path, number)
+    made = []
+    for k, environment in enumerate(ENVIRONMENTS):
+        (tmp_path / str(k)).mkdir()
+        for command in COMMANDS:
+            cwcli(tmp_path / str(k), environment, *(str(log) if each == "LOG" else each for each in command))
+        made.append(contents(tmp_path / str(k)))
+    assert_same(made)
+
+
+@pytest.mark.long
+def test_outputs_are_the_same_bytes_with_any_number_of_jobs(tmp_path: Path) -> None:
+    logs = [str(log_of(tmp_path, k)) for k in range(len(LOGS))]
+    made = []
+    for n in (1, 2, 4):
+        folder = tmp_path / str(n)
+        folder.mkdir()
+        cwcli(folder, {}, "run", *logs, "-d", "out", "--tables", "--jobs", str(n))
+        made.append(contents(folder / "out"))
+    assert_same(made)
