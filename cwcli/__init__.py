@@ -16,6 +16,8 @@ from __future__ import annotations
 import sys
 from types import ModuleType
 
+from cwcli.version import __version__
+
 TYPE_CHECKING = False  # as type checkers take it; importing `typing` would cost more than everything else here
 if TYPE_CHECKING:
     from typing import Any
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
     from cwcli.library.result import Result
     from cwcli.library.simulated import write_simulation as simulate
 
-__version__ = "0.1.0"
 __all__ = [
     "CwcliError",
     "DataError",

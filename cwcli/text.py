@@ -25,7 +25,7 @@ def shorten_and_escape(text: str, most: int = 1000) -> str:
     return escape_control_characters(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
 
 
-def replace_surrogates(text: str) -> str:
+def escape_surrogates(text: str) -> str:
     """Return a text that UTF-8 can encode: each lone surrogate becomes its escape, `\\xff` or `\\ud800`.
 
     Python keeps bytes of a file name that are not UTF-8 as surrogates, and JSON may hold halves of a pair.

@@ -49,7 +49,7 @@ _SCHEME_PATTERN = r"[A-Za-z][A-Za-z0-9+.\-]*://"
 _URL_PATTERN = _SCHEME_PATTERN + r"[^\s<>\"`\\^{|}]*"
 """A URL in a sentence: everything up to a space or a character that no URL holds (RFC 3986)."""
 _TRAILING_PUNCTUATION = "'),.;:]"
-"""Characters at the end of a URL in a sentence that belong to the sentence."""
+"""Characters at the end of a URL in running text that are the sentence's punctuation, not the URL's."""
 _NAME_WITH_DIGEST_PATTERN = r"(?s)(.*\?\*\*\*(?:#\*\*\*)?)( \([0-9a-f]{8}\))"
 """The name of a URL whose secrets are hidden, and the digest behind it (`display_name_of_url`)."""
 

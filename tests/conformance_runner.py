@@ -26,7 +26,7 @@ from cwcli.logs.format.chunks import decompress_chunk
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import open_index
 from cwcli.logs.format.records import MCAP_MAGIC, ByteSource, ChunkIndex
-from cwcli.logs.format.summary import find_footer, read_summary
+from cwcli.logs.format.summary import find_footer, read_summary_if_present
 from cwcli.logs.read.message_reader import MessageReader
 from cwcli.logs.write.message_merge import INDEX_ENTRY_DTYPE, ChunkPayload
 from cwcli.logs.write.record_writer import RecordWriter
@@ -171,7 +171,7 @@ def indexed(file: InputFile) -> Document:
         )
     ]
     footer = find_footer(file)
-    summary = read_summary(file, *footer, index.header_length, verify=True) if footer else None
+    summary = read_summary_if_present(file, *footer, index.header_length, verify=True) if footer else None
     counted = summary.statistics if summary else None
     return {
         "schemas": [schema(each) for _, each in sorted(index.schemas.items())],

@@ -139,7 +139,7 @@ def paragraph(text: str) -> str:
 def measures_page() -> str:
     """docs/measures.md."""
     from cwcli.measures import MEASURES
-    from cwcli.measures.base import COMPARISON_SIGNS
+    from cwcli.measures.base import OPERATOR_BY_CRITICAL_SIDE
 
     columns = ("measure", "what it is", "symbol", "unit", "critical", "in conflict")
     rows, sections = [], ""
@@ -147,7 +147,7 @@ def measures_page() -> str:
         limit = (
             ""
             if measure.threshold is None
-            else f"{COMPARISON_SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}"
+            else f"{OPERATOR_BY_CRITICAL_SIDE[measure.critical]} {measure.threshold:g} {measure.unit}"
         )
         rows.append(
             (

@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 VERSION = re.compile(r"\d+\.\d+\.\d+")
 PLACES = {
     "pyproject.toml": re.compile(r'^(version = ")([^"]+)(")$', re.MULTILINE),
-    "cwcli/__init__.py": re.compile(r'^(__version__ = ")([^"]+)(")$', re.MULTILINE),
+    "cwcli/version.py": re.compile(r'^(__version__ = ")([^"]+)(")$', re.MULTILINE),
     "CITATION.cff": re.compile(r"^(version: )(\S+)()$", re.MULTILINE),
 }
 """File -> where its version stands."""

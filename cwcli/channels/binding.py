@@ -74,8 +74,9 @@ ROLES_WITH_MANY_TOPICS = frozenset(
     }
 )
 """Roles that take several topics, each a source of its own."""
-RADIO_ROLES = frozenset({Role.REMOTE, Role.EGO_POSITION, Role.EGO_SPEED, Role.EGO_HEADING})
-"""Roles that undecoded radio messages can fill when `--topic` names their format."""
+ROLES_OF_RADIO_MESSAGES = frozenset({Role.REMOTE, Role.EGO_POSITION, Role.EGO_SPEED, Role.EGO_HEADING})
+"""What a topic of undecoded radio messages can be used for (`--topic ROLE=TOPIC:FORMAT`): other vehicles, and position,
+speed and heading of the ego."""
 ROLES_THAT_MAY_BE_EMPTY = frozenset({TARGETS.role})
 """Roles that a channel without messages may fill: a list of targets is empty on an empty road."""
 ROLES_TAKING_EVERY_CHANNEL = frozenset({Role.DETECTIONS})
@@ -345,7 +346,7 @@ def _bind_mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping,
 
 
 def _bind_named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:
-    if role in RADIO_ROLES and ":" in topic:
+    if role in ROLES_OF_RADIO_MESSAGES and ":" in topic:
         return _bind_radio_channel(channels, role, topic, where)
     usable = {channel.topic: channel for channel in channels if _is_schema_of_role(role, channel.schema_name)}
     channel = usable.get(topic) or usable.get(f"/{topic}")

@@ -36,7 +36,7 @@ class ReplayedSteps:
         other_id: The vehicle of which the host was warned.
         stamp_ns: Shape (k,).
         states: Shape (k, 8), one for each of `POLICIES`: the host's.
-        series: Names of `SERIES` -> shape (k,), one for each of `POLICIES`.
+        series: Names of `STEP_SERIES_FIELDS` -> shape (k,), one for each of `POLICIES`.
     """
 
     event_id: int

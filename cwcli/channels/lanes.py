@@ -157,7 +157,7 @@ class LaneRows:
     Attributes:
         log_time_ns, stamp_ns: Shape (n,).
         found: Shape (n, 2): left, right.
-        drawn: Where the boundaries are drawn in the searched image.
+        image_boundaries: Where the boundaries are drawn in the searched image.
         road: Shape (n, 2, 3): `ROAD_LINE_FIELDS`.
         curvature_change_1pm2: Shape (n,): right positive; 0 where unknown.
         preview, preview_sigma: Shape (n, 3): `PREVIEW` and its sigmas.

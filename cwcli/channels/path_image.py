@@ -68,7 +68,7 @@ class PathFrames:
     lane_rows: Rows
 
     @classmethod
-    def match_paths_to_frames(
+    def pair_paths_with_frames_of_same_stamp(
         cls, paths: Paths, stamp_ns: Int64Array, log_time_ns: Int64Array, lanes: LaneRows, viewpoint: Viewpoint
     ) -> PathFrames:
         """Pair paths with frames of the same stamp and of known size; repeated stamps are used once.

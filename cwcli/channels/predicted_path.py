@@ -152,7 +152,7 @@ class LazyPathChannel(StreamedChannel):
     """A channel of paths that are computed while the log is written; reading it gives the same messages.
 
     Attributes:
-        planned: All paths, for later stages of the same run.
+        lazy_paths: All paths, for later stages of the same run.
     """
 
     lazy_paths: LazyPaths = field(kw_only=True)

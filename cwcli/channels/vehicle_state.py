@@ -190,7 +190,7 @@ def read_vehicle_states(columns: Columns, *, with_covariance: bool = True) -> Ve
     """Read the states of a channel, in log-time order.
 
     Args:
-        columns: The channel; its fields `KINEMATICS` are enough for states without covariance.
+        columns: The channel; its fields `KINEMATIC_FIELDS` are enough for states without covariance.
         with_covariance: If False, the covariance is NaN and takes no memory.
 
     Raises:

@@ -15,7 +15,6 @@ import typer
 import typer.core
 import typer.main
 
-from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
 from cwcli.cli.load import load_function
 from cwcli.cli.options.complete import run_completion_with_bash_equals_fix
@@ -27,6 +26,7 @@ from cwcli.cli.root_help import ABOUT, EPILOG, NO_PLUGINS_HELP
 from cwcli.errors import UsageError
 from cwcli.input import remember_inputs
 from cwcli.text import shorten_and_escape
+from cwcli.version import __version__
 
 MAX_VALUE_CHARS = 60
 """Longest part of a wrong value that an error shows, in characters; chosen by hand."""

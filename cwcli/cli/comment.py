@@ -17,7 +17,7 @@ MAX_COMMENT_CHARS = 60_000
 MAX_ROWS_PER_LOG = 20
 """Greatest number of metrics that the table of one log lists. Chosen by hand."""
 MAX_NAMED_LOGS = 10
-"""Logs that the last sentence names of those that are left out; chosen by hand."""
+"""Greatest number of left-out logs that the last sentence names. Chosen by hand."""
 MAX_NAME_CHARS = 200
 """Longest log name, in characters, that is shown in full; chosen by hand."""
 SEPARATOR = "\n\n"

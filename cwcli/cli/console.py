@@ -12,10 +12,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, TextIO
 
-from cwcli import __version__
 from cwcli.cli.text import escape_control_characters, shorten_and_escape, wrap_paragraph
 from cwcli.errors import CwcliError, names_hint
 from cwcli.lazy_dataclass import dataclass
+from cwcli.version import __version__
 
 FOUND_LINE_WIDTH = 100
 """Width of the lines behind `found:`, in characters; chosen wide, because paths and topics are long."""

@@ -159,8 +159,8 @@ def _report_unexpected_error(error: BaseException, arguments: Sequence[str]) -> 
 def _report_bug(arguments: Sequence[str]) -> None:
     import traceback
 
-    from cwcli import __version__
     from cwcli.cli.text import shorten_and_escape
+    from cwcli.version import __version__
 
     kind, value = sys.exc_info()[:2]
     trace = _redact_secrets(traceback.format_exc(), arguments)

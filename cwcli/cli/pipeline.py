@@ -42,7 +42,7 @@ class Job:
         stages: Stage calls by name, in order.
         metrics: File of the stage's main table, or None.
         metrics_dir: Folder for all tables of all stages, or None.
-        first: Names of the stages that only prepare inputs of the command's own stage.
+        preceding_stages: Names of the stages that only prepare inputs of the command's own stage.
         skip: Which stages are left out.
     """
 
@@ -107,7 +107,7 @@ def run_and_write(job: Job) -> JobOutcome:
         span = (reading.start, reading.end)
         source = _imported_source(job.source) if job.command == "run" else job.source
         with open_selected(
-            source, reading.topics_and_mappings, span, recover=reading.recover, limits=reading.limits
+            source, reading.topics_and_mappings, span, recover=reading.recover, limits=reading.resource_limits
         ) as log:
             rules = RunRules(job.skip, reading.strict, job.writing.channel_choice)
             result = log.run_calls(job.stages, rules, progress.begin_step)

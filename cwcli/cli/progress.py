@@ -71,7 +71,7 @@ class Progress:
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
         left = "" if self._left is None else f", about {elapsed_s * self._left:.0f} s left"
         told = f"{done} ({elapsed_s:.0f} s{left})"
-        return (_cut_to_width(self._what, width - 1 - display_width(told)) + told)[: max(width - 1, 0)]
+        return (_drop_text_beyond_width(self._what, width - 1 - display_width(told)) + told)[: max(width - 1, 0)]
 
     def _redraw_until_stopped(self) -> None:
         drawn = False
@@ -86,7 +86,7 @@ class Progress:
             sys.stderr.flush()
 
 
-def _cut_to_width(text: str, width: int) -> str:
+def _drop_text_beyond_width(text: str, width: int) -> str:
     """Cut a text to at most `width` cells of a terminal."""
     cut = text[: max(width, 0)]  # a cell or two each, but for combining marks
     while display_width(cut) > width > 0:

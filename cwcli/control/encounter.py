@@ -84,7 +84,7 @@ class ReplayedWarning:
         other: The other vehicle on the same grid.
         is_behind: The other vehicle was behind the host at the warning. It moves as recorded and may run into it.
         recorded_until_s: Time from which one of the two motions is extrapolated, not recorded.
-        after: Shape (k,), bool: steps from the warning on. The values below are taken over these steps.
+        after_warning_mask: Shape (k,), bool: steps from the warning on. The values below are taken over these steps.
         min_distance_m, min_distance_time_s: Least distance of the reference points.
         collided: The distance fell below `COLLISION_DISTANCE_M`.
         collision_time_s, impact_speed_mps: When it first did, and the relative speed then; NaN if never.

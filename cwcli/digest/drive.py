@@ -87,16 +87,16 @@ class Drive:
         start_ns, end_ns: Its first and last log time.
         ego: The ego's states, None where the log has none.
         others: The other vehicles, in order of id first seen.
-        measured: The ego's own measurements, as the estimator reads them.
+        measurements: The ego's own measurements, as the estimator reads them.
         warnings: The warnings, None where the stage did not run.
         lanes: The lanes, None likewise.
-        rule: Settings of the warnings.
+        warning_config: Settings of the warnings.
         records: Stage -> its metadata record.
-        camera: Topic of the camera frames, or "".
+        camera_topic: Topic of the camera frames, or "".
         notes: What the reader of the page should know.
         truth: The ego's, None where the log has none.
         gated: The ego's measurements that the estimator gated.
-        system: Another system's warnings, None where none are judged.
+        other_system: Another system's warnings, None where none are judged.
         faults: What is wrong with the file itself -> how often.
     """
 

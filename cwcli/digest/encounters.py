@@ -107,7 +107,7 @@ class DriveEncounters:
 
     Attributes:
         encounters: The warnings, in order of time.
-        missed: Conflicts without a warning, in order of time; none where nobody warned.
+        missed_conflicts: Conflicts without a warning, in order of time; none where nobody warned.
         nearest: The other that came nearest while one of the two moved; None where nobody was near.
         n_not_compared: Others whose distance was not computed, because there are so many.
         conflicts: All of them, in order of time.

@@ -121,7 +121,7 @@ def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
     return f"Of {len(rows)} encounters the one with vehicle {_cell_to_name(vehicle)} was the most critical{told}."
 
 
-def _control_sentence(summary: RecordedSummary, tables: Tables) -> str:
+def _crashes_by_policy_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Count, for each policy, how many of the warned encounters end in a crash."""
     rows = summary.column_cells("control", "policy", "crash")
     hits: dict[str, list[bool]] = {}
@@ -141,7 +141,7 @@ _SENTENCES: dict[str, Callable[[RecordedSummary, Tables], str]] = {
     "predict": _predict_sentence,
     "predict-lane": _predict_lane_sentence,
     "measure": _measure_sentence,
-    "control": _control_sentence,
+    "control": _crashes_by_policy_sentence,
 }
 """Stage -> the function that describes what it made; what the warning stages made is in the story of the drive."""
 

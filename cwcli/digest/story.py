@@ -72,7 +72,7 @@ class Story:
     @property
     def headline(self) -> str:
         """What happened, behind the worst doubt."""
-        return " ".join(filter(None, (doubt_headline(self.doubts), self.happened)))
+        return " ".join(filter(None, (worst_doubt_headline(self.doubts), self.happened)))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ def build_story(
     return replace(story, badges=(Badge("not to be trusted", "bad"), *story.badges), doubts=tuple(doubts))
 
 
-def doubt_headline(doubts: Sequence[Doubt]) -> str:
+def worst_doubt_headline(doubts: Sequence[Doubt]) -> str:
     """Format `Do not trust this as it is: the track lies ...`; "" without doubts."""
     if not doubts:
         return ""
@@ -145,7 +145,7 @@ def _build_story_without_doubts(
     return Story(
         headline,
         (*more, *_missed_conflict_sentences(drive, drive_encounters)),
-        tuple(_warning_badges(drive_encounters)),
+        tuple(_warning_and_missed_conflict_badges(drive_encounters)),
     )
 
 
@@ -278,7 +278,7 @@ def _verdict_counts_text(drive_encounters: DriveEncounters) -> str:
     return join_names(parts)
 
 
-def _warning_badges(drive_encounters: DriveEncounters) -> list[Badge]:
+def _warning_and_missed_conflict_badges(drive_encounters: DriveEncounters) -> list[Badge]:
     """Return the badges of the warnings and of the missed conflicts."""
     if len(drive_encounters.encounters) == 1:
         badges = [Badge(f"1 warning: {verdict_badge(drive_encounters.encounters[0]).text}", "alert")]

@@ -81,7 +81,7 @@ class ObserverConfig:
         max_speed_gap_s: The speed is not interpolated or kept over a longer gap.
         noise: "cwcli": see `FilterNoise`.
         period_s: "zhang2011": the observers' sampling time; None: the median time between frames.
-        steer_rate: "zhang2011": a key of `steering.RATES`.
+        steer_rate: "zhang2011": a key of `steering.RATE_METHODS`.
         process_noise, lane_noise: "zhang2011": R1 and R2, printed as 0.01 and 0.01 I.
         noise_reading: "zhang2011": "continuous": R1 belongs to eq. 21 and is discretised with it; "discrete": it is
             added as it stands in eq. 16.

@@ -84,7 +84,7 @@ def steering_angle_from_vision_rad(
         stamp_ns: Shape (n,), increasing.
         heading_deviation_rad, curvature_1pm: Shape (n,): e_L and K_L in the paper's signs, NaN where not found.
         speed_mps: Shape (n,).
-        rate: A key of `RATES`: "raw" is the paper's difference.
+        rate: A key of `RATE_METHODS`: "raw" is the paper's difference.
 
     Returns:
         Shape (n,), rad; NaN where something is missing or the car is slower than 1 m/s. Multiply by

@@ -169,7 +169,8 @@ def fuse_latencies_with_calibration(
 
     Args:
         series: All series.
-        found: Latencies found in the log, parallel to `series`, relative to the reference source of `references`.
+        latencies_of_log: Latencies found in the log, parallel to `series`, relative to the reference source of
+            `references`.
         calibration: Calibration of the car.
         causal: Use the latencies of the calibration unchanged; else the weighted mean of both, unless they contradict.
     """

@@ -26,7 +26,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.student import student_to_normal_quantile_ratio
-from cwcli.text import replace_surrogates
+from cwcli.text import escape_surrogates
 from cwcli.toml_text import parse_toml
 
 FORMAT_VERSION_KEY, FORMAT_VERSION = "cwcli_calibration", 1
@@ -42,7 +42,7 @@ class ConstantSpec:
     Attributes:
         low, high: Least and greatest permitted value.
         unit: Unit, for messages.
-        of: Names of the quantities that may have the constant.
+        quantities: Names of the quantities that may have the constant.
     """
 
     low: float
@@ -181,7 +181,7 @@ class Calibration:
         motion: Name -> constant of the motion model.
         logs: Names of the logs that it comes from.
         minutes: Minutes of driving in these logs.
-        evidence: Key of `EVIDENCE` -> value.
+        evidence: Key of `EVIDENCE_KEYS` -> value.
     """
 
     name: str
@@ -376,4 +376,4 @@ def _format_toml_float(value: float) -> str:
 
 
 def _quote_toml_string(value: str) -> str:
-    return json.dumps(replace_surrogates(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    return json.dumps(escape_surrogates(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -43,7 +43,9 @@ class _PredictedLog:
     scores: dict[tuple[str, Kind], FloatArray]
 
 
-def notes_on_worse_prediction(measurements: Sequence[Measurements], config: EstimatorConfig) -> list[str]:
+def notes_on_worse_prediction_with_calibration(
+    measurements: Sequence[Measurements], config: EstimatorConfig
+) -> list[str]:
     """Return a note if the log is predicted clearly worse with the calibration's constants than with its own; else [].
 
     The filter alone predicts each row from those before it, for the sources that the calibration knows. The log's own

@@ -46,7 +46,7 @@ class SourceComparisonCheck(StrEnum):
         """Return a text on how one source contradicts another.
 
         Args:
-            who, against: Measured quantity of the blamed source and of the other one.
+            blamed_kind, other_kind: Measured quantity of the blamed source and of the other one.
             number: Ratio or difference of the first relative to the second.
         """
         if self is SourceComparisonCheck.WAY:

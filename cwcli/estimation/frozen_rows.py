@@ -20,9 +20,9 @@ MIN_HELD_FIXES = 4
 """Least number of repetitions of a fix that is held. Chosen by hand: a receiver once a second that holds for 4 s."""
 MIN_SATURATED_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
-MAX_SMOOTH_BEND_SHARE = 0.5
-"""Greatest ratio of the second to the first differences of a signal without noise; of white noise it is 1.5. Chosen
-by hand; not fitted."""
+MAX_SMOOTH_DIFFERENCE_RATIO = 0.5
+"""Greatest ratio of the summed absolute second differences of a signal without noise to its summed absolute first
+differences; white noise has sqrt(3) = 1.73. Chosen by hand; not fitted."""
 MAX_SMOOTH_CHANGE_RATIO = 3.0
 """Greatest change of a noiseless signal after a repetition, relative to its greatest usual change; beyond it the signal
 was stuck. Chosen by hand; not fitted."""
@@ -143,7 +143,7 @@ def _continues_smoothly_after_repetitions(values: FloatArray, is_long_repetition
     usual = ~(is_long_repetition[1:] | is_long_repetition[:-1])
     both = usual[1:] & usual[:-1]
     most = change[usual].max(axis=0, initial=0.0)
-    is_smooth = (bend[both].sum(axis=0) <= MAX_SMOOTH_BEND_SHARE * change[usual].sum(axis=0)).all()
+    is_smooth = (bend[both].sum(axis=0) <= MAX_SMOOTH_DIFFERENCE_RATIO * change[usual].sum(axis=0)).all()
     after = change[is_long_repetition[:-1] & ~is_long_repetition[1:]]
     return bool(is_smooth and most.any() and (after <= MAX_SMOOTH_CHANGE_RATIO * most).all())
 

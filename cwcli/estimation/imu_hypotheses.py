@@ -142,14 +142,14 @@ def find_imu_hypothesis(time_s: FloatArray, values: FloatArray, others: Sequence
     change = np.diff(integral, axis=0)
     gyro_units = [1.0, *(each.matrix[3][3] for each in GYRO_UNITS)]
     accel_units = [1.0, *(each.matrix[0][0] for each in ACCEL_UNITS)]
-    yaw = _log_likelihood_gains_by_axis_and_unit(
+    yaw = _log_likelihood_gains_over_nominal_axis_and_unit(
         change[:, 3:], gyro_units, 3, [m.turn_rad for m in motions], MIN_TURN_SIGMA_RAD, is_angle=True
     )
-    forward = _log_likelihood_gains_by_axis_and_unit(
+    forward = _log_likelihood_gains_over_nominal_axis_and_unit(
         change[:, :3], accel_units, 1, [m.speed_change_mps for m in motions], MIN_SPEED_CHANGE_SIGMA_MPS
     )
     step_s = float(edges_s[1] - edges_s[0])
-    lateral = _log_likelihood_gains_by_axis_and_unit(
+    lateral = _log_likelihood_gains_over_nominal_axis_and_unit(
         rate[1:-1, :3],
         accel_units,
         2,
@@ -211,10 +211,10 @@ def _iter_axes_signs_and_units(
     yield from product(signed_axis_rotations(), (1, -1), (1, -1), range(n_accel_units), range(n_gyro_units))
 
 
-def _log_likelihood_gains_by_axis_and_unit(
+def _log_likelihood_gains_over_nominal_axis_and_unit(
     columns: FloatArray,
     units: Sequence[float],
-    right_axis: int,
+    nominal_axis: int,
     references: Sequence[FloatArray],
     floor: float,
     *,
@@ -225,7 +225,7 @@ def _log_likelihood_gains_by_axis_and_unit(
     Args:
         columns: Shape (n, 3): what the axes show in each step.
         units: Factors to SI units, the first one 1.
-        right_axis: The axis if nothing is wrong, 1 to 3.
+        nominal_axis: The axis if nothing is wrong, 1 to 3.
         references: Of each other source what it should be, (n,).
         floor: Least scale of the residuals.
         is_angle: Differences are wrapped; of others the median is subtracted, because a constant is a bias.
@@ -246,7 +246,7 @@ def _log_likelihood_gains_by_axis_and_unit(
         return found
 
     keys = list(product(SIGNED_AXES, range(len(units))))
-    gains = log_likelihood_gains(residuals(right_axis, 1.0), [residuals(axis, units[unit]) for axis, unit in keys])
+    gains = log_likelihood_gains(residuals(nominal_axis, 1.0), [residuals(axis, units[unit]) for axis, unit in keys])
     return dict(zip(keys, gains, strict=True))
 
 

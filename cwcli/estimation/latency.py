@@ -34,7 +34,7 @@ class LatencyStatus(StrEnum):
         NOT_OBSERVABLE: The log does not suffice to determine it: not corrected.
         GIVEN: Corrected by the user's value.
         CALIBRATED: Corrected by the value of a calibration, or by the mean of it and the log.
-        CONTRADICTS: Found beyond what a sensor can be late by (`sensor_limits.LATENCY`): not corrected.
+        CONTRADICTS: Found beyond what a sensor can be late by (`sensor_limits.LATENCY_RANGE`): not corrected.
         OFF: Not searched.
     """
 

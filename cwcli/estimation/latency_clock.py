@@ -41,7 +41,7 @@ def shift_latencies_to_agreed_clock_and_note(
     Nothing is moved where the user gives a latency, because that names a clock.
 
     Args:
-        told: Latencies of all sources, relative to one reference.
+        source_latencies: Latencies of all sources, relative to one reference.
 
     Returns:
         The latencies, and a note where they were moved.
@@ -71,8 +71,8 @@ def disputed_clock_sigma_s(source_latencies: Sequence[SourceLatency], shifted_la
     Either that source's stamps are early, or the reference is late: the log does not tell.
 
     Args:
-        told: Latencies relative to the reference.
-        moved: The same after `shift_latencies_to_agreed_clock_and_note`.
+        source_latencies: Latencies relative to the reference.
+        shifted_latencies: The same after `shift_latencies_to_agreed_clock_and_note`.
     """
     late_s = [
         latency.applied_s

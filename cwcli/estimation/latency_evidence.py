@@ -60,8 +60,8 @@ class LatencyEvidence:
         Args:
             time_s, centre_s: See `Evidence`, in any order.
             probe_s: How much less and more the stamps were moved.
-            less, just, more: Shape (k,): negative log-likelihoods with the latencies centre - probe, centre and
-                centre + probe.
+            nll_at_earlier, nll_at_centre, nll_at_later: Shape (k,): negative log-likelihoods with the latencies centre
+                - probe, centre and centre + probe.
         """
         slope, bend = (
             (nll_at_later - nll_at_earlier) / (2.0 * probe_s),

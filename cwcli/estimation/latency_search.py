@@ -59,8 +59,8 @@ PROBE_OFFSETS_S = (0.05, 0.1, 0.2, 0.4)
 LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * SIGNIFICANT_SIGMAS**2
 """Fall of the log-likelihood at three sigma from its top."""
 MAX_OBSERVABLE_SIGMA_S = 0.05
-"""Greatest bound of a latency, s, that is reported although the latency is not significant. Chosen by hand; not
-fitted."""
+"""Greatest standard deviation of a latency, s, with which a latency near 0 counts as found to be insignificant; with a
+greater one it counts as not observable. Chosen by hand; not fitted."""
 MAX_REPORTED_SIGMA_S = 0.1
 """Greatest bound of a latency, s, that is reported at all. Chosen by hand; not fitted."""
 IMU_AVERAGING_HZ = 25.0
@@ -108,7 +108,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
         if is_reference and role is not None
     ]
     begin, end = _most_excited_window_s(series, reference)
-    reference = [gate_outliers(_cut_and_average(s, begin, end)) for s in reference]
+    reference = [gate_outliers(_cut_to_window_and_average_imu(s, begin, end)) for s in reference]
     if any(s.bias_state >= 0 for s in reference):
         parameters = replace(
             parameters,
@@ -121,7 +121,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
         if role is not None:
             found.append(role)
             continue
-        target = _cut_and_average(s, begin, end)
+        target = _cut_to_window_and_average_imu(s, begin, end)
         # What the reference says long before the target's first row only adds a start that is badly known.
         first = float(target.time_s[0]) - REFERENCE_LEAD_IN_S if len(target) else begin
         near = [cut_to_window(r, first, end) for r in reference]
@@ -418,7 +418,7 @@ def _most_excited_window_s(series: Sequence[SensorSeries], reference: Sequence[S
     return float(edges[best]), float(edges[best]) + SEARCH_WINDOW_S
 
 
-def _cut_and_average(s: SensorSeries, begin: float, end: float) -> SensorSeries:
+def _cut_to_window_and_average_imu(s: SensorSeries, begin: float, end: float) -> SensorSeries:
     """Cut a series to a window, and average an IMU to about IMU_AVERAGING_HZ."""
     cut = cut_to_window(s, begin, end)
     return average_rows_to_rate(cut, IMU_AVERAGING_HZ) if s.kind in RATE_KINDS else cut

@@ -34,7 +34,7 @@ def find_values_beyond_sensor_limits(
 
     Args:
         reports: Reports of one vehicle's sources.
-        known: Known contradictions: their sources are not reported again.
+        known_contradictions: Known contradictions: their sources are not reported again.
     """
     told = {quantity for each in known_contradictions for quantity in (each.who, each.against)}
     found = []

@@ -250,7 +250,7 @@ def _cut_to_busiest_window(series: Sequence[SensorSeries]) -> list[SensorSeries]
     # A slow source needs enough rows in it to show its noise.
     slowest = max((float(np.median(np.diff(s.time_s))) for s in series if len(s) > MIN_ROWS_FOR_NOISE), default=0.0)
     span = min(max(span, 2.0 * MIN_ROWS_FOR_NOISE * slowest), end - begin)
-    left = busiest_window_start_s(series, begin, end, span)
+    left = longest_driven_window_start_s(series, begin, end, span)
     cut = []
     for s in series:
         time = s.time_s - s.latency_s
@@ -258,7 +258,7 @@ def _cut_to_busiest_window(series: Sequence[SensorSeries]) -> list[SensorSeries]
     return cut
 
 
-def busiest_window_start_s(series: Sequence[SensorSeries], begin: float, end: float, span: float) -> float:
+def longest_driven_window_start_s(series: Sequence[SensorSeries], begin: float, end: float, span: float) -> float:
     """Return where a window of `span` seconds covers the longest way, by the positions."""
     position = next((s for s in series if s.kind is Kind.POSITION and len(s) > 2), None)
     if position is None:

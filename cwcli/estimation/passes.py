@@ -168,8 +168,8 @@ class RowTimeOrder:
 
     Attributes:
         in_time: Per series: which rows do not lie before the start.
-        time_s, first, out_row, order, index: See `_merge`.
-        patience: Shape (S,): see `_patience`.
+        time_s, first, out_row, order, index: See `_merge_rows_and_outputs_into_steps`.
+        patience: Shape (S,): see `_max_consecutive_rejections`.
     """
 
     in_time: list[npt.NDArray[np.bool_]]

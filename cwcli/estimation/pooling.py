@@ -282,7 +282,8 @@ def _pool_imu_mountings(drives: Sequence[DriveEvidence]) -> dict[str, dict[str, 
 
 
 def _driving_evidence(drives: Sequence[DriveEvidence]) -> dict[str, float]:
-    """Return the distance driven and the root mean squares of acceleration and yaw rate, by the keys of `EVIDENCE`."""
+    """Return the distance driven and the root mean squares of acceleration and yaw rate, by the keys of
+    `EVIDENCE_KEYS`."""
     state = [drive.track.state for drive in drives if len(drive.track.stamp_ns) > 1]
     if not state:
         return {}

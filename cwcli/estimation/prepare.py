@@ -38,7 +38,7 @@ class PreparedSeries:
 
     Attributes:
         series: The series, stamps relative to the epoch.
-        biased: Whether it comes from an IMU, so that its bias is estimated.
+        has_bias: Whether it comes from an IMU, so that its bias is estimated.
         n_read: Rows handed in.
         n_not_finite: Rows left out because a value or stamp was not finite.
         n_interpolated: Rows left out because they were interpolated before the log was made.

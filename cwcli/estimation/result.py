@@ -48,7 +48,7 @@ class SourceReport:
         stamp_error: POSITION: one sigma, s, of the random error of its stamps; 0: none was found.
         interval_s: Median time between two rows.
         latency: Latency that was found or given, its sigma and status.
-        compared: Latency relative to the reference source of the search, whichever clock the states use.
+        latency_to_reference: Latency relative to the reference source of the search, whichever clock the states use.
         bias: Additive bias at the middle of the log in the unit of the kind, NaN where none is modelled.
         bias_sigma: One sigma of the bias.
         scale: SPEED: ratio of measured to true speed; it is above 1 for a wheel that is smaller than assumed.
@@ -133,7 +133,7 @@ class Track:
         sources: One report per source and kind.
         log_likelihood: Of the innovations of the forward pass.
         notes: One-line remarks for the user (resets, what could not be observed).
-        manoeuvre: Name of a manoeuvre sigma of `model.MotionParameters` -> value that was found or given.
+        manoeuvre_sigmas: Name of a manoeuvre sigma of `model.MotionParameters` -> value that was found or given.
         gated: Rows that the gate rejected; empty for the paper's filter, which has no gate.
         contradictions: Sources that contradict each other, the most important first.
         corrections: Sources whose values were wrong in a known way and were corrected.

@@ -20,7 +20,7 @@ MIN_GAIN_SIGMAS = 3.0
 """Least gain in sigmas of the scatter between rows. Chosen as for other significance tests; not fitted."""
 
 
-def prediction_log_likelihood(series: Sequence[SensorSeries], result: PassResult) -> float:
+def bounded_log_likelihood_without_inertial_sensors(series: Sequence[SensorSeries], result: PassResult) -> float:
     """Return the log-likelihood of all rows but those of inertial sensors; the loss of an outlier is bounded."""
     if not np.isfinite(result.last_state).all():
         return -np.inf
@@ -45,7 +45,7 @@ def is_prediction_clearly_better(gain: FloatArray, min_gain: float) -> bool:
 
     Args:
         gain: Shape (n,): gain of each row of one source in `row_log_likelihoods`; NaN is ignored.
-        least: Least gain of each half.
+        min_gain: Least gain of each half.
     """
     gain = gain[np.isfinite(gain)]
     if not len(gain) or min(float(half.sum()) for half in np.array_split(gain, 2)) <= min_gain:

@@ -68,7 +68,7 @@ class _ObjectComparedWithSender:
         rows: Rows of the object in the signal.
         along_m, across_m: Position of the object relative to the extrapolated sender, along and left of its heading.
         variance_along_m2, variance_across_m2: Variances of that, as both messages state them.
-        fits: Whether speeds and headings agree, as far as they are known.
+        motion_agrees: Whether speeds and headings agree, as far as they are known.
         is_fresh: Whether the sender's message is as recent as the object, which then adds nothing.
         length_m, width_m: Least distance of another road user before or behind the sender, and beside it.
     """
@@ -209,7 +209,7 @@ def _sender_and_overlap_masks_with_distance(
     """Decide from the last moments whether an object is a sender; all results (n,).
 
     Args:
-        at: Moments in the order in which they were received.
+        compared: Moments in the order in which they were received.
         stamp_ns, log_time_ns: Times of the signal's rows.
 
     Returns:

@@ -67,7 +67,8 @@ class SensorModel:
 
     Attributes:
         slow: Slow errors of POSITION and ACCEL series.
-        follows: ACCEL series whose gravity is compensated with the pitch gyroscope; they have a slow error, too.
+        pitch_compensated: ACCEL series whose gravity is compensated with the pitch gyroscope; they have a slow error,
+            too.
         scaled, levered: SPEED series with a scale, with a lever arm.
         ahead: POSITION, VELOCITY and ACCEL series that stand ahead of the point whose course is the heading.
     """

@@ -16,12 +16,12 @@ from dataclasses import field, replace
 import numpy as np
 
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
-from cwcli.estimation.noise import FIRST_POSITION_LEAD_IN_S, busiest_window_start_s
+from cwcli.estimation.noise import FIRST_POSITION_LEAD_IN_S, longest_driven_window_start_s
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import average_rows_to_rate
-from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER, prediction_log_likelihood
+from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER, bounded_log_likelihood_without_inertial_sensors
 from cwcli.estimation.sensor_limits import range_of_sensor_error
 from cwcli.estimation.sensor_model import (
     AHEAD_PRIOR_SIGMA_M,
@@ -103,24 +103,32 @@ class FoundSensorModel:
         )
 
 
-def find_sensor_model(
-    base: StateLayout, before: FoundSensorModel | None = None, remaining_latency_sigma_s: Sequence[float] | None = None
+def find_sensor_errors(
+    layout_with_settled_latencies: StateLayout,
+    previous: FoundSensorModel | None = None,
+    remaining_latency_sigma_s: Sequence[float] | None = None,
 ) -> FoundSensorModel:
     """Find which errors the log shows, and sigma and time constant of the slow ones.
 
     Args:
-        base: Series with latencies and noise settled, and their biases as the only parameter states.
-        before: What was found with other latencies: the climb begins there, and what was of no use is tried again.
+        layout_with_settled_latencies: Series with latencies and noise settled, and their biases as the only parameter
+            states.
+        previous: What was found with other latencies: the climb begins there, and what was of no use is tried again.
         remaining_latency_sigma_s: Parallel to the series: one sigma of what the stamps may still be late by; None: 0.
             A car that turns while its fixes are late by tau looks like one whose antenna stands by v tau behind.
     """
     slack_m = _forward_arm_sigma_from_latency_m(
-        base.series, [0.0] * len(base.series) if remaining_latency_sigma_s is None else remaining_latency_sigma_s
+        layout_with_settled_latencies.series,
+        [0.0] * len(layout_with_settled_latencies.series)
+        if remaining_latency_sigma_s is None
+        else remaining_latency_sigma_s,
     )
-    whole = _model_with_all_possible_errors(base.series, SensorModel() if before is None else before.model, slack_m)
-    if not may_show_sensor_errors(base.series) or not whole.modelled_errors:
+    whole = _model_with_all_possible_errors(
+        layout_with_settled_latencies.series, SensorModel() if previous is None else previous.model, slack_m
+    )
+    if not may_show_sensor_errors(layout_with_settled_latencies.series) or not whole.modelled_errors:
         return FoundSensorModel()
-    trials = _SensorModelTrials(base, slack_m)
+    trials = _SensorModelTrials(layout_with_settled_latencies, slack_m)
     trial = trials.run_model_trial(whole)
     for i in whole.slow:
         trial = trials.climb_slow_error(trial, i)
@@ -128,7 +136,7 @@ def find_sensor_model(
         still = trials.run_model_trial(replace(trial.model, pitch_compensated=frozenset()), trial)
         trial = max(trial, still, key=lambda t: t.score)
     found = _drop_useless_errors(trials, trial)
-    known = {} if before is None else before.status
+    known = {} if previous is None else previous.status
     return found.mark_forward_arms_unobservable(
         [i for i, name in known if name == "ahead" and (i, name) not in found.status]
     )
@@ -220,7 +228,7 @@ class _SensorModelTrial:
 
     Attributes:
         model: The model.
-        score: See `prediction_log_likelihood`.
+        score: See `bounded_log_likelihood_without_inertial_sensors`.
         factors: On the noise of each series, so that its innovations are as large as they should be.
         state, sigma: Each state and its sigma at the end, by its index.
         layout: Where these states are.
@@ -276,7 +284,7 @@ class _SensorModelTrials:
             if (np.abs(np.log(change)) < np.log(SETTLED_NOISE_FACTOR)).all():
                 break
             factors *= change
-        score = prediction_log_likelihood(scaled, result)
+        score = bounded_log_likelihood_without_inertial_sensors(scaled, result)
         sigma = np.sqrt(np.maximum(np.diagonal(result.last_covariance), 0.0))
         return _SensorModelTrial(model, score, tuple(factors.tolist()), result.last_state, sigma, layout)
 
@@ -342,7 +350,7 @@ def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: 
         start = find_start_with_parameter_states(series, layout.prior, causal=False)
         motion = replace(layout.parameters, side_slip_m=SEARCH_SIDE_SLIP_M).to_process_model(layout.walk)
         scores.append(
-            prediction_log_likelihood(
+            bounded_log_likelihood_without_inertial_sensors(
                 series, run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=20)
             )
         )
@@ -441,7 +449,7 @@ def series_whose_forward_arm_may_be_latency(
 ) -> list[int]:
     """Return the series whose lever arm ahead may as well be a latency.
 
-    `remaining_latency_sigma_s` is that of `find_sensor_model`.
+    `remaining_latency_sigma_s` is that of `find_sensor_errors`.
     """
     return _series_with_unclear_forward_arm(
         {i: at for i, at in found.ahead_m.items() if i in found.model.ahead},
@@ -456,5 +464,5 @@ def _search_window_s(series: Sequence[SensorSeries]) -> tuple[float, float]:
     end = max((float(s.time_s[-1] - s.latency_s) for s in series if len(s)), default=0.0)
     if end - begin <= SEARCH_WINDOW_S:
         return begin, end
-    begin = busiest_window_start_s(series, begin, end, SEARCH_WINDOW_S)
+    begin = longest_driven_window_start_s(series, begin, end, SEARCH_WINDOW_S)
     return begin, begin + SEARCH_WINDOW_S

@@ -18,7 +18,7 @@ from cwcli.estimation.median import median
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.noise import estimate_noise_and_manoeuvres
 from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
-from cwcli.estimation.score import prediction_log_likelihood
+from cwcli.estimation.score import bounded_log_likelihood_without_inertial_sensors
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import FilterTrials, gate_outliers
 from cwcli.estimation.tune import add_bias_states_and_their_variances
@@ -306,7 +306,9 @@ def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
         return float("nan")
     layout = estimate_noise_and_manoeuvres(StateLayout(series, MotionParameters(), walk, prior), every_row=False)
     gated = [gate_outliers(s) for s in layout.series]
-    return prediction_log_likelihood(gated, FilterTrials().run_filter(replace(layout, series=gated)))
+    return bounded_log_likelihood_without_inertial_sensors(
+        gated, FilterTrials().run_filter(replace(layout, series=gated))
+    )
 
 
 def _delay_of_most_sources_s(delays_s: dict[str, float]) -> float:

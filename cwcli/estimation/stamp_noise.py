@@ -25,8 +25,8 @@ from cwcli.estimation.score import (
     GATE_PROBABILITY,
     MIN_GAIN_SIGMAS,
     MIN_LIKELIHOOD_GAIN_PER_PARAMETER,
+    bounded_log_likelihood_without_inertial_sensors,
     is_prediction_clearly_better,
-    prediction_log_likelihood,
     row_log_likelihoods,
 )
 from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
@@ -104,9 +104,9 @@ def fit_stamp_errors(
 
     Args:
         fit: Fit without stamp errors.
-        may: For each series, see `may_have_stamp_errors`.
-        run: Runs a filter pass.
-        scaled: Scales jerk and yaw acceleration sigma by two factors, within their limits.
+        has_hint: For each series, see `may_have_stamp_errors`.
+        run_filter: Runs a filter pass.
+        scale_manoeuvres: Scales jerk and yaw acceleration sigma by two factors, within their limits.
     """
     for i in np.flatnonzero(has_hint).tolist():
         fit = _StampErrorSearch(fit, i, run_filter, scale_manoeuvres).search_best_fit()
@@ -250,7 +250,7 @@ class _StampErrorSearch:
             gated = [gate_outliers(s) for s in fit.series]
             result = self._run(gated, fit.parameters)
             rows = row_log_likelihoods(gated[self._i], result.nis[self._i])
-            self._passes[key] = prediction_log_likelihood(gated, result), rows
+            self._passes[key] = bounded_log_likelihood_without_inertial_sensors(gated, result), rows
         return self._passes[key]
 
     def _white_noise_variance_factor(self, point: Point, error: Parameter) -> float:

@@ -18,7 +18,7 @@ from cwcli.estimation.calibrated import (
     calibrated_imu_mountings,
     require_known_sources_and_note_unknown,
 )
-from cwcli.estimation.calibration_check import notes_on_worse_prediction
+from cwcli.estimation.calibration_check import notes_on_worse_prediction_with_calibration
 from cwcli.estimation.coarse_fixes import covariance_from_coarse_fixes
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
@@ -139,7 +139,7 @@ def estimate_hindsight_and_online(
         measurements, config, output_stamp_ns: See `estimate_track`; with `config.causal` both tracks are those of the
             filter.
         blind: The online track takes no parameter from the log, see `EstimatorConfig`.
-        in_time: Measurements and output stamps of the online track, if they are fewer.
+        online_input: Measurements and output stamps of the online track, if they are fewer.
 
     Raises:
         DataError: If no position is finite.
@@ -162,7 +162,7 @@ def _add_calibration_notes(track: Track, measurements: Sequence[Measurements], c
     """The track, with a note where its calibration predicts the log worse than what the log says of itself."""
     if config.calibration is None:
         return track
-    return replace(track, notes=(*track.notes, *notes_on_worse_prediction(measurements, config)))
+    return replace(track, notes=(*track.notes, *notes_on_worse_prediction_with_calibration(measurements, config)))
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.sensor_model import SensorModel, StateLayout, add_sensor_error_states
 from cwcli.estimation.sensor_search import (
     FoundSensorModel,
-    find_sensor_model,
+    find_sensor_errors,
     keep_model_if_better,
     may_show_sensor_errors,
     series_whose_forward_arm_may_be_latency,
@@ -66,7 +66,7 @@ class TunedSeries:
         series, latencies: Parallel to what was prepared.
         motion: Motion model, with the random walks of the parameter states.
         mean, prior: Shape (n,): prior means and variances of the parameter states; motion states are zero there.
-        compared: Latencies found in the log, relative to the reference, see `SourceReport`.
+        latencies_to_reference: Latencies found in the log, relative to the reference, see `SourceReport`.
         parameters: Parameters of the motion model.
         sensors: Sensor errors that were found besides white noise.
         notes: Remarks for the user.
@@ -199,7 +199,7 @@ class _ParameterSearch:
         likeliest = _correct_stamps(base, told.compared, likeliest=True)
         if not may_show_sensor_errors(likeliest.series):
             return told, FoundSensorModel()
-        found = find_sensor_model(self._estimate_noise_roughly(likeliest))
+        found = find_sensor_errors(self._estimate_noise_roughly(likeliest))
         if found.model.modelled_errors and None in self._predetermined:
             told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
             remaining_s = [each.remaining_sigma_s for each in told.applied]
@@ -210,7 +210,7 @@ class _ParameterSearch:
             corrected = self.layout_with(told.applied, SensorModel())
             if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
                 remaining_s = [each.remaining_sigma_s for each in told.applied]
-                found = find_sensor_model(self._estimate_noise_roughly(corrected), found, remaining_s)
+                found = find_sensor_errors(self._estimate_noise_roughly(corrected), found, remaining_s)
         if not found.model.modelled_errors:
             return told, found
         plain, modelled = (self.layout_with(told.applied, model) for model in (SensorModel(), found.model))

@@ -169,7 +169,8 @@ def _boundary_columns_px(
 def _boundary_columns_through_lens_px(
     lens: Camera, drawn: BoundaryLines, rows_px: FloatArray, sizes: Image
 ) -> FloatArray:
-    """Return `_lines` for a rectified image: its points are distorted by the lens and joined by straight lines."""
+    """Return `_boundary_columns_px` for a rectified image: its points are distorted by the lens and joined by straight
+    lines."""
     search_w, search_h, image_w, image_h = sizes
     lowest_px = lowest_visible_row_px(lens)
     dense_px = np.linspace(0.0, lowest_px, min(int(lowest_px) + 1, MAX_RECTIFIED_ROWS))

@@ -214,8 +214,8 @@ def compute_model_errors(
 
     Args:
         states: Start states.
-        asked: Settings of the paths.
-        happened: Actual states of the vehicles; None: the start states.
+        settings: Settings of the paths.
+        actual_states: Actual states of the vehicles; None: the start states.
     """
     tracks = {} if actual_states is None else dict(iter_track_rows(actual_states.ids, actual_states.stamp_ns))
     horizons = error_horizons_s(settings.horizon_s)

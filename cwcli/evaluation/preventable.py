@@ -14,7 +14,7 @@ from cwcli.metrics.headline import HeadlineCollector
 from cwcli.signals.units import NS_PER_S
 
 CAREFUL_DRIVER = "careful human"
-"""Name of the driver model in `control.preventable.DRIVERS`."""
+"""Name of the driver model in `control.preventable.DRIVER_MODELS`."""
 MAX_JUDGED_CONFLICTS = 100
 """Greatest number of conflicts of a log that are simulated. Chosen for speed: each takes tens of milliseconds."""
 
@@ -24,7 +24,7 @@ class CarefulDriverOutcome:
     """Outcome of a conflict with a careful driver.
 
     Attributes:
-        at_ns: When the outlines first touched, or the centres were nearest.
+        contact_ns: When the outlines first touched, or the centres were nearest.
         outcome: Outcome with the careful and competent human of UN Regulation 157, in control from 8 s before.
     """
 

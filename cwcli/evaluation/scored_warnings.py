@@ -155,7 +155,7 @@ def score_warnings(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | 
         events=_add_verdict_columns(found.events_table, [verdicts[number] for number in sorted(verdicts)]),
         conflicts=_build_conflicts_table(pairs, ids, host_id=host.id),
         pairs=_build_pairs_table(pairs, host_id=host.id),
-        series=found.evaluation_series_table_of_pairs,
+        series=found.evaluations_of_pairs_table,
         scores=_build_scores_table(scores, found.config.rule, found.n_withheld, n_crashes=n_crashes),
         counts=found.evaluation_counts_by_outcome,
     )

@@ -198,7 +198,7 @@ def truth_positions_in_map(
 
     Args:
         signal: The truth.
-        inside: Shape (all,): mask of its n wanted rows.
+        row_mask: Shape (all,): mask of its n wanted rows.
         local_map: Georeference of the map, or None where it has none.
         origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth's origin, or None.
         measured_xy: Shape (n, 2): measured positions at the same rows, for a truth whose origin is not known.

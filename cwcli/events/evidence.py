@@ -23,7 +23,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_tracks
+from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_ego_and_other_tracks
 
 SENSOR_ROLES = (
     Role.EGO_SPEED,
@@ -80,7 +80,7 @@ class EventEvidence:
             where=self.log.name,
             command="find",
         )
-        return read_tracks(self.log, bound, selection)[0]
+        return read_ego_and_other_tracks(self.log, bound, selection)[0]
 
     @property
     def stamp_ns(self) -> Int64Array:

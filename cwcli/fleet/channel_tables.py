@@ -21,12 +21,12 @@ LOG_TIME_DOC, PUBLISH_TIME_DOC = ColumnDoc("ns", doc="when it was logged"), Colu
 """Descriptions of the two columns of times."""
 
 
-def iter_channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Table]]:
+def iter_channel_tables_by_safe_name(log: Log, reason_by_left_out_topic: dict[str, str]) -> Iterator[tuple[str, Table]]:
     """Yield (safe name, table) of each channel that has columns, one at a time because a log may be large.
 
     Args:
         log: The log with the channels of the stages that ran.
-        left_out: Filled with topic -> why it has no table. Bytes such as images are in no column.
+        reason_by_left_out_topic: Filled with topic -> why it has no table. Bytes such as images are in no column.
     """
     streamed = {
         channel.topic
@@ -35,12 +35,12 @@ def iter_channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[st
     }
     for topic in sorted({channel.topic for channel in log.channels}):
         if topic in streamed:
-            left_out[topic] = "its images are rendered only while the log is written"
+            reason_by_left_out_topic[topic] = "its images are rendered only while the log is written"
             continue
         try:
             columns = log.columns(topic)
         except CwcliError as error:
-            left_out[topic] = error.what
+            reason_by_left_out_topic[topic] = error.what
             continue
         name = safe_topic_name(topic)
         yield name, make_channel_table(name, columns)

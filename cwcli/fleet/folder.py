@@ -20,11 +20,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cwcli import __version__
 from cwcli.errors import InputError, OutputError
 from cwcli.input import remember_input_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import make_folder, open_output
+from cwcli.version import __version__
 
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table
@@ -57,7 +57,7 @@ Document = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class LogFolder:
+class LogOutputs:
     """One log's part of the output folder.
 
     Attributes:
@@ -108,7 +108,7 @@ class LogFolder:
         write_json_object(whole, self.entry_path)
         return whole
 
-    def remove_outputs_of_log(self) -> None:
+    def remove_all_outputs(self) -> None:
         """Remove all files of the log.
 
         Raises:
@@ -158,7 +158,7 @@ class RecordedLog:
     """
 
     id: str
-    folder: LogFolder | None
+    folder: LogOutputs | None
     entry: Document
 
 
@@ -200,7 +200,7 @@ def read_output_folder(out: Path) -> RecordedRun | None:
     logs = []
     for name, entry in sorted(given.items()):
         is_plain = name not in {"", ".", ".."} and not set(name) & {"/", "\\", "\0"}
-        folder = LogFolder(out, name) if is_plain else None
+        folder = LogOutputs(out, name) if is_plain else None
         if folder is not None:
             folder.note_entry_as_input()
         logs.append(RecordedLog(name, folder, (folder and folder.read_entry()) or entry))

@@ -20,7 +20,7 @@ from cwcli.fleet.folder import (
     SHARD_KEY,
     TABLES_FOLDER,
     Document,
-    LogFolder,
+    LogOutputs,
     format_mismatch_text,
     read_json_object,
     write_json_object,
@@ -95,7 +95,7 @@ def merge_shards(
         write_json_object({**manifest, "logs": pending}, target / MANIFEST_NAME)
         n_copied = 0
         for k, (name, (source, entry)) in enumerate(entries.items()):
-            n_copied += _merge_log(LogFolder(source, name), LogFolder(target, name), entry)
+            n_copied += _merge_log(LogOutputs(source, name), LogOutputs(target, name), entry)
             report(k + 1, len(entries))
         write_json_object(_merge_run_times(shards), target / RUN_TIMES_NAME)
         whole = [entry for _, entry in entries.values()]
@@ -163,7 +163,7 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Do
             name = listed.get("id") if isinstance(listed, dict) else None
             if not isinstance(name, str) or name in {"", ".", ".."} or set(name) & {"/", "\\", "\0"}:
                 raise InputError(f"the log id {name!r} is no name of a file", where=str(path / MANIFEST_NAME))
-            folder = LogFolder(path, name)
+            folder = LogOutputs(path, name)
             entry = folder.read_entry()
             if entry is None or entry.get("id") != name or entry.get("status") not in ("done", "failed"):
                 raise InputError(f"the log {name} is not done", where=str(path), hint=RUN_AGAIN_HINT)
@@ -191,11 +191,11 @@ def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> 
         raise OutputError(f"the folder holds {len(others)} logs that no shard has", where=str(target), hint=hint)
 
 
-def _merge_log(source: LogFolder, target: LogFolder, entry: Document) -> bool:
+def _merge_log(source: LogOutputs, target: LogOutputs, entry: Document) -> bool:
     """Bring one log's files into the merged folder, its entry last; return whether it was not there yet."""
     if target.read_entry() == entry and (entry["status"] == "failed" or target.is_done(entry, str(entry.get("key")))):
         return False
-    target.remove_outputs_of_log()
+    target.remove_all_outputs()
     for name in entry.get("outputs", []):
         _link_or_copy(source.out / name, target.out / name)
     make_folder(target.annotated_log_path.parent, parents=True)

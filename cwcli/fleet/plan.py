@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Any
 
-from cwcli import __version__
 from cwcli.fleet.input_states import FileState
 from cwcli.fleet.shard import Shard
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES
 from cwcli.pipeline.call import StageCall
+from cwcli.version import __version__
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.fleet.folder import (
     MANIFEST_NAME,
     NOT_DONE_TEXT,
-    LogFolder,
+    LogOutputs,
     RecordedRun,
     read_output_folder,
     read_run_times,
@@ -143,7 +143,7 @@ def _iter_metrics_of_output_folder(
         yield replace(found, source=str(log.entry.get("source") or ""), run_s=times.get(log.id, 0.0))
 
 
-def _metrics_of_log_folder(folder: LogFolder, how: _ScoringOptions, step: Callable[[str], None]) -> LogMetrics:
+def _metrics_of_log_folder(folder: LogOutputs, how: _ScoringOptions, step: Callable[[str], None]) -> LogMetrics:
     try:
         table = read_metrics_table(folder.metrics_path)
         if table.metadata.get("truth", "auto") == how.truth and how.system is None:

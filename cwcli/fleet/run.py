@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from cwcli import __version__
 from cwcli.errors import EXIT_BUG, OutputError, UsageError
 from cwcli.fleet.folder import (
     DETAILS_FOLDER,
@@ -25,7 +24,7 @@ from cwcli.fleet.folder import (
     SHARD_KEY,
     TABLES_FOLDER,
     Document,
-    LogFolder,
+    LogOutputs,
     format_mismatch_text,
     iter_recorded_ids,
     new_log_entry,
@@ -49,6 +48,7 @@ from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import check_targets, make_folder
 from cwcli.pipeline.selection import check_selection_options
 from cwcli.url import display_name_of_url
+from cwcli.version import __version__
 
 Report = Callable[[LogTask, str, int, int], None]
 RUN_FOLDERS = (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER, SCRATCH_FOLDER)
@@ -172,7 +172,7 @@ def _run_tasks(
 
 def _is_up_to_date(task: LogTask, plan: FleetPlan) -> bool:
     """Whether the folder holds the results of a log whose bytes are those of its entry."""
-    folder = LogFolder(Path(task.out), task.id)
+    folder = LogOutputs(Path(task.out), task.id)
     entry = folder.read_entry()
     if entry is None or entry.get("source") != task.source or not isinstance(entry.get("sha256"), str):
         return False
@@ -217,11 +217,11 @@ def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], *, force: bool) 
     for known in iter_recorded_ids(out):
         if known in by_id:
             continue
-        entry = LogFolder(out, known).read_entry()
+        entry = LogOutputs(out, known).read_entry()
         if (
             entry is None or display_name_of_url(str(entry.get("source"))) in sources
         ):  # it was interrupted, or has another id now
-            LogFolder(out, known).remove_outputs_of_log()
+            LogOutputs(out, known).remove_all_outputs()
         else:
             others.append(known)
     if others:
@@ -239,7 +239,7 @@ def _make_manifest(
     """Make the manifest: the entries of the logs that have ended; all others are pending."""
     entries = []
     for task in tasks:
-        known = LogFolder(out, task.id).read_entry() if statuses and task.id in statuses else None
+        known = LogOutputs(out, task.id).read_entry() if statuses and task.id in statuses else None
         entries.append(known or {"id": task.id, "source": task.source, "status": "pending", "error": None})
     shard = {} if plan.shard is None else {SHARD_KEY: {"index": plan.shard.index, "count": plan.shard.count}}
     return {"format": MANIFEST_FORMAT, "cwcli": __version__, **shard, "pipeline": dict(plan.pipeline), "logs": entries}
@@ -257,7 +257,7 @@ def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
         "found": [],
         "hint": "run `cwcli run` on this log alone, or with fewer --jobs",
     }
-    write_log_entry(LogFolder(Path(task.out), task.id), entry, [])
+    write_log_entry(LogOutputs(Path(task.out), task.id), entry, [])
     return TaskResult(task.id, "failed", 0.0, 0.0, attempts=MAX_ATTEMPTS)
 
 

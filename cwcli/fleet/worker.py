@@ -10,7 +10,6 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from cwcli import __version__
 from cwcli.array_memory import bound_array_memory
 from cwcli.digest.digest import build_digest
 from cwcli.digest.fleet import ENTRY_KEY, digest_to_entry
@@ -21,7 +20,7 @@ from cwcli.fleet.folder import (
     SCRATCH_FOLDER,
     TABLES_FOLDER,
     Document,
-    LogFolder,
+    LogOutputs,
     new_log_entry,
     write_table_with_folders,
 )
@@ -41,6 +40,7 @@ from cwcli.pipeline.missing import SignalCheck
 from cwcli.pipeline.selection import resolve_selection
 from cwcli.stages import STAGES
 from cwcli.url import redact_urls
+from cwcli.version import __version__
 
 
 def process_log(task: LogTask, plan: FleetPlan) -> TaskResult:
@@ -74,7 +74,7 @@ def _peak_memory_mb() -> float:
 
 def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState | None]:
     """Process one log and write its entry; returns its status, and the state in which its file was read."""
-    folder = LogFolder(Path(task.out), task.id)
+    folder = LogOutputs(Path(task.out), task.id)
     before = folder.read_entry()
     entry = new_log_entry(task.id, task.source)
     if plan.tables:
@@ -92,7 +92,7 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState 
                         {**before, "source": task.source}, [folder.out / name for name in before["outputs"]]
                     )
                 return "unchanged", state
-            folder.remove_outputs_of_log()
+            folder.remove_all_outputs()
             make_folder(folder.annotated_log_path.parent, parents=True)
             with Log.open(
                 file, recover=plan.recover, max_chunk_bytes=plan.max_chunk_bytes, max_ratio=plan.max_ratio
@@ -109,19 +109,19 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState 
     return str(entry["status"]), state if entry["status"] == "done" else None
 
 
-def write_log_entry(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
+def write_log_entry(folder: LogOutputs, entry: Document, outputs: list[Path]) -> None:
     """Write the entry of a log, and remove all other files of a log that failed.
 
     Raises:
         OutputError: It can't be written.
     """
     if entry["status"] == "failed":
-        folder.remove_outputs_of_log()
+        folder.remove_all_outputs()
         make_folder(folder.annotated_log_path.parent, parents=True)
     folder.write_entry(entry, outputs)
 
 
-def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogFolder, entry: Document) -> list[Path]:
+def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogOutputs, entry: Document) -> list[Path]:
     """Run the stages and write all files but the entry; returns their paths."""
     calls, choice = plan.stage_calls(), ChannelChoice(plan.channels)
     outcome, annotated = run_stages(
@@ -147,17 +147,17 @@ def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogFolder, entry: D
         outputs.append(write_table_with_folders(table, folder.table_path(DETAILS_FOLDER, name)))
     outputs.append(write_table_with_folders(evaluate_log(annotated, tables=tables), folder.metrics_path))
     if plan.tables:
-        from cwcli.fleet.channel_tables import iter_channel_tables
+        from cwcli.fleet.channel_tables import iter_channel_tables_by_safe_name
 
-        for name, table in iter_channel_tables(annotated, entry["without_table"]):
+        for name, table in iter_channel_tables_by_safe_name(annotated, entry["without_table"]):
             outputs.append(write_table_with_folders(table, folder.table_path(TABLES_FOLDER, name)))
-    _describe_outcome(outcome, entry)
+    _add_stages_inputs_and_tables_to_entry(outcome, entry)
     stages = [result.stage for result in outcome.results]
     entry[ENTRY_KEY] = digest_to_entry(build_digest(annotated, stages, outcome.left_out, tables, is_run=True))
     return outputs
 
 
-def _describe_outcome(outcome: RunOutcome, entry: Document) -> None:
+def _add_stages_inputs_and_tables_to_entry(outcome: RunOutcome, entry: Document) -> None:
     entry["stages"] = [result.stage for result in outcome.results]
     entry["left_out"] = dict(outcome.left_out)
     entry["faults"] = dict(outcome.faults)

@@ -166,7 +166,7 @@ def speed_ratio_spread(track: Track, stamp_ns: Int64Array, values: FloatArray) -
     return float(high - low) / 2.0
 
 
-def heading_minus_course_rad(track: Track, stamp_ns: Int64Array, heading_rad: FloatArray) -> FloatArray:
+def heading_minus_course_of_moving_spans_rad(track: Track, stamp_ns: Int64Array, heading_rad: FloatArray) -> FloatArray:
     """Return heading minus course, (k,), wrapped, of the spans in motion that have a heading."""
     finite = np.isfinite(heading_rad)
     if np.count_nonzero(finite) < 2:

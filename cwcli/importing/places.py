@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import heading_minus_course_rad, track_of_geographic_places, track_of_points
+from cwcli.importing.motion import heading_minus_course_of_moving_spans_rad, track_of_geographic_places, track_of_points
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
@@ -257,7 +257,9 @@ def ask_if_latitude_longitude_swapped(meaning: Meaning, course_deg: FloatArray) 
     """Ask where a course agrees with the places only if latitude and longitude are swapped."""
     if "latitude" not in meaning.values or meaning.track is None or meaning.is_decided_by_user("latitude"):
         return
-    as_is = np.abs(heading_minus_course_rad(meaning.track, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))
+    as_is = np.abs(
+        heading_minus_course_of_moving_spans_rad(meaning.track, meaning.stamp_ns, np.deg2rad(90.0 - course_deg))
+    )
     if len(as_is) < MIN_SPANS or np.degrees(np.median(as_is)) < MIN_STRAIGHT_ERROR_DEG:
         return
     if swapped_course_error_deg(meaning, course_deg) < MAX_SWAPPED_ERROR_DEG:
@@ -280,7 +282,7 @@ def swapped_course_error_deg(meaning: Meaning, course_deg: FloatArray) -> float:
     other = track_of_geographic_places(meaning.stamp_ns, longitude, latitude)
     if other is None:
         return float("nan")
-    errors = np.abs(heading_minus_course_rad(other, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))
+    errors = np.abs(heading_minus_course_of_moving_spans_rad(other, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))
     return float(np.degrees(np.median(errors))) if len(errors) >= MIN_SPANS else float("nan")
 
 

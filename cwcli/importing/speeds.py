@@ -10,7 +10,7 @@ from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import (
     RATIO_TOLERANCE,
     Track,
-    heading_minus_course_rad,
+    heading_minus_course_of_moving_spans_rad,
     speed_ratio_spread,
     speed_units_per_mps,
     track_of_geographic_places,
@@ -213,7 +213,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
             return
         _add_heading_quantity(meaning, quantity, column, values, options[0], confidence, why)
         return
-    chosen = _choose_fitting_sense(fits, default)
+    chosen = _choose_sense_with_least_misfit(fits, default)
     if chosen is None and not fits and default:
         _add_heading_quantity(
             meaning,
@@ -283,22 +283,30 @@ def _median_angle_to_way_by_sense_deg(
     """Return the median angle to the way, degrees, of each sense; {} where the track can't tell."""
     fits = {}
     for option in options:
-        errors = heading_minus_course_rad(track, meaning.stamp_ns, _angles_to_heading_rad(values, option))
+        errors = heading_minus_course_of_moving_spans_rad(
+            track, meaning.stamp_ns, _angles_to_heading_rad(values, option)
+        )
         if len(errors) >= 10:
             fits[option] = float(np.degrees(np.median(np.abs(errors))))
     return fits
 
 
-def _choose_fitting_sense(fits: dict[str, float], default: str) -> str | None:
+def _choose_sense_with_least_misfit(misfit_deg_by_sense: dict[str, float], usual_sense: str) -> str | None:
     """Return the sense that fits; the usual one where it fits as well as the best."""
-    if not fits:
+    if not misfit_deg_by_sense:
         return None
-    best = min(fits, key=lambda each: fits[each])
-    if fits[best] > POOR_FIT_DEG:
+    best = min(misfit_deg_by_sense, key=lambda each: misfit_deg_by_sense[each])
+    if misfit_deg_by_sense[best] > POOR_FIT_DEG:
         return None
-    if default in fits and fits[default] <= max(fits[best] + SAME_FIT_DEG, min(GOOD_FIT_DEG, fits[best] * 1.5)):
-        return default
-    rivals = [each for each in fits if each != best and fits[each] < fits[best] + SAME_FIT_DEG]
+    if usual_sense in misfit_deg_by_sense and misfit_deg_by_sense[usual_sense] <= max(
+        misfit_deg_by_sense[best] + SAME_FIT_DEG, min(GOOD_FIT_DEG, misfit_deg_by_sense[best] * 1.5)
+    ):
+        return usual_sense
+    rivals = [
+        each
+        for each in misfit_deg_by_sense
+        if each != best and misfit_deg_by_sense[each] < misfit_deg_by_sense[best] + SAME_FIT_DEG
+    ]
     return None if rivals else best
 
 

@@ -143,7 +143,7 @@ def _time_candidate_of_column(table: LoadedTable, column: str, answers: Answers)
         if not times.has_date:
             return _time_of_day_candidate(table, column, times, answers)
         if not times.has_clock and not _has_date_and_clock(times):
-            return _date_and_clock_candidate(table, column, times, answers)
+            return _date_column_with_clock_column_candidate(table, column, times, answers)
         return _text_date_candidate(table, column, times, answers, words)
     if column not in table.instants:
         return None
@@ -199,7 +199,9 @@ def _date_order_and_reason(times: TextTimes, answers: Answers) -> tuple[str, str
     return "", ""
 
 
-def _date_and_clock_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
+def _date_column_with_clock_column_candidate(
+    table: LoadedTable, column: str, times: TextTimes, answers: Answers
+) -> Candidate | None:
     """Return the time of a column of dates together with a column of times of day."""
     clock = next(
         (name for name, other in table.text_times.items() if name != column and not other.has_date and other.has_clock),
@@ -294,7 +296,7 @@ def _do_both_times_advance_together(first: Candidate, second: Candidate) -> bool
 def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
     """Return the rows that have a stamp, in the order of their stamps."""
     where = table.source.name
-    rows = np.flatnonzero(best.valid & ~_absurd_time_mask(best))
+    rows = np.flatnonzero(best.valid & ~_few_times_outside_1970_to_2038_mask(best))
     stamps = best.stamp_ns[rows]
     notes = []
     if len(rows) < table.n_rows:
@@ -342,7 +344,7 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
     return meaning
 
 
-def _absurd_time_mask(best: Candidate) -> BoolArray:
+def _few_times_outside_1970_to_2038_mask(best: Candidate) -> BoolArray:
     """Return the rows (n,) whose time lies before 1970 or behind 2038, if they are few; else none."""
     is_relative = best.rank in {"start", "clock"}
     absurd = best.valid & ((best.stamp_ns > MAX_STAMP_NS) | ((best.stamp_ns < 0) & (not is_relative)))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 DOUBT_COLUMNS = ("name", "sentence", "advice", "value", "threshold", "unit")
 """Columns of the table of doubts: the attributes of a `Doubt`."""
 TIME_SUFFIX = "_ns"
-"""Ending of the names of columns with times in ns, which the messages hold without a sign."""
+"""Ending of the names of columns with times in ns; messages hold them as uint64, tables as int64."""
 
 
 def arrow_table_of_topic(log: Log, topic: str, selection: Selection) -> pa.Table:

@@ -14,7 +14,7 @@ def required_longitudinal_acceleration(pair: Pair) -> FloatArray:
     at = pair.other_in_host_axes
     closing = np.minimum(at.vx_mps, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.where(closing < 0.0, closing**2 / (2.0 * at.headway_m), 0.0)
+        relative = np.where(closing < 0.0, closing**2 / (2.0 * at.headway_if_straight_ahead_m), 0.0)
     needed = np.minimum(at.other_accel_mps2[0] - relative, 0.0)
     return pair.expand_to_all_rows(np.where(at.is_straight_ahead, needed, np.nan))
 

@@ -12,8 +12,8 @@ from cwcli.measures.pair import Pair
 from cwcli.metrics.table import unit_of_column
 from cwcli.signals.columns import FloatArray
 
-COMPARISON_SIGNS = {"low": "<", "high": ">"}
-"""`Measure.critical` (least or greatest is dangerous) -> the sign of the comparison that a dangerous value meets."""
+OPERATOR_BY_CRITICAL_SIDE = {"low": "<", "high": ">"}
+"""Dangerous side of a measure (`Measure.critical`) -> the operator between a dangerous value and its threshold."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Measure:
         critical: Whether low or high values are dangerous.
         formula: How it is computed.
         source: Where the definition comes from.
-        of: A pair -> the measure at each of its stamps, (n,), NaN where a track has no data; or one number, ().
+        compute: A pair -> the measure at each of its stamps, (n,), NaN where a track has no data; or one number, ().
         note: Explanation of the column for readers of the table.
         is_series: One value a moment; False: one for the pair.
         is_symmetric: The same whichever of the two is the host.

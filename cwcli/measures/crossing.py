@@ -18,7 +18,7 @@ class StraightCrossing:
     Attributes:
         host_arrival_s, other_arrival_s: Arrival of the centres at the crossing of the paths.
         host_entry_s, host_exit_s, other_entry_s, other_exit_s: Entry of the outlines into the area, and exit.
-        is_ahead: The paths cross, both move forwards, and neither has left the area.
+        is_crossing_ahead: The paths cross, both move forwards, and neither has left the area.
     """
 
     def __init__(self, pair: Pair) -> None:

@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 def headway_to_vehicle_ahead(pair: Pair) -> FloatArray:
     """Gap (m) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
-    return pair.expand_to_all_rows(pair.other_in_host_axes.headway_m)
+    return pair.expand_to_all_rows(pair.other_in_host_axes.headway_if_straight_ahead_m)
 
 
 MEASURE = Measure(

@@ -234,7 +234,7 @@ class OtherInHostAxes:
         return np.asarray((self.x_m > 0.0) & (np.abs(self.y_m) < self.reach_y_m))
 
     @cached_property
-    def headway_m(self) -> FloatArray:
+    def headway_if_straight_ahead_m(self) -> FloatArray:
         """Gap to the other where it is straight ahead, 0 in contact, else NaN, (m,)."""
         return np.where(self.is_straight_ahead, np.maximum(self.x_m - self.reach_x_m, 0.0), np.nan)
 

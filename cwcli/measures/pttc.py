@@ -19,8 +19,8 @@ def potential_time_to_collision(pair: Pair) -> FloatArray:
     at = pair.other_in_host_axes
     braking = -at.other_accel_mps2[0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        rate = np.sqrt(at.vx_mps**2 + 2.0 * braking * at.headway_m) - at.vx_mps
-        time_s = 2.0 * at.headway_m / rate
+        rate = np.sqrt(at.vx_mps**2 + 2.0 * braking * at.headway_if_straight_ahead_m) - at.vx_mps
+        time_s = 2.0 * at.headway_if_straight_ahead_m / rate
     return pair.expand_to_all_rows(np.where(at.is_straight_ahead & (rate > 0.0), time_s, np.nan))
 
 

@@ -13,7 +13,9 @@ def time_headway(pair: Pair) -> FloatArray:
     """Time headway (s) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
     at = pair.other_in_host_axes
     with np.errstate(divide="ignore", invalid="ignore"):
-        return pair.expand_to_all_rows(np.where(at.host_speed_mps > 0.0, at.headway_m / at.host_speed_mps, np.nan))
+        return pair.expand_to_all_rows(
+            np.where(at.host_speed_mps > 0.0, at.headway_if_straight_ahead_m / at.host_speed_mps, np.nan)
+        )
 
 
 MEASURE = Measure(

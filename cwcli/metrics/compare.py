@@ -300,14 +300,14 @@ def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | No
     )
 
 
-def _bootstrap_interval_of_mean(changes: FloatArray, drawn: FloatArray | None) -> tuple[float, float]:
+def _bootstrap_interval_of_mean(changes: FloatArray, draw_counts: FloatArray | None) -> tuple[float, float]:
     """Return the percentile bootstrap interval of the mean change; NaN with fewer than `MIN_LOGS` values."""
     present = np.isfinite(changes)
     n = int(present.sum())
-    if drawn is None or n < MIN_LOGS:
+    if draw_counts is None or n < MIN_LOGS:
         return math.nan, math.nan
-    counts = drawn @ present
-    sums = drawn @ np.nan_to_num(changes, nan=0.0)
+    counts = draw_counts @ present
+    sums = draw_counts @ np.nan_to_num(changes, nan=0.0)
     mean = float(changes[present].mean())
     means = mean + math.sqrt(n / (n - 1)) * (sums[counts > 0] / counts[counts > 0] - mean)
     low, high = np.quantile(means, [0.5 - 0.5 * INTERVAL_COVERAGE, 0.5 + 0.5 * INTERVAL_COVERAGE])

@@ -19,7 +19,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.output import AtomicGroup, open_output
 from cwcli.output_stream import Bytes, OutputStream
 from cwcli.signals.columns import NumericArray, Ragged, Strings
-from cwcli.text import replace_surrogates
+from cwcli.text import escape_surrogates
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -255,7 +255,7 @@ def to_arrow_table(table: Table) -> pa.Table:
 
     arrays = {name: _arrow_array(column) for name, column in table.columns.items()}
     fields = [_arrow_field(name, array.type, table.docs.get(name, NO_DOC)) for name, array in arrays.items()]
-    metadata = {key: replace_surrogates(text) for key, text in {"name": table.name, **table.metadata}.items()}
+    metadata = {key: escape_surrogates(text) for key, text in {"name": table.name, **table.metadata}.items()}
     return pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields, metadata=metadata))
 
 
@@ -290,7 +290,7 @@ def _text_array(texts: Sequence[str | None]) -> pa.Array:
     """Return texts as an Arrow array; what UTF-8 can't encode is escaped."""
     import pyarrow as pa
 
-    return pa.array([None if text is None else replace_surrogates(text) for text in texts], pa.string())
+    return pa.array([None if text is None else escape_surrogates(text) for text in texts], pa.string())
 
 
 def _flatten_columns_for_csv(table: Table) -> pa.Table:

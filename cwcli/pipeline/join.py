@@ -7,7 +7,6 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from cwcli import __version__
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.other_car import (
     RecorderClock,
@@ -30,6 +29,7 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.mapping import is_field_mapping
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
+from cwcli.version import __version__
 
 JOIN_RECORD_NAME = "cwcli.join"
 """Name of the metadata record that describes how a log was joined with another."""

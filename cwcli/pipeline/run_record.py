@@ -7,9 +7,9 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from cwcli import __version__
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import StageSummary
+from cwcli.version import __version__
 
 INPUT_HASH_KEY = "input_sha256"
 """Entry of a record that holds the SHA-256 of the input file in hexadecimal."""

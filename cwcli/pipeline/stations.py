@@ -53,11 +53,11 @@ def add_stations_to_error(
         found=(*error.found, f"V2X stations {named}{more}"),
         hint=error.hint
         if is_heard
-        else f"if the ego is one of the stations, name it: --ego-station {quote_station(first)}",
+        else f"if the ego is one of the stations, name it: --ego-station {shell_quote_station_id(first)}",
     )
 
 
-def quote_station(station: str) -> str:
+def shell_quote_station_id(station: str) -> str:
     """Return a station's ID as a shell takes it after `--ego-station`, without control characters."""
     return shlex.quote(escape_control_characters(station))
 

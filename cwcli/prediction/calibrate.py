@@ -165,7 +165,8 @@ def log_scale_from_other_vehicles(track: StateHistory, squared: FloatArray, knot
 def actual_positions_at_knots(
     horizon_s: float, stamp_ns: Int64Array, position_m: FloatArray, calibration: ScaleAdaptation | None = None
 ) -> ActualPositions:
-    """The vehicle's actual positions at the knots of paths of `horizon_s`, the same for every model; see `Actual`."""
+    """The vehicle's actual positions at the knots of paths of `horizon_s`, the same for every model; see
+    `ActualPositions`."""
     settings = calibration or ScaleAdaptation()
     return actual_positions(stamp_ns, stamp_ns, position_m, scale_knots_s(horizon_s).tolist(), settings.max_gap_s)
 

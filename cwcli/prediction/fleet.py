@@ -33,8 +33,8 @@ class FleetPrior:
     Attributes:
         gain: Shape (2, k, 3): the share of each part that moves the car, by each knot of `HORIZON_KNOTS_S`.
         error_m: Shape (2, k): mean absolute error that is left over.
-        log_squared: Shape (k, l): quantiles at `QUANTILES` of the logarithm of the squared Mahalanobis distance of the
-            outcomes of `auto`, before any scale.
+        log_squared: Shape (k, l): quantiles at `QUANTILE_LEVELS` of the logarithm of the squared Mahalanobis distance
+            of the outcomes of `auto`, before any scale.
     """
 
     gain: FloatArray
@@ -64,7 +64,8 @@ def acting_time_from_displacement_share_s(displacement_share: FloatArray) -> Flo
     beyond the heading of the start, as in a change of lanes. A share that needs more is not reached.
 
     Args:
-        share: Shape (..., 2, k), in [0, 1]: of the displacement that the derivative would cause if it went on.
+        displacement_share: Shape (..., 2, k), in [0, 1]: of the displacement that the derivative would cause if it
+            went on.
 
     Returns:
         Shape (..., 2, k), seconds: change of speed over acceleration, of heading over yaw rate. Linear between 0 and

@@ -125,7 +125,8 @@ def integrate_paths(
 ) -> IntegratedPaths:
     """The path of m starts, shape (m, 8), over the times (k,), which start at 0 and have a common step.
 
-    With `points` the integral holds these of the times only: the same numbers as without. `acted`: see `_Motion`.
+    With `points` the integral holds these of the times only: the same numbers as without. `acting_s`: see
+    `_DiscretisedModel`.
     """
     hold_s = None if model.hold is None else model.hold(state, prior)
     motion = _DiscretisedModel(model, prior, time_s, discretisation == "paper", hold_s, points, acting_s)
@@ -214,7 +215,8 @@ def _bisect_stop_times_s(
 def _interpolate_stop_times_s(
     motion: _DiscretisedModel, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """The time as of `_bisect` for a speed that is linear between knots, as a measured acting time makes it."""
+    """The time as of `_bisect_stop_times_s` for a speed that is linear between knots, as a measured acting time makes
+    it."""
 
     def ahead_mps(time_s: FloatArray) -> FloatArray:
         return np.asarray(direction * _speed_at_times_mps(state, motion.responses_at(time_s[:, None]))[:, 0])

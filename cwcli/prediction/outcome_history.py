@@ -50,8 +50,8 @@ MIN_LOOK_BACK_DATA_S = 0.15
 MAX_GAP_S = 0.5
 """Longest gap in s across which outcomes are interpolated, and longest time that a row stands for. Chosen by hand."""
 MIN_CHORD_M = 1.0
-"""Shortest chord of a driven arc, m, whose angle is used; that of a shorter one counts as 0, as it is mostly noise.
-Chosen by hand; not fitted."""
+"""Shortest chord of a driven arc, m, whose angle to the heading is used; the angle of a shorter chord is mostly noise
+and counts as 0. Chosen by hand; not fitted."""
 MAX_CHORD_ANGLE_RAD = 2.0
 """Greatest angle of a chord to the heading, rad, that an arc can have. Chosen by hand; not fitted."""
 PRIOR_WEIGHT_OUTCOMES = np.array([4.0, 1.0, 1.0])
@@ -93,7 +93,7 @@ class StateHistory:
         rows: Shape (n,): their rows in the input.
         stamp_ns, known_ns: Shape (n,): per vehicle strictly increasing, and non-decreasing.
         state: Shape (n, 8).
-        clear: Shape (n, 2): see `clearness`.
+        clear: Shape (n, 2): see `derivative_clarity_weights`.
         first: First row of each vehicle; the vehicles follow each other.
     """
 

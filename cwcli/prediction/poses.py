@@ -62,7 +62,7 @@ def body_poses_from_states(stamp_ns: Int64Array, state: FloatArray, track: Later
     return VehiclePoses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
 
 
-def side_slip_rad(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
+def side_slip_rad(lateral_mps: FloatArray, forward_mps: FloatArray) -> FloatArray:
     """Angle from the car's axis to its direction of motion; 0 at walking pace."""
-    moves = np.abs(speed_mps) >= MIN_SLIP_SPEED_MPS
-    return np.where(moves, np.arctan2(lateral_mps, np.where(moves, speed_mps, 1.0)), 0.0)
+    moves = np.abs(forward_mps) >= MIN_SLIP_SPEED_MPS
+    return np.where(moves, np.arctan2(lateral_mps, np.where(moves, forward_mps, 1.0)), 0.0)

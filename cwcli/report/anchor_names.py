@@ -19,7 +19,7 @@ def stable_anchor_names(log: str, kind: str, distinguishing_keys: Iterable[tuple
     Args:
         log: Name of the log.
         kind: `warning` or `conflict`.
-        what: What tells them apart (rule, other vehicle), in order of time.
+        distinguishing_keys: What tells them apart (rule, other vehicle), in order of time.
     """
     before: Counter[tuple[str, ...]] = Counter()
     digests = []

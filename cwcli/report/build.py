@@ -103,7 +103,7 @@ def build_report(
         source = source if not run.is_folder else str(run.entries[0].log)
         return _build_report_of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
     results = check_gates(gates, [log_metrics_of_entry(each) for each in run.entries])
-    candidates = sorted((_build_candidate(each, results) for each in run.entries), key=_candidate_sort_key)
+    candidates = sorted((_read_log_and_rank_candidate(each, results) for each in run.entries), key=_candidate_sort_key)
     is_few = len(candidates) <= MAX_LOGS_IN_FULL_DETAIL
     budget = MAX_PAGE_BYTES - renderer.fixed_size_bytes - OVERVIEW_ROW_BYTES * len(candidates) - 20_000
     sections: list[str] = []
@@ -112,7 +112,7 @@ def build_report(
     for index, candidate in enumerate(shown):
         say(candidate.entry.name)
         is_open = len(shown) <= MAX_UNFOLDED_LOGS or index == 0
-        made = _render_section_within_budget(
+        made = _render_section_and_complete_candidate(
             candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open
         )
         if made is None:
@@ -211,7 +211,7 @@ def _evaluate_headline_metrics(log: Log, system: OtherSystemTopics | None, *, is
         return {}
 
 
-def _build_candidate(entry: LogEntry, results: Sequence[GateResult]) -> LogCandidate:
+def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult]) -> LogCandidate:
     """Collect what the run says of a log, and count the warnings of its channel."""
     badges: list[Badge] = []
     n_warnings, rank = 0, 3
@@ -254,7 +254,7 @@ def _candidate_sort_key(candidate: LogCandidate) -> tuple[Any, ...]:
     return candidate.rank, candidate.n_warnings == 0, candidate.entry.id
 
 
-def _render_section_within_budget(
+def _render_section_and_complete_candidate(
     candidate: LogCandidate,
     anchor: str,
     renderer: PageRenderer,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from cwcli import __version__
 from cwcli.digest.story import Badge
 from cwcli.errors import InputError
 from cwcli.lazy_dataclass import dataclass
@@ -18,6 +17,7 @@ from cwcli.report.source import LogEntry, ReportedRun
 from cwcli.report.tables import format_metric_value
 from cwcli.report.tiles import TileServer
 from cwcli.text import escape_control_characters, format_count
+from cwcli.version import __version__
 
 MAX_PAGE_BYTES = 5_900_000
 """The size of a page that sections are fitted into, in bytes; docs/report.md promises less than 6 MB."""

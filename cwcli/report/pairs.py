@@ -19,8 +19,8 @@ from cwcli.report.views import TableView
 from cwcli.signals.row_order import Rows
 from cwcli.signals.units import NS_PER_S
 
-EXTREME_HEADINGS = ("nearest [m]", "least gap [m]", "least TTC [s]", "most DRAC [m/s²]")
-"""Headings of the extremes of a pair."""
+EXTREME_COLUMN_HEADINGS = ("nearest [m]", "least gap [m]", "least TTC [s]", "most DRAC [m/s²]")
+"""Headings of the columns of the table that lists the extreme values of each pair of vehicles."""
 MAX_LISTED_PAIRS = 12
 """The greatest number of other vehicles in the table of extremes. Chosen by hand; not fitted."""
 MAX_LISTED_CONFLICTS = 200
@@ -55,7 +55,7 @@ def pair_extremes_table(drive: Drive, drive_encounters: DriveEncounters) -> Tabl
         table.append((short_vehicle_name(other.kind, other.id), *extremes, str(n_warnings), str(n_conflicts)))
     columns = (
         ("other", False),
-        *((name, True) for what in EXTREME_HEADINGS for name in (what, "at [s]")),
+        *((name, True) for what in EXTREME_COLUMN_HEADINGS for name in (what, "at [s]")),
         ("warnings", True),
         ("conflicts", True),
     )

@@ -56,7 +56,7 @@ class Panel:
     Attributes:
         curve: What is drawn, in its unit.
         is_error: Its band lies around zero.
-        said: What stands in the title beside the curve's name, such as its mean.
+        statistics_text: What stands in the title beside the curve's name, such as its mean.
     """
 
     curve: SignalCurve
@@ -200,8 +200,8 @@ def draw_plot(drive: Drive, plot_name: str, file_format: str) -> bytes:
 
     Args:
         drive: The log.
-        what: One of `WHAT`.
-        file_format: One of `FORMATS`.
+        plot_name: One of `PLOT_NAMES`.
+        file_format: One of `PLOT_FORMATS`.
 
     Raises:
         UsageError: matplotlib is not installed.

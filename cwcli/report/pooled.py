@@ -243,7 +243,7 @@ def find_outlier_logs(
         values: Log -> its value.
         anchors: Log -> where its part of the page is.
         low, high: Span of the axis.
-        least: See `min_outlier_sigma`.
+        min_sigma: See `min_outlier_sigma`.
     """
     if len(values) < 4:
         return ()

@@ -198,7 +198,7 @@ def stacked_curves_figure(
 def other_system_warning_lines(
     drive: Drive, span_ns: tuple[int, int] | None = None
 ) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Return vertical lines where another system warned, at most `MAX_MARKED`, labelled at the bottom."""
+    """Return vertical lines where another system warned, at most `MAX_MARKED_WARNINGS`, labelled at the bottom."""
     judged = () if drive.other_system is None else drive.other_system.flag_scores.judged
     raised = [each.raised_ns for each in judged if span_ns is None or span_ns[0] <= each.raised_ns <= span_ns[1]]
     marks = [

@@ -26,7 +26,7 @@ class LogEntry:
         log: The annotated log, None where there is none.
         has_failed: The run could not finish it.
         error: What, where and hint of the failure.
-        left_out: Stage -> why it did not run.
+        skip_reason_by_stage: Stage -> why it did not run.
         metrics: Headline metrics by name.
     """
 

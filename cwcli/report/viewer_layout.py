@@ -94,7 +94,7 @@ class LogTopics:
     Attributes:
         fixes: Positions on the globe.
         cameras: Cameras, the first is in front.
-        drawn: For the 3D panel.
+        scene_topics: For the 3D panel.
         truth: Reference states (`cwcli.v1.VehicleState`).
         speed, yaw_rate: Message paths of what the car measured.
     """

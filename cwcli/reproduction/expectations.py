@@ -43,11 +43,11 @@ class PaperFigure:
 
     Attributes:
         name: `fig 9`.
-        prints: What stands there in the paper, or what ours is beyond it.
-        rows: What is expected of our numbers, by `what`.
-        pictures: Names of the plots that draw it.
-        why_none: Why there is neither a number nor a picture, "" where there is one.
-        is_beyond: Not in the paper; a number without a row is `not in the paper`.
+        description: What stands there in the paper, or what ours is beyond it.
+        expectation_by_number: What is expected of our numbers, by `what`.
+        plot_names: Names of the plots that draw it.
+        reason_for_absence: Why there is neither a number nor a picture, "" where there is one.
+        is_beyond_paper: Not in the paper; a number without a row is `not in the paper`.
     """
 
     name: str

@@ -43,7 +43,7 @@ UNIT_NAMES_BY_DBC_SPELLING = {
 """The unit names of mappings, by their spelling in DBC files."""
 
 MAX_SIGNAL_BITS = 64
-"""The largest number of bits of a signal that is read."""
+"""The largest number of bits of a signal that is read: that of the integers in which it is decoded (uint64)."""
 FLOAT_TYPES_BY_BITS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
 """The unsigned and the floating-point type of a real number, by its number of bits."""
 

@@ -98,12 +98,12 @@ def build_signal_and_quality(
     return kind(source=columns.topic, **times, **values), ledger.quality
 
 
-def build_timeline(
+def repair_and_order_times(
     ledger: RowLedger,
     stamp_ns: Int64Array,
     has_stamp: BoolArray,
     clock: Clock,
-    values: Sequence[FloatArray],
+    values_to_detect_repeats: Sequence[FloatArray],
     *,
     sender: npt.NDArray[np.integer] | None = None,
     max_step_s: float = MAX_CLOCK_STEP_S,
@@ -115,7 +115,7 @@ def build_timeline(
         stamp_ns: Shape (n,), the stamps of all rows of the channel; any value where `has_stamp` is false.
         has_stamp: Shape (n,).
         clock: `stamp`, or `log` to use the log time throughout (steps 3 to 5 still apply).
-        values: Arrays of n rows that tell a repeated message from a new one.
+        values_to_detect_repeats: Arrays of n rows that tell a repeated message from a new one.
         sender: Shape (n,): a code per row; each sender has a clock of its own. None means one sender.
         max_step_s: See `MAX_CLOCK_STEP_S`.
 
@@ -126,7 +126,7 @@ def build_timeline(
     ledger.reject((log_ns < 0) | (log_ns > MAX_STAMP_NS), INVALID_LOG_TIME_REASON)
     time_ns = log_ns.copy() if clock == "log" else np.where(has_stamp, stamp_ns, 0).astype(np.int64)
     has_time = np.ones(len(log_ns), dtype=np.bool_) if clock == "log" else has_stamp
-    table = _stack_value_columns(values, len(log_ns))
+    table = _stack_value_columns(values_to_detect_repeats, len(log_ns))
     parts = [
         _repair_times_of_sender(ledger, rows, time_ns, has_time, table, max_step_s)
         for rows in _split_rows_by_sender(ledger, sender)

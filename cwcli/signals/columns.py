@@ -220,8 +220,8 @@ class StreamedChannel(OutputChannel):
     `fields` is empty; whoever reads the channel in the same run has its columns made.
 
     Attributes:
-        rows: Rows `start` to `stop` as columns. After a first look at the very first rows for their size, it is called
-            with spans that move forward; a span may begin with rows of the one before.
+        make_rows: Rows `start` to `stop` as columns. After a first look at the very first rows for their size, it is
+            called with spans that move forward; a span may begin with rows of the one before.
     """
 
     make_rows: Callable[[int, int], Mapping[str, OutputField]] = field(kw_only=True)

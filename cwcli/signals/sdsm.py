@@ -107,7 +107,7 @@ def decode_object_codes(columns: Columns, ledger: RowLedger) -> RemoteRows:
     return _make_object_rows(columns, ledger, value)
 
 
-def decode_objects_in_units(columns: Columns, ledger: RowLedger) -> RemoteRows:
+def decode_objects_in_physical_units(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode objects, one a row, whose quantities are in units, with J3224's signs and ranges."""
     value = {name: validate_decoded(element, read_numbers(columns, name), ledger) for name, element in ELEMENTS.items()}
     return _make_object_rows(columns, ledger, value)
@@ -161,7 +161,7 @@ def _bounds_of_codes(bounds: tuple[float, ...], code: FloatArray) -> FloatArray:
 
 CODED_OBJECT_CODEC = perceived.make_object_codec(decode_object_codes)
 """The codec of an SDSM's objects in codes, one a row."""
-CARMA_OBJECT_CODEC = perceived.make_object_codec(decode_objects_in_units)
+CARMA_OBJECT_CODEC = perceived.make_object_codec(decode_objects_in_physical_units)
 """The codec of an SDSM's objects in units, one a row."""
 ROS_SDSM = perceived.make_objects_only_codec("SDSM", read_ros_objects)
 """The codec of `j3224_v2x_msgs` channels of SDSMs."""

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli import __version__
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
@@ -34,6 +33,7 @@ from cwcli.simulation.road.lane_frames import plan_drifting_drive
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.sensors import SensorData
 from cwcli.simulation.streams import random_stream, seconds_to_ns
+from cwcli.version import __version__
 
 CAMERA_TOPIC = "/camera/image"
 """Topic of the rendered frames."""

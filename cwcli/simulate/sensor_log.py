@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from cwcli import __version__
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
 from cwcli.output import write_file
@@ -33,6 +32,7 @@ from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle, load_scenario
 from cwcli.simulation.spec import TOP_KEYS
 from cwcli.simulation.streams import seconds_to_ns
+from cwcli.version import __version__
 
 SENSOR_TOPICS = {
     "gnss": ("/gps/fix", "sensor_msgs/msg/NavSatFix"),

@@ -243,7 +243,7 @@ def _note_on_rectification(source: CameraSource, is_rectified: bool) -> tuple[st
     if not is_rectified:
         return ()
     camera = source.camera_for_size(1000, 1000)
-    what = [f"{camera.distortion_model or 'polynomial'} distortion"] if camera.has_distortion() else []
+    what = [f"{camera.distortion_model or 'polynomial'} distortion"] if camera.differs_from_pinhole() else []
     if camera.mounting.roll_rad:
         what.append(f"{np.degrees(camera.mounting.roll_rad):.1f} degrees of roll")
     return (f"taken out of the frames before the search: {' and '.join(what)}",)

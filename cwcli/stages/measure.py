@@ -25,7 +25,12 @@ from cwcli.pipeline.result import Cell, StageResult, StageSummary, SummaryTable
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import ChosenStates, StatesSelection, choose_state_topics
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, add_sigmas_of_extremes, read_tracks
+from cwcli.stages.inputs.tracks import (
+    OTHER_VEHICLE_ROLES,
+    TracksOfLog,
+    add_sigmas_of_extremes,
+    read_ego_and_other_tracks,
+)
 from cwcli.text import split_distinct_names
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
 
@@ -114,7 +119,7 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
         )
     chosen = {name: entry for name, entry in MEASURES.items() if name in (config.measures or cheap_measure_names())}
     with_covariance = any(entry.needs_covariance for entry in chosen.values())
-    tracks, counts = read_tracks(log, bound, config, with_covariance=with_covariance)
+    tracks, counts = read_ego_and_other_tracks(log, bound, config, with_covariance=with_covariance)
     pairs, notes = _measure_pairs_and_note(tracks, chosen)
     if config.with_sigma:
         pairs = add_sigmas_of_extremes(log, tracks, pairs, chosen)

@@ -270,7 +270,7 @@ def draw_paths_into_images(
     camera_topic, source = topic_and_camera_used_by_lanes(log, topics, is_needed=render is not None)
     check_render_topic(log, render, camera_topic)
     seen_from = Viewpoint(source.camera_for_size, width_m, camera_forward_m)
-    frames = PathFrames.match_paths_to_frames(
+    frames = PathFrames.pair_paths_with_frames_of_same_stamp(
         paths, stamp_ns, log_time_ns, read_lanes(log.columns(LANES.topic)), seen_from
     )
     left_out = len(stamp_ns) - len(frames)

@@ -157,7 +157,7 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
         RuleOutcome(
             each.config.rule,
             each.rows,
-            (each.events_table, each.evaluation_series_table_of_pairs),
+            (each.events_table, each.evaluations_of_pairs_table),
             _warnings_tables(each, log.start_ns, config),
         )
         for each in found

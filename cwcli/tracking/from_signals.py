@@ -58,7 +58,7 @@ def build_sensor_models(
         setting = settings.get(signal.source, SensorSetting())
         frame = setting.frame or _most_frequent_frame(signal.frame)
         carrier = setting.carrier or ("map" if frame in MAP_FRAME_IDS else "body")
-        if carrier == "body" and not setting.is_mounted:
+        if carrier == "body" and not setting.has_user_mounting:
             notes.append(
                 f"{signal.source}: its mounting is not given; it is assumed at the car's origin, looking forward "
                 f"(--sensor {signal.source}:x=..,y=..,yaw_deg=..)"

@@ -84,7 +84,7 @@ class TrackingScores:
 
     Attributes:
         stamp_ns: Shape (k,): the moments.
-        distance, localisation, missed, false: Shape (k,): GOSPA and its parts, see `Gospa`.
+        distance, localisation, missed, false: Shape (k,): GOSPA and its parts, see `GospaParts`.
         n_missed, n_false: Shape (k,).
         targets: One entry per true target.
         id_switches: Number of id switches of all targets.

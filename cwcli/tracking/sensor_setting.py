@@ -46,7 +46,7 @@ class SensorSetting:
     is_rate_towards: bool = False
 
     @property
-    def is_mounted(self) -> bool:
+    def has_user_mounting(self) -> bool:
         """Whether the user gave the mounting."""
         return (self.x_m, self.y_m, self.yaw_rad) != (None, None, None)
 

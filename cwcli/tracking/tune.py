@@ -101,7 +101,7 @@ def minimise_by_nelder_mead_and_count_calls(
 
 
 def _select_longest_targets(targets: Sequence[DetectionRows]) -> list[DetectionRows]:
-    """Select the longest targets, with `MAX_ROWS` rows in all."""
+    """Select the longest targets, with `MAX_TUNING_ROWS` rows in all."""
     out, left = [], MAX_TUNING_ROWS
     for target in sorted(targets, key=len, reverse=True):
         if left <= 0:

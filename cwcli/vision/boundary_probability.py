@@ -86,7 +86,7 @@ def boundary_probabilities(
     Args:
         evidence, lane: The stripes of the frame, and the lane, shape (6,).
         value: The lane's objective in this frame.
-        carried: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
+        carried_side: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
             objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
     coefficients: list[float] = LOG_ODDS_COEFFICIENTS.tolist()

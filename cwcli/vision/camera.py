@@ -127,7 +127,7 @@ class Camera:
         Returns:
             Shape (n, 3).
         """
-        if not self.has_distortion():
+        if not self.differs_from_pinhole():
             x, y = (u_px - self.cx) / self.fx, (v_px - self.cy) / self.fy
             return np.column_stack([x, y, np.ones_like(x)])
         import cv2
@@ -184,7 +184,7 @@ class Camera:
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ideal = np.where(rays[:, 2:] > MIN_RAY_COMPONENT, rays[:, :2] / rays[:, 2:], np.nan)
-        if not self.has_distortion():
+        if not self.differs_from_pinhole():
             return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
         is_projected = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_undistorted_radius
         pixels = np.full_like(ideal, np.nan)
@@ -206,7 +206,9 @@ class Camera:
         without distortion.
         """
         return (
-            _max_undistorted_radius_of_lens(self.is_fisheye(), self.distortion) if self.has_distortion() else math.inf
+            _max_undistorted_radius_of_lens(self.is_fisheye(), self.distortion)
+            if self.differs_from_pinhole()
+            else math.inf
         )
 
     def horizon_row_px(self, pitch_rad: FloatArray | None = None) -> FloatArray:
@@ -222,7 +224,7 @@ class Camera:
         """Whether the distortion is a fisheye model's."""
         return self.distortion_model.lower() in FISHEYE_MODELS
 
-    def has_distortion(self) -> bool:
+    def differs_from_pinhole(self) -> bool:
         """Whether the image is another one than a pinhole's."""
         return self.is_fisheye() or any(self.distortion)
 

@@ -33,7 +33,7 @@ def decode_compressed_depth_as_grey(format_name: str, data: bytes | memoryview) 
     """A compressed depth image as grey, shape (height, width), uint8.
 
     Args:
-        name: Its format, e.g. `32FC1; compressedDepth png`.
+        format_name: Its format, e.g. `32FC1; compressedDepth png`.
         data: The bytes of the message, with the header.
 
     Raises:

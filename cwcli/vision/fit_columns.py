@@ -24,7 +24,8 @@ _ROAD_NUMBERS_PER_FIT = N_SIDES * _NUMBERS_PER_ROAD
 _JOINT_COVARIANCE_SIZE = 7
 """Size of the joint covariance: a, b, c of both boundaries, and the pitch."""
 _SHARED_NUMBERS_PER_FIT = 5 + _ROAD_NUMBERS_PER_FIT + _JOINT_COVARIANCE_SIZE**2
-"""Stored numbers of a fit that belong to no side: five single ones, the road curves, the joint covariance."""
+"""Stored numbers of a fit that belong to the whole lane: pitch, yaw, state, steady time and lane change, the curves of
+the road, and the joint covariance."""
 _NUMBERS_PER_FIT = N_SIDES * _NUMBERS_PER_SIDE + _SHARED_NUMBERS_PER_FIT
 """Stored numbers of a fit."""
 _MISSING_SIDE_COVARIANCE = (float("nan"),) * 9
@@ -45,7 +46,8 @@ class FitColumns:
         found: Shape (n, 2).
         kind, colour: Shape (n, 2): values of `LineKind` and `LineColour`.
         covariance: Shape (n, 2, 3, 3): of each boundary's parabola; NaN where the method gives none.
-        joint: Shape (n, 7, 7): `LaneFit.covariance`; NaN where the method gives none, or a boundary is not found.
+        joint_covariance: Shape (n, 7, 7): `LaneFit.covariance`; NaN where the method gives none, or a boundary is not
+            found.
         pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
         roads: Shape (n, 2, 4): `LaneFit.roads`; NaN where not found, or not known.
         state: Shape (n,): values of `LaneState`.

@@ -56,7 +56,7 @@ class DecodedFrame:
         log_time_ns, stamp_ns: As recorded; the stamp is the log time where the message has none that is a time.
         width_px, height_px: Size of the camera's image, whatever the size of `image`; 0 where rejected.
         image: Grey (height, width) or colour (height, width, 3), uint8; None where rejected.
-        rejected: The reason, else "".
+        rejection_reason: The reason, else "".
         has_stamp: The message has a stamp that is a time.
         prepared: The result of `prepare` for the frame.
         colour: Of some frames of a camera in colour, beside the grey image and of its size: shape (height, width, 3),

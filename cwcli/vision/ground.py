@@ -317,7 +317,7 @@ def _map_boundaries_to_ground(
         mount: Shape (n, 3): pitch, yaw, height.
         camera: The camera in the pixels of the search image.
         beside_px: Shape (n, 2, samples): offset of the road from the parabolas.
-        use: Shape (n, 2, samples): the samples to use; None: those in the image and at a fair distance.
+        is_sample_used: Shape (n, 2, samples): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
     y_px = _boundary_sample_heights_px(camera, mount[:, 0])
@@ -388,7 +388,7 @@ def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, i
     Args:
         x_m, y_m: Shape (n, 2, k): points of the parabola on the ground.
         height: Shape (n, k): of the points in the image, in any unit.
-        use: Shape (n, 2, k).
+        is_sample_used: Shape (n, 2, k).
     """
     x = np.where(is_sample_used, x_m, 1.0) / MAX_SAMPLE_DISTANCE_M
     weight = np.where(is_sample_used, 1.0 / x**2, 0.0)

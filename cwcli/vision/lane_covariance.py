@@ -52,7 +52,7 @@ MAX_SIGMA_STEPS = 1.0
 N_LANE_NUMBERS = 5
 """Number of a lane's numbers that have a covariance: all but the change of curvature."""
 _PAIR_ROWS, _PAIR_COLUMNS = np.triu_indices(N_LANE_NUMBERS, 1)
-"""Row and column of each pair of different numbers."""
+"""Rows and columns of the elements above the diagonal of the information matrix of a lane's numbers."""
 _STENCIL_STEPS = np.concatenate(
     [
         np.zeros((1, N_LANE_NUMBERS)),

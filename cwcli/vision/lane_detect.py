@@ -110,7 +110,7 @@ class StripeEvidence:
         rows: Shape (n,): sampled rows, counted from the top.
         sharp, wide, broad: Shape (n, width), 0 to 1; `wide` and `broad` hold the greatest values near by.
         horizon_px: The horizon for which the widths of stripes were taken.
-        min_h: Rows less than this below a lane's horizon are not judged.
+        min_depth_px: Rows less than this below a lane's horizon are not judged.
         pinhole: Intrinsics of the camera.
     """
 
@@ -199,7 +199,7 @@ def measure_stripe_evidence(
         rows: The rows that are sampled.
         horizon_px: The horizon for which the widths of stripes are taken.
         pinhole: Intrinsics of the camera.
-        room: A buffer of 3 x rows x width numbers or more, which the result fills and refers to; None: new memory.
+        buffer: A buffer of 3 x rows x width numbers or more, which the result fills and refers to; None: new memory.
         with_joints: Joints count as well.
     """
     height, width = grey.shape
@@ -372,7 +372,7 @@ def search_first_frame(
         grey: The frame, of the camera's size.
         camera: The camera in the pixels of the frame.
         prior: The prior, with a narrow horizon.
-        look: Measures the evidence.
+        evidence_source: Measures the evidence.
 
     Returns:
         Lanes, shape (k, 6): the mean of the lanes around the best one (`lane_mean`), then the others, best first by

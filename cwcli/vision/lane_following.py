@@ -108,7 +108,7 @@ def max_drivable_curvature_1pm(speed_mps: float) -> float:
     return min(MAX_LATERAL_ACCEL_MPS2 / max(speed_mps, MIN_SPEED_FOR_CURVATURE_MPS) ** 2, MAX_CURVATURE_1PM)
 
 
-def driven_rightward_curvature_1pm(speed_mps: float, yaw_rate_radps: float) -> float:
+def driven_rightward_curvature_or_nan_1pm(speed_mps: float, yaw_rate_radps: float) -> float:
     """The curvature in which the car drives, in 1/m, right positive; NaN where speed or yaw rate is not known."""
     if not (speed_mps >= MIN_SPEED_FOR_CURVATURE_MPS and math.isfinite(yaw_rate_radps)):
         return math.nan
@@ -192,7 +192,7 @@ def curvature_candidates(lane: FloatArray, prior: LanePrior, table: FloatArray, 
 
 def prior_with_driven_curvature(prior: LanePrior, camera: Camera, speed_mps: float, yaw_rate_radps: float) -> LanePrior:
     """The prior of a first frame with the curvature in which the car drives; unchanged where that is not known."""
-    driven = driven_rightward_curvature_1pm(speed_mps, yaw_rate_radps)
+    driven = driven_rightward_curvature_or_nan_1pm(speed_mps, yaw_rate_radps)
     if math.isnan(driven):
         return prior
     table = prior.table.copy()

@@ -37,12 +37,12 @@ class LaneHypothesis:
     Attributes:
         lane: Shape (6,), see `lane_model`.
         value: Objective over the last frames.
-        last: Objective in the last frame.
-        start: Objective that the stricter prior of a first frame took off when the lane was found, at most 0; it stays
-            a reason against the lane.
+        last_value: Objective in the last frame.
+        start_penalty: Objective that the stricter prior of a first frame took off when the lane was found, at most 0;
+            it stays a reason against the lane.
         better_s: Time for which it has been better than the published one.
-        change: The lane change in this frame: 1 to the left, -1 to the right, else 0.
-        sides: State of its two lines, if it is the published one.
+        lane_change: The lane change in this frame: 1 to the left, -1 to the right, else 0.
+        line_pair: State of its two lines, if it is the published one.
         is_tight: The log has no speed, and the lane is followed as a tight bend.
     """
 

@@ -78,10 +78,10 @@ class LanePrior:
 
     Attributes:
         table: Shape (6, 4): mean, sigma, lowest and highest of the six numbers.
-        is_mounted: The horizon is known from the camera's mounting.
+        is_mounting_known: The horizon is known from the camera's mounting.
         pinhole: Intrinsics of the camera.
-        drift: Shape (6,): sigmas of the prediction's error of a followed lane after one second.
-        per_m: One metre in the unit of `middle` and `width`.
+        drift_sigmas: Shape (6,): sigmas of the prediction's error of a followed lane after one second.
+        place_units_per_m: One metre in the unit of `middle` and `width`.
     """
 
     table: FloatArray

@@ -4,7 +4,7 @@ The boundaries of a lane are parallel, and its width stays. Where an exit begins
 over a taper, so the lanes that the two lines give, each alone with the width that the lane had, move apart. Then the
 lane goes on by the line that lies where the lane was predicted from the car's motion; the other boundary is carried
 beside it until its line, or another one, lies there again. While a boundary is carried, only its own paint counts for
-its probability (`lane_belief`).
+its probability (`boundary_probability`).
 """
 
 from __future__ import annotations
@@ -70,16 +70,17 @@ class LinePairState:
 
     Attributes:
         width: Width of the lane over the last seconds, over the camera's height.
-        seen_s: Time for which both lines agreed.
-        alone_s: Time for which the lane has gone on by one line since both were last seen to agree.
-        lanes: Shape (2, 6): the lane by its left line alone, and by its right one.
-        bends: Shape (2,): bends of both lines over the last second (px^2).
-        driven: The bend in which the car drove (px^2); NaN where it is not known.
-        apart: Shape (2,): place of the left line's lane minus that of the right line's, ahead (m, right positive).
-        doubt: How much worse the right line's bend fits the road than the left line's (px^2).
-        verdict: The doubt of the greatest size since the lines are apart.
-        leaving: The line that leaves the lane, or `NO_LINE`.
-        carried: The boundary whose place follows from the other line, or `NO_LINE`.
+        agreed_s: Time for which both lines agreed.
+        by_one_line_s: Time for which the lane has gone on by one line since both were last seen to agree.
+        lanes_by_line: Shape (2, 6): the lane by its left line alone, and by its right one.
+        smoothed_bends_px2: Shape (2,): bends of both lines over the last second (px^2).
+        driven_bend_px2: The bend in which the car drove (px^2); NaN where it is not known.
+        divergence_m: Shape (2,): place of the left line's lane minus that of the right line's, ahead (m, right
+            positive).
+        bend_doubt_px2: How much worse the right line's bend fits the road than the left line's (px^2).
+        greatest_bend_doubt_px2: The doubt of the greatest size since the lines are apart.
+        leaving_side: The line that leaves the lane, or `NO_LINE`.
+        carried_side: The boundary whose place follows from the other line, or `NO_LINE`.
     """
 
     width: float
@@ -152,7 +153,7 @@ def find_lane_by_one_line(
         table: The prior's table around the prediction.
         size: Width and height of the image.
         side: `LEFT` or `RIGHT`.
-        width: Width of the lane, over the camera's height.
+        width_camera_heights: Width of the lane, over the camera's height.
     """
     sign = 1.0 if side == LEFT else -1.0
     wider = 2.0 * size[0] / evidence.min_depth_px

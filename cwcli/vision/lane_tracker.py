@@ -37,7 +37,7 @@ from cwcli.vision.lane_following import (
     MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS,
     MOVEMENT_MARGIN_M,
     boundary_difference_beside_camera_m,
-    driven_rightward_curvature_1pm,
+    driven_rightward_curvature_or_nan_1pm,
     following_prior,
     lane_change_between,
     lane_change_direction,
@@ -136,7 +136,7 @@ class LaneTracker:
 
     Args:
         seed: Not used: nothing is random.
-        look: Measures the evidence of a frame.
+        evidence_source: Measures the evidence of a frame.
     """
 
     def __init__(self, seed: int = 0, *, evidence_source: EvidenceSource = measure_stripe_evidence) -> None:
@@ -268,7 +268,7 @@ class LaneTracker:
             found, last = refine_predicted_lane(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
             frames = 1 if sides is None or not sides.do_lines_agree else LINE_UPDATE_INTERVAL_FRAMES
             if sides is not None and self._n_frames % frames == 0:
-                driven = bend_px2_per_curvature(camera) * driven_rightward_curvature_1pm(
+                driven = bend_px2_per_curvature(camera) * driven_rightward_curvature_or_nan_1pm(
                     frame.speed_mps, frame.yaw_rate_radps
                 )
                 step = FrameStep(size, frames * dt_s, sideways_mps)

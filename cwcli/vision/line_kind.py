@@ -3,7 +3,7 @@
 It is measured along the line, after the search: where its rows show paint, how long the painted stretches and the gaps
 are on the ground, and whether a second stripe runs beside it. Lengths are in lane widths, so that neither the camera's
 height nor its focal length has to be known well. One frame sees a few dashes at most, so frames vote
-(`line_watch`).
+(`line_classifier`).
 """
 
 from __future__ import annotations
@@ -114,23 +114,23 @@ def classify_lines_in_frame(evidence: StripeEvidence, lane: FloatArray) -> tuple
     return lines[0], lines[1]
 
 
-def classify_line_kind(painted: Sequence[bool], lengths: Sequence[float]) -> LineKind:
+def classify_line_kind(is_row_painted: Sequence[bool], row_lengths_lane_widths: Sequence[float]) -> LineKind:
     """The kind of a line from its rows, the nearest first.
 
     Args:
-        painted: Whether each row shows paint.
-        lengths: Length of each row on the ground, in lane widths; they grow.
+        is_row_painted: Whether each row shows paint.
+        row_lengths_lane_widths: Length of each row on the ground, in lane widths; they grow.
     """
-    total = sum(lengths)
+    total = sum(row_lengths_lane_widths)
     if total < MIN_SEEN_LENGTH_WIDTHS:
         return LineKind.UNKNOWN
-    line = split_into_stretches(painted, lengths)
+    line = split_into_stretches(is_row_painted, row_lengths_lane_widths)
     whole = fill_worn_holes(line)
     longest = max((each.length for each in whole if each.is_painted), default=0.0)
     if longest >= MIN_SOLID_LENGTH_WIDTHS:
         return LineKind.SOLID
-    n_fine = bisect_right(lengths, MAX_DOT_ROW_LENGTH_WIDTHS)
-    n_dots = _count_raised_dots(split_into_stretches(painted[:n_fine], lengths[:n_fine]))
+    n_fine = bisect_right(row_lengths_lane_widths, MAX_DOT_ROW_LENGTH_WIDTHS)
+    n_dots = _count_raised_dots(split_into_stretches(is_row_painted[:n_fine], row_lengths_lane_widths[:n_fine]))
     has_dash = any(each.is_painted and each.min_length >= MIN_DASH_LENGTH_WIDTHS for each in whole)
     if n_dots >= (2 if has_dash else 1):  # far away, four dots at arm's length look like a dash
         return LineKind.DOTS

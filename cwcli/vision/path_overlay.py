@@ -65,7 +65,7 @@ class PathLines:
 
     Attributes:
         points: Shape (5, points, 2): u and v of each of the five lines, from near to far; NaN behind the camera.
-        is_in: Shape (5, points): the point lies in the image.
+        in_image_mask: Shape (5, points): the point lies in the image.
     """
 
     points: FloatArray
@@ -104,7 +104,7 @@ def project_path_into_image(
         width_m: Width of the car.
         camera_forward_m: Distance of the camera ahead of the centre of gravity.
     """
-    x_m, y_m, heading_rad, across_m = _sample_path(path, camera, camera_forward_m)
+    x_m, y_m, heading_rad, across_m = _sample_path_and_band_width(path, camera, camera_forward_m)
     if not len(x_m):
         return EMPTY_PATH_LINES
     offsets = np.stack(
@@ -127,7 +127,7 @@ def nearest_visible_ground_m(camera: Camera) -> float:
     return max(near_m, MIN_PATH_START_M) if math.isfinite(near_m) else DEFAULT_PATH_START_M
 
 
-def _sample_path(
+def _sample_path_and_band_width(
     path: BodyPath, camera: Camera, camera_forward_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Sample a path evenly in the image: x, y, heading and 90 % half width of the band; empty if the path is too

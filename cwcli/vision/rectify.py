@@ -43,7 +43,7 @@ def needs_rectifying(camera: Camera) -> bool:
     Not for a roll alone: lines stay straight, the ground geometry knows the roll, and the corners would be lost. At 8
     degrees of roll a pinhole's lanes are twice as exact without (docs/lanes.md).
     """
-    return camera.has_distortion()
+    return camera.differs_from_pinhole()
 
 
 def rectified_camera(camera: Camera) -> Camera:

@@ -77,7 +77,7 @@ def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | 
         return None
     v = np.arange(HORIZON_SEARCH_SHARES[0] * height, HORIZON_SEARCH_SHARES[1] * height, GRID_STEP_SHARE * height)
     u = middle_px + np.arange(-COLUMN_SEARCH_SHARE, COLUMN_SEARCH_SHARE, GRID_STEP_SHARE) * width
-    votes, total = _count_segment_votes(segments, u, v, width, height)
+    votes, total = _vanishing_point_votes_on_grid(segments, u, v, width, height)
     i, j = np.unravel_index(int(votes.argmax()), votes.shape)
     near = votes[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] ** 4
     v_near, u_near = v[max(i - 1, 0) : i + 2], u[max(j - 1, 0) : j + 2]
@@ -124,16 +124,16 @@ def _stretch_to_daylight_contrast(grey: GreyImage) -> GreyImage:
     return np.asarray(cv2.LUT(grey, np.clip(np.rint(stretched), 0, 255).astype(np.uint8)))
 
 
-def _count_segment_votes(
-    segments: FloatArray, u: FloatArray, v: FloatArray, width_px: int, height_px: int
+def _vanishing_point_votes_on_grid(
+    segments: FloatArray, grid_u_px: FloatArray, grid_v_px: FloatArray, width_px: int, height_px: int
 ) -> tuple[FloatArray, float]:
     """Votes for each point of a grid, shape (len(v), len(u)), and the greatest possible sum of votes."""
     run, rise = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
     length = np.hypot(run, rise)
     weight = np.minimum(length, MAX_COUNTED_LENGTH_SHARE * width_px)
     lowest = np.maximum(segments[:, 1], segments[:, 3])
-    du = (u - 0.5 * (segments[:, :1] + segments[:, 2:3])).astype(np.float32)
-    dv = (v - 0.5 * (segments[:, 1:2] + segments[:, 3:])).astype(np.float32)
+    du = (grid_u_px - 0.5 * (segments[:, :1] + segments[:, 2:3])).astype(np.float32)
+    dv = (grid_v_px - 0.5 * (segments[:, 1:2] + segments[:, 3:])).astype(np.float32)
     # at the distance from a segment that 0.02 rad and a pixel at its ends allow, a quarter of its votes is left
     beside = 1.0 / (length * (QUARTER_VOTE_ANGLE_RAD + 1.0 / length))
     across = (du * (rise * beside)[:, None].astype(np.float32))[:, None, :]
@@ -143,7 +143,7 @@ def _count_segment_votes(
     across += away
     away /= across
     away *= away
-    away *= np.where(lowest[:, None] > v + MIN_REACH_BELOW_POINT_SHARE * height_px, weight[:, None], 0.0)[
+    away *= np.where(lowest[:, None] > grid_v_px + MIN_REACH_BELOW_POINT_SHARE * height_px, weight[:, None], 0.0)[
         :, :, None
     ].astype(np.float32)
     return away.sum(axis=0, dtype=np.float64), float(weight.sum())

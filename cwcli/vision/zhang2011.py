@@ -36,9 +36,11 @@ Chosen by hand; not fitted."""
 PARAMETER_DECIMALS = (4, 2, 0)
 """Number of decimals of a, b and c (zhang2011)."""
 FIRST_LEFT_REGION = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
-"""Limits of a, b and c of the left boundary in the first phase (zhang2011)."""
+"""Search ranges of a (1/pixel), b and c (pixels) of the left boundary u = a v^2 + b v + c in the first phase, in images
+of 320 x 240 pixels (zhang2011)."""
 FIRST_RIGHT_REGION = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
-"""Limits of a, b and c of the right boundary in the first phase (zhang2011)."""
+"""Search ranges of a (1/pixel), b and c (pixels) of the right boundary u = a v^2 + b v + c in the first phase, in
+images of 320 x 240 pixels (zhang2011)."""
 
 _MASK_64 = (1 << 64) - 1
 """Mask of a 64-bit number."""
@@ -51,7 +53,7 @@ class SearchPhase:
     Attributes:
         bits: Length of the strings of a, b, c (table 3).
         generations: g_max (table 4).
-        reach: Half widths of the region around the previous result; None: the first frame's region.
+        region_half_widths: Half widths of the region around the previous result; None: the first frame's region.
     """
 
     bits: tuple[int, int, int]

@@ -61,6 +61,8 @@ class PathPairs:
         with np.errstate(invalid="ignore"):
             far = is_touch_improbable(min_distance_m, variance_m2, self.host_size, self.other_size)
         near = np.flatnonzero(~far & ~np.isnan(min_distance_m))
+        if not len(near):
+            return out
         every = max(1, int(MAX_COMPARISON_STEP_S / float(time_s[1]) + 1e-6))
         ends = np.searchsorted(time_s, np.array(ends_s) - 1e-9)
         kept = np.union1d(np.arange(0, len(time_s), every), ends)

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures import MEASURES
-from cwcli.measures.base import COMPARISON_SIGNS, Measure
+from cwcli.measures.base import OPERATOR_BY_CRITICAL_SIDE, Measure
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 from cwcli.text import parse_float_or_nan
@@ -95,7 +95,11 @@ def _parse_part(text: str, distance_m: float) -> ConflictPart:
     threshold = distance_m if name == "distance" else measure.threshold
     if number is not None:
         threshold = parse_float_or_nan(number)
-    if threshold is None or not np.isfinite(threshold) or (sign and sign != COMPARISON_SIGNS[measure.critical]):
+    if (
+        threshold is None
+        or not np.isfinite(threshold)
+        or (sign and sign != OPERATOR_BY_CRITICAL_SIDE[measure.critical])
+    ):
         raise UsageError(
             f"'{text}' does not say beyond which value it is a conflict",
             hint=f"for example {format_example_option(name)}",
@@ -109,11 +113,11 @@ def format_default_definitions() -> str:
     def threshold_text(measure: Measure) -> str:
         if not measure.is_series or measure.threshold is None:
             return ""
-        return f"{COMPARISON_SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}".rstrip()
+        return f"{OPERATOR_BY_CRITICAL_SIDE[measure.critical]} {measure.threshold:g} {measure.unit}".rstrip()
 
     return ", ".join(f"{name} {words}" for name, words in MEASURES.describe(threshold_text).items() if words)
 
 
 def format_example_option(name: str) -> str:
     """Format an example of the option with this measure."""
-    return f"--conflict '{name} {COMPARISON_SIGNS[MEASURES[name].critical]} 1.5'"
+    return f"--conflict '{name} {OPERATOR_BY_CRITICAL_SIDE[MEASURES[name].critical]} 1.5'"

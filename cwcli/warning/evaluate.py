@@ -32,7 +32,7 @@ class FoundWarnings:
     Attributes:
         host, config: The warned vehicle and the options.
         pairs: The evaluations, one for each of the others.
-        ids: (pair, event) -> event id.
+        event_ids: (pair, event) -> event id.
         rows: The warnings' states over time, as messages.
     """
 
@@ -48,7 +48,7 @@ class FoundWarnings:
         return warning_events_table(self.pairs, self.event_ids, rule=self.config.rule, clock=self.host)
 
     @property
-    def evaluation_series_table_of_pairs(self) -> Table:
+    def evaluations_of_pairs_table(self) -> Table:
         """The table with one row per evaluation of a pair within reach."""
         return evaluation_series_table(self.pairs, host_id=self.host.id)
 

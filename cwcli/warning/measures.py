@@ -132,8 +132,8 @@ def add_contact_probabilities(
         pairs: The paths that were measured.
         time_s: Shape (q,): the times of the paths; the last is the horizon plus the persistence.
         horizon_s: One of the times.
-        threshold: Where contact is at least this probable, the probability under braking is computed.
-        deceleration_mps2: Deceleration of that braking; 0: it is not computed.
+        min_probability_to_brake: Where contact is at least this probable, the probability under braking is computed.
+        braking_deceleration_mps2: Deceleration of that braking; 0: it is not computed.
         wanted: Shape (m,): rows in which probabilities are computed; None: all.
     """
     distance = measures.min_distance_m if wanted is None else np.where(wanted, measures.min_distance_m, np.nan)

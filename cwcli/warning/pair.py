@@ -54,7 +54,7 @@ class PairEvaluation:
         measures, decision: Their measures and the rule's masks.
         spans: Events, indices into the evaluations.
         is_withheld: Shape (m,): one of the states is starting, after a reset or in a gap, so nothing is raised.
-        n_evaluated, n_out_of_reach, n_unheard, n_stale, n_beyond, n_not_finite: Counts of host stamps.
+        n_evaluated, n_out_of_reach, n_without_message, n_stale, n_beyond_path, n_not_finite: Counts of host stamps.
         n_withheld: Number of warnings that were not raised because of such states.
         kinds: Shape (m,): the `WarningKind` of each evaluation at which the rule raises.
         n_left_out: Number of warnings that were not given, by the kinds that are off.

@@ -23,7 +23,7 @@ class StatePairing:
     Attributes:
         host_row, other_row: Shape (m,): rows of the two tracks.
         age_s: Shape (m,): host stamp minus remote stamp, >= 0.
-        n_unheard: Host stamps before the first message with a remote state.
+        n_without_message: Host stamps before the first message with a remote state.
         n_stale: Host stamps at which the newest remote state was too old.
     """
 

@@ -55,7 +55,7 @@ from cwcli.signals.role import Role
 
 def build(columns, reading):
     import numpy as np
-    from cwcli.signals.clocks import build_timeline
+    from cwcli.signals.clocks import repair_and_order_times
     from cwcli.signals.leaf_fields import read_numbers, read_stamps
     from cwcli.signals.limits import reject_rows_beyond_limit
     from cwcli.signals.quality import RowLedger
@@ -63,7 +63,7 @@ def build(columns, reading):
     ledger = RowLedger(columns, reading.role)
     speed_mps = read_numbers(columns, "knots") * 1852.0 / 3600.0
     reject_rows_beyond_limit(ledger, speed_mps, 100.0)
-    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [speed_mps])
+    timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, [speed_mps])
     rows = timeline.rows
     nan = np.full(len(rows), np.nan)
     signal = SpeedSignal(

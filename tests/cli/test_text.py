@@ -13,7 +13,7 @@ from cwcli.cli.text import (
     wrap_paragraph,
     wrap_text,
 )
-from cwcli.text import replace_surrogates
+from cwcli.text import escape_surrogates
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_printable_escapes_what_moves_the_cursor(text: str, shown: str) -> None:
     ids=["letters", "not-utf8", "half a pair", "whole pair"],
 )
 def test_replaced_surrogates_can_be_encoded(text: str, encoded: bytes) -> None:
-    assert replace_surrogates(text).encode() == encoded
+    assert escape_surrogates(text).encode() == encoded
 
 
 @pytest.mark.parametrize(

@@ -170,7 +170,7 @@ def command(
     targets = check_output_files(inputs, talk, metrics=None, texts=(output.junit, markdown_file), force=output.force)
     with Progress(quiet=talk.quiet) as progress:
         results = _judge(clauses, trials, recorded, progress)
-    _write_files(results, output, markdown_file)
+    _write_junit_and_markdown_files(results, output, markdown_file)
     if talk.json:
         document = {"written": targets, "clauses": [result.to_json() for result in results]}
         console.print_document("conform", document)
@@ -254,7 +254,9 @@ def _print_results(console: Console, results: list[ClauseResult], *, details: bo
             console.print_summary(format_table(table.columns, table.rows))
 
 
-def _write_files(results: list[ClauseResult], output: ResultOptions, markdown_file: str | None) -> None:
+def _write_junit_and_markdown_files(
+    results: list[ClauseResult], output: ResultOptions, markdown_file: str | None
+) -> None:
     """Write all files or none."""
     from cwcli.conformance.page import format_junit, format_markdown
     from cwcli.output import AtomicGroup, write_file

@@ -210,19 +210,19 @@ def _name_stations(log: Log, why: dict[str, UnboundReason], bindings: Bindings) 
     from cwcli.pipeline.stations import (  # imports numpy, which most logs do not need
         MAX_NAMED_STATIONS,
         count_stations_by_topic,
-        quote_station,
+        shell_quote_station_id,
     )
 
     heard = count_stations_by_topic(log)
     for topic in lists_option:
         for station, _ in heard.get(topic, Counter()).most_common(1):
-            option = EGO_STATION_OPTION.replace("ID", quote_station(station))
+            option = EGO_STATION_OPTION.replace("ID", shell_quote_station_id(station))
             tries = (option if each == EGO_STATION_OPTION else each for each in why[topic].tries)
             why[topic] = why[topic]._replace(tries=tuple(tries))
     if not topics:
         return []
     most = sum(heard.values(), Counter[str]()).most_common(MAX_NAMED_STATIONS)
-    named = " or ".join(quote_station(station) for station, _ in most) or "ID"
+    named = " or ".join(shell_quote_station_id(station) for station, _ in most) or "ID"
     return [f"a station of {', '.join(topics)} can be the ego: --ego-station {named}"]
 
 

@@ -79,7 +79,7 @@ class PaperEntry:
     """The reproduction of one paper.
 
     Attributes:
-        run: Function that reproduces it.
+        reproduce: Function that reproduces it.
         seeds: Default number of seeds.
         frames: Default number of frames in each rendered set; 0 for a paper without frames.
         has_labelled: It takes labelled frames.

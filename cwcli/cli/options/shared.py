@@ -193,7 +193,7 @@ class ReadingOptions:
         return [*self.topic, *merge_mapping_options(self.map, self.dbc)]
 
     @property
-    def limits(self) -> Limits:
+    def resource_limits(self) -> Limits:
         """What the log may cost: `--max-chunk`, `--max-input`, `--max-ratio` and `--timeout`."""
         from cwcli.library.log import Limits
 

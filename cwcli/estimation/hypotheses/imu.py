@@ -81,7 +81,7 @@ SIGN_HYPOTHESES = (
     ),
     _scale_hypothesis("gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0),
 )
-"""Signs of accelerometer and gyroscope."""
+"""Two hypotheses: that the accelerometer has the wrong sign, and that the gyroscope has."""
 AXES = tuple(axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
 IMU = (*ACCEL_UNITS, *GYRO_UNITS, *SIGN_HYPOTHESES, *AXES)

@@ -12,7 +12,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.signals.vehicle_state import StateFlag
 
 
-def find_bridged_gaps(evidence: DoubtEvidence) -> Iterator[Finding]:
+def find_large_share_of_bridged_states(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield the share of the ego's states that no position is near."""
     if evidence.ego is None:
         return
@@ -28,5 +28,5 @@ RULE = DoubtRule(
     unit="share",
     source="chosen: as in the verdict of `estimate`",
     advice="Leave out the states flagged bridged.",
-    find=find_bridged_gaps,
+    find=find_large_share_of_bridged_states,
 )

@@ -12,8 +12,9 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.text import format_duration
 
-MAX_UNOBSERVED_S = 5.0
-"""Longest standstill without a heading, s in all, that is not doubted. Chosen: a stop at a sign is shorter."""
+MAX_TOTAL_STANDSTILL_S = 5.0
+"""Greatest total time of standstill in a log, s, up to which a missing sensor of the heading is not doubted. Chosen by
+hand: one or two stops at a sign take less."""
 STANDSTILL_MPS = 0.3
 """Speed in m/s below which a car stands. Chosen: fixes that scatter by 0.1 m look as fast."""
 MAX_STEP_S = 1.0
@@ -32,7 +33,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
     counted = step_s <= MAX_STEP_S
     stands = np.abs(ego.state[:-1, SPEED]) < STANDSTILL_MPS
     standing_s, all_s = float(step_s[stands & counted].sum()), float(step_s[counted].sum())
-    if standing_s > MAX_UNOBSERVED_S:
+    if standing_s > MAX_TOTAL_STANDSTILL_S:
         yield Finding(
             standing_s,
             f"Nothing measures the heading while the car stands ({format_duration(standing_s)}, "
@@ -43,7 +44,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
 RULE = DoubtRule(
     summary="a standstill without a sensor of heading or yaw rate",
     short_name="heading at standstill",
-    threshold=MAX_UNOBSERVED_S,
+    threshold=MAX_TOTAL_STANDSTILL_S,
     unit="s",
     source="chosen: a stop at a sign is shorter",
     advice="Leave out headings, and paths, at standstill.",

@@ -15,7 +15,7 @@ _TRUTH_OPTION_PATTERN = re.compile(r"--topic truth=[^\s,)]+")
 """An option in that note that chooses one of them."""
 
 
-def find_missing_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
+def find_estimate_without_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield a remark if the ego was estimated and nothing tells its errors."""
     if evidence.ego is not None and not evidence.estimate_summary.column_cells("nees", "error of"):
         choice = next((note for note in evidence.estimate_summary.notes if SEVERAL_TRUTHS in note), "")
@@ -31,6 +31,6 @@ RULE = DoubtRule(
     unit="",
     source="one truth is enough",
     advice="Name one with --topic truth=TOPIC if it has.",
-    find=find_missing_truth,
+    find=find_estimate_without_truth,
     is_remark=True,
 )

@@ -76,7 +76,7 @@ class FlagOverTime:
 
 @dataclass(frozen=True)
 class _ConditionAnswers:
-    """Answer of each message (`HOLDS` and so on), in order of log time."""
+    """Answer of each message (`CONDITION_HOLDS` and so on), in order of log time."""
 
     log_time_ns: Int64Array
     answers: Int8Array

@@ -19,8 +19,8 @@ def read_signal_of_other_system(
     """Read a topic that is named for a role of another system.
 
     Args:
-        subject: The log; receives notes on unusable messages.
-        name: Name of the role in `--topic`.
+        context: The log; receives notes on unusable messages.
+        role_name: Name of the role in `--topic`.
         topic: Topic in the log.
         roles: Input roles whose builders can read it, the preferred one first.
 

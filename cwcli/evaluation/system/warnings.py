@@ -32,7 +32,7 @@ class JudgedFlagWarning:
     Attributes:
         raised_ns, last_ns: Times of the first and the last message in which it was set.
         kind: As in `cwcli.evaluation.conflicts.WarningVerdict`.
-        other_id, conflict: Vehicle and conflict to which it is assigned, or `NOBODY` and None.
+        other_id, conflict: Vehicle and conflict to which it is assigned, or `NO_VEHICLE_ID` and None.
         lead_time_s: From the warning to the beginning of the conflict; NaN without one.
     """
 

@@ -44,12 +44,12 @@ class TrackFormat:
 
     Attributes:
         suffixes: Suffixes of its files in lower case, the usual one first. No two formats share one.
-        what: Name of the format and of the tools that read it, in one line.
+        description: Name of the format and of the tools that read it, in one line.
         encode: Function from tracks to the content of a file.
-        is_of_one: A file holds one track only.
-        on_globe: It needs latitudes and longitudes.
+        holds_one_track: A file holds one track only.
+        is_geographic: It needs latitudes and longitudes.
         is_text: It can be printed on a terminal.
-        is_of_all: By default a file holds the ego and all other vehicles.
+        holds_all_vehicles: By default a file holds the ego and all other vehicles.
     """
 
     suffixes: tuple[str, ...]

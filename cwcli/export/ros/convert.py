@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cwcli import __version__
 from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.export.ros.messages import ROS_CONVERSIONS, fields_unknown_to_ros
@@ -21,6 +20,7 @@ from cwcli.logs.write.profile import matches_ros_profile
 from cwcli.pipeline.records import ORIGIN_NAMES, RUN_RECORD_PREFIX, map_from_record, read_run_records
 from cwcli.signals.columns import OutputChannel, select_column_rows
 from cwcli.signals.geodesy import LocalMap
+from cwcli.version import __version__
 
 ROS_PROFILE = "ros2"
 """Profile of an MCAP file that holds ROS 2 messages only."""

@@ -73,7 +73,7 @@ class RosConversion:
 
     Attributes:
         schema: Name of the ROS message, `package/msg/Name`.
-        fields: Function from the channel's columns, and the log's map or None, to the fields of the ROS message.
+        make_fields: Function from the channel's columns, and the log's map or None, to the fields of the ROS message.
     """
 
     schema: str

@@ -25,12 +25,12 @@ from cwcli.logs.encoders.row_assembly import (
     VaryingPiece,
     assemble_rows,
     constant_piece,
+    encode_total_size_pieces,
     encode_varint_piece,
-    length_prefix_pieces,
 )
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
-from cwcli.text import replace_surrogates
+from cwcli.text import escape_surrogates
 
 if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FieldDescriptor
@@ -116,7 +116,7 @@ def _encode_submessage_pieces(descriptor: FieldDescriptor, column: OutputField |
         repeated = column if isinstance(column, Repeated) else repeated_from_ragged_leaves(column)
         total = int(repeated.offsets[-1])
         inner = _encode_message_pieces(message, build_column_tree(repeated.fields), total)
-        rows = assemble_rows([tag, *length_prefix_pieces(inner, total), *inner], total)
+        rows = assemble_rows([tag, *encode_total_size_pieces(inner, total), *inner], total)
         bounds = rows.offsets[repeated.offsets]
         return [VaryingPiece(rows.data, bounds[:-1], np.diff(bounds))]
     if isinstance(column, np.ndarray) and message.full_name in (
@@ -128,13 +128,13 @@ def _encode_submessage_pieces(descriptor: FieldDescriptor, column: OutputField |
     if not isinstance(column, Mapping):
         raise ColumnError("it is a message: name the fields inside")
     inner = _encode_message_pieces(message, column, n)
-    return [tag, *length_prefix_pieces(inner, n), *inner]
+    return [tag, *encode_total_size_pieces(inner, n), *inner]
 
 
 def _encode_string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:
     """Return tag, length and text; no bytes where the string is absent."""
     prefix = _encode_tag(descriptor, WIRE_LENGTH)
-    texts = [replace_surrogates(text).encode() for text in column.values]
+    texts = [escape_surrogates(text).encode() for text in column.values]
     entries = join_rows([prefix + encode_varint(len(text)) + text for text in texts] + [b""])
     codes = np.where(column.codes < 0, len(texts), column.codes)
     if len(codes) and (codes == codes[0]).all():
@@ -148,7 +148,7 @@ def _encode_bytes_pieces(descriptor: FieldDescriptor, column: Ragged) -> list[Pi
         raise ColumnError("it holds bytes: it needs ragged uint8")
     sizes = np.diff(column.offsets)
     content = VaryingPiece(np.ascontiguousarray(column.values, np.uint8), column.offsets[:-1], sizes)
-    return [_encode_tag_piece(descriptor, WIRE_LENGTH), *length_prefix_pieces([content], len(column)), content]
+    return [_encode_tag_piece(descriptor, WIRE_LENGTH), *encode_total_size_pieces([content], len(column)), content]
 
 
 def _encode_packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | Strings) -> list[Piece]:
@@ -171,7 +171,7 @@ def _encode_packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ra
         numbers = encode_varints(_unsigned_varint_values(descriptor, column.values))
         rows = ByteRows(numbers.data, numbers.offsets[column.offsets])
     packed = VaryingPiece(rows.data, rows.offsets[:-1], rows.sizes)
-    return [tag, *length_prefix_pieces([packed], len(rows)), packed]
+    return [tag, *encode_total_size_pieces([packed], len(rows)), packed]
 
 
 def _encode_number_piece(descriptor: FieldDescriptor, column: NumericArray) -> Piece:

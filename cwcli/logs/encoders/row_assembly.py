@@ -67,7 +67,7 @@ def encode_varint_piece(values: npt.NDArray[np.uint64]) -> Piece:
     return VaryingPiece(rows.data, rows.offsets[:-1], sizes)
 
 
-def length_prefix_pieces(pieces: Sequence[Piece], n: int) -> list[Piece]:
+def encode_total_size_pieces(pieces: Sequence[Piece], n: int) -> list[Piece]:
     """Return the varint with the total size of the pieces in each row."""
     fixed_size = sum(piece.bytes_per_row for piece in pieces if isinstance(piece, FixedPiece))
     varying = [piece.sizes for piece in pieces if isinstance(piece, VaryingPiece)]

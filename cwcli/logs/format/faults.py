@@ -79,14 +79,14 @@ class Faults:
     """Counts of what could not be read, or was read in spite of a fault. They grow while the log is read.
 
     Attributes:
-        parts: Faults of the file or of the parts of a recording, as text -> how often.
+        file_faults: Faults of the file or of the parts of a recording, as text -> how often.
         crc_mismatches: Chunks with a wrong CRC; all their messages are left out.
         chunks_lost: Chunks that can't be decompressed, or have a wrong CRC.
         chunks_partial: Cut chunks whose first part was read.
         broken_indexes: Chunks whose message index differs from their messages; they are read without it.
         bytes_lost: Bytes of the file that can't be read.
         messages_lost: Messages in lost chunks and behind damaged records, as far as the file says.
-        miscounted: Ids of channels with another number of messages than the summary says.
+        miscounted_channel_ids: Ids of channels with another number of messages than the summary says.
         data_crc_mismatch: Messages outside chunks were read, and the CRC over all of them is wrong.
         truncated: The file is cut short.
         summary_damaged: The summary is damaged; the file was read record by record.

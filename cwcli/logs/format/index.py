@@ -47,11 +47,11 @@ class LogIndex:
         data_end: Offset of the data end record, which holds a CRC of everything before; None if there is none.
         has_end: There is a data end record, or a footer.
         cut_chunks: Start offsets of chunks that are cut off, or whose record has a wrong length.
-        is_listed: A complete summary lists everything.
+        has_complete_summary: A complete summary lists everything.
         data_sections: For a log of parts: start and `data_end` of each part that has one.
         renumberings: For a log of parts: start of each part, and the mapping of its channel ids to those of the log;
             None if the ids are the same.
-        is_counted: The summary counts the messages of each channel, which shows an index that leaves some out.
+        has_message_counts: The summary counts the messages of each channel, which shows an index that leaves some out.
     """
 
     profile: str = ""

@@ -33,9 +33,10 @@ class JoinedFile(InputFile):
         parts: The files in the order of their bytes.
         numbering: Ids for the schemas and channels of all parts.
         notes: Faults of the parts, as text -> how often.
-        listing: The recorder's listing: file name -> messages, None if it does not say. Empty without a listing.
-        n_listed: Messages of all parts by the recorder's listing, or None.
-        is_arranged: The parts are in the order of their times.
+        listed_message_counts: The recorder's listing: file name -> messages, None if it does not say. Empty without a
+            listing.
+        n_listed_messages: Messages of all parts by the recorder's listing, or None.
+        has_final_part_order: The parts are in the order of their times.
     """
 
     def __init__(self, parts: Sequence[InputFile], name: str) -> None:
@@ -198,7 +199,7 @@ class ChannelRenumbering:
     """Replaces the channel ids in the messages of a part by those of the log.
 
     Args:
-        ids: Channel id in the part -> id in the log; messages with another id get `NOBODY`.
+        ids: Channel id in the part -> id in the log; messages with another id get `UNKNOWN_CHANNEL_ID`.
     """
 
     def __init__(self, ids: Mapping[int, int]) -> None:

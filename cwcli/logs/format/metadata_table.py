@@ -54,14 +54,14 @@ class MetadataTable:
         self._places.extend((offset, length))
         self.names.append(name)
 
-    def append_consecutive_records(self, data: ByteSource, at: int, end: int, opcode: int, name: str) -> int:
+    def append_consecutive_records(self, data: ByteSource, at: int, end: int, opcode: int, file_name: str) -> int:
         """Add the consecutive metadata records, or metadata index records, from an offset on.
 
         Args:
             data: The file, or its summary.
             at, end: The byte range to scan.
             opcode: The opcode of the records.
-            name: The file's name, for messages.
+            file_name: The file's name, for messages.
 
         Returns:
             Offset of the first record that has another opcode, is not whole, or needs the general reader.
@@ -76,7 +76,7 @@ class MetadataTable:
         while at < end:
             n_bytes, n = scan(data[at : min(at + SCAN_BLOCK_BYTES, end)], at, room, self.names)
             self._places.extend(room[: 2 * n])
-            check_metadata_count(name, len(self))
+            check_metadata_count(file_name, len(self))
             at += n_bytes
             if not n:
                 break

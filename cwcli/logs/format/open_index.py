@@ -21,7 +21,7 @@ from cwcli.logs.format.records import (
     read_header,
     read_record_prefix,
 )
-from cwcli.logs.format.summary import find_footer, is_complete_summary, read_summary
+from cwcli.logs.format.summary import find_footer, is_complete_summary, read_summary_if_present
 from cwcli.logs.format.walk import index_data_section
 
 
@@ -147,7 +147,7 @@ def _read_summary_if_usable(
         faults.truncated = True
         return None
     try:
-        return read_summary(file, *found, data_start, verify=verify)
+        return read_summary_if_present(file, *found, data_start, verify=verify)
     except RecordError as error:
         if not recover:
             what = f"{error} (summary at byte {found[0].summary_start})"

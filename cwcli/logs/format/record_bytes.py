@@ -31,7 +31,7 @@ from cwcli.logs.format.records import (
     Schema,
     Statistics,
 )
-from cwcli.text import replace_surrogates
+from cwcli.text import escape_surrogates
 
 
 def encode_header(profile: str, library: str) -> bytes:
@@ -148,7 +148,7 @@ def _with_length_prefix(data: bytes) -> bytes:
 
 
 def _encode_text(text: str) -> bytes:
-    return _with_length_prefix(replace_surrogates(text).encode())
+    return _with_length_prefix(escape_surrogates(text).encode())
 
 
 def _encode_text_map(texts: Mapping[str, str]) -> bytes:

@@ -57,7 +57,9 @@ def find_footer(data: ByteSource) -> tuple[Footer, int] | None:
         return None
 
 
-def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> LogIndex | None:
+def read_summary_if_present(
+    file: InputFile, footer: Footer, footer_at: int, data_start: int, *, verify: bool
+) -> LogIndex | None:
     """Return the index of a file from its summary.
 
     Args:
@@ -67,7 +69,7 @@ def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: in
         verify: Check the summary's CRC.
 
     Returns:
-        None if there is no summary. It may be incomplete (`is_complete`), as the format allows.
+        None if there is no summary. It may be incomplete (`has_complete_summary`), as the format allows.
 
     Raises:
         RecordError: The summary is damaged.

@@ -262,13 +262,13 @@ class BagReader:
         if self._source.n_chunks and not self._is_in_chunk:
             self._count(f"connections that the index describes and no chunk ({shown})")
         if (name, text) not in self._types:
-            yield from self._iter_type(name, text, identity[1])
+            yield from self._register_type_and_yield_schema(name, text, identity[1])
         found = self._types[name, text]
         connection = Connection(len(self._connections) + 1, shown, identity, found.converter)
         self._connections[key] = connection
         yield Channel(connection.channel, found.schema, shown, "cdr", {})
 
-    def _iter_type(self, name: str, text: str, checksum: str) -> Iterator[Schema]:
+    def _register_type_and_yield_schema(self, name: str, text: str, checksum: str) -> Iterator[Schema]:
         """Yield the schema of a type; one that can't be used has none, and is counted."""
         shown = _ros2_type_name(name)
         try:

@@ -63,7 +63,7 @@ class AnnotateReport:
         n_chunks_copied, n_chunks_added: Chunks of the source and new ones.
         replaced_topics: Topics of the source that were left out.
         n_chunks_lost, n_bytes_lost: Damaged parts of the source that were left out (`recover`).
-        left_profile: The source's profile, if the copy has none because not all channels conform to it.
+        dropped_profile: The source's profile, if the copy has none because not all channels conform to it.
     """
 
     target: str
@@ -120,8 +120,8 @@ def annotate_log(
         for each in index.channels.values()
         if each.topic in topics or each.id in options.excluded_channel_ids
     }
-    check_no_existing_names(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
-    check_no_existing_names(
+    raise_for_existing_names(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
+    raise_for_existing_names(
         sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace
     )
     chosen = options.chosen_topics
@@ -220,26 +220,26 @@ def merge_with_in_memory_channels(
     by_topic: dict[str, OutputChannel] = {}
     for channel in (*source.added_channels, *channels):
         if channel.topic in by_topic:
-            check_no_existing_names([channel.topic], "channel", source.name, replace)
+            raise_for_existing_names([channel.topic], "channel", source.name, replace)
         by_topic[channel.topic] = channel
         if len(channel.log_time_ns) and int(channel.log_time_ns.min()) < 0:
             what = f"a message of {channel.topic} would be logged before 1970: its source is logged after 2262"
             raise DataError(what, where=source.name, hint="--start and --end leave such messages out")
     by_name = dict(source.added_metadata)
-    check_no_existing_names(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
+    raise_for_existing_names(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
     return list(by_topic.values()), {**by_name, **metadata}
 
 
-def check_no_existing_names(names: Sequence[str], kind: str, source: str, replace: bool) -> None:
+def raise_for_existing_names(existing_names: Sequence[str], kind: str, source: str, replace: bool) -> None:
     """Check that the log does not hold these names already, unless they are to be replaced.
 
     Raises:
         OutputError: It holds one and `replace` is off.
     """
-    if names and not replace:
+    if existing_names and not replace:
         raise OutputError(
-            f"the log holds the {kind} {names[0]} already",
+            f"the log holds the {kind} {existing_names[0]} already",
             where=source,
-            found=tuple(names[1:]),
+            found=tuple(existing_names[1:]),
             hint="--replace leaves the old one out of the copy",
         )

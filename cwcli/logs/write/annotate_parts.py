@@ -13,7 +13,7 @@ from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.open_index import index_every_record
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.write.annotate import check_no_existing_names, merge_with_in_memory_channels, write_body_and_summary
+from cwcli.logs.write.annotate import merge_with_in_memory_channels, raise_for_existing_names, write_body_and_summary
 from cwcli.logs.write.channel_ids import assign_channel_ids
 from cwcli.logs.write.message_merge import MessageMerge
 from cwcli.logs.write.new_messages import feed_from_columns
@@ -43,7 +43,7 @@ def annotate_parts(
     Args:
         source: A log in parts.
         folder: Folder for the parts, which keep their names; created if it does not exist.
-        replace, force, chosen, together: As in `cwcli.logs.write.annotate.annotate_log`.
+        replace, force, chosen_topics, together: As in `cwcli.logs.write.annotate.annotate_log`.
 
     Raises:
         UsageError: The source is one file.
@@ -57,9 +57,9 @@ def annotate_parts(
     topics = {channel.topic for channel in channels}
     indexes = [index_every_record(part, Faults(), recover=source.recover) for part in file.parts]
     found = {each.topic for index in indexes for each in index.channels.values()}
-    check_no_existing_names(sorted(topics & found), "channel", source.name, replace)
+    raise_for_existing_names(sorted(topics & found), "channel", source.name, replace)
     records = {name for index in indexes for name in index.metadata.names}
-    check_no_existing_names(sorted(set(metadata) & records), "metadata record", source.name, replace)
+    raise_for_existing_names(sorted(set(metadata) & records), "metadata record", source.name, replace)
     new = assign_channel_ids(
         _index_with_largest_ids(indexes),
         [each for each in channels if chosen_topics is None or each.topic in chosen_topics],

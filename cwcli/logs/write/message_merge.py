@@ -154,7 +154,7 @@ class MessageMerge:
 
         Args:
             time_ns: Last log time; None for all messages.
-            min_bytes: Leave the messages for the next call if they have fewer bytes than this.
+            min_waiting_bytes: Leave the messages for the next call if they have fewer bytes than this.
         """
         stop = len(self.log_time_ns)
         if time_ns is not None:

@@ -12,7 +12,6 @@ from typing import IO, Self, cast
 import numpy as np
 from mcap.writer import Writer
 
-import cwcli
 from cwcli.logs.encoders.byte_rows import ByteRows, join_rows
 from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES, MessageFeed
@@ -20,9 +19,10 @@ from cwcli.logs.write.new_messages import feed_from_columns, feed_from_encoded_m
 from cwcli.output import open_output
 from cwcli.output_stream import OutputStream
 from cwcli.signals.columns import Int64Array, OutputChannel
-from cwcli.text import replace_surrogates
+from cwcli.text import escape_surrogates
+from cwcli.version import __version__
 
-LIBRARY_NAME = f"cwcli {cwcli.__version__}"
+LIBRARY_NAME = f"cwcli {__version__}"
 """The library name in the header of new logs."""
 
 
@@ -57,7 +57,7 @@ class LogWriter:
         else:
             output = self._open.enter_context(open_output(target, force=force))
         self._writer = Writer(cast("IO[bytes]", output), chunk_size=NEW_CHUNK_BYTES)
-        self._writer.start(replace_surrogates(profile), library)
+        self._writer.start(escape_surrogates(profile), library)
 
     def __enter__(self) -> Self:
         return self
@@ -82,7 +82,7 @@ class LogWriter:
     ) -> int:
         """Add a channel and return its id; schema id 0 means that it has no schema."""
         return self._writer.register_channel(
-            replace_surrogates(topic), message_encoding, schema_id, _encodable_texts(metadata or {})
+            escape_surrogates(topic), message_encoding, schema_id, _encodable_texts(metadata or {})
         )
 
     def write_columns(self, channel: OutputChannel) -> int:
@@ -126,7 +126,7 @@ class LogWriter:
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record: named texts."""
-        self._writer.add_metadata(replace_surrogates(name), _encodable_texts(values))
+        self._writer.add_metadata(escape_surrogates(name), _encodable_texts(values))
 
     def close(self) -> None:
         """Write the messages and the summary.
@@ -148,4 +148,4 @@ class LogWriter:
 
 def _encodable_texts(values: Mapping[str, str]) -> dict[str, str]:
     """Return texts by name, each one such that UTF-8 can encode it."""
-    return {replace_surrogates(name): replace_surrogates(text) for name, text in values.items()}
+    return {escape_surrogates(name): escape_surrogates(text) for name, text in values.items()}

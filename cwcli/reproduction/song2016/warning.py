@@ -54,7 +54,8 @@ class WarningMoments:
         scenario: The scenario.
         other: Name of the other vehicle.
         ideal_s: `HORIZON_S` before the cars are nearer than `COLLISION_CENTRE_DISTANCE_M`.
-        by_method: Method -> shape (seeds,), NaN where it never warned. Methods: the families of the paper; `cwcli`, our
+        warned_s_by_method: Method -> shape (seeds,), NaN where it never warned. Methods: the families of the paper;
+            `cwcli`, our
             default, which knows what the paper's chain knows when it knows it; `cwcli-v2x`, our default on messages.
         distance_m: Family -> predicted distance over time, shape (seeds, n).
         time_s: Shape (n,).

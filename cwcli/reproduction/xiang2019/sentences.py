@@ -35,7 +35,8 @@ def _sentences_of_table_1(table: Table) -> list[str]:
     return [
         f"Table 1: of {len(better)} cells the UKF is better in {better.count('ukf')}, the EKF in "
         f"{better.count('ekf')}, neither in {better.count('neither')}; the UKF's mean square error differs by "
-        f"{-_ukf_mse_reduction_percent(table):+.3f} % (paper: {-_ukf_mse_reduction_percent(table, 'paper_'):+.0f} %)."
+        f"{-_ukf_mse_reduction_relative_to_ekf_percent(table):+.3f} % (paper: "
+        f"{-_ukf_mse_reduction_relative_to_ekf_percent(table, 'paper_'):+.0f} %)."
     ]
 
 
@@ -82,11 +83,11 @@ def _sentences_of_radar_scenes(table: Table) -> list[str]:
 def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
     """Explain why both filters are alike in the paper's scene; [] if they are not."""
     bend = FARTHEST_TARGET_M * SCENE_NOISE.azimuth_rad**2 / (2.0 * SCENE_NOISE.range_m)
-    if abs(_ukf_mse_reduction_percent(tables["table_1"])) >= EQUAL_MSE_PCT or bend >= SMALL_BEND_SIGMAS:
+    if abs(_ukf_mse_reduction_relative_to_ekf_percent(tables["table_1"])) >= EQUAL_MSE_PCT or bend >= SMALL_BEND_SIGMAS:
         return []
     errors = _table_column(tables["settings"], "ekf")
     gap, reach = (
-        _ukf_mse_reduction_percent(tables["table_1"], "paper_"),
+        _ukf_mse_reduction_relative_to_ekf_percent(tables["table_1"], "paper_"),
         100.0 * (1.0 - float(errors.min() / errors.max())),
     )
     return [
@@ -100,7 +101,7 @@ def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
     ]
 
 
-def _ukf_mse_reduction_percent(table: Table, column_prefix: str = "") -> float:
+def _ukf_mse_reduction_relative_to_ekf_percent(table: Table, column_prefix: str = "") -> float:
     """Return how much lower the UKF's mean square error is than the EKF's, in per cent of it."""
     return 100.0 * (
         1.0

@@ -104,8 +104,8 @@ def drive_part(
     """Compute one figure over seeds 0, 1, 2, ...: medians over the seeds.
 
     Args:
-        figure: A key of `DRIVES`.
-        n_seeds: At most `MAX_SEEDS`.
+        figure: A key of `DRIVE_BY_FIGURE`.
+        n_seeds: At most `MAX_DRIVE_SEEDS`.
         tick: Called after each seed.
         lane_method: A key of `vision.methods.METHODS` that finds the lanes in rendered frames; None: simulated points.
     """
@@ -214,7 +214,7 @@ def compute_drive_errors(
     return {
         "yaw rate, RMSE": float(np.degrees(np.sqrt(np.nanmean(yaw_rate**2)))),
         "v_y, RMSE": float(np.sqrt(np.nanmean(lateral**2))),
-        TRACK_ERROR_NAME: _median_track_error_m(truth, run, sensed, track),
+        TRACK_ERROR_NAME: _median_track_endpoint_distance_m(truth, run, sensed, track),
         "path at 2 s, median error": float(np.median(np.hypot(ex, ey))),
         BAND_SHARE_NAME: float(np.mean(np.abs(ey) < SIGMAS_HOLDING_90_PERCENT * sigma)),
     }
@@ -229,7 +229,9 @@ def _displacement_in_body_frame_m(
     return cos * dx + sin * dy, -sin * dx + cos * dy
 
 
-def _median_track_error_m(truth: LaneDriveTruth, run: int, sensed: SensedDrive, track: LateralTrack) -> float:
+def _median_track_endpoint_distance_m(
+    truth: LaneDriveTruth, run: int, sensed: SensedDrive, track: LateralTrack
+) -> float:
     """Return the median distance, m, between the ends of observed and actual tracks that begin at the same pose."""
     x, y, heading = dead_reckon_poses(track)
     first = np.arange(N_SETTLING_FRAMES, len(track) - FRAMES_PER_TRACK)

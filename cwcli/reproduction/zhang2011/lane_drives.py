@@ -41,8 +41,8 @@ class MethodResults:
     """The results of one method on some drives; arrays of shape (drives, frames).
 
     Attributes:
-        is_right: Both boundaries within 6 pixels of the painted stripe on 85 % of the visible rows.
-        is_right_by_centre: The same, by the distance from the stripe's centre line.
+        is_correct: Both boundaries within 6 pixels of the painted stripe on 85 % of the visible rows.
+        is_correct_by_centre: The same, by the distance from the stripe's centre line.
         search_ms: Processor time of the search: other work on the machine does not count.
         prepare_ms: Likewise of what is computed of a frame before (zhang2011: the block responses).
     """

@@ -45,7 +45,7 @@ class LaneStudy:
     """The results of the lane methods.
 
     Attributes:
-        part: Shares and plots; the same for the same numbers of frames and drives.
+        shares_part: Shares and plots; the same for the same numbers of frames and drives.
         times: Processor times; different in every run.
         n_judged: Frames of each set.
     """

@@ -20,7 +20,7 @@ from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simul
 CONVERGED_ERROR_PERCENT = 10.0
 """An observer has converged where its error stays below this, in per cent of the true value, the bound of zhang2011."""
 STATIC_ERROR_WINDOW_S = 1.0
-"""The static error is the largest of this last part of a run, in s. Chosen by hand; not fitted."""
+"""Length of the last part of a run, s, whose largest error is the static error. Chosen by hand; not fitted."""
 EQUAL_STATIC_ERROR_PERCENT = 0.05
 """Static errors below this, in per cent, count as equal, as both are practically zero. Chosen by hand; not fitted."""
 

@@ -97,12 +97,12 @@ def search_rates_part() -> StudyPart:
     what = "more first frames right than with the high mutation rate"
     measured.append(MeasuredNumber("fig 8", what, float(shares["fig 8"] > shares["fig 7"])))
     plots += [
-        _convergence_plot(
+        _best_objective_by_generation_plot(
             "crossover rates",
             seen,
             {f"crossover {RATES_BY_FIGURE[f][0]:g}": RATES_BY_FIGURE[f] for f in tuple(RATES_BY_FIGURE)[:4]},
         ),
-        _convergence_plot(
+        _best_objective_by_generation_plot(
             "mutation rates",
             seen,
             {f"mutation {RATES_BY_FIGURE[f][1]:g}": RATES_BY_FIGURE[f] for f in tuple(RATES_BY_FIGURE)[4:]},
@@ -177,16 +177,18 @@ def _search_both_boundaries(
     return LaneFit(found[0], found[1]), total
 
 
-def _convergence_plot(name: str, seen: list[PreparedFrame], rates: dict[str, tuple[float, float]]) -> Plot:
+def _best_objective_by_generation_plot(
+    name: str, frames: list[PreparedFrame], crossover_and_mutation_rates: dict[str, tuple[float, float]]
+) -> Plot:
     """Plot the best objective over the generations, mean over the frames, from the same random numbers."""
     curves = []
-    for label, each in rates.items():
+    for label, each in crossover_and_mutation_rates.items():
         means: FloatArray = np.array(
             [
-                np.mean([_search_both_boundaries(one, k, each, stop)[1] for k, one in enumerate(seen)])
+                np.mean([_search_both_boundaries(one, k, each, stop)[1] for k, one in enumerate(frames)])
                 for stop in SHOWN_GENERATIONS
             ]
         )
         curves.append(Curve(label, np.array(SHOWN_GENERATIONS, np.float64), means))
-    title = f"best objective, mean of {len(seen)} first frames of '{EXAMPLE_ROAD_SET}'"
+    title = f"best objective, mean of {len(frames)} first frames of '{EXAMPLE_ROAD_SET}'"
     return Plot(name, title, "generation", "F, left and right [grey levels]", curves)

@@ -48,8 +48,9 @@ class Input:
         rank: 0 for a sensor made for the role. A channel of higher rank is bound only when there is none of a lower
             one. None: only when the user names it.
         needs_ego_station: Bound by itself only when the user says which station is the ego.
-        fits: Whether a topic's name suits the role; asked only where the user names no channel.
-        is_beside: It holds other objects or events, and is bound in addition to the chosen channel, whatever its rank.
+        fits_topic: Whether a topic's name suits the role; asked only where the user names no channel.
+        is_additive: It holds other objects or events, and is bound in addition to the chosen channel, whatever its
+            rank.
         says_what_it_is: The schema alone distinguishes truth from measurement; the topic's name does not count.
     """
 

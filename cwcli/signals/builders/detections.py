@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionKind, DetectionSignal
-from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, build_timeline
+from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_elements_of_sequences
 from cwcli.signals.leaf_fields import find_field, read_stamps
@@ -132,7 +132,7 @@ def make_detection_signal(
         covariance = np.full((len(values), width, width), np.nan)
     with np.errstate(invalid="ignore", over="ignore"):
         marks = [elements.counts.astype(np.float64), *(elements.sum_per_message(column) for column in values.T)]
-    timeline = build_timeline(ledger, *stamps, reading.clock, marks)
+    timeline = repair_and_order_times(ledger, *stamps, reading.clock, marks)
     offsets, index = offsets_and_elements_of_sequences(elements.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,

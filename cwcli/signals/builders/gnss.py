@@ -15,7 +15,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.motion import NO_ORIENTATION_REASON
 from cwcli.signals.builders.position import NO_FIX_REASON, reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, VelocitySignal
-from cwcli.signals.clocks import Timeline, build_signal_and_quality, build_timeline
+from cwcli.signals.clocks import Timeline, build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, nan_beyond_limit, reject_rows_beyond_limit
@@ -165,7 +165,7 @@ def _timeline_with_clock_note(
     A receiver keeps its own time where no driver stamps it. What lies between the latencies that the estimator looks
     for and the steps that the clock repair covers would place it wrong beside the other sensors.
     """
-    timeline = build_timeline(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, values)
+    timeline = repair_and_order_times(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, values)
     delay_s = ledger.quality.delay_s
     if not MIN_LOG_DELAY_S <= delay_s <= MAX_LOG_DELAY_S and np.isfinite(delay_s):
         ledger.add_note(

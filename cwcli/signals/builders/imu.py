@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import ImuSignal
-from cwcli.signals.clocks import build_signal_and_quality, build_timeline
+from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import usable_variances_or_nan
 from cwcli.signals.leaf_fields import read_matrix, read_stamps, read_vector
@@ -23,7 +23,7 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     ledger = RowLedger(columns, reading.role)
     accel_mps2, accel_variance = _read_vector_and_variances(columns, ledger, "linear_acceleration", MAX_ACCEL_MPS2)
     gyro_radps, gyro_variance = _read_vector_and_variances(columns, ledger, "angular_velocity", MAX_TURN_RATE_RADPS)
-    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [accel_mps2, gyro_radps])
+    timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, [accel_mps2, gyro_radps])
     return build_signal_and_quality(
         ImuSignal,
         ledger,

@@ -13,7 +13,7 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import HeadingSignal, SpeedSignal, VelocitySignal
-from cwcli.signals.clocks import build_signal_and_quality, build_timeline
+from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.leaf_fields import read_frame_id, read_matrix, read_numbers, read_stamps
@@ -113,7 +113,7 @@ def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[Headin
     ledger.reject(orientation_covariance[:, 0] == -1.0, NO_ORIENTATION_REASON)
     ledger.reject(~np.isfinite(yaw_rad), NO_ORIENTATION_REASON)
     variance = usable_variances_or_nan(ledger, orientation_covariance[:, 8])
-    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [yaw_rad])
+    timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, [yaw_rad])
     return build_signal_and_quality(HeadingSignal, ledger, timeline, heading_rad=yaw_rad, variance_rad2=variance)
 
 
@@ -171,7 +171,7 @@ def _make_velocity_signal(
 ) -> tuple[VelocitySignal, Quality]:
     reject_rows_beyond_limit(ledger, np.stack([east_mps, north_mps], axis=1), MAX_SPEED_MPS)
     plane = usable_plane_covariance_or_nan(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
-    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [east_mps, north_mps])
+    timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, [east_mps, north_mps])
     return build_signal_and_quality(
         VelocitySignal, ledger, timeline, east_mps=east_mps, north_mps=north_mps, covariance_m2ps2=plane
     )
@@ -184,7 +184,7 @@ def speed_signal_from_body_motion(
     reject_rows_beyond_limit(ledger, motion.speed_mps, MAX_SPEED_MPS)
     yaw_rate_radps = nan_beyond_limit(ledger, motion.yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
     variances = usable_variances_or_nan(ledger, np.stack([motion.speed_variance, motion.yaw_rate_variance], axis=1))
-    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [motion.speed_mps, yaw_rate_radps])
+    timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, [motion.speed_mps, yaw_rate_radps])
     return build_signal_and_quality(
         SpeedSignal,
         ledger,

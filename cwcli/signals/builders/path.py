@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.clocks import build_timeline
+from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.elements import Elements, offsets_and_elements_of_sequences
 from cwcli.signals.leaf_fields import read_frame_id, read_stamps
@@ -92,7 +92,7 @@ def _make_path_signal(
         points.sum_per_message(np.nan_to_num(x_m)),
         points.sum_per_message(np.nan_to_num(y_m)),
     ]
-    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, marks)
+    timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, marks)
     offsets, index = offsets_and_elements_of_sequences(points.offsets, timeline.rows)
     signal = PathSignal(
         source=columns.topic,

@@ -13,7 +13,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.motion import BodyMotion, read_yaw_rad, speed_signal_from_body_motion
 from cwcli.signals.builders.odometry_twist import read_twist
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
-from cwcli.signals.clocks import build_signal_and_quality, build_timeline
+from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.direction_of_travel import (
@@ -111,7 +111,7 @@ def _make_pose_signal(
     columns = ledger.columns
     speed_mps = nan_beyond_limit(ledger, speed_mps, MAX_SPEED_MPS, "speed")
     yaw_rate_radps = nan_beyond_limit(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
-    timeline = build_timeline(ledger, *stamps, reading.clock, [position_m, yaw_rad])
+    timeline = repair_and_order_times(ledger, *stamps, reading.clock, [position_m, yaw_rad])
     return build_signal_and_quality(
         partial(PoseSignal, frame_id=read_frame_id(columns)),
         ledger,

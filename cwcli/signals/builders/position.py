@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PositionSignal
-from cwcli.signals.clocks import build_signal_and_quality, build_timeline
+from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.covariances import usable_plane_covariance_or_nan
 from cwcli.signals.leaf_fields import accepted_text_mask, find_field, read_matrix, read_numbers, read_stamps
@@ -50,7 +50,9 @@ def build_fix(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quali
     covariance = np.where(is_unknown[:, None], np.nan, covariance)
     plane_m2 = usable_plane_covariance_or_nan(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 4])
 
-    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [latitude_deg, longitude_deg, altitude_m])
+    timeline = repair_and_order_times(
+        ledger, *read_stamps(columns), reading.clock, [latitude_deg, longitude_deg, altitude_m]
+    )
     return build_signal_and_quality(
         PositionSignal,
         ledger,

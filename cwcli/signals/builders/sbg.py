@@ -23,7 +23,7 @@ from cwcli.signals.builders.gnss import (
     make_velocity_builder,
 )
 from cwcli.signals.canonical import ImuSignal
-from cwcli.signals.clocks import build_signal_and_quality, build_timeline
+from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaf_fields import read_frame_id, read_numbers, read_stamps, read_vector
 from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_rows_beyond_limit
@@ -37,7 +37,7 @@ DRIVER_ENU_FRAME_ID = "imu_link"
 """The frame id that the driver gives to its east-north-up messages."""
 
 
-def read_gps_pos(columns: Columns, ledger: RowLedger) -> GnssFix:
+def read_sbg_gps_position(columns: Columns, ledger: RowLedger) -> GnssFix:
     """Read positions of `SbgGpsPos`; without known axes, the larger accuracy counts in every direction."""
     accuracy = _read_east_north(columns, "position_accuracy")
     return GnssFix(
@@ -97,7 +97,7 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     accel_mps2, gyro_radps = flipped * read_vector(columns, "accel"), flipped * read_vector(columns, "gyro")
     reject_rows_beyond_limit(ledger, accel_mps2, MAX_ACCEL_MPS2)
     reject_rows_beyond_limit(ledger, gyro_radps, MAX_TURN_RATE_RADPS)
-    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [accel_mps2, gyro_radps])
+    timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, [accel_mps2, gyro_radps])
     nothing = np.full((len(columns), 3), np.nan)
     return build_signal_and_quality(
         ImuSignal,
@@ -110,7 +110,7 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     )
 
 
-build_position = make_position_builder(read_gps_pos)
+build_position = make_position_builder(read_sbg_gps_position)
 build_velocity = make_velocity_builder(read_gps_vel)
 build_ekf_position = make_position_builder(read_ekf_nav)
 build_ekf_velocity = make_velocity_builder(read_ekf_velocity)

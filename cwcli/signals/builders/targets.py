@@ -7,7 +7,7 @@ import numpy as np
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.pose import build_pose
 from cwcli.signals.canonical import TargetTruthSignal
-from cwcli.signals.clocks import build_timeline
+from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, repeat_string
 from cwcli.signals.leaf_fields import find_field, read_frame_id, read_integers, read_numbers, read_texts
 from cwcli.signals.limits import MAX_POSITION_M, reject_rows_beyond_limit
@@ -61,7 +61,7 @@ def _make_target_truth_signal(
     ids = read_texts(columns, "id") or repeat_string(ONLY_TARGET_ID, len(columns))
     stamp_ns, has_stamp = read_integers(columns, "stamp_ns")
     has_stamp &= stamp_ns > 0
-    timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, [x_m, y_m], sender=ids.codes)
+    timeline = repair_and_order_times(ledger, stamp_ns, has_stamp, reading.clock, [x_m, y_m], sender=ids.codes)
     rows = timeline.rows
     has_place = find_field(columns, "latitude_deg") is not None
     signal = TargetTruthSignal(

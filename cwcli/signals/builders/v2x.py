@@ -12,7 +12,7 @@ from cwcli.signals.bsm_flags import format_flag_notes
 from cwcli.signals.builders.base import Build, Reading
 from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, Signal, SpeedSignal
-from cwcli.signals.clocks import Timeline, build_timeline
+from cwcli.signals.clocks import Timeline, repair_and_order_times
 from cwcli.signals.columns import Columns, Int64Array, Strings, number_by_first_appearance
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.remotes import join_remote_signals
@@ -180,7 +180,7 @@ def _timeline_per_station(
 ) -> Timeline:
     """Reject invalid positions, and repair the clock of each station by itself."""
     reject_invalid_positions(ledger, decoded.latitude_deg, decoded.longitude_deg)
-    return build_timeline(
+    return repair_and_order_times(
         ledger,
         decoded.stamp_ns,
         np.ones(len(columns), dtype=np.bool_),

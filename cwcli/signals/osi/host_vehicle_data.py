@@ -15,7 +15,7 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import PoseSignal, PositionSignal, SpeedSignal
-from cwcli.signals.clocks import build_signal_and_quality, build_timeline
+from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import usable_variances_or_nan
 from cwcli.signals.leaf_fields import read_numbers
@@ -58,7 +58,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
     if part == "location":
         leaves = ("position.x", "position.y", "orientation.yaw")
         variances = [_variances_from_rmse(ledger, read_numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
-    timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [place, yaw_rad])
+    timeline = repair_and_order_times(ledger, *read_world_times(columns), reading.clock, [place, yaw_rad])
     return build_signal_and_quality(
         partial(PoseSignal, frame_id=OSI_FRAME),
         ledger,
@@ -82,7 +82,7 @@ def _build_geodetic_position(columns: Columns, reading: Reading, ledger: RowLedg
     altitude_m = nan_beyond_limit(
         ledger, read_numbers(columns, f"{GEODETIC_POSITION_PATH}.altitude"), MAX_ALTITUDE_M, "altitude"
     )
-    timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [latitude_deg, longitude_deg])
+    timeline = repair_and_order_times(ledger, *read_world_times(columns), reading.clock, [latitude_deg, longitude_deg])
     return build_signal_and_quality(
         PositionSignal,
         ledger,
@@ -105,7 +105,7 @@ def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Qualit
             speed_mps = velocity[0] * np.cos(yaw_rad) + velocity[1] * np.sin(yaw_rad)
     reject_rows_beyond_limit(ledger, speed_mps[:, None], MAX_SPEED_MPS)
     yaw_rate_radps = nan_beyond_limit(ledger, read_numbers(columns, yaw_rate), MAX_TURN_RATE_RADPS, "yaw rate")
-    timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [speed_mps, yaw_rate_radps])
+    timeline = repair_and_order_times(ledger, *read_world_times(columns), reading.clock, [speed_mps, yaw_rate_radps])
     nothing = np.full(len(columns), np.nan)
     return build_signal_and_quality(
         SpeedSignal,

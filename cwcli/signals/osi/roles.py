@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PoseSignal, RemoteSignal, SpeedSignal, TargetTruthSignal
-from cwcli.signals.clocks import Timeline, build_timeline
+from cwcli.signals.clocks import Timeline, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.osi.world import (
     NO_HOST_REASON,
@@ -148,7 +148,7 @@ def _read_objects_and_host_rows(
     ledger.set_aside(of_message < 0, NO_HOST_REASON)
     pose = np.full((len(columns), 3), np.nan)
     pose[world.message[rows]] = np.stack([world.x_m[rows], world.y_m[rows], world.heading_rad[rows]], axis=1)
-    timeline = build_timeline(ledger, *read_world_times(columns, prefix), reading.clock, [pose])
+    timeline = repair_and_order_times(ledger, *read_world_times(columns, prefix), reading.clock, [pose])
     return world, of_message[timeline.rows], timeline
 
 
@@ -163,7 +163,7 @@ def _read_other_rows(
         for each in (np.ones(len(world.id)), world.x_m, world.y_m)
     ]
     ledger.set_aside(marks[0] == 0.0, NO_OTHERS_REASON)
-    timeline = build_timeline(ledger, *read_world_times(columns, prefix), reading.clock, marks)
+    timeline = repair_and_order_times(ledger, *read_world_times(columns, prefix), reading.clock, marks)
     place = np.full(len(columns), -1, np.intp)
     place[timeline.rows] = np.arange(len(timeline.rows))
     row = place[world.message[others]]

@@ -13,7 +13,7 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionSignal
-from cwcli.signals.clocks import build_timeline
+from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_elements_of_sequences
 from cwcli.signals.leaf_fields import read_numbers
@@ -73,7 +73,7 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
         objects.counts.astype(np.float64),
         *(objects.sum_per_message(np.nan_to_num(column)) for column in values.T),
     ]
-    timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, marks)
+    timeline = repair_and_order_times(ledger, stamp_ns, has_stamp, reading.clock, marks)
     offsets, index = offsets_and_elements_of_sequences(objects.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,

@@ -134,7 +134,7 @@ def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, p
     is_of_role = np.isin(ids, [] if host is None else [np.uint64(host)]) == (reading.role in OF_HOST)
     _blank_out_of_range_values(values, message, is_of_role, ledger)
     keep = ledger.keep[message]
-    return _derive_object_motion(message, ids, host, place, values, keep)
+    return _motion_along_and_across_heading(message, ids, host, place, values, keep)
 
 
 def _blank_out_of_range_values(
@@ -295,7 +295,7 @@ def _smallest_moving_id_and_reason(
     return int(distinct[0]), "the smallest id (nothing moves)"
 
 
-def _derive_object_motion(
+def _motion_along_and_across_heading(
     message: npt.NDArray[np.intp],
     ids: npt.NDArray[np.uint64],
     host: int | None,

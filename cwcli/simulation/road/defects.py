@@ -46,7 +46,7 @@ class LaneChangingDriver(SwayingDriver):
     """Sways in the lane, and changes to the next one at given times.
 
     Attributes:
-        change_s: When each change begins; the first leads to the left, the second back, and so on.
+        lane_change_start_s: When each change begins; the first leads to the left, the second back, and so on.
         lane_width_m: Lateral distance of a lane change.
     """
 

@@ -1,8 +1,8 @@
 """The road ahead of the camera: lines parallel to the lane's centre, and the distance that each image row shows.
 
 Body frame: x forward, y left, z up. Offsets from the lane's centre line are positive to the left; one that is an array
-has a value for each arc length of `GRID_M`. The surface is a cylinder z = g x^2 / 2 across the driving direction (a
-crest has g < 0, a sag g > 0), so each row shows one distance.
+has a value for each arc length of `ARC_LENGTH_GRID_M`. The surface is a cylinder z = g x^2 / 2 across the driving
+direction (a crest has g < 0, a sag g > 0), so each row shows one distance.
 """
 
 from __future__ import annotations

@@ -26,9 +26,9 @@ class Marking:
         dash_m: Painted length and gap; (0, 0) is solid.
         is_double: A second, solid stripe farther from the lane's centre, one width apart.
         grey: Grey of new paint.
-        kept: Share of the paint that is left, 0 to 1.
+        remaining_paint_share: Share of the paint that is left, 0 to 1.
         phase_m: Station where a dash begins.
-        where_m: First and last station of each stretch on which it is painted; empty: everywhere.
+        painted_stretches_m: First and last station of each stretch on which it is painted; empty: everywhere.
         path_m: Stations and offsets of a marking that is not parallel to the lane, linear between them.
     """
 

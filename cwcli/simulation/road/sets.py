@@ -1,6 +1,7 @@
 """The sets of frames: `good` and `complex`, as zhang2011 divides its tests (conclusion 1), and `hard`.
 
-The paper gives no numbers of either set; `SETS` is the one place that defines them here. What it does say (section
+The paper gives no numbers of either set; `FRAME_SETS` is the one place that defines them here. What it does say
+(section
 1.2.1): in a complex environment there is much noise, and the gradient may be missing in places, but along the boundary
 as a whole it is very clear. So a boundary of `good` is painted all along, and one of `complex` on more than half of
 its rows; dashed lines (25 to 40 % painted) and double ones belong to `hard`, which the paper does not describe
@@ -41,7 +42,7 @@ class SetSpec:
         vertical_1pm: Vertical curvature of crests and sags: sigma, limit.
         offset_m, heading_rad, pitch_rad: Pose of the car in its lane and on its springs: sigma, limit.
         lane_width_m, marking_width_m, asphalt, paint: Lowest and highest value, even.
-        kept: Lowest share of paint that is left; even up to 1.
+        min_remaining_paint_share: Lowest share of paint that is left; even up to 1.
         dashed, double: Chance that a boundary is dashed; that the left one is double.
         patches: Greatest number of repair patches; even from 0.
         cracks, tracks: Highest value; even from 0.

@@ -76,7 +76,7 @@ class TracksOfLog:
         return ActualTrack(states.stamp_ns, states.state, states.covariance if self.has_covariance else None)
 
 
-def read_tracks(
+def read_ego_and_other_tracks(
     log: Log, bound: Bindings, selection: Selection, *, with_covariance: bool = False
 ) -> tuple[TracksOfLog, tuple[InputMessageCount, ...]]:
     """Read the tracks in the chosen span, and count the messages.

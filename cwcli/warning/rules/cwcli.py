@@ -6,7 +6,7 @@ Three conditions, each against one kind of false warning:
    the threshold (`measures.collision_probability`). Two cars side by side, an oncoming car in its own lane and a turn
    past a standing car bring the centres near, and do not touch; a path that only just scrapes does not warn either.
 2. It is serious: were the host to brake gently from now on (`min_deceleration_mps2`, 2 m/s^2), contact would still be
-   possible, with a probability of `AVOIDED` at least. A lead that needs only 1 m/s^2 is no conflict.
+   possible, with a probability of `AVOIDED_PROBABILITY` at least. A lead that needs only 1 m/s^2 is no conflict.
 3. Condition 1 has held for the persistence time. To cost no lead it may look farther ahead by just that time while it
    is being confirmed; the warning itself comes when contact is within the horizon.
 

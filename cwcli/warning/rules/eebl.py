@@ -4,8 +4,8 @@ It needs no collision course: the car may be hidden behind a lorry, and the host
 
 1. the other drives ahead of the host and the same way, in its lane or in one beside it: along the arc that the host is
    driving on (its yaw rate over its speed), not along a straight line;
-2. it brakes with `HARD_MPS2` at least by its estimated state, for as long as the persistence says, or has said so
-   itself (`eventHardBraking` of a BSM, above 0.4 g; a DENM of an emergency brake): then at once;
+2. it brakes with `HARD_BRAKING_MPS2` at least by its estimated state, for as long as the persistence says, or has said
+   so itself (`eventHardBraking` of a BSM, above 0.4 g; a DENM of an emergency brake): then at once;
 3. it matters to the host: were the other to brake on until it stands, and the host to go on for the horizon before it
    does anything, the host would then have to brake with `--min-deceleration` at least.
 

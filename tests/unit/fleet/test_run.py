@@ -15,7 +15,7 @@ from cwcli.cli.commands.run import gather_default_options
 from cwcli.errors import OutputError, UsageError
 from cwcli.fleet import run as fleet_run
 from cwcli.fleet import worker
-from cwcli.fleet.folder import LogFolder, new_log_entry, read_json_object, write_json_object
+from cwcli.fleet.folder import LogOutputs, new_log_entry, read_json_object, write_json_object
 from cwcli.fleet.local import WorkerDied
 from cwcli.fleet.plan import FleetPlan, LogTask
 from cwcli.fleet.run import run_fleet
@@ -74,7 +74,7 @@ def test_a_bug_is_recorded_with_where_it_came_from(
     monkeypatch.setattr(worker, "run_stages", stumble)
     task = LogTask("s", "straight.mcap", str(SAMPLES / "straight.mcap"), str(tmp_path))
     assert process_log(task, plan).status == "failed"
-    entry = LogFolder(tmp_path, "s").read_entry()
+    entry = LogOutputs(tmp_path, "s").read_entry()
     assert entry is not None
     assert entry["error"]["exit_code"] == 70
     assert "KeyError" in entry["error"]["what"]
@@ -95,7 +95,7 @@ def test_a_renamed_log_is_not_done_again(plan: FleetPlan, tmp_path: Path) -> Non
     out = str(tmp_path / "out")
     assert process_log(LogTask("s", "old/s.mcap", str(SAMPLES / "straight.mcap"), out), plan).status == "done"
     assert process_log(LogTask("s", "new/s.mcap", str(SAMPLES / "straight.mcap"), out), plan).status == "unchanged"
-    entry = LogFolder(tmp_path / "out", "s").read_entry()
+    entry = LogOutputs(tmp_path / "out", "s").read_entry()
     assert entry is not None and entry["source"] == "new/s.mcap"
 
 
@@ -137,7 +137,7 @@ def test_ambiguous_position_is_an_error_of_the_log(plan: FleetPlan, tmp_path: Pa
             writer.add_message(channel, 10**9, json.dumps(fix).encode(), 10**9)
         writer.finish()
     assert process_log(LogTask("two", "two.mcap", str(path), str(tmp_path / "out")), plan).status == "failed"
-    entry = LogFolder(tmp_path / "out", "two").read_entry()
+    entry = LogOutputs(tmp_path / "out", "two").read_entry()
     assert entry is not None
     assert entry["error"]["exit_code"] == 4
     assert "--topic ego_position=/a" in entry["error"]["hint"]
@@ -160,7 +160,7 @@ def test_what_is_no_file_is_an_error_of_its_log_and_never_waited_for(plan: Fleet
 def test_a_log_that_became_a_folder_is_an_error_of_its_log(plan: FleetPlan, tmp_path: Path) -> None:
     (tmp_path / "a.mcap").mkdir()
     assert process_log(LogTask("a", "a.mcap", str(tmp_path / "a.mcap"), str(tmp_path / "out")), plan).status == "failed"
-    entry = LogFolder(tmp_path / "out", "a").read_entry()
+    entry = LogOutputs(tmp_path / "out", "a").read_entry()
     assert entry is not None
     assert (entry["error"]["exit_code"], entry["error"]["what"]) == (3, "the folder holds no log")
 
@@ -186,7 +186,7 @@ def test_a_log_whose_entry_was_tampered_with_is_done_again(
 ) -> None:
     log = tmp_path / "log.mcap"
     log.write_bytes(b"")
-    folder = LogFolder(tmp_path, "log")
+    folder = LogOutputs(tmp_path, "log")
     folder.annotated_log_path.parent.mkdir(parents=True)
     folder.annotated_log_path.write_bytes(b"annotated")
     entry = {

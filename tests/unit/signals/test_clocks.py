@@ -13,11 +13,11 @@ from cwcli.signals.clocks import (
     REPEATED_STAMP_REASON,
     REPEATED_STAMP_SPACED_REASON,
     Timeline,
-    build_timeline,
     earliest_known_times_ns,
     find_stamp_gaps,
     format_clock_disagreements,
     log_time_span_without_strays,
+    repair_and_order_times,
     repair_clock_jumps_and_mask,
 )
 from cwcli.signals.columns import Int64Array
@@ -43,7 +43,7 @@ def settled(
     log_ns = steady(n_rows) + DELAY_NS if log_ns is None else log_ns
     ledger = RowLedger(columns_of("X", {"v": values.astype(float)}, log_time_ns=log_ns), "imu")
     given = np.ones(n_rows, dtype=bool) if has_stamp is None else has_stamp.astype(bool)
-    timeline = build_timeline(ledger, stamp_ns, given, clock, [values.astype(float)], sender=sender)  # type: ignore[arg-type]
+    timeline = repair_and_order_times(ledger, stamp_ns, given, clock, [values.astype(float)], sender=sender)  # type: ignore[arg-type]
     quality = ledger.quality
     assert quality.read == quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values())
     return timeline, quality
@@ -181,7 +181,7 @@ def test_settle_each_sender_has_a_clock_of_its_own() -> None:
 def test_settle_leaves_rejected_rows_out() -> None:
     ledger = RowLedger(columns_of("X", {"v": np.zeros(4)}), "imu")
     ledger.reject(np.array([False, True, False, False]), "bad")
-    timeline = build_timeline(ledger, steady(4), np.ones(4, dtype=bool), "stamp", [np.arange(4.0)])
+    timeline = repair_and_order_times(ledger, steady(4), np.ones(4, dtype=bool), "stamp", [np.arange(4.0)])
     assert timeline.rows.tolist() == [0, 2, 3]
     assert (ledger.quality.read, ledger.quality.used) == (4, 3)
 

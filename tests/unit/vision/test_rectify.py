@@ -75,7 +75,7 @@ def test_roll_by_hand() -> None:
 def test_fisheye_without_coefficients_by_hand() -> None:
     """r = f theta: still a fisheye, where a polynomial of zeros is a pinhole."""
     fisheye = camera("equidistant", pad_distortion_coefficients("equidistant", [0.0] * 4))
-    assert fisheye.has_distortion()
+    assert fisheye.differs_from_pinhole()
     assert needs_rectifying(fisheye)
     assert pad_distortion_coefficients("equidistant", []) == (0.0,) * 4
     assert needs_rectifying(camera("equidistant", ()))
