@@ -18,6 +18,9 @@ _ROLE_OF_KIND = {
 GRAVITY_TEXT = "gravity"
 """Name of gravity in texts, for an IMU that contradicts it."""
 
+CAR_MOTION_TEXT = "how a car moves"
+"""Text for what a source contradicts if there is no other source."""
+
 
 @dataclass(frozen=True)
 class SourceQuantity:
@@ -76,7 +79,7 @@ class Contradiction:
         if self.allies:
             why = f"{', '.join(str(each) for each in self.allies)} {'agree' if len(self.allies) > 1 else 'agrees'} with"
             done = f"{why} {self.against}"
-        elif self.against == GRAVITY_TEXT:
+        elif self.against in (GRAVITY_TEXT, CAR_MOTION_TEXT):
             done = ""
         else:
             done = "no third source tells which of them is wrong"

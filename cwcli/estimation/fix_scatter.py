@@ -1,39 +1,50 @@
-"""Scatter of fixes about their neighbours: their white noise without any other source.
+"""Scatter of rows about their neighbours: their white noise without any other source.
 
-The estimator finds the noise of fixes from their innovations. If another source is wrong, the innovations grow, and the
-noise with them; then everything looks consistent. The scatter does not know the other sources, so it shows it.
+The estimator finds the noise of a source from its innovations. If another source is wrong, the innovations grow, and
+the noise with them; then everything looks consistent. The scatter does not know the other sources, so it shows it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
+from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
 from cwcli.estimation.passes import SensorSeries
 
 MAX_NOISE_TO_SCATTER_RATIO = 3.0
-"""Greatest ratio of the noise of fixes by the estimator to their scatter. Chosen by hand: it is 0.9 to 1.1 in simulated
-drives without a fault."""
-MIN_LASTING_ERROR_M = 1.5
-"""Least noise of fixes that is compared with their scatter, m. Chosen by hand: the errors of a receiver under open sky
-last for minutes, and are that large."""
+"""Greatest ratio of the noise by the estimator to the scatter. Chosen by hand: it is 0.9 to 1.1 in simulated drives
+without a fault."""
+ROUNDING_SIGMA_IN_STEPS = 12.0**-0.5
+"""One sigma of the error of a rounded value, in steps: that of a uniform distribution."""
+MIN_LASTING_ERRORS: Mapping[Kind, float] = {
+    Kind.POSITION: 1.5,
+    Kind.VELOCITY: 0.7,
+    Kind.SPEED: 0.7,
+    Kind.HEADING: 0.07,
+}
+"""Least noise of each kind that is compared with its scatter, in m, m/s and rad. Chosen by hand: the errors of a
+receiver under open sky last for minutes and are 1.5 m; 0.7 m/s is twice, and 0.07 rad (4 degrees) is twice the default
+noise of the kind in `QUANTITIES`."""
 
 
-def scatter_about_neighbours_m(fixes: SensorSeries) -> float:
-    """Return one sigma of the white noise of fixes on each axis, m, or NaN for fewer than three.
+def scatter_about_neighbours(s: SensorSeries) -> float:
+    """Return one sigma of the white noise of a series on each axis, in its unit, or NaN for fewer than three rows.
 
-    For white noise, x[i-1] - 2 x[i] + x[i+1] has six times the variance of a fix. An acceleration adds to it, so the
-    scatter of slow fixes comes out too large, never too small.
+    For white noise, x[i-1] - 2 x[i] + x[i+1] has six times the variance of a row. An acceleration adds to it, so the
+    scatter of slow sources comes out too large, never too small.
     """
-    if len(fixes) < 3:
+    if len(s) < 3:
         return math.nan
-    x = fixes.values
+    x = np.unwrap(s.values[:, :1], axis=0) if s.kind is Kind.HEADING else s.values[:, : s.n_values_per_row]
     second_difference = x[2:] - 2.0 * x[1:-1] + x[:-2]
-    return MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(second_difference).ravel()) / math.sqrt(6.0)
+    scatter = MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(second_difference).ravel()) / math.sqrt(6.0)
+    return max(scatter, ROUNDING_SIGMA_IN_STEPS * max(s.coarse_steps_m))
 
 
-def is_noise_beyond_scatter(sigma_m: float, scatter_m: float) -> bool:
-    """Whether the noise that the estimator found is no noise of the fixes but an error that lasts."""
-    return sigma_m > max(MAX_NOISE_TO_SCATTER_RATIO * scatter_m, MIN_LASTING_ERROR_M)
+def is_noise_beyond_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
+    """Whether the noise that the estimator found is no noise of the source but an error that lasts."""
+    return kind in MIN_LASTING_ERRORS and sigma > max(MAX_NOISE_TO_SCATTER_RATIO * scatter, MIN_LASTING_ERRORS[kind])

@@ -16,6 +16,8 @@ BoolArray = npt.NDArray[np.bool_]
 MIN_MOVING_SPEED_MPS = 3.0
 """Least mean speed in m/s, by the fixes, of a car that surely moves, so that a repeated zero is a fault. Chosen by
 hand."""
+MIN_HELD_FIXES = 4
+"""Least number of repetitions of a fix that is held. Chosen by hand: a receiver once a second that holds for 4 s."""
 MIN_SATURATED_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
 MAX_SMOOTH_DIFFERENCE_RATIO = 0.5
@@ -77,7 +79,27 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray, fixes: F
             np.unwrap(values, axis=0),
             lambda begin_s, end_s: fixes.mean_speed_mps(begin_s, end_s) > MIN_MOVING_SPEED_MPS,
         )
+    if kind is Kind.POSITION:
+        return _held_fix_mask(time_s, values)
     return np.zeros(len(time_s), np.bool_)
+
+
+def _held_fix_mask(time_s: FloatArray, fixes_m: FloatArray) -> BoolArray:
+    """Return a mask (n,) of fixes (n, 2) that repeat the last one for long while the car moved on, as the next shows.
+
+    A receiver without satellites may send its last fix again. One that holds the fix of a standing car does so, too,
+    but the next fix is then near.
+    """
+    held = np.zeros(len(time_s), np.bool_)
+    same = (np.diff(fixes_m, axis=0) == 0.0).all(axis=1)
+    for begin, end in _true_stretches_of_at_least(same, MIN_HELD_FIXES):  # rows begin .. end are one fix
+        if end + 1 < len(time_s) and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
+            way_m = float(np.hypot(*(fixes_m[end + 1] - fixes_m[begin])))
+            held[begin + 1 : end + 1] = way_m > MIN_MOVING_SPEED_MPS * (time_s[end + 1] - time_s[begin])
+    elsewhere = same[~held[1:]]
+    # Of fixes that are repeated all the time `repeated_rows` knows more.
+    is_usual = len(elsewhere) > 0 and elsewhere.mean() >= MAX_REPEATED_ROW_SHARE
+    return np.zeros(len(time_s), np.bool_) if is_usual else held
 
 
 def _true_stretches_of_at_least(mask: BoolArray, min_rows: int) -> list[tuple[int, int]]:

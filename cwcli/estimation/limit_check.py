@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from cwcli.estimation.contradiction import Contradiction, SourceQuantity
+from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.fix_scatter import is_noise_beyond_scatter
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.measurements import RATE_KINDS, Kind
@@ -22,8 +22,6 @@ from cwcli.estimation.sensor_limits import (
 )
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-CAR_MOTION_TEXT = "how a car moves"
-"""Text for what a source contradicts if there is no other source."""
 LARGE_BIAS_SHARE = 0.5
 """Least bias of an inertial sensor, as a share of its limit, that is blamed for errors that last: the worst of the data
 sheets, of which the limit is twice. Not fitted."""
@@ -45,7 +43,7 @@ def find_values_beyond_sensor_limits(
         words = next(iter(_iter_texts_on_exceeded_limits(report)), None)
         if words is not None and who not in told:
             found.append(Contradiction(who, _quantity_compared_with(report, reports), words))
-        elif who not in told and report.noise_origin != "message":
+        elif who not in told and report.kind is Kind.POSITION and report.noise_origin != "message":
             found += _find_lasting_errors(report, reports)
     return tuple(found)
 
@@ -55,10 +53,10 @@ def _find_lasting_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -
 
     An inertial sensor with a bias near its limit is blamed first: a wrong scale is taken for a bias in a single bend.
     """
-    if not is_noise_beyond_scatter(fixes.sigma, fixes.scatter_m):
+    if not is_noise_beyond_scatter(fixes.kind, fixes.sigma, fixes.scatter):
         return []
     who = SourceQuantity(fixes.source, fixes.kind)
-    what = f"lie {fixes.sigma:.1f} m beside the motion for long, and scatter by only {fixes.scatter_m:.2f} m"
+    what = f"lie {fixes.sigma:.1f} m beside the motion for long, and scatter by only {fixes.scatter:.2f} m"
     most = max((r for r in reports if r.kind in RATE_KINDS and r.n_used), key=_bias_share, default=None)
     if most is None or _bias_share(most) < LARGE_BIAS_SHARE:
         return [Contradiction(who, _quantity_compared_with(fixes, reports), f"its fixes {what}")]

@@ -87,6 +87,7 @@ class SensorSeries:
         interval_s: Usual time between two rows from other drives; NaN: take it from the rows; infinite: unknown,
             because later rows must not be used.
         is_exact: See `Measurements`.
+        coarse_steps_m: Step of a POSITION on each axis, m, to which it is rounded or cut; see `coarse_fixes`.
     """
 
     source: str
@@ -109,6 +110,7 @@ class SensorSeries:
     floor: float = 0.0
     interval_s: float = float("nan")
     is_exact: bool = False
+    coarse_steps_m: tuple[float, float] = (0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.time_s)

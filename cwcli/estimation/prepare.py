@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.estimation.coarse_fixes import coarse_steps_m, note_on_coarse_fixes
 from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
@@ -21,6 +22,9 @@ NO_KNOWN_MOUNTINGS: Mapping[str, ImuMounting] = {}
 """Empty mapping: no mounting is known."""
 MIN_ROWS_OF_CONSTANT_FIELD = 50
 """Least number of rows from which a rate that never changes counts as an unfilled field. Chosen by hand."""
+MIN_ROWS_OF_COPY, MIN_COPY_SHARE = 50, 0.9
+"""Least number of different values, and least share of equal ones, of two sources of which one is a copy. Chosen by
+hand: noise never repeats so often."""
 MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
 """Least number of short gaps in a burst, and the part of the usual gap below which one is short. Chosen by hand."""
 MIN_NOISE_TO_ROUGHNESS_RATIO = 0.5
@@ -128,8 +132,10 @@ def clean_and_sort_measurements(
             notes.append(f"{m.source}: {told}")
             time, values = time[~late], values[~late]
             covariance = None if covariance is None else covariance[~late]
-        if _is_unfilled_rate_field(m.kind, values):
-            notes.append(f"{m.source}: {m.kind.name.lower()} never changes; taken as not measured")
+        original = copied_source(m, measurements)
+        if original or _is_unfilled_rate_field(m.kind, values):
+            why = f"is a copy of {original}, left out" if original else "never changes; taken as not measured"
+            notes.append(f"{m.source}: {m.kind.name.lower()} {why}")
             prepared.append(
                 PreparedSeries(
                     _build_series_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost
@@ -137,6 +143,7 @@ def clean_and_sort_measurements(
             )
             continue
         series = replace(_build_series_with_noise(m.source, m.kind, time, values, covariance), is_exact=m.is_exact)
+        series = _add_coarse_steps_and_note(series, notes)
         prepared.append(
             PreparedSeries(series, False, len(m), lost, stale.n_interpolated, stale.n_repeated, int(late.sum()))
         )
@@ -204,6 +211,29 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
         if end - begin >= MIN_BURST_GAPS:
             late[begin:end] = True
     return late
+
+
+def _add_coarse_steps_and_note(series: SensorSeries, notes: list[str]) -> SensorSeries:
+    """Return positions with the step to which they are rounded; adds a note if there is one."""
+    if series.kind is not Kind.POSITION or series.is_exact or not any(steps_m := coarse_steps_m(series.values)):
+        return series
+    notes.append(note_on_coarse_fixes(series.source, steps_m))
+    return replace(series, coarse_steps_m=steps_m)
+
+
+def copied_source(m: Measurements, measurements: Sequence[Measurements]) -> str:
+    """Return the name of an earlier source whose values a source repeats, as a topic published twice; else ""."""
+    for other in measurements:
+        if other is m:
+            break
+        if other.kind is m.kind and other.source != m.source and len(m) >= MIN_ROWS_OF_COPY:
+            known = {row.tobytes() for row in other.values}
+            if (
+                len(known) >= MIN_ROWS_OF_COPY
+                and np.mean([row.tobytes() in known for row in m.values]) > MIN_COPY_SHARE
+            ):
+                return other.source
+    return ""
 
 
 def _is_unfilled_rate_field(kind: Kind, values: FloatArray) -> bool:

@@ -138,7 +138,7 @@ def _repeated_row_mask_and_period_s(
     length = np.diff(first)  # the last run has no change behind it
     change = np.abs(np.diff(values[first], axis=0))
     floor = MIN_RESOLUTION_SHARE * _least_noise_sigma_of_kind(kind)
-    step = np.array([_quantisation_step(change[:, k], floor) for k in range(values.shape[1])])
+    step = np.array([quantisation_step(change[:, k], floor) for k in range(values.shape[1])])
     per_row = change / length[:, None]
     should_change = (per_row > np.maximum(MIN_CHANGE_PER_ROW * step, floor)).any(axis=1)
     is_held = should_change & (length > 1)
@@ -162,7 +162,7 @@ def _repeated_row_mask_and_period_s(
     return ~is_new & ~(begins_period & (is_long & (size <= MAX_JUMP_RATIO * usual))[run]), period_s
 
 
-def _quantisation_step(change: FloatArray, floor: float) -> float:
+def quantisation_step(change: FloatArray, floor: float) -> float:
     """Return the step of which the small changes (k,) of a column are whole multiples.
 
     It is 0 where there is none, and infinite where too few changes are there to tell.

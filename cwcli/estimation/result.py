@@ -40,7 +40,8 @@ class SourceReport:
             the series leaves (`consistency.effective_sample_count`).
         nis_inside: True if the mean lies inside the bounds; None with fewer than 20 rows.
         sigma: One-sigma measurement noise used (root mean variance over rows and axes).
-        scatter_m: POSITION: one sigma of the white noise on each axis by neighbouring fixes alone; NaN: unknown.
+        scatter: One sigma of the white noise on each axis by neighbouring rows alone; NaN: unknown, or inertial.
+        log_likelihood: Of its rows, each after all before it; without constants.
         noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
             innovations) or "default".
         noise_scale: Factor on the variance that the messages state; NaN where they state none.
@@ -75,7 +76,8 @@ class SourceReport:
     nis_bounds: tuple[float, float] = (float("nan"), float("nan"))
     nis_inside: bool | None = None
     sigma: float = float("nan")
-    scatter_m: float = float("nan")
+    scatter: float = float("nan")
+    log_likelihood: float = 0.0
     noise_origin: str = "default"
     noise_scale: float = float("nan")
     stamp_error: Parameter = NO_STAMP_ERROR

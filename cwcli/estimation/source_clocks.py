@@ -37,6 +37,9 @@ ALWAYS_NS = int(np.iinfo(np.int64).min)
 """Log time in ns that is earlier than all others: the least int64."""
 MIN_LIKELIHOOD_GAIN = 25.0
 """Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
+MIN_EQUAL_STAMP_SHARE = 0.5
+"""Least share of messages with the stamp of the message before them that shows stamps cut to a coarse unit. Chosen: of
+two messages a second stamped in whole seconds half have it."""
 WHOLE_SECONDS_TOLERANCE_S = 0.2
 """Greatest distance in s of an offset from whole seconds (time zones, leap seconds) that counts as whole. Chosen above
 usual delays."""
@@ -92,13 +95,15 @@ def align_source_clocks_and_note(
     Returns:
         The measurements, and what the user is told.
     """
+    given = measurements
+    measurements, coarse = _replace_coarse_stamps_and_note(measurements, trusted)
     clocks = {
         source: clock
         for source in dict.fromkeys(m.source for m in measurements)
         if (clock := _source_clock([m for m in measurements if m.source == source])) is not None
     }
     shifts_s: dict[str, list[tuple[int, float]]] = {}
-    notes: list[str] = []
+    notes = coarse
     for source in [s for s in clocks if s not in trusted]:
         found = [
             *_shifts_at_own_clock_steps(source, clocks, notes),
@@ -114,10 +119,39 @@ def align_source_clocks_and_note(
         s: o for s in delays_s if s not in trusted and (o := _offset_from_other_clocks_s(s, delays_s, stepped, notes))
     }
     if not corrects:
-        return list(measurements), [f"{note}; not corrected, because the stamps are trusted" for note in notes]
+        return list(given), [f"{note}; not corrected, because the stamps are trusted" for note in notes]
     return [
         _shift_stamps(m, [(ALWAYS_NS, offsets_s[m.source])]) if m.source in offsets_s else m for m in stepped
     ], notes
+
+
+def _replace_coarse_stamps_and_note(
+    measurements: Sequence[Measurements], trusted: Sequence[str]
+) -> tuple[list[Measurements], list[str]]:
+    """Replace stamps that are cut to whole seconds or the like by the log times less the least delay.
+
+    Messages that arrive one after the other have the same stamp there. The least difference of log time and stamp is
+    the delay of a message whose stamp lost next to nothing.
+    """
+    found: list[Measurements] = []
+    notes: dict[str, str] = {}
+    for m in measurements:
+        stamped = m
+        if m.source not in trusted and m.log_time_ns is not None and len(m) >= 2 * MIN_STEP_ROWS and not m.is_exact:
+            order = np.argsort(m.received_ns, kind="stable")
+            log_ns, stamp_ns = m.received_ns[order], m.stamp_ns[order]
+            is_equal = np.diff(stamp_ns) == 0
+            is_coarse = is_equal.mean() >= MIN_EQUAL_STAMP_SHARE and (np.diff(log_ns)[is_equal] > 0).mean() > 0.9
+            if is_coarse and len(np.unique(stamp_ns)) > MIN_STEP_ROWS:
+                step_s = median(np.diff(np.unique(stamp_ns))) / NS_PER_S
+                least_ns = int((log_ns - stamp_ns).min())
+                notes[m.source] = (
+                    f"{m.source}: its stamps are cut to {step_s:.2g} s; the log times less {least_ns / NS_PER_S:.3f} s "
+                    "take their place"
+                )
+                stamped = replace(m, stamp_ns=m.received_ns - least_ns)
+        found.append(stamped)
+    return found, list(notes.values())
 
 
 def notes_on_hidden_clock_steps(measurements: Sequence[Measurements], sources: Sequence[str]) -> list[str]:

@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.estimation.check_texts import SourceComparisonCheck
-from cwcli.estimation.contradiction import GRAVITY_TEXT, Contradiction, SourceQuantity
+from cwcli.estimation.contradiction import CAR_MOTION_TEXT, GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.measurements import RATE_KINDS, Kind
+from cwcli.estimation.median import median
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
-from cwcli.estimation.source_checks import Judgement, SourceComparison, compare_all_source_pairs
+from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison, compare_all_source_pairs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
@@ -27,6 +28,10 @@ MIN_GRAVITY_SHARE = 0.5
 An IMU whose gravity was removed has none."""
 MIN_VERTICAL_GRAVITY_SHARE = 0.5
 """Least share of gravity along the vertical axis of an IMU that is not tilted: cos 60 degrees."""
+MAX_CAR_SPEED_MPS = 150.0
+"""Median speed between fixes that no road vehicle has, m/s (540 km/h)."""
+FIX_STEP_S = 1.0
+"""Least time between the fixes whose distance gives that speed, s: their noise is at most 30 m. Chosen by hand."""
 IMU_AXIS_NAMES = ("forward", "left", "vertical")
 """Names of the axes of an IMU in texts."""
 
@@ -59,7 +64,7 @@ def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries], trusted: Coll
     out = {SourceQuantity(each.who.source, kind) for each in tilted if each.left_out for kind in RATE_KINDS}
     out |= {quantity for each in voted for quantity in each.left_out}
     kept = [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in out else p for p in prepared]
-    return SourceVoteResult(kept, (*tilted, *voted), tuple(compared))
+    return SourceVoteResult(kept, (*find_impossible_fixes(prepared), *tilted, *voted), tuple(compared))
 
 
 def compare_prepared_sources(
@@ -151,6 +156,22 @@ def _sources_agreeing_against(
         if each.source not in (who.source, against.source)
         and any(c.involves(each) and c.involves(against) and c.judgement is Judgement.AGREE for c in comparisons)
     )
+
+
+def find_impossible_fixes(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
+    """Return contradictions for positions that move faster than any car, such as metres that were taken for degrees."""
+    found = []
+    for p in prepared:
+        s = p.series
+        if s.kind is not Kind.POSITION or len(s) < MIN_ROWS:
+            continue
+        step = max(1, int(np.ceil(FIX_STEP_S / max(median(np.diff(s.time_s)), 1e-3))))
+        way_m, duration_s = np.hypot(*(s.values[step:] - s.values[:-step]).T), s.time_s[step:] - s.time_s[:-step]
+        speed_mps = median(way_m / np.maximum(duration_s, 1e-3)) if len(way_m) else 0.0
+        if speed_mps > MAX_CAR_SPEED_MPS:
+            what = f"its fixes move at {speed_mps:.3g} m/s: check its unit and its map"
+            found.append(Contradiction(quantity_of_series(p), CAR_MOTION_TEXT, what))
+    return found
 
 
 def find_tilted_imus(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:

@@ -28,6 +28,8 @@ MAX_GAP_S = 1.0
 """Greatest interval between two fixes of one standstill, s. Chosen by hand; not fitted."""
 WANDER_LAG_S = 0.5
 """Interval of two fixes whose errors are compared, s: white noise has no covariance over it, lasting errors have."""
+MIN_STEP_S = 1e-3
+"""Least interval of two fixes, s: of stamps that are cut, most differ by 0. Chosen by hand."""
 MIN_WANDER_SIGMAS = 3.0
 """Least covariance of the errors of such fixes, in sigmas of that of white noise. Chosen by hand; not fitted."""
 
@@ -82,7 +84,8 @@ def _errors_of_one_source(
     for rows in _standstills(time_s, fixes.values[:, :2]):
         mean = fixes.values[rows, :2].mean(axis=0)
         error = fixes.values[rows, :2] - mean
-        lag = max(1, round(WANDER_LAG_S / median(np.diff(time_s[rows]))))
+        step_s = max(median(np.diff(time_s[rows])), MIN_STEP_S)  # stamps may be equal
+        lag = max(1, round(WANDER_LAG_S / step_s))
         covariance_sum += float((error[lag:] * error[:-lag]).sum())
         variance_sum += float((error[lag:] ** 2).sum())
         n += 2 * max(len(error) - lag, 0)

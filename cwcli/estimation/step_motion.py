@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.fix_scatter import scatter_about_neighbours_m
+from cwcli.estimation.fix_scatter import scatter_about_neighbours
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.estimation.passes import SensorSeries
@@ -104,7 +104,7 @@ def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     if s.kind in (Kind.POSITION, Kind.VELOCITY):
         if s.kind is Kind.POSITION:
             moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
-            chord_sigma_m = math.sqrt(2.0) * np.fmax(scatter_about_neighbours_m(s), MIN_POSITION_SIGMA_M)
+            chord_sigma_m = math.sqrt(2.0) * np.fmax(scatter_about_neighbours(s), MIN_POSITION_SIGMA_M)
             least_m = max(MIN_CHORD_M, MIN_CHORD_SIGMAS * chord_sigma_m)
         else:
             moved = np.column_stack([means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s

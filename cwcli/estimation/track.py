@@ -19,13 +19,19 @@ from cwcli.estimation.calibrated import (
     require_known_sources_and_note_unknown,
 )
 from cwcli.estimation.calibration_check import notes_on_worse_prediction_with_calibration
+from cwcli.estimation.coarse_fixes import covariance_from_coarse_fixes
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
-from cwcli.estimation.contradiction import Contradiction
+from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_delays
-from cwcli.estimation.fix_scatter import scatter_about_neighbours_m
+from cwcli.estimation.fix_scatter import scatter_about_neighbours
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
+from cwcli.estimation.leave_one_out import (
+    contradiction_of_spoiling_sources,
+    find_spoiling_sources,
+    without_quantities,
+)
 from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
@@ -51,6 +57,7 @@ from cwcli.estimation.prepare import (
     seconds_since_epoch,
 )
 from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
+from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.estimation.song2016 import estimate_track_with_song2016
@@ -113,7 +120,7 @@ def estimate_track(
         return estimate_track_with_song2016(measurements, config, output_stamp_ns)
     if output_stamp_ns is None:
         output_stamp_ns = _output_stamps_ns(measurements, config.rate_hz)
-    return _filter_and_smooth(_prepare_and_tune(measurements, config), config, output_stamp_ns)
+    return _settled_measurements_and_track(measurements, config, output_stamp_ns)[1]
 
 
 def estimate_hindsight_and_online(
@@ -140,9 +147,8 @@ def estimate_hindsight_and_online(
     online = replace(config, causal=True, blind=blind)
     hindsight = online if config.causal else config
     if online_input is None and not blind and config.model == "cwcli":
-        settled = _prepare_and_tune(measurements, hindsight)
-        track = _filter_and_smooth(settled, online, output_stamp_ns)
-        return track if config.causal else _filter_and_smooth(settled, hindsight, output_stamp_ns), track
+        settled, track = _settled_measurements_and_track(measurements, hindsight, output_stamp_ns)
+        return track, track if config.causal else _filter_and_smooth(settled, online, output_stamp_ns)
     known, known_stamp_ns = online_input or (measurements, output_stamp_ns)
     track = estimate_track(known, online, known_stamp_ns)
     if config.causal and online_input is None:
@@ -223,6 +229,33 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     return _TunedMeasurements(epoch, judged.prepared, tuned, notes, judged.contradictions, corrections, aligned)
 
 
+def _settled_measurements_and_track(
+    measurements: Sequence[Measurements], config: EstimatorConfig, output_stamp_ns: Int64Array
+) -> tuple[_TunedMeasurements, Track]:
+    """Tune and estimate, without a source that spoils all others; see `leave_one_out`."""
+    settled = _prepare_and_tune(measurements, config)
+    track = _filter_and_smooth(settled, config, output_stamp_ns)
+    if not config.compares_sources or config.blind or config.calibration is not None:
+        return settled, track
+    tried: dict[tuple[SourceQuantity, ...], tuple[_TunedMeasurements, Track]] = {}
+
+    def reports_without(quantities: tuple[SourceQuantity, ...]) -> Sequence[SourceReport]:
+        prepared = without_quantities(settled.prepared, quantities)
+        tuned = tune_latencies_and_noise(prepared, config, MotionParameters())
+        one_less = replace(settled, prepared=prepared, tuned=tuned)
+        tried[quantities] = one_less, _filter_and_smooth(one_less, config, output_stamp_ns)
+        return tried[quantities][1].sources
+
+    left_out = find_spoiling_sources(track.sources, reports_without, {*config.trusted_sources, *config.source_units})
+    if not left_out:
+        return settled, track
+    better, track = tried[left_out]
+    found = contradiction_of_spoiling_sources(track.sources, left_out)
+    notes = (*better.notes, f"{found.contradiction_sentence}; {found.consequence_text}")
+    better = replace(better, contradictions=(*better.contradictions, found), notes=notes)
+    return better, _filter_and_smooth(better, config, output_stamp_ns)
+
+
 def _filter_and_smooth(
     tuned_measurements: _TunedMeasurements, config: EstimatorConfig, output_stamp_ns: Int64Array
 ) -> Track:
@@ -266,7 +299,9 @@ def _filter_and_smooth(
     state, covariance = move_states_and_covariances_to_antenna(tuned.series, result.state, result.covariance)
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
-    covariance = covariance + covariance_from_delays(state, tuned.delay_sigmas)
+    covariance = (
+        covariance + covariance_from_delays(state, tuned.delay_sigmas) + covariance_from_coarse_fixes(tuned.series)
+    )
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
         errors = find_standstill_errors(without_model, output_s, state, covariance)
@@ -398,7 +433,8 @@ def _build_source_report(
         nis_bounds=bounds,
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
-        scatter_m=scatter_about_neighbours_m(s) if s.kind is Kind.POSITION else float("nan"),
+        scatter=float("nan") if s.kind in RATE_KINDS else scatter_about_neighbours(s),
+        log_likelihood=float(np.nansum(row_log_likelihoods(s, result.nis[i]))),
         noise_origin=s.noise_origin,
         noise_scale=_noise_variance_ratio(prepared_series.series, s),
         stamp_error=s.stamp_error,

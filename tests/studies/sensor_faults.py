@@ -15,8 +15,12 @@ from cwcli.estimation import Kind, Measurements
 
 G = 9.80665
 LATITUDE_DEG = 48.0
+EARTH_DEG_M = 111_320.0
+"""Length of a degree of latitude, m."""
 Change = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Times (n,), s from the start, and values (n, d) -> wrong values (n, d)."""
+Rewrite = Callable[[Measurements], list[Measurements]]
+"""A source -> what takes its place: other stamps, more rows, or further sources."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,8 @@ class Fault:
         change: What it does to them.
         words: Words of which one names the fault in what the user is told.
         is_kept_aside: Not looked at while the detection was built.
+        rewrite: What it does to stamps, rows and sources.
+        ahead_m: How far ahead of the true point the states then are, lawfully.
     """
 
     name: str
@@ -36,16 +42,20 @@ class Fault:
     change: Change
     words: tuple[str, ...] = ()
     is_kept_aside: bool = False
+    rewrite: Rewrite = lambda m: [m]
+    ahead_m: float = 0.0
 
     def apply(self, measurements: Sequence[Measurements]) -> list[Measurements]:
         """Measurements with the fault."""
         first_ns = min(int(m.stamp_ns.min()) for m in measurements)
-        return [
-            replace(m, values=self.change((m.stamp_ns - first_ns) / 1e9, m.values.copy()), covariance=None)
-            if m.kind is self.kind
-            else m
-            for m in measurements
-        ]
+        found = []
+        for m in measurements:
+            if m.kind is self.kind:
+                values = self.change((m.stamp_ns - first_ns) / 1e9, m.values.copy())
+                found += self.rewrite(replace(m, values=values, covariance=None))
+            else:
+                found.append(m)
+        return found
 
 
 def scaled(factor: float) -> Change:
@@ -86,6 +96,16 @@ def zero_at_standstill(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.where(speed[:, None] < 0.3, 0.0, values)
 
 
+def ahead_of_car(distance_m: float) -> Change:
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        heading = np.interp(time_s, *TRUE_HEADING)
+        return values + distance_m * np.column_stack([np.cos(heading), np.sin(heading)])
+
+    return change
+
+
+TRUE_HEADING: list[np.ndarray] = [np.array([0.0, 1.0]), np.array([0.0, 0.0])]
+"""Times and true headings, rad, of the drive at hand; set by the study."""
 STANDING_SPEED: list[np.ndarray] = [np.array([0.0, 1.0]), np.array([1.0, 1.0])]
 """Times and absolute true speeds of the drive at hand; set by the study."""
 
@@ -115,6 +135,93 @@ def clipped(limit: float, *columns: int) -> Change:
 def columns(*order: int) -> Change:
     """Columns in this order, from 1; a negative number is a changed sign."""
     return lambda _, values: np.column_stack([np.sign(k) * values[:, abs(k) - 1] for k in order])
+
+
+def rounded(step: float, *columns: int, cuts: bool = False) -> Change:
+    def change(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+        chosen = list(columns)
+        values[:, chosen] = step * (np.floor if cuts else np.rint)(values[:, chosen] / step)
+        return values
+
+    return change
+
+
+def rounded_degrees(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+    step = 1e-5 * EARTH_DEG_M * np.array([np.cos(np.radians(LATITUDE_DEG)), 1.0])
+    return step * np.rint(values / step)
+
+
+def zero_below(limit: float) -> Change:
+    return lambda _, values: np.where(np.abs(values) < limit, 0.0, values)
+
+
+def stuck_while_turning(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A heading that keeps its last value while it changes by more than 6 degrees a second."""
+    true = np.interp(time_s, *TRUE_HEADING)
+    turns = np.abs(np.gradient(true, time_s)) > 0.1
+    last = np.maximum.accumulate(np.where(turns, 0, np.arange(len(values))))
+    return values[last]
+
+
+def low_passed(time_constant_s: float) -> Change:
+    """A filter of first order, as a slow display has."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        for i in range(1, len(values)):
+            share = 1.0 - np.exp(-(time_s[i] - time_s[i - 1]) / time_constant_s)
+            values[i] = values[i - 1] + share * (values[i] - values[i - 1])
+        return values
+
+    return change
+
+
+def added(*offset: float, from_share: float = 0.0) -> Change:
+    """A constant that is added, from a share of the log on."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return values + np.array(offset) * (time_s >= from_share * time_s[-1])[:, None]
+
+    return change
+
+
+def drifting_off(most_m: float, begin: float, end: float) -> Change:
+    """East of the truth by half a sine, between two shares of the log."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        phase = np.clip((time_s / time_s[-1] - begin) / (end - begin), 0.0, 1.0)
+        values[:, 0] += most_m * np.sin(np.pi * phase)
+        return values
+
+    return change
+
+
+def unchanged(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return values
+
+
+def logged_after(delay_s: float, m: Measurements, stamp_ns: np.ndarray) -> Measurements:
+    """The source with other stamps; log times are those of the right stamps and a delay."""
+    return replace(m, stamp_ns=stamp_ns, log_time_ns=m.stamp_ns + int(delay_s * 1e9))
+
+
+def stamps_cut_to(step_s: float) -> Rewrite:
+    step_ns = int(step_s * 1e9)
+    return lambda m: [logged_after(0.05, m, m.stamp_ns // step_ns * step_ns)]
+
+
+def late_by(delay_s: float) -> Rewrite:
+    """Stamps and log times are those of the arrival."""
+    return lambda m: [replace(m, stamp_ns=m.stamp_ns + int(delay_s * 1e9))]
+
+
+def sent_twice(m: Measurements) -> list[Measurements]:
+    half_ns = int(np.median(np.diff(m.stamp_ns))) // 2
+    return [replace(m, stamp_ns=np.column_stack([m.stamp_ns, m.stamp_ns + half_ns]).ravel(),
+                    values=np.repeat(m.values, 2, axis=0))]  # fmt: skip
+
+
+def with_copy(m: Measurements) -> list[Measurements]:
+    return [m, replace(m, source=f"{m.source}_copy")]
 
 
 def exchanged_degrees(_: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -176,5 +283,28 @@ FAULTS = (
     Fault("fix north before east", Kind.POSITION, columns(2, 1), ("north before east", "ego_position")),
     Fault("fix mirrored east", Kind.POSITION, columns(-1, 2), ("wrong sign", "ego_position"), True),
     Fault("fix latitude, longitude exchanged", Kind.POSITION, exchanged_degrees, ("exchanged", "ego_position")),
+    Fault("speed 0 below 1 m/s", Kind.SPEED, zero_below(1.0)),
+    Fault("speed 1 s late", Kind.SPEED, unchanged, ("ego_speed",), rewrite=late_by(1.0)),
+    Fault("speed smoothed over 2 s", Kind.SPEED, low_passed(2.0), ("ego_speed",)),
+    Fault("speed + 2 m/s", Kind.SPEED, added(2.0), ("ego_speed",)),
+    Fault("speed doubled in mid-log", Kind.SPEED, lambda t, v: np.where(t[:, None] > 0.5 * t[-1], 2.0 * v, v), ("ego_speed",)),
+    Fault("heading stuck in bends", Kind.HEADING, stuck_while_turning, ("ego_heading", "stuck")),
+    Fault("heading in sectors of 22.5 deg", Kind.HEADING, rounded(np.radians(22.5), 0), ("ego_heading",)),
+    Fault("IMU of another drive", Kind.IMU, lambda _, v: np.roll(v, len(v) // 2, axis=0), ("yaw rate", "accel")),
+    Fault("IMU with x and y exchanged", Kind.IMU, columns(2, 1, 3, 5, 4, 6), ("mounted", "accel")),
+    Fault("IMU in counts", Kind.IMU, imu(16384 / G, 131 * 180 / np.pi), ("imu",)),
+    Fault("gyro bias steps in mid-log", Kind.IMU, added(0, 0, 0, 0, 0, 0.05, from_share=0.5), ("yaw rate", "bias")),
+    Fault("IMU 2 s late", Kind.IMU, unchanged, ("imu",), rewrite=late_by(2.0)),
+    Fault("fix of an antenna 3 m ahead", Kind.POSITION, ahead_of_car(3.0), ahead_m=3.0),
+    Fault("fix rounded to 1 m", Kind.POSITION, rounded(1.0, 0, 1), ("round",)),
+    Fault("fix rounded to 1e-5 deg", Kind.POSITION, rounded_degrees, ("round",)),
+    Fault("fix longitude cut to 4 decimals", Kind.POSITION, rounded(7.45, 0, cuts=True), ("round",)),
+    Fault("fix in metres taken as degrees", Kind.POSITION, scaled(EARTH_DEG_M), ("ego_position",)),
+    Fault("fix sent twice", Kind.POSITION, unchanged, ("repeat",), rewrite=sent_twice),
+    Fault("fix with a copy", Kind.POSITION, unchanged, ("copy",), rewrite=with_copy),
+    Fault("fix stamps cut to 1 s", Kind.POSITION, unchanged, ("stamps",), rewrite=stamps_cut_to(1.0)),
+    Fault("fix stuck 10 s", Kind.POSITION, stuck(15.0, 25.0), ("stuck",)),
+    Fault("fix drifts off by 15 m", Kind.POSITION, drifting_off(15.0, 0.3, 0.7), ("ego_position",)),
+    Fault("fix smoothed over 2 s", Kind.POSITION, low_passed(2.0), ("latency",)),
 )  # fmt: skip
 """The faults; numbers and axes by hand. Words are what the sentence on the right fault must contain."""

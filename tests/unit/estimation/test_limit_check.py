@@ -48,10 +48,10 @@ PITCHED = ImuMounting(0.5, 0.0)  # 29 degrees nose up: 9.80665 sin 0.5 = 4.70 m/
         (FIX, {"slow_error": SlowError(9.0, 30.0, USED)}, ""),
         (FIX, {"slow_error": SlowError(22.2, status=BEYOND)}, "a slow error of 22.2 m, and such"),
         (FIX, {"sigma": 31.0}, "white noise of 31 m"),
-        (FIX, {"sigma": 8.3, "scatter_m": 0.6, "noise_origin": "log"}, "8.3 m beside the motion for long, and scatter"),
-        (FIX, {"sigma": 8.3, "scatter_m": 2.8, "noise_origin": "log"}, ""),
-        (FIX, {"sigma": 1.4, "scatter_m": 0.2, "noise_origin": "log"}, ""),
-        (FIX, {"sigma": 8.3, "scatter_m": 0.6, "noise_origin": "message"}, ""),
+        (FIX, {"sigma": 8.3, "scatter": 0.6, "noise_origin": "log"}, "8.3 m beside the motion for long, and scatter"),
+        (FIX, {"sigma": 8.3, "scatter": 2.8, "noise_origin": "log"}, ""),
+        (FIX, {"sigma": 1.4, "scatter": 0.2, "noise_origin": "log"}, ""),
+        (FIX, {"sigma": 8.3, "scatter": 0.6, "noise_origin": "message"}, ""),
         (FIX, {"stamp_error": Parameter(0.1, 0.01, USED)}, ""),
         (FIX, {"stamp_error": Parameter(0.0, status=BEYOND)}, "its stamps err by more than 0.2 s from row to row"),
         (FIX, {"latency": Latency(LatencyStatus.APPLIED, 1.0, 0.1)}, ""),
@@ -78,7 +78,7 @@ def test_each_bound(report: SourceReport, changes: dict[str, Any], words: str) -
 
 
 def test_a_biased_gyroscope_is_blamed_for_errors_that_last() -> None:
-    fixes = replace(FIX, sigma=8.3, scatter_m=0.6, noise_origin="log")
+    fixes = replace(FIX, sigma=8.3, scatter=0.6, noise_origin="log")
     found = find_values_beyond_sensor_limits([fixes, replace(ACCEL, bias=0.17), replace(YAW_RATE, bias=-0.083)])
     assert [(each.who, each.against) for each in found] == [
         (SourceQuantity("/imu", Kind.YAW_RATE), SourceQuantity("/fix", Kind.POSITION))

@@ -169,3 +169,13 @@ def test_only_stamps_that_are_log_times_hide_a_step() -> None:
     assert notes_on_hidden_clock_steps([fixes], ["/position"]) == []
     (note,) = notes_on_hidden_clock_steps([replace(fixes, log_time_ns=fixes.stamp_ns)], ["/position"])
     assert "a step of its clock cannot be seen" in note
+
+
+def test_stamps_that_are_cut_to_seconds_are_replaced_by_the_log_times() -> None:
+    fixes, *others = drive()
+    cut = replace(fixes, stamp_ns=fixes.stamp_ns // NS * NS)
+    (aligned, *_), (note,) = align_source_clocks_and_note([cut, *others])
+    # The least delay is that of the stamps on a whole second: 0.08 s and up to 0.01 s of jitter.
+    np.testing.assert_allclose((aligned.stamp_ns - fixes.stamp_ns) / NS, 0.0, atol=0.011)
+    assert note.startswith("/position: its stamps are cut to 1 s; the log times less 0.08")
+    assert align_source_clocks_and_note([cut, *others], trusted=["/position"])[0][0] is cut

@@ -1,0 +1,56 @@
+"""Fixes that are rounded or cut to a coarse step, such as longitudes with four decimals.
+
+The error of a cut value is one-sided, and that of a car that stands does not change. No filter averages it out, so the
+covariance of the states has to hold it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
+from cwcli.estimation.repeated_rows import quantisation_step
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import X, Y
+
+MIN_COARSE_STEP_M = 0.3
+"""Least step of fixes that counts as coarse, m: three times the 0.11 m of a millionth of a degree, in which many
+receivers send. Chosen by hand."""
+MIN_SCATTER_IN_STEPS = 0.15
+"""Least scatter of rounded fixes about their neighbours, in steps: rounding alone makes 0.29 (the square root of 1/12).
+Fixes of a car that drives on evenly are whole multiples of a step by chance, and do not scatter. Chosen as half."""
+VARIANCE_IN_SQUARED_STEPS = 1.0 / 12.0 + 1.0 / 8.0
+"""Variance of the error in squared steps: uniform in one step, and half a step to one side if the value is cut, which
+has the prior probability 1/2."""
+
+
+def coarse_steps_m(fixes_m: FloatArray) -> tuple[float, float]:
+    """Return the step of fixes (n, 2) on each axis, m; 0 where they are not coarse."""
+    steps = [0.0, 0.0]
+    for k in (0, 1):
+        change = np.diff(fixes_m[:, k])
+        step_m = quantisation_step(np.abs(change), MIN_COARSE_STEP_M)
+        if np.isfinite(step_m) and step_m >= MIN_COARSE_STEP_M:
+            bend = np.diff(change)[(change[1:] != 0.0) | (change[:-1] != 0.0)]
+            scatter_m = float(np.sqrt(np.square(bend).mean() / 6.0))
+            steps[k] = step_m if scatter_m > MIN_SCATTER_IN_STEPS * step_m else 0.0
+    return steps[0], steps[1]
+
+
+def covariance_from_coarse_fixes(series: Sequence[SensorSeries]) -> FloatArray:
+    """Return the covariance (8, 8) that the steps of the finest position source add to all states."""
+    added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
+    steps = [s.coarse_steps_m for s in series if s.kind is Kind.POSITION and len(s)]
+    if steps:
+        for axis, step_m in zip((X, Y), np.min(steps, axis=0).tolist(), strict=True):
+            added[axis, axis] = VARIANCE_IN_SQUARED_STEPS * step_m**2
+    return added
+
+
+def note_on_coarse_fixes(source: str, steps_m: tuple[float, float]) -> str:
+    """Return what the user is told of coarse fixes."""
+    axes = [f"{step_m:.2g} m {name}" for name, step_m in zip(("east", "north"), steps_m, strict=True) if step_m]
+    return f"{source}: its positions are rounded or cut to steps of {' and '.join(axes)}: sigma holds that"

@@ -1,0 +1,89 @@
+"""The last check: a source that spoils all others is left out, and named; one that is right never is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+
+from cwcli.estimation.contradiction import SourceQuantity
+from cwcli.estimation.leave_one_out import candidate_groups, find_spoiling_sources, misfits
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.parameter import ParameterStatus, SlowError
+from cwcli.estimation.result import SourceReport
+from tests.studies.lying_sensors import run_fault, simulated, variants
+from tests.studies.sensor_faults import FAULTS
+from tests.studies.sensor_model import measurements_of
+
+FIX = SourceReport("/fix", Kind.POSITION, n_used=500, sigma=0.6, scatter=0.6, noise_origin="log", log_likelihood=-500.0)
+SPEED = SourceReport("/speed", Kind.SPEED, n_used=500, sigma=0.1, scatter=0.1, noise_origin="log")
+HEADING = SourceReport("/heading", Kind.HEADING, n_used=500, sigma=0.01, scatter=0.01, noise_origin="log")
+ACCEL, YAW_RATE = (SourceReport("/imu", kind, n_used=500) for kind in (Kind.ACCEL, Kind.YAW_RATE))
+ALL = (FIX, SPEED, HEADING, ACCEL, YAW_RATE)
+SPEED_QUANTITY, IMU = SourceQuantity("/speed", Kind.SPEED), (
+    SourceQuantity("/imu", Kind.ACCEL),
+    SourceQuantity("/imu", Kind.YAW_RATE),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("report", "is_misfit"),
+    [
+        (FIX, False),
+        (replace(FIX, sigma=1.9), True),
+        (replace(FIX, sigma=1.9, noise_origin="message"), False),
+        (replace(FIX, sigma=1.4), False),  # the errors of a good receiver last, too
+        (replace(FIX, slow_error=SlowError(2.4, 30.0, ParameterStatus.USED)), False),
+        (replace(FIX, slow_error=SlowError(2.6, 30.0, ParameterStatus.USED)), True),
+        (replace(SPEED, sigma=0.8), True),
+        (replace(SPEED, sigma=0.8, n_used=0), False),
+        (replace(HEADING, sigma=0.08), True),
+        (replace(ACCEL, slow_error=SlowError(0.7, 30.0, ParameterStatus.USED)), True),
+        (replace(YAW_RATE, bias=0.11), True),
+    ],
+)
+def test_what_is_a_misfit(report: SourceReport, is_misfit: bool) -> None:
+    assert bool(misfits([report])) is is_misfit
+
+
+def test_positions_and_trusted_sources_are_never_left_out_and_an_imu_also_as_a_whole() -> None:
+    assert candidate_groups(ALL, {"/speed"}) == [
+        (SourceQuantity("/heading", Kind.HEADING),), IMU[:1], IMU[1:], IMU,
+    ]  # fmt: skip
+
+
+def test_the_one_without_which_the_others_fit_best_is_found() -> None:
+    wrong = (replace(FIX, sigma=4.0, log_likelihood=-900.0), *ALL[1:])
+
+    def reports_without(quantities: Sequence[SourceQuantity]) -> Sequence[SourceReport]:
+        left = [r for r in ALL if SourceQuantity(r.source, r.kind) not in quantities]
+        if SPEED_QUANTITY in quantities:
+            return left
+        if len(quantities) == 2:  # without the IMU the misfit goes, too, but the others fit worse
+            return [replace(FIX, log_likelihood=-700.0), *left[1:]]
+        return [wrong[0], *left[1:]]
+
+    assert find_spoiling_sources(wrong, reports_without) == (SPEED_QUANTITY,)
+    assert find_spoiling_sources(wrong, reports_without, {"/speed"}) == IMU
+    assert find_spoiling_sources(ALL, reports_without) == ()
+    slightly = (replace(wrong[0], log_likelihood=-544.0), *ALL[1:])  # a gain of 44 of 45
+    assert find_spoiling_sources(slightly, reports_without) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "variant", "who"),
+    [
+        ("gyro bias steps in mid-log", "full", "imu yaw rate (imu)"),
+        ("speed + 2 m/s", "full", "ego_speed (speed)"),
+        ("IMU 2 s late", "lean", "imu"),
+    ],
+)
+def test_a_source_that_no_step_shows_to_be_wrong_is_left_out(name: str, variant: str, who: str) -> None:
+    # With it the position errs by 1.2 to 5 m, and the verdict of the first was "consistent".
+    drive = simulated("curve", 7401)
+    fault = next(each for each in FAULTS if each.name == name)
+    case = run_fault(drive, variants(measurements_of(drive))[variant], fault, 0.11)
+    assert case.ratio < 1.4
+    assert case.told.startswith(who)
+    assert case.verdict.startswith("not consistent: ")
