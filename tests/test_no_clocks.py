@@ -21,6 +21,7 @@ WAITS = {
     "cli/test_fleet.py": "waits until a state is reached, `HANG_S` at most",
     "cli/test_leftovers.py": "waits for a temporary file",
     "cli/test_pipeline.py": "waits for a temporary file",
+    "cli/test_shards.py": "a run's length only says how far apart the moments are at which a shard is killed",
     "disturb.py": "a run's length only says how far apart the moments of its disturbances are",
     "fuzz/__main__.py": "a person says how many minutes it runs",
     "fuzz/drive.py": "a person says how many minutes it runs",

@@ -75,8 +75,8 @@ ROLES_WITH_MANY_TOPICS = frozenset(
 )
 """Roles that take several topics, each a source of its own."""
 ROLES_OF_RADIO_MESSAGES = frozenset({Role.REMOTE, Role.EGO_POSITION, Role.EGO_SPEED, Role.EGO_HEADING})
-"""What a topic of undecoded radio messages can be used for (`--topic ROLE=TOPIC:FORMAT`): other vehicles, and position,
-speed and heading of the ego."""
+"""The roles that a topic of undecoded radio messages can have (`--topic ROLE=TOPIC:FORMAT`): other vehicles, and
+position, speed and heading of the ego."""
 ROLES_THAT_MAY_BE_EMPTY = frozenset({TARGETS.role})
 """Roles that a channel without messages may fill: a list of targets is empty on an empty road."""
 ROLES_TAKING_EVERY_CHANNEL = frozenset({Role.DETECTIONS})

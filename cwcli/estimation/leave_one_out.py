@@ -2,7 +2,9 @@
 
 A wrong source that no comparison of steps shows, such as one that lags, drifts or has an offset, is taken up by the
 noise and the slow errors of the others. Where these are larger than sensors have, the drive is estimated without each
-source in turn. A source is left out if the misfit then is gone, and the others are predicted clearly better.
+source in turn. A source is left out if the misfit then is gone, and the others are predicted clearly better. What it
+measured must still be measured by another source than the fixes: two sources alone do not tell which of them is wrong.
+Only an IMU is left out all the same, because it has no position; the fixes then keep the noise that they had with it.
 """
 
 from __future__ import annotations
@@ -10,11 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.fix_scatter import is_noise_beyond_scatter
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.parameter import ParameterStatus
+from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
@@ -28,6 +33,15 @@ MAX_USUAL_GRADE_SIGMA_MPS2 = 0.6
 MIN_GAIN = 10.0 * MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 """Least gain of log-likelihood of all other sources by which one is left out. Chosen: ten parameters, because all noise
 is fitted anew and errors last."""
+
+_MOTIONS_OF_KIND = {
+    Kind.VELOCITY: frozenset({"along", "turning"}),
+    Kind.SPEED: frozenset({"along"}),
+    Kind.ACCEL: frozenset({"along"}),
+    Kind.HEADING: frozenset({"turning"}),
+    Kind.YAW_RATE: frozenset({"turning"}),
+}
+"""The parts of the motion that each kind measures: along the vehicle, and its turning. Fixes measure the way alone."""
 
 
 def misfits(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
@@ -51,7 +65,10 @@ def _usual_slow_error(kind: Kind) -> float:
 def candidate_groups(
     reports: Sequence[SourceReport], trusted: Collection[str] = ()
 ) -> list[tuple[SourceQuantity, ...]]:
-    """Return what is left out in turn: each quantity but positions, and both of an IMU together."""
+    """Return what is left out in turn: each quantity but positions, and both of an IMU together.
+
+    A speed or heading is left out only where a third source judges, see `can_third_source_judge`.
+    """
     single = [
         SourceQuantity(r.source, r.kind)
         for r in reports
@@ -61,7 +78,34 @@ def candidate_groups(
         source: tuple(each for each in single if each.source == source and each.kind in RATE_KINDS)
         for source in dict.fromkeys(each.source for each in single)
     }
-    return [*((each,) for each in single), *(both for both in rates.values() if len(both) > 1)]
+    groups = [*((each,) for each in single), *(both for both in rates.values() if len(both) > 1)]
+    return [group for group in groups if group[0].kind in RATE_KINDS or can_third_source_judge(reports, group)]
+
+
+def can_third_source_judge(reports: Sequence[SourceReport], group: Collection[SourceQuantity]) -> bool:
+    """Whether another source than the fixes measures the motion that a group measures."""
+    others = {SourceQuantity(r.source, r.kind) for r in reports if r.n_used and r.kind is not Kind.POSITION} - {*group}
+    return _measured_motions(group) <= _measured_motions(others)
+
+
+def _measured_motions(quantities: Collection[SourceQuantity]) -> frozenset[str]:
+    return frozenset[str]().union(*(_MOTIONS_OF_KIND[each.kind] for each in quantities))
+
+
+def with_noise_of_fixes_at_least(series: Sequence[SensorSeries], reports: Sequence[SourceReport]) -> list[SensorSeries]:
+    """Return the series, the positions with at least the noise and the slow error that reports say."""
+    least = {
+        r.source: r.sigma**2 + (r.slow_error.sigma**2 if r.slow_error.status is ParameterStatus.USED else 0.0)
+        for r in reports
+        if r.kind is Kind.POSITION and r.noise_origin != "message"
+    }
+    found = []
+    for s in series:
+        noise = s.noise.copy()
+        if s.kind is Kind.POSITION and s.source in least:
+            noise[:, ::2] = np.maximum(noise[:, ::2], least[s.source])
+        found.append(replace(s, noise=noise))
+    return found
 
 
 def without_quantities(
@@ -110,10 +154,13 @@ def _log_likelihood_of_others(reports: Sequence[SourceReport], left_out: Collect
 def contradiction_of_spoiling_sources(
     reports: Sequence[SourceReport], left_out: Sequence[SourceQuantity]
 ) -> Contradiction:
-    """Return the contradiction of what was left out against the position."""
-    others = [SourceQuantity(r.source, r.kind) for r in reports if r.n_used and r.source != left_out[0].source]
-    position = next(each for each in others if each.kind is Kind.POSITION)
+    """Return the contradiction of what was left out against the position; its allies are those who can judge it."""
+    used = [SourceQuantity(r.source, r.kind) for r in reports if r.n_used and r.source != left_out[0].source]
+    position = next(SourceQuantity(r.source, r.kind) for r in reports if r.n_used and r.kind is Kind.POSITION)
     who = left_out[0] if len(left_out) == 1 else SourceQuantity(left_out[0].source, Kind.IMU)
-    allies = tuple(each for each in others if each.source != position.source)
+    if not can_third_source_judge(reports, left_out):
+        what = "the fixes are smooth without it, and not with it"
+        return Contradiction(who, position, what, left_out=tuple(left_out))
+    allies = tuple(each for each in used if each.source != position.source)
     what = "the others agree without it, and not with it"
     return Contradiction(who, position, what, allies, tuple(left_out))

@@ -28,8 +28,10 @@ from cwcli.estimation.delay_variance import covariance_from_delays
 from cwcli.estimation.fix_scatter import scatter_about_neighbours
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.leave_one_out import (
+    can_third_source_judge,
     contradiction_of_spoiling_sources,
     find_spoiling_sources,
+    with_noise_of_fixes_at_least,
     without_quantities,
 )
 from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
@@ -249,8 +251,11 @@ def _settled_measurements_and_track(
     left_out = find_spoiling_sources(track.sources, reports_without, {*config.trusted_sources, *config.source_units})
     if not left_out:
         return settled, track
-    better, track = tried[left_out]
-    found = contradiction_of_spoiling_sources(track.sources, left_out)
+    better, track_without = tried[left_out]
+    found = contradiction_of_spoiling_sources(track_without.sources, left_out)
+    if not can_third_source_judge(track.sources, left_out):
+        series = tuple(with_noise_of_fixes_at_least(better.tuned.series, track.sources))
+        better = replace(better, tuned=replace(better.tuned, series=series))
     notes = (*better.notes, f"{found.contradiction_sentence}; {found.consequence_text}")
     better = replace(better, contradictions=(*better.contradictions, found), notes=notes)
     return better, _filter_and_smooth(better, config, output_stamp_ns)

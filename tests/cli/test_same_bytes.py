@@ -11,7 +11,7 @@ import pytest
 
 from tests.cli.conftest import ROOT, SAMPLES
 
-LOGS = (
+LOGS: tuple[Path | tuple[str, ...], ...] = (
     *sorted(SAMPLES.glob("*.mcap")),
     ("simulate", "city", "--seed", "3"),
     ("simulate", "rear-end", "--seed", "7"),

@@ -59,6 +59,8 @@ def nmea(paths: list[Path], tables: Sequence[SourceTable]) -> Tables:
                 message = pynmea2.parse("$" + match[0][1:], check=True) if match and body.isascii() else None
             except pynmea2.ParseError:
                 continue
+            if message is None:
+                continue
             kind = getattr(message, "sentence_type", "")
             if kind in {"GGA", "RMC", "ZDA"}:
                 clock = re.fullmatch(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d|60)(?:\.(\d*))?", message.data[0], re.ASCII)
@@ -95,11 +97,15 @@ def _values(kind: str, data: list[str]) -> dict[str, float | None] | None:
         return place | {"altitude_m": number(data[8]) + number(data[10])} if has_fix else None
     if kind == "RMC":
         has_fix = data[1] == "A" and not (len(data) > 11 and data[11] == "N")
-        place: dict[str, float | None] = {
+        place = {
             "latitude_deg": angle(data[2], data[3], "NS"),
             "longitude_deg": angle(data[4], data[5], "EW"),
         }
-        more = {"altitude_m": NAN, "speed_mps": number(data[6]) * KNOT, "course_deg": number(data[7])}
+        more: dict[str, float | None] = {
+            "altitude_m": NAN,
+            "speed_mps": number(data[6]) * KNOT,
+            "course_deg": number(data[7]),
+        }
         return place | more if has_fix else None
     if kind == "VTG":
         speed = number(data[6]) * KMH if data[6] else number(data[4]) * KNOT
@@ -118,8 +124,8 @@ def ubx(paths: list[Path], tables: Sequence[SourceTable]) -> Tables:
         except Exception:  # each damage has its own
             message = None
         at = at + 2 if message is None else end
-        is_whole = getattr(message, "identity", "") == "NAV-PVT" and message.length >= 84
-        if is_whole and (row := _solution(message)):
+        is_whole = message is not None and message.identity == "NAV-PVT" and message.length >= 84
+        if message is not None and is_whole and (row := _solution(message)):
             rows.append(row)
     return {"NAV-PVT": rows}
 
@@ -197,6 +203,7 @@ def can(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
     except UnicodeDecodeError:
         described = text.decode("cp1252", "replace")
     database = cantools.database.load_string(described, database_format="dbc", strict=False)
+    assert isinstance(database, cantools.database.can.Database)
     names = [message.name for message in database.messages]
     signals = [(message.name, signal.name) for message in database.messages for signal in message.signals]
     if len({*names}) < len(names) or len({*signals}) < len(signals):
@@ -229,7 +236,7 @@ def _signals(message: Any, data: bytes) -> Iterator[tuple[str, float | None]]:
             yield signal.name, _physical(signal, raw)
 
 
-def _physical(signal: Any, raw: int) -> float:
+def _physical(signal: Any, raw: Any) -> float:
     name = str((signal.choices or {}).get(raw, "")).replace("_", " ")
     value = float(raw) * float(signal.scale) + float(signal.offset)
     low, high = signal.minimum, signal.maximum

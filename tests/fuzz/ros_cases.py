@@ -50,7 +50,7 @@ def check_export(data: bytes, counts: Counter[str]) -> None:
             code = run_command_line(["export", str(path), "--format", "ros2", "-o", str(out)])
         counts[f"exit {code}"] += 1
         shown.flush()
-        assert code in EXIT_CODES and code not in {EXIT_BUG, EXIT_OUTPUT}, shown.buffer.getvalue().decode()  # type: ignore[attr-defined]
+        assert code in EXIT_CODES and code not in {EXIT_BUG, EXIT_OUTPUT}, shown.buffer.getvalue().decode()
         assert out.exists() == (code == 0)
         if code:
             return
@@ -74,7 +74,8 @@ def check_export(data: bytes, counts: Counter[str]) -> None:
         if before is not None:
             counts["compared"] += 1
             after = recorded_messages(written)
-            assert after is not None and not after - before, list((after - before).items())[:1]
+            assert after is not None
+            assert not after - before, list((after - before).items())[:1]
 
 
 def recorded_messages(data: bytes) -> Recorded | None:

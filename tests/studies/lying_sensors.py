@@ -124,8 +124,9 @@ def is_named(fault: Fault, track: Track) -> bool:
     """Whether a sentence that blames the right source has a word of the fault; of two alone both may be blamed."""
     topics = {Kind.SPEED: ("speed",), Kind.IMU: ("imu",), Kind.HEADING: ("heading",),
               Kind.POSITION: ("gnss)", "gnss:", "gnss_copy:")}  # fmt: skip
-    if fault.kind is Kind.POSITION and any("no third source tells" in c.consequence_text for c in track.contradictions):
-        return any(SourceQuantity("gnss", Kind.POSITION) in (c.who, c.against) for c in track.contradictions)
+    of_two = [c for c in track.contradictions if "no third source tells" in c.consequence_text]
+    if of_two and fault.kind in (Kind.POSITION, Kind.IMU):
+        return any(topic in str(who) for c in of_two for who in (c.who, c.against) for topic in topics[fault.kind])
     blamed = [each.split(" contradicts ")[0] for each in told_of(track)]
     return any(
         any(topic in who for topic in topics[fault.kind]) and any(word in sentence for word in fault.words)

@@ -107,7 +107,7 @@ def _read_rows_by_vehicle(path: str) -> dict[str, list[tuple[float, ...]]]:
 
 
 def _seconds_of_time(text: str) -> float:
-    """Return the seconds of a time step: a number, or `day:hh:mm:ss` as SUMO's `--human-readable-time` writes it."""
+    """Return the seconds of a time step: a number, or `day:hh:mm:ss`, the readable time of SUMO."""
     *more, seconds = text.split(":")
     factors = (60.0, 3600.0, 86_400.0)
     if len(more) > len(factors):

@@ -31,7 +31,8 @@ UNREAD_FORMATS: tuple[tuple[str, str, Callable[[FileHead], bool]], ...] = (
     ("an RTKLIB solution", "choose NMEA as its output", lambda head: b"% program" in head.data[:200]),
     ("compressed by gzip", "unpack it: gunzip FILE", lambda head: head.data.startswith(b"\x1f\x8b")),
 )
-"""What it is, what to do, and whether a file is such a one, by its beginning."""
+"""Each entry is the name of a format that cwcli does not read, what the user can do instead, and whether the beginning
+of a file shows that format."""
 
 
 def _is_zip_with(head: FileHead, *names: bytes) -> bool:

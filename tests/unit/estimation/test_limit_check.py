@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, estimate_track, sensor_limits
-from cwcli.estimation.contradiction import GRAVITY_TEXT, Contradiction, SourceQuantity
+from cwcli.estimation.contradiction import CAR_MOTION_TEXT, GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import Latency, LatencyStatus, mark_latency_beyond_limits
-from cwcli.estimation.limit_check import CAR_MOTION_TEXT, find_values_beyond_sensor_limits
+from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport

@@ -219,7 +219,8 @@ def test_calibration_of_another_car_is_refused(car: Calibration) -> None:
 
 def test_source_that_the_calibration_does_not_know_is_told(car: Calibration) -> None:
     measurements = measure(city_drive(9, 60.0), 9, LATE)
-    more = Measurements("compass", Kind.HEADING, measurements[2].stamp_ns, measurements[2].values)
+    heading = measure(city_drive(9, 60.0), 10, LATE)[2]  # with noise of its own: a copy would be left out
+    more = Measurements("compass", Kind.HEADING, heading.stamp_ns, heading.values)
     for causal, used in ((False, True), (True, False)):
         track = estimate_track([*measurements, more], EstimatorConfig(causal=causal, calibration=car))
         assert any("compass: the calibration car.toml does not know it" in note for note in track.notes)

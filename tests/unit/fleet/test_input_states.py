@@ -133,8 +133,13 @@ def test_finished_logs_are_known_from_one_index(runs: Runs, monkeypatch: pytest.
     """No entry of a log is read, and nothing is written."""
     opened: list[str] = []
     read = folder.read_json_object
+
+    def read_and_note(path: Path) -> dict[str, Any] | None:
+        opened.append(path.name)
+        return read(path)
+
     for module in (fleet_index, folder):
-        monkeypatch.setattr(module, "read_json_object", lambda path: (opened.append(path.name), read(path))[1])
+        monkeypatch.setattr(module, "read_json_object", read_and_note)
     monkeypatch.setattr(fleet_run, "write_json_object", lambda *arguments, **options: opened.append("written"))
     assert set(runs().values()) == {"unchanged"}
     assert opened == ["manifest.json", "run_times.json"]
@@ -143,17 +148,16 @@ def test_finished_logs_are_known_from_one_index(runs: Runs, monkeypatch: pytest.
 def test_a_run_that_was_killed_before_its_tables_writes_them(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
     before = tree(runs.out)
     shutil.rmtree(runs.out)
-    write = fleet_run.write_tables
 
     def kill(*arguments: object) -> list[str]:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(fleet_run, "write_tables", kill)
-    with pytest.raises(KeyboardInterrupt):
-        runs()
+    with monkeypatch.context() as killed:
+        killed.setattr(fleet_run, "write_tables", kill)
+        with pytest.raises(KeyboardInterrupt):
+            runs()
     assert not (runs.out / "metrics.parquet").exists()
     assert all(log.rows for log in read_run_metrics(str(runs.out)).logs)
-    monkeypatch.setattr(fleet_run, "write_tables", write)
     assert set(runs().values()) == {"unchanged"}
     assert tree(runs.out) == before
 

@@ -34,7 +34,7 @@ def logs_of_one_schema(rng: np.random.Generator) -> Logs:
     for k in range(9):
         n = int(rng.integers(0, 40))
         speed_mps = np.where(rng.random(n) < 0.2, np.nan, rng.normal(size=n))
-        words = Strings(np.array(rng.integers(-1, 2, n), np.int32), ["left", f"right {k}"])
+        words = Strings(np.array(rng.integers(-1, 2, n), np.int32), ("left", f"right {k}"))
         found = table(speed_mps=speed_mps, word=words, pair=rng.normal(size=(n, 2)), n=np.arange(n))
         logs[f"log{k}"] = [("metrics", found), ("details/events", table(at_s=np.arange(2.0)))]
     return logs

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +29,8 @@ def make_other_drive(n: int = 900, step_s: float = 0.1) -> Drive:
     rows = slice(0, None, 100)
     lat = LATITUDE_DEG + y / METERS_PER_DEGREE
     lon = LONGITUDE_DEG + x / METERS_PER_DEGREE / np.cos(np.deg2rad(LATITUDE_DEG))
-    return Drive(
-        *(each[rows] for each in (fine, x, y, speed, accel, heading, rate, lat, lon)),
-        np.mod(90.0 - np.degrees(heading[rows]), 360.0),
-    )
+    course_deg = np.mod(90.0 - np.degrees(heading), 360.0)
+    return Drive(*(each[rows] for each in (fine, x, y, speed, accel, heading, rate, lat, lon, course_deg)))
 
 
 DRIVE = make_other_drive()
@@ -56,7 +56,7 @@ def errors_by_channel(log_path: Path, start_ns: int = START_S * 10**9) -> dict[s
             fields = columns.fields
             stamps = columns.log_time_ns
 
-            def column(path: str, fields: dict = fields) -> FloatArray:
+            def column(path: str, fields: Mapping[str, Any] = fields) -> FloatArray:
                 return np.asarray(fields[path], np.float64)
 
             def true(values: FloatArray, stamps: np.ndarray = stamps) -> FloatArray:

@@ -237,6 +237,7 @@ def _frames(folder: Path, channel: str = "can0") -> list[tuple[float, int, bool,
 
     (folder / "veh.dbc").write_text(DBC_MOTOROLA)
     database = cantools.database.load_file(folder / "veh.dbc")
+    assert isinstance(database, cantools.database.can.Database)
     found = []
     for k in range(N):
         values = {"VehDyn": {"VehYawRate": D.yaw_rate_radps[k], "VehLongAccel": D.accel_mps2[k]}, "WheelSpeeds": {"WheelSpd_FL": D.speed_mps[k] * KMH, "WheelSpd_FR": D.speed_mps[k] * KMH}, "DisplaySpeed": {"DISPLAY_Vehicle_Speed": D.speed_mps[k] * MPH}}

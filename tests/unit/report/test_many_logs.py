@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,13 @@ def run(tmp_path: Path) -> Path:
     entries = []
     for k in range(N_LOGS):
         name = f"drive_{k:04}"
-        entry = {"id": name, "source": f"{name}.mcap", "status": "done", "error": None, "tables": {"events": 0}}
+        entry: dict[str, Any] = {
+            "id": name,
+            "source": f"{name}.mcap",
+            "status": "done",
+            "error": None,
+            "tables": {"events": 0},
+        }
         entry["digest"] = {"happened": [f"The log is {k} s long; the car drove 100 m, at most 50 km/h."], "doubts": []}
         (tmp_path / "logs" / name).mkdir(parents=True)
         (tmp_path / "logs" / name / "annotated.mcap").write_bytes(b"")
