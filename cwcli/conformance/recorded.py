@@ -35,7 +35,8 @@ MAX_TRIAL_DISTANCE = 4.0
 """A recorded drive is a trial of the clause if its speeds are within this many tolerances of the trial's. Chosen by
 hand: the trials of the clauses differ by more."""
 CONTINUED_S = 12.0
-"""Time, s, for which the host's motion is continued from its reaction on, as if it had not reacted. Chosen by hand: longer than every time to collision."""
+"""Time, s, for which the host's motion is continued from its reaction on, as if it had not reacted. Chosen by
+hand: longer than every time to collision."""
 CONTINUED_STEP_S = 0.02
 """Time step, s, of the host's motion as if it had not reacted. Chosen by hand."""
 REACTION_MPS2 = 0.15 * 9.80665
