@@ -100,20 +100,28 @@ class LanesConfig(Selection):
     model: Annotated[
         str | None,
         Option(
-            "--model", "Your net (ONNX) for --method onnx; the TOML file beside it tells its shapes.", metavar="FILE"
+            "--model",
+            "Your net (ONNX) for --method onnx; a TOML file of the same name describes its input and output.",
+            metavar="FILE",
         ),
     ] = None
-    seed: Annotated[int, Option("--seed", "Of the random numbers of a genetic search.", metavar="N")] = 0
+    seed: Annotated[
+        int, Option("--seed", "Seed of the random numbers of the genetic search (zhang2011).", metavar="N")
+    ] = 0
     preview_m: Annotated[
         float, Option("--preview", "Distance of the preview point ahead of the camera.", metavar="METRES")
     ] = PREVIEW_M
     render: Annotated[
         str | None,
-        Option("--render", "Publish the frames with the boundaries drawn on them here, as JPEG.", metavar="/TOPIC"),
+        Option(
+            "--render",
+            "Topic to which the frames with the boundaries drawn on them are written, as JPEG.",
+            metavar="/TOPIC",
+        ),
     ] = None
     every_frame: Annotated[
         bool,
-        Option("--every-frame", "Search every frame, also of a camera that is faster than 25 Hz."),
+        Option("--every-frame", "Search every frame, even if the camera is faster than 25 Hz."),
     ] = False
     mounting: Mounting | MountingChoice = field(default_factory=MountingChoice)
     field_of_view_rad: Annotated[

@@ -68,7 +68,9 @@ class ContentOptions:
     ] = None
     vehicle: Annotated[
         str | None,
-        typer.Option("--id", metavar="ID", show_default="all", help="The vehicle; tum and kitti hold one a file."),
+        typer.Option(
+            "--id", metavar="ID", show_default="all", help="Id of the vehicle; tum and kitti hold one vehicle per file."
+        ),
     ] = None
 
 
