@@ -394,9 +394,7 @@ class HeadlineCollector:
                 "value": ColumnDoc(doc="NaN where there was nothing to judge"),
                 "n": ColumnDoc(doc="samples behind the value"),
                 "low": ColumnDoc(doc="95 % interval; NaN where there is none"),
-                "states": ColumnDoc(
-                    doc="what was held against what: online, hindsight, truth; empty where no state is"
-                ),
+                "states": ColumnDoc(doc="which states were compared: online, hindsight, truth; empty without a state"),
                 "pool": ColumnDoc(doc="how total and weight make the value, of one log or of several"),
             },
             metadata=metadata,

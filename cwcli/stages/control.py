@@ -221,9 +221,7 @@ def _replay_warnings_and_note(
     ]
     extended_s = max((one.extrapolated_s for one in replayed), default=0.0)
     if extended_s > 0.0:
-        notes.append(
-            f"beyond the last state of a vehicle it goes on at its last speed and yaw rate ({extended_s:.1f} s)"
-        )
+        notes.append(f"after its last state a vehicle continues at its last speed and yaw rate ({extended_s:.1f} s)")
     return replayed, notes
 
 

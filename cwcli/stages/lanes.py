@@ -140,7 +140,7 @@ class LanesConfig(Selection):
         """Check what can be checked without a log.
 
         Raises:
-            UsageError: An unknown method, a setting out of range, or a render topic that is no topic's name.
+            UsageError: An unknown method, a setting out of range, or a render topic that is not the name of a topic.
         """
         check_method_and_model(self.method, self.model)
         if not 0.0 < self.preview_m <= MAX_PREVIEW_M:
@@ -254,7 +254,7 @@ def _note_on_rectification(source: CameraSource, is_rectified: bool) -> tuple[st
     what = [f"{camera.distortion_model or 'polynomial'} distortion"] if camera.differs_from_pinhole() else []
     if camera.mounting.roll_rad:
         what.append(f"{np.degrees(camera.mounting.roll_rad):.1f} degrees of roll")
-    return (f"taken out of the frames before the search: {' and '.join(what)}",)
+    return (f"removed from the frames before the search: {' and '.join(what)}",)
 
 
 def _camera_frame_id(log: Log, topic: str) -> str:
@@ -375,7 +375,7 @@ class _LaneSearchRun:
         if self._size != (0, 0):
             self.notes.append(
                 f"the image size changes from {self._size[0]} x {self._size[1]} to {size[0]} x {size[1]} at frame "
-                f"{self.n_read - 1}: the search starts anew"
+                f"{self.n_read - 1}: the search starts again"
             )
         note = self._source.shape_mismatch_note(*size)
         if note and note not in self.notes:

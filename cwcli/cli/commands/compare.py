@@ -263,7 +263,7 @@ def _require_stage_results(run: RunMetrics) -> None:
     raise MissingSignalError(
         f"no stage of cwcli has run on {subject}, so there is nothing to compare",
         where=run.source,
-        hint=f"run `cwcli run {logs} {target}` first, and compare what it writes",
+        hint=f"run `cwcli run {logs} {target}` first, and compare its output",
     )
 
 

@@ -122,7 +122,7 @@ def command(
     n_messages = sum(report.n_messages.values())
     console.print_summary(
         f"{n_messages:,} messages of {len(report.n_messages)} topics: {report.n_chunks_copied:,} chunks copied, "
-        f"{report.n_chunks_rewritten:,} written anew"
+        f"{report.n_chunks_rewritten:,} rewritten"
     )
     for topic, n in report.n_earlier.items():
         console.print_summary(f"{shorten_and_escape(topic)}: {n} from before the span")

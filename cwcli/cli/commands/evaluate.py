@@ -187,7 +187,7 @@ def _print_evaluation(
     beside = _system_metric_rows(pooled)
     if beside:
         console.print_summary("")
-        console.print_summary("The other system beside cwcli")
+        console.print_summary("The other system and cwcli")
         console.print_summary(format_table(SYSTEM_TABLE_HEADINGS, beside))
     for log in [log for log in run.logs if log.error][:MAX_SHOWN_FAILURES]:
         console.print_note(f"{log.id} failed: {log.error}")

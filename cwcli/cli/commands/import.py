@@ -146,7 +146,7 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
         ("--decimal", options.decimal, CHOICES["decimal"]),
     ):
         if value is not None and value not in known:
-            raise UsageError(f"{option} {value}: it is none of {join_names(list(known))}")
+            raise UsageError(f"{option} {value}: it must be one of {join_names(list(known))}")
     columns = dict(map(parse_table_quantity_and_column_unit, options.column or ()))
     given = Answers(
         columns,

@@ -51,7 +51,7 @@ AttributionOption = Annotated[
     str | None, typer.Option("--tiles-attribution", metavar="TEXT", help="Attribution of the map tiles.")
 ]
 PdfOption = Annotated[bool, typer.Option("--pdf", help="Print a PDF instead, by Chromium; -o x.pdf does it, too.")]
-RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]
+RecoverOption = Annotated[bool, typer.Option("--recover", help="Read the intact parts of a single damaged log.")]
 
 
 @dataclass(frozen=True)

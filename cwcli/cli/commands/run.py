@@ -65,7 +65,7 @@ class PipelineOptions:
         typer.Option(
             "--gate",
             metavar="EXPR",
-            help="With -d: a condition for `cwcli evaluate`, kept in the manifest. Repeatable.",
+            help="With -d: a gate for `cwcli evaluate`, stored in the manifest. Repeatable.",
         ),
     ] = field(default_factory=list)
 
@@ -101,7 +101,8 @@ class FleetOptions:
         typer.Option(
             "--shard",
             metavar="I/N",
-            help="With -d: do part I of N of the logs; auto/N takes I from an array job. `cwcli merge` joins them.",
+            help="With -d: process part I of N of the logs; auto/N takes I from an array job. "
+            "`cwcli merge` joins the parts.",
         ),
     ] = None
     rehash: Annotated[
