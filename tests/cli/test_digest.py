@@ -43,8 +43,8 @@ def test_every_log_has_a_digest_that_says_what_happened_and_whether_to_believe_i
     lines = check_lines(capsys.readouterr().out)
     labels = [line[:7].strip() for line in lines[1:]]
     assert [label for label in labels if label] in (
-        ["what", "doubt", "made", "next"],
-        ["what", "trust", "made", "next"],
+        ["what", "doubt", "wrote", "next"],
+        ["what", "trust", "wrote", "next"],
     )
     if log.parent == SAMPLES:
         assert "trust" in labels

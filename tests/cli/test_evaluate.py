@@ -205,7 +205,7 @@ def test_a_manifest_can_not_lead_out_of_its_folder(tmp_path: Path, capsys: pytes
     entry = {"id": "../../etc", "status": "done"}
     (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": [entry]}), encoding="utf-8")
     assert run_command_line(["evaluate", str(tmp_path)]) == 3
-    assert "no name of a file" in capsys.readouterr().err
+    assert "not the name of a file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("format", [2, "1", None], ids=str)

@@ -50,7 +50,7 @@ def test_force_never_removes_what_the_run_reads(cwcli: Run, short: Path, tmp_pat
     assert cwcli(*again).returncode == 0
     done = cwcli("run", "out/logs/*/annotated.mcap", "-d", "out", "--force")
     assert (done.returncode, done.stdout) == (2, b"")
-    assert b"lies in the output folder" in done.stderr
+    assert b"is in the output folder" in done.stderr
     assert (tmp_path / "out/logs/short/annotated.mcap").is_file()
 
 

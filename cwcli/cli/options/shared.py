@@ -315,7 +315,7 @@ class WritingOptions:
             metavar="/NAME",
             show_default="all",
             autocompletion=_complete_topics,
-            help="Write only these of the new channels; * stands for any characters; separate several by commas. "
+            help="Limit the new channels to these; * stands for any characters; separate several by commas. "
             "Repeatable.",
         ),
     ] = field(default_factory=list)

@@ -133,7 +133,7 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
     )
     return SummaryTable(
         "vehicles",
-        "Estimated tracks (gated: number of measurements; flags from starting on: of states)",
+        "Estimated tracks (gated: measurements; flags from starting on: states)",
         columns,
         tuple(rows),
     )
