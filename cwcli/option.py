@@ -1,4 +1,4 @@
-"""What a field of a configuration is called on the command line; it stands beside the field, as an annotation.
+"""What a field of a configuration is called on the command line; an annotation of the field.
 
     horizon_s: Annotated[float, Option("--horizon", metavar="SECONDS", help="How far ahead to predict.")] = 2.5
 

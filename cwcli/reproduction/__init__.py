@@ -1,1 +1,1 @@
-"""The papers' tables and figures from our own runs, one folder per paper: beside the prints, with a verdict each."""
+"""The papers' tables and figures from our own runs, one folder per paper: next to the printed values, with a verdict each."""
