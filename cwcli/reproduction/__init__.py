@@ -1,1 +1,1 @@
-"""The papers' tables and figures from our own runs, one folder per paper: next to the printed values, with a verdict each."""
+"""The papers' tables and figures from our own runs, one folder per paper: each printed number with ours and a verdict."""
