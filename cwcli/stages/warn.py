@@ -193,7 +193,7 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
     )
     columns = ("event", "vehicle", "at [s]", "predicted conflict in [s]", "predicted closest centres [m]")
     names = (*columns[:3], "event in [s]", "predicted closest [m]")
-    counts = tuple(
+    counts: tuple[tuple[Cell, ...], ...] = tuple(
         (CellWithValues(EVALUATION_WORDS[name], {"": name.replace("_", " ")}), count)
         for name, count in found.evaluation_counts_by_outcome.items()
     )
