@@ -20,7 +20,7 @@ def check_topic_name(topic: str | None) -> None:
         UsageError: It is not valid.
     """
     if topic is not None and not TOPIC_NAME_PATTERN.fullmatch(topic):
-        raise UsageError(f"--render {topic!r} is no topic's name", hint="for example --render /cwcli/camera")
+        raise UsageError(f"--render {topic!r} is not the name of a topic", hint="for example --render /cwcli/camera")
 
 
 def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:

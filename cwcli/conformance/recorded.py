@@ -80,7 +80,7 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
         real = find_actual_outcomes(with_states)
         if real is None or not real.pairs:
             raise MissingSignalError(
-                "the ego and another vehicle are never known together in it, so there is no trial to judge",
+                "it never holds the ego and another vehicle at the same time, so there is no trial to judge",
                 where=log.name,
                 hint="check that the log covers the whole trial",
             )

@@ -210,7 +210,7 @@ _CONTROL_COLUMN_DOCS = {
     "peak_deceleration_mps2": ColumnDoc(doc="largest from the warning on; no-action: that of the estimated states"),
     "peak_jerk_mps3": ColumnDoc(doc="largest magnitude from the warning on; no-action: that of the estimated states"),
     "stopped_stamp_ns": ColumnDoc(doc="-1: does not stop"),
-    "extrapolated_s": ColumnDoc(doc="how long the replay goes on beyond the last recorded state"),
+    "extrapolated_s": ColumnDoc(doc="how long the replay continues after the last recorded state"),
 }
 """Explanations of the columns of the table `control`."""
 _SERIES_COLUMN_TYPES: dict[str, type] = {

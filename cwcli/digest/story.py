@@ -319,7 +319,7 @@ def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str
     if drive.ego is None:  # the lane alone was watched
         return f"{text} of leaving the lane; the car's place was not estimated, so no collision was looked for."
     if drive_encounters.nearest is None:
-        return f"{text}; no other vehicle was heard while the car's place was known."
+        return f"{text}; no other vehicle was heard while the car's position was known."
     nearest = drive_encounters.nearest
     name = f"{nearest.other.kind} {escape_control_characters(nearest.other.id)[:MAX_ID_CHARACTERS]}"
     at = _seconds_since_start_text(drive, nearest.stamp_ns)

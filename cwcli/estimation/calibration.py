@@ -229,7 +229,7 @@ def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration
     """
     if FORMAT_VERSION_KEY not in table:
         hint = "make one with `cwcli calibrate LOG... -o car.toml`"
-        raise UsageError(f"this is no calibration: {FORMAT_VERSION_KEY} is missing", where=where, hint=hint)
+        raise UsageError(f"this is not a calibration file: {FORMAT_VERSION_KEY} is missing", where=where, hint=hint)
     if table[FORMAT_VERSION_KEY] != FORMAT_VERSION or isinstance(table[FORMAT_VERSION_KEY], bool):
         raise _invalid_key_error(where, FORMAT_VERSION_KEY, f"is {table[FORMAT_VERSION_KEY]!r}", str(FORMAT_VERSION))
     logs = table.get("logs", [])

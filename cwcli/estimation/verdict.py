@@ -122,7 +122,7 @@ def _verdict_on_estimate(
         )
     if any(s.nis_inside is not None for s in sources):
         return "consistent"
-    return "too little was measured to tell whether the estimate is consistent"
+    return "too little was measured to judge whether the estimate is consistent"
 
 
 def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:

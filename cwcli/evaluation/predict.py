@@ -287,8 +287,9 @@ def _build_prediction_section(records: list[dict[str, Any]], horizon_s: float) -
                 )
             )
     title = f"Position error {horizon_s:g} s ahead against the later position (cv: constant velocity)"
-    columns = ("vehicle", "model", "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
-    return SummaryTable("prediction", title, columns, tuple(rows))
+    columns = ("vehicle", "model", "paths", "mean [m]", "largest p95 [m]", "mean vs cv [%]", "in 90 % ellipse [%]")
+    names = (*columns[:2], "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
+    return SummaryTable("prediction", title, columns, tuple(rows), names=names)
 
 
 def _mean_weighted_by_starts(records: list[dict[str, Any]], column: str) -> float:

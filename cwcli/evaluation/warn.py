@@ -19,6 +19,7 @@ from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, scor
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
 from cwcli.metrics.headline import HeadlineCollector, find_metric
+from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.records import (
     WITHHELD_KEY,
     Record,
@@ -35,6 +36,24 @@ from cwcli.stages.warn_targets import WarnTargetsConfig
 from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.types import WarningConfig
+
+SCORE_WORDS = {
+    "n_events": "warnings",
+    "n_true": "true warnings",
+    "n_late": "late warnings",
+    "n_false": "false warnings",
+    "n_undecided": "undecided warnings",
+    "n_withheld": "warnings withheld",
+    "n_conflicts": "conflicts",
+    "n_conflicts_warned": "conflicts with a warning in time",
+    "n_conflicts_late": "conflicts with a late warning",
+    "n_conflicts_missed": "conflicts missed",
+    "n_crashes": "crashes",
+    "lead_time_mean_s": "lead time, mean [s]",
+    "lead_time_min_s": "lead time, least [s]",
+    "host_hours": "length of the ego's track [h]",
+}
+"""Column of the table `scores` -> what the summary calls it."""
 
 
 def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageResult) -> StageResult:
@@ -68,7 +87,10 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
         for row, event in zip(events.rows, scored.events.rows_as_dicts(), strict=True)
     )
     ((_, *counts),) = (row.items() for row in scored.scores.rows_as_dicts())
-    cells = tuple((name.removeprefix("n_").replace("_", " "), value) for name, value in counts)
+    cells = tuple(
+        (CellWithValues(SCORE_WORDS[name], {"": name.removeprefix("n_").replace("_", " ")}), value)
+        for name, value in counts
+    )
     sections = (
         replace(
             events,

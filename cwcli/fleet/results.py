@@ -145,7 +145,7 @@ def _iter_metrics_of_output_folder(
     metrics = MetricsOfRun(path)
     for log in run.logs:
         if log.folder is None:
-            raise InputError(f"the log id {log.id!r} is no name of a file", where=str(path / MANIFEST_NAME))
+            raise InputError(f"the log id {log.id!r} is not the name of a file", where=str(path / MANIFEST_NAME))
         if log.entry.get("status") != "done":
             found = LogMetrics(log.id, error=_error_text_of_entry(log.entry))
         else:
@@ -335,7 +335,7 @@ def _table_from_arrow(found: pa.Table, path: Path) -> Table:
         is_number = pa.types.is_floating(column.type) or is_integer
         is_count = is_integer and not column.null_count
         if name in METRICS_TABLE_COLUMNS and (is_number == (name in TEXT_COLUMNS) or (name == "n" and not is_count)):
-            raise InputError(f"its column {name} does not hold what it should: {column.type}", where=str(path))
+            raise InputError(f"its column {name} does not hold valid values: {column.type}", where=str(path))
         columns[name] = column.to_numpy() if is_number else [str(value) for value in column.to_pylist()]
     metadata = {
         key.decode(errors="replace"): value.decode(errors="replace")

@@ -233,7 +233,7 @@ def rotation_given_by_user(meaning: Meaning) -> FloatArray | None:
     rows = [_parse_axis_vector(forward.strip()), _parse_axis_vector(up.strip())]
     if any(row is None for row in rows) or abs(float(rows[0] @ rows[1])) > 0.5:  # type: ignore[operator]
         meaning.add_question(
-            f"--axes {text}: it is no pair of axes", "--axes x,z or --axes -y,z: the sensor's axes forward and up"
+            f"--axes {text}: it is not a pair of axes", "--axes x,z or --axes -y,z: the sensor's axes forward and up"
         )
         return None
     ahead, upward = rows
@@ -317,7 +317,7 @@ def _turn_over_if_course_turns_other_way(
         return rotation
     if rotation[2, 2] < 0 and not np.allclose(rotation, np.eye(3)):
         meaning.add_question(
-            "gravity points up along z, and no turn of the course tells which end of the sensor is up",
+            "gravity points up along z, and no turn of the course shows which side of the sensor is up",
             "--axes x,-z if z is down, --axes x,z if z is up",
         )
     return rotation

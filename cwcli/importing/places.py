@@ -198,7 +198,7 @@ def _find_altitude(meaning: Meaning) -> None:
     scale = FACTORS["length"][unit or "m"]
     if float(np.nanmax(np.abs(meaning.unscaled_numbers(column)))) * scale > MAX_HEIGHT_M:
         meaning.notes.append(
-            f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is no height in m"
+            f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is not a height in m"
         )
         return
     meaning.add_scaled_quantity(

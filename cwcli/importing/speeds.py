@@ -111,7 +111,7 @@ def _choose_speed_unit_and_reason_or_ask(
     if ratio > 0:
         meaning.add_question(f"{column!r} has no unit, and {ratio:.3g} of it make 1 m/s between the positions", choices)
     else:
-        meaning.add_question(f"{column!r} has no unit, and no moving position tells it", choices)
+        meaning.add_question(f"{column!r} has no unit, and no motion in the positions shows it", choices)
     return None
 
 
@@ -215,7 +215,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
             values,
             default,
             "assumed",
-            "a heading is usually clockwise from north; no moving position tells",
+            "a heading is usually clockwise from north; no motion in the positions shows it",
         )
     elif chosen is None:
         what = (
@@ -358,7 +358,7 @@ def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
         why += f"; {'left' if sense > 0 else 'right'} is positive, as the course says"
     else:
         sense, confidence = 1.0, "assumed"
-        why += "; left is positive in most systems, and no turn of the course tells"
+        why += "; left is positive in most systems, and no turn of the course shows it"
     meaning.add_quantity(
         "yaw_rate",
         sense * factor * values,

@@ -336,7 +336,7 @@ def parse_start_ns(text: str) -> int:
         moment = None
     if moment is None or moment.tzinfo is None:
         raise UsageError(
-            f"--start {text}: it is no time with a zone", hint="--start 2024-05-01T08:00:00Z, or seconds since 1970"
+            f"--start {text}: it is not a time with a zone", hint="--start 2024-05-01T08:00:00Z, or seconds since 1970"
         )
     return _require_start_in_range(round(moment.timestamp() * 1000) * 1_000_000, text)
 

@@ -133,7 +133,7 @@ _SPELLINGS: dict[str, tuple[tuple[str, str], ...]] = {
 
 
 def find_unit(text: str, kind: str) -> str:
-    """Return the unit of a kind of quantity by its spelling, "" for a spelling that is no unit of this kind."""
+    """Return the unit of a kind of quantity by its spelling, "" for a spelling that is not a unit of this kind."""
     spelling = re.sub(r"[\s\[\]()]", "", text.lower()).replace("·", "").replace("*", "").replace("sec^", "s^")
     found = dict(_SPELLINGS.get(spelling, ()))
     if kind in found:

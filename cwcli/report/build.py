@@ -93,7 +93,7 @@ def build_report(
         gates: Gate expressions beside those of the pipeline.
         system: Another system in the logs, which is judged too, or None.
         tiles: What is drawn below the maps, or None.
-        recover: Read what is intact of a single damaged log.
+        recover: Read the intact parts of a single damaged log.
         progress: Told which log is worked on.
 
     Raises:

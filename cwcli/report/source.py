@@ -82,7 +82,7 @@ def read_reported_run(source: str) -> ReportedRun:
     run = read_output_folder(path)
     if run is None:
         raise InputError(
-            f"the folder has no readable {MANIFEST_NAME}: it is no output of `cwcli run -d`",
+            f"the folder has no readable {MANIFEST_NAME}: it is not the output of `cwcli run -d`",
             where=source,
             hint="name such a folder, or one annotated log",
         )

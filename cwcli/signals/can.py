@@ -278,7 +278,7 @@ def _terms_with_dbc_units(
             terms.append(term)
             continue
         if name not in UNIT_FACTORS_BY_KIND[kind]:
-            what = f"the unit of {term.path} is {unit!r}, which is none of {kind}"
+            what = f"the unit of {term.path} is {unit!r}, which is not one of {kind}"
             raise _mapping_error(
                 columns, mapping, what, f"give one: {term.path}* and one of {', '.join(UNIT_FACTORS_BY_KIND[kind])}"
             )

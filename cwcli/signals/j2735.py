@@ -209,7 +209,7 @@ def _make_remote_rows(
     stamp_ns, has_time = stamp_and_validity_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     yaw_unfilled = _is_unfilled_yaw_rate(value, _read_stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
-        ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that is taken as not measured")
+        ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that counts as not measured")
     speed_mps = value["speed_mps"]
     return RemoteRows(
         stamp_ns=message_time_or_log_time(ledger, stamp_ns, has_time),

@@ -97,13 +97,13 @@ class EstimateConfig:
     rate_hz: Annotated[
         float, Option("--rate", "Rate of the ego's states.", metavar="HZ", above=0.0, at_most=10_000.0)
     ] = 20.0
-    stitch: Annotated[bool, Option("--stitch", "A remote vehicle that changes its id stays one.")] = False
+    stitch: Annotated[bool, Option("--stitch", "Treat a remote vehicle that changes its id as one vehicle.")] = False
     calibration: Calibration | None = None
     truth_origin: Annotated[
         tuple[float, float, float] | None,
         Option(
             "--truth-origin",
-            "Where the origin of a Cartesian truth channel lies, in degrees and metres.",
+            "Origin of a Cartesian truth channel, in degrees and metres.",
             metavar="LAT,LON,ALT",
             kind=str | None,
             parse=parse_truth_origin,

@@ -107,7 +107,7 @@ def spoil_manifest(path: Path, **changes: object) -> None:
         ),
         ({"format": 99}, ("shard1", "shard2"), EXIT_BAD_INPUT, "a manifest of format 99"),
         ({"shard": {"index": 2, "count": 4}}, ("shard1", "shard2"), EXIT_USAGE, "runs in 2 and 4 parts"),
-        ({"logs": [{"id": "../x"}]}, ("shard1", "shard2"), EXIT_BAD_INPUT, "is no name of a file"),
+        ({"logs": [{"id": "../x"}]}, ("shard1", "shard2"), EXIT_BAD_INPUT, "is not the name of a file"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(

@@ -91,7 +91,7 @@ class TrialOptions:
             "--cache",
             metavar="FOLDER",
             show_default=False,
-            help="Keep finished repetitions here; a further run does only what is new.",
+            help="Store finished repetitions in this folder; a later run computes only new ones.",
         ),
     ] = None
 
@@ -100,9 +100,7 @@ class TrialOptions:
 class LogOptions:
     """A recorded trial instead of simulated ones."""
 
-    log: Annotated[
-        str | None, typer.Option("--log", metavar="LOG", help="Judge a trial that was recorded in this log.")
-    ] = None
+    log: Annotated[str | None, typer.Option("--log", metavar="LOG", help="Judge a recorded trial in this log.")] = None
     system: Annotated[
         str | None,
         typer.Option(
@@ -160,10 +158,10 @@ def command(
 ) -> int:
     """Judge warnings by the trials of public standards, with their numbers as published.
 
-    Every trial is made as a scenario, driven with noise, warned of by cwcli's stages as they would run on line, and
-    judged. With --log a trial that was recorded is found in the log, checked against the clause's tolerances, and
-    judged; a trial out of its tolerances is not valid. Nothing is certified by this. The exit code is 1 if a clause
-    fails, or if no trial of the log is valid.
+    Every trial is simulated as a scenario with noisy sensors; cwcli's stages warn as they would online, and the
+    warnings are judged. With --log a recorded trial is found in the log, checked against the clause's tolerances, and
+    judged; a trial outside its tolerances is not valid. This is no certification. The exit code is 1 if a clause fails,
+    or if no trial of the log is valid.
     """
     console = Console(quiet=talk.quiet, summary_to_stderr=normalise_stdout_name(output.markdown_file) == "-")
     if output.show_list:

@@ -49,7 +49,7 @@ class ResultOptions:
     margin: Annotated[
         float,
         typer.Option(
-            "--margin", metavar="S", min=0.0, max=MAX_MARGIN_S, help="What a clip holds before and after the event."
+            "--margin", metavar="S", min=0.0, max=MAX_MARGIN_S, help="Seconds before and after the event in a clip."
         ),
     ] = 5.0
     limit: Annotated[
@@ -94,7 +94,8 @@ def command(
     Events are those of the table in docs/find.md. An expression compares quantities: states (ego.speed_mps,
     other.speed_mps), measures (ttc_s), fields (/status:speed); `min`, `max` and `mean` of one `over 3 s`; `and`, `or`,
     `not`; `for 0.5 s`; `within 2 s after`, `before` or `of` another condition. Numbers may have a unit: 30 km/h.
-    Annotated logs tell most; outages and gaps are found in any log.
+    Most events
+    need annotated logs; outages and gaps are found in any log.
     """
     from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.system_topics import parse_other_system_options
@@ -166,12 +167,12 @@ def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent,
             )
             for each in kept[:MAX_SHOWN_EVENTS]
         ]
-        head = ("log", "event", "at [s]", "for [s]", "actors", "what", "severity", "id")
+        head = ("log", "event", "at [s]", "duration [s]", "actors", "value", "severity", "id")
         console.print_summary(format_table(head, rows))
     if len(kept) > MAX_SHOWN_EVENTS:
         console.print_note(f"{len(kept) - MAX_SHOWN_EVENTS} more events are in -o and --json")
     for event, n in search.missing.items():
-        console.print_note(f"{event}: {format_count(n, 'log')} left out for want of its channels")
+        console.print_note(f"{event}: not searched in {format_count(n, 'log')} without the channels that it needs")
     for name, error in search.failed:
         console.print_note(f"{shorten_and_escape(name)} was not searched: {error.what}")
 

@@ -159,7 +159,9 @@ def _unpack_archive_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path
     """
     too_large = info.file_size > MAX_MEMBER_BYTES or info.file_size > MAX_RATIO * max(info.compress_size, 4096)
     if too_large:
-        raise InputError(f"{info.filename} unpacks to {info.file_size / 1e6:,.0f} MB: it is no recording", where=path)
+        raise InputError(
+            f"{info.filename} unpacks to {info.file_size / 1e6:,.0f} MB: it is not a recording", where=path
+        )
     with archive.open(info) as file:
         data = file.read(info.file_size + 1)
     if len(data) > info.file_size:

@@ -116,7 +116,7 @@ def open_recording_folder(folder: str, name: str, open_file: Opener, *, as_one: 
             _add_note_with_names(file.notes, UNREAD_JOURNALS_NOTE, unread)
             return file
         if not as_one:
-            hint = "--as-one reads them as the parts of one log; else name one of them (`cwcli run -d` takes many)"
+            hint = "--as-one reads them as the parts of one log; or name one of them (`cwcli run -d` takes many)"
             raise InputError(f"the folder holds {len(names)} logs and no {METADATA_FILE_NAME}", where=name, hint=hint)
         return open_parts([prefix + each for each in names], name, open_file)
     listing = read_recording_listing(prefix + METADATA_FILE_NAME)

@@ -76,7 +76,7 @@ def test_the_worst_two_are_told_and_the_others_counted() -> None:
 
 def test_without_enough_rows_nothing_is_claimed() -> None:
     few = replace(GOOD, nis_inside=None)
-    assert _said(few, nees=()) == "too little was measured to tell whether the estimate is consistent"
+    assert _said(few, nees=()) == "too little was measured to judge whether the estimate is consistent"
     assert consistency_verdict_sentence((GOOD,), n_states=0, n_flagged={}) == "nothing was estimated"
 
 
