@@ -20,6 +20,7 @@ from cwcli.estimation.sensor_limits import (
     ParameterRange,
     range_of_sensor_error,
 )
+from cwcli.estimation.slow_drift import is_drift
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 LARGE_BIAS_SHARE = 0.5
@@ -100,6 +101,8 @@ def _iter_texts_on_exceeded_limits(report: SourceReport) -> Iterator[str]:
         yield f"its stamps err by more than {STAMP_SIGMA_RANGE.high:g} s from row to row"
     if report.slow_error.status is ParameterStatus.CONTRADICTS:
         yield _exceeded_limit_text("a slow error", report.slow_error.sigma, range_of_sensor_error("slow", report.kind))
+    if is_drift(report.kind, report.slow_error):
+        yield f"its fixes drift up to {report.slow_error.largest:.0f} m off the way that the other one shows"
     if report.latency.status is LatencyStatus.CONTRADICTS:
         yield _exceeded_limit_text("a latency", report.latency.found_s, LATENCY_RANGE)
     if (

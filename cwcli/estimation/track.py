@@ -62,6 +62,7 @@ from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
+from cwcli.estimation.slow_drift import covariance_from_drifts, largest_slow_error
 from cwcli.estimation.song2016 import estimate_track_with_song2016
 from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from cwcli.estimation.source_judgement import (
@@ -305,7 +306,10 @@ def _filter_and_smooth(
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
     covariance = (
-        covariance + covariance_from_delays(state, tuned.delay_sigmas) + covariance_from_coarse_fixes(tuned.series)
+        covariance
+        + covariance_from_delays(state, tuned.delay_sigmas)
+        + covariance_from_coarse_fixes(tuned.series)
+        + covariance_from_drifts(reports)
     )
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
@@ -456,6 +460,7 @@ def _build_source_report(
             found.beyond.get((i, "slow"), float("nan")) if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,
             found.status.get((i, "slow"), ParameterStatus.OFF),
+            largest_slow_error(s, result.state),
         ),
         follows_pitch_rate=i in found.model.pitch_compensated,
     )

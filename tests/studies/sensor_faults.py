@@ -35,6 +35,7 @@ class Fault:
         is_kept_aside: Not looked at while the detection was built.
         rewrite: What it does to stamps, rows and sources.
         ahead_m: How far ahead of the true point the states then are, lawfully.
+        is_drift: It is a slow drift of the only position, which the verdict may except.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Fault:
     is_kept_aside: bool = False
     rewrite: Rewrite = lambda m: [m]
     ahead_m: float = 0.0
+    is_drift: bool = False
 
     def apply(self, measurements: Sequence[Measurements]) -> list[Measurements]:
         """Measurements with the fault."""
@@ -304,7 +306,7 @@ FAULTS = (
     Fault("fix with a copy", Kind.POSITION, unchanged, ("copy",), rewrite=with_copy),
     Fault("fix stamps cut to 1 s", Kind.POSITION, unchanged, ("stamps",), rewrite=stamps_cut_to(1.0)),
     Fault("fix stuck 10 s", Kind.POSITION, stuck(15.0, 25.0), ("stuck",)),
-    Fault("fix drifts off by 15 m", Kind.POSITION, drifting_off(15.0, 0.3, 0.7), ("ego_position",)),
+    Fault("fix drifts off by 15 m", Kind.POSITION, drifting_off(15.0, 0.3, 0.7), ("ego_position",), is_drift=True),
     Fault("fix smoothed over 2 s", Kind.POSITION, low_passed(2.0), ("latency",)),
 )  # fmt: skip
 """The faults; numbers and axes by hand. Words are what the sentence on the right fault must contain."""

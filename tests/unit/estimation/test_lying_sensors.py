@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tests.studies.lying_sensors import FIRST_SEED, Case, judged, run_fault, simulated, variants
@@ -14,6 +16,12 @@ def test_a_case_is_good_where_it_is_harmless_or_named() -> None:
     assert Case(99.0, is_named=True, nees=99.0, verdict="not consistent: ...", told="...").is_good
     assert not Case(1.3, is_named=False, nees=1.0, verdict="consistent", told="").is_good
     assert Case(99.0, is_named=True, nees=4.1, verdict="consistent", told="...").has_wrong_verdict
+    excepted = Case(
+        99.0, is_named=False, nees=4.1, verdict="no contradiction; a slow drift ...", told="", is_drift=True
+    )
+    assert not excepted.has_wrong_verdict
+    assert not excepted.is_good
+    assert replace(excepted, is_drift=False).has_wrong_verdict
     assert not Case(99.0, is_named=True, nees=4.1, verdict="input corrected: ...", told="...").has_wrong_verdict
 
 

@@ -1,0 +1,53 @@
+"""Fixes that drift off: a slow error that becomes far larger in the log than its own sigma.
+
+Sigma and time constant of a slow error are fitted to the whole log. A drift of some minutes in an otherwise good log
+hardly changes them, but the smoothed error then is many sigma large. How much of it belongs to the fixes, and how much
+to the speed and the heading that it was found from, is not known, so the covariance of the states has to hold it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.parameter import SlowError
+from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
+from cwcli.estimation.result import SourceReport
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import X, Y
+
+MAX_LARGEST_IN_SIGMAS = 4.5
+"""Greatest value of a slow error in its sigmas that is no drift. A Gaussian error exceeds it on one of two axes once in
+73,000 independent values; an hour with a time constant of 10 s has 720."""
+MIN_DRIFT_M = 3.3
+"""Least drift on one axis, m: one sigma of what the GPS Standard Positioning Service (2020) promises (8 m in 95 %)."""
+
+
+def largest_slow_error(s: SensorSeries, state: FloatArray) -> float:
+    """Return the largest absolute slow error of a position in the states (m, n) of the filter, m; NaN without one."""
+    if s.kind is not Kind.POSITION or s.slow_state < 0:
+        return float("nan")
+    error_m = np.abs(state[:, s.slow_state : s.slow_state + 2])
+    return float(np.max(error_m, where=np.isfinite(error_m), initial=0.0))
+
+
+def is_drift(kind: Kind, slow: SlowError) -> bool:
+    """Whether a slow error of positions is far larger than its own sigma allows."""
+    return kind is Kind.POSITION and slow.largest > max(MAX_LARGEST_IN_SIGMAS * slow.sigma, MIN_DRIFT_M)
+
+
+def covariance_from_drifts(reports: Sequence[SourceReport]) -> FloatArray:
+    """Return the covariance (8, 8) that drifting fixes add to all states: the mean square of a wave of that height.
+
+    It is 0 where another position does not drift.
+    """
+    added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
+    drifts_m = [
+        r.slow_error.largest if is_drift(r.kind, r.slow_error) else 0.0
+        for r in reports
+        if r.kind is Kind.POSITION and r.n_used
+    ]
+    added[X, X] = added[Y, Y] = 0.5 * min(drifts_m, default=0.0) ** 2
+    return added

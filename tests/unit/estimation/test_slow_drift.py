@@ -1,0 +1,48 @@
+"""A drift of fixes is found where the way is measured otherwise, and sigma holds it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.parameter import ParameterStatus, SlowError
+from cwcli.estimation.result import SourceReport
+from cwcli.estimation.slow_drift import covariance_from_drifts
+from tests.studies.lying_sensors import estimated, run_fault, simulated
+from tests.studies.sensor_faults import FAULTS
+from tests.studies.sensor_model import measurements_of
+
+DRIFT = SlowError(1.0, 30.0, ParameterStatus.USED, largest=8.0)
+FIX = SourceReport("/fix", Kind.POSITION, n_used=500, slow_error=DRIFT)
+
+
+def test_the_variance_is_that_of_a_wave_with_the_height_of_the_drift() -> None:
+    covariance = covariance_from_drifts([FIX])
+    assert np.flatnonzero(covariance).tolist() == [0, 9]  # east and north on the diagonal of (8, 8)
+    assert covariance[0, 0] == covariance[1, 1] == 32.0  # 8^2 / 2
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(FIX, source="/other", slow_error=replace(DRIFT, largest=4.4)),
+        replace(FIX, source="/other", slow_error=SlowError()),
+    ],
+)
+def test_another_position_that_does_not_drift_holds_the_states(other: SourceReport) -> None:
+    assert not covariance_from_drifts([FIX, other]).any()
+    assert covariance_from_drifts([FIX, replace(other, n_used=0)]).any()
+
+
+@pytest.mark.long
+def test_fixes_that_drift_off_for_a_minute_and_a_half_are_named_beside_wheels_and_a_heading() -> None:
+    drive = simulated("city", 8101)
+    right = measurements_of(drive)
+    fault = next(each for each in FAULTS if each.is_drift)
+    case = run_fault(drive, right, fault, estimated(drive, right)[0])
+    assert case.told.startswith("ego_position (gnss) contradicts ego_speed (speed): its fixes drift up to 10 m off")
+    assert case.is_good
+    assert case.nees < 2.0  # 12 with the sigma of the whole log
