@@ -2,17 +2,19 @@
 
 Sigma and time constant of a slow error are fitted to the whole log. A drift of some minutes in an otherwise good log
 hardly changes them, but the smoothed error then is many sigma large. How much of it belongs to the fixes, and how much
-to the speed and the heading that it was found from, is not known, so the covariance of the states has to hold it.
+to the speed and the heading that it was found from, is not known: both are named, and the covariance of the states has
+to hold it. The velocity of a receiver shows no drift, because it is smoothed: the way by it is metres off after turns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from cwcli.estimation.contradiction import Contradiction, SourceQuantity
+from cwcli.estimation.limit_check import quantity_compared_with
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.parameter import SlowError
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.signals.columns import FloatArray
@@ -33,9 +35,21 @@ def largest_slow_error(s: SensorSeries, state: FloatArray) -> float:
     return float(np.max(error_m, where=np.isfinite(error_m), initial=0.0))
 
 
-def is_drift(kind: Kind, slow: SlowError) -> bool:
-    """Whether a slow error of positions is far larger than its own sigma allows."""
-    return kind is Kind.POSITION and slow.largest > max(MAX_LARGEST_IN_SIGMAS * slow.sigma, MIN_DRIFT_M)
+def find_drifting_fixes(reports: Sequence[SourceReport], known: Sequence[Contradiction]) -> list[Contradiction]:
+    """Return contradictions of the positions that drift off the way by the other sources.
+
+    Args:
+        reports: Reports of one vehicle's sources.
+        known: Known contradictions: their sources are not reported again.
+    """
+    told = {quantity for each in known for quantity in (each.who, each.against)}
+    found = []
+    for report in _drifting_fixes(reports):
+        who = SourceQuantity(report.source, report.kind)
+        if who not in told:
+            what = f"its fixes drift up to {report.slow_error.largest:.0f} m off the way that the other sources show"
+            found.append(Contradiction(who, quantity_compared_with(report, reports), what))
+    return found
 
 
 def covariance_from_drifts(reports: Sequence[SourceReport]) -> FloatArray:
@@ -44,10 +58,17 @@ def covariance_from_drifts(reports: Sequence[SourceReport]) -> FloatArray:
     It is 0 where another position does not drift.
     """
     added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
-    drifts_m = [
-        r.slow_error.largest if is_drift(r.kind, r.slow_error) else 0.0
-        for r in reports
-        if r.kind is Kind.POSITION and r.n_used
-    ]
-    added[X, X] = added[Y, Y] = 0.5 * min(drifts_m, default=0.0) ** 2
+    drifts_m = [report.slow_error.largest for report in _drifting_fixes(reports)]
+    if drifts_m and len(drifts_m) == sum(r.kind is Kind.POSITION and r.n_used > 0 for r in reports):
+        added[X, X] = added[Y, Y] = 0.5 * min(drifts_m) ** 2
     return added
+
+
+def _drifting_fixes(reports: Sequence[SourceReport]) -> Iterator[SourceReport]:
+    """Yield the used positions whose slow error is far larger than its own sigma allows."""
+    if any(r.kind is Kind.VELOCITY and r.n_used for r in reports):
+        return
+    for r in reports:
+        limit_m = max(MAX_LARGEST_IN_SIGMAS * r.slow_error.sigma, MIN_DRIFT_M)
+        if r.kind is Kind.POSITION and r.n_used and r.slow_error.largest > limit_m:
+            yield r

@@ -62,7 +62,7 @@ from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
-from cwcli.estimation.slow_drift import covariance_from_drifts, largest_slow_error
+from cwcli.estimation.slow_drift import covariance_from_drifts, find_drifting_fixes, largest_slow_error
 from cwcli.estimation.song2016 import estimate_track_with_song2016
 from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from cwcli.estimation.source_judgement import (
@@ -315,6 +315,9 @@ def _filter_and_smooth(
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
         errors = find_standstill_errors(without_model, output_s, state, covariance)
         covariance = covariance + covariance_from_standstill_errors(state, errors)
+    contradictions = tuned_measurements.contradictions
+    if not config.blind:
+        contradictions = (*contradictions, *find_values_beyond_sensor_limits(reports, contradictions))
     return Track(
         output_stamp_ns,
         state,
@@ -325,10 +328,7 @@ def _filter_and_smooth(
         tuple(notes),
         {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMA_LIMITS},
         _collect_gated_rows(tuned, result, tuned_measurements.epoch_ns, config.gate_probability),
-        (
-            *tuned_measurements.contradictions,
-            *([] if config.blind else find_values_beyond_sensor_limits(reports, tuned_measurements.contradictions)),
-        ),
+        contradictions if config.blind else (*contradictions, *find_drifting_fixes(reports, contradictions)),
         tuned_measurements.corrections,
     )
 

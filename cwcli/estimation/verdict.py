@@ -132,7 +132,8 @@ def _exception_for_unseen_drift_text(sources: Sequence[SourceReport], nees: Sequ
     """Return what the verdict does not cover: a drift of the only position, unless its way is measured otherwise.
 
     A truth shows a drift, and so does the way by a speed and a heading or turn rate (docs/estimation.md). The
-    acceleration of an IMU does not: the grade of the road changes it by more than a drift of minutes.
+    acceleration of an IMU does not, as the grade of the road changes it by more than a drift of minutes; nor does the
+    velocity of a receiver, which is smoothed.
     """
     used = [s for s in sources if s.n_used]
     positions = {s.source for s in used if s.kind is Kind.POSITION}
@@ -142,8 +143,8 @@ def _exception_for_unseen_drift_text(sources: Sequence[SourceReport], nees: Sequ
     missing = [
         name
         for name, measuring_kinds in (
-            ("speed", {Kind.SPEED, Kind.VELOCITY}),
-            ("heading or turn rate", {Kind.HEADING, Kind.YAW_RATE, Kind.VELOCITY}),
+            ("wheel speed", {Kind.SPEED}),
+            ("heading or turn rate", {Kind.HEADING, Kind.YAW_RATE}),
         )
         if not kinds & measuring_kinds
     ]

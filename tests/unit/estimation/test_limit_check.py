@@ -47,10 +47,6 @@ PITCHED = ImuMounting(0.5, 0.0)  # 29 degrees nose up: 9.80665 sin 0.5 = 4.70 m/
         (FIX, {"ahead_m": Parameter(6.1, 0.1, USED)}, "a place ahead of 6.1 m"),
         (FIX, {"slow_error": SlowError(9.0, 30.0, USED)}, ""),
         (FIX, {"slow_error": SlowError(22.2, status=BEYOND)}, "a slow error of 22.2 m, and such"),
-        (FIX, {"slow_error": SlowError(1.1, 30.0, USED, 4.9)}, ""),  # 4.5 sigma are 4.95 m
-        (FIX, {"slow_error": SlowError(1.1, 30.0, USED, 5.0)}, "drift up to 5 m off the way that the other one shows"),
-        (FIX, {"slow_error": SlowError(0.1, 30.0, USED, 3.2)}, ""),  # as much as receivers under open sky
-        (ACCEL, {"slow_error": SlowError(0.1, 30.0, USED, 5.0)}, ""),
         (FIX, {"sigma": 31.0}, "white noise of 31 m"),
         (FIX, {"sigma": 8.3, "scatter": 0.6, "noise_origin": "log"}, "8.3 m beside the motion for long, and scatter"),
         (FIX, {"sigma": 8.3, "scatter": 2.8, "noise_origin": "log"}, ""),

@@ -7,16 +7,43 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.slow_drift import covariance_from_drifts
+from cwcli.estimation.slow_drift import covariance_from_drifts, find_drifting_fixes
 from tests.studies.lying_sensors import estimated, run_fault, simulated
 from tests.studies.sensor_faults import FAULTS
 from tests.studies.sensor_model import measurements_of
 
 DRIFT = SlowError(1.0, 30.0, ParameterStatus.USED, largest=8.0)
 FIX = SourceReport("/fix", Kind.POSITION, n_used=500, slow_error=DRIFT)
+SPEED = SourceReport("/speed", Kind.SPEED, n_used=500)
+FIX_ID, SPEED_ID = SourceQuantity("/fix", Kind.POSITION), SourceQuantity("/speed", Kind.SPEED)
+
+
+@pytest.mark.parametrize(
+    ("sigma_m", "largest_m", "is_told"),
+    [
+        (1.1, 4.9, False),  # 4.5 sigma are 4.95 m
+        (1.1, 5.0, True),
+        (0.1, 3.2, False),  # as large as errors of receivers under open sky are
+        (0.1, 3.4, True),
+    ],
+)
+def test_a_slow_error_far_beyond_its_sigma_is_a_drift(sigma_m: float, largest_m: float, is_told: bool) -> None:
+    drifting = replace(FIX, slow_error=SlowError(sigma_m, 30.0, ParameterStatus.USED, largest_m))
+    found = find_drifting_fixes([drifting, SPEED], [])
+    assert [(each.who, each.against, each.left_out) for each in found] == [(FIX_ID, SPEED_ID, ())] * is_told
+    assert bool(covariance_from_drifts([drifting, SPEED]).any()) is is_told
+    assert find_drifting_fixes([drifting, SPEED], [Contradiction(SPEED_ID, FIX_ID, "...")]) == []
+
+
+def test_a_velocity_that_its_receiver_smooths_shows_no_drift() -> None:
+    velocity = replace(SPEED, kind=Kind.VELOCITY)
+    assert find_drifting_fixes([FIX, velocity], []) == []
+    assert not covariance_from_drifts([FIX, velocity]).any()
+    assert len(find_drifting_fixes([FIX, replace(velocity, n_used=0)], [])) == 1
 
 
 def test_the_variance_is_that_of_a_wave_with_the_height_of_the_drift() -> None:
