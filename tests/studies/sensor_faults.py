@@ -294,7 +294,7 @@ FAULTS = (
     Fault("heading in sectors of 22.5 deg", Kind.HEADING, rounded(np.radians(22.5), 0), ("ego_heading",)),
     Fault("IMU of another drive", Kind.IMU, lambda _, v: np.roll(v, len(v) // 2, axis=0), ("yaw rate", "accel")),
     Fault("IMU with x and y exchanged", Kind.IMU, columns(2, 1, 3, 5, 4, 6), ("mounted", "accel")),
-    Fault("IMU in counts", Kind.IMU, imu(16384 / G, 131 * 180 / np.pi), ("imu",)),
+    Fault("IMU in counts", Kind.IMU, imu(16384 / G, 131 * 180 / np.pi), ("counts",)),
     Fault("gyro bias steps in mid-log", Kind.IMU, added(0, 0, 0, 0, 0, 0.05, from_share=0.5), ("yaw rate", "bias")),
     Fault("IMU 2 s late", Kind.IMU, unchanged, ("imu",), rewrite=late_by(2.0)),
     Fault("fix of an antenna 3 m ahead", Kind.POSITION, ahead_of_car(3.0), ahead_m=3.0),
