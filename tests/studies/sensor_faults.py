@@ -291,7 +291,7 @@ FAULTS = (
     Fault("speed + 2 m/s", Kind.SPEED, added(2.0), ("ego_speed",)),
     Fault("speed doubled in mid-log", Kind.SPEED, lambda t, v: np.where(t[:, None] > 0.5 * t[-1], 2.0 * v, v), ("ego_speed",)),
     Fault("heading stuck in bends", Kind.HEADING, stuck_while_turning, ("ego_heading", "stuck")),
-    Fault("heading in sectors of 22.5 deg", Kind.HEADING, rounded(np.radians(22.5), 0), ("ego_heading",)),
+    Fault("heading in sectors of 22.5 deg", Kind.HEADING, rounded(np.radians(22.5), 0), ("ego_heading", "rounded")),
     Fault("IMU of another drive", Kind.IMU, lambda _, v: np.roll(v, len(v) // 2, axis=0), ("yaw rate", "accel")),
     Fault("IMU with x and y exchanged", Kind.IMU, columns(2, 1, 3, 5, 4, 6), ("mounted", "accel")),
     Fault("IMU in counts", Kind.IMU, imu(16384 / G, 131 * 180 / np.pi), ("counts",)),
