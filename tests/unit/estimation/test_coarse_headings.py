@@ -42,7 +42,7 @@ def test_other_headings_are_left_as_they_are(heading_rad: FloatArray) -> None:
 def test_a_jump_of_two_sectors_and_one_across_a_gap_are_no_change() -> None:
     coarse = rounded(TURN, SECTOR_DEG)
     used = (TIME_S < 50.0) | (TIME_S > 55.0)  # the change at 53.1 s is lost
-    coarse[250:300] = coarse[400]
+    coarse[250:300] = coarse[500]
     found = find_coarse_headings(TIME_S[used], coarse[used])
     assert found is not None
     assert len(found.time_s) < 15
@@ -59,7 +59,5 @@ def test_the_series_holds_the_changes_and_the_user_is_told() -> None:
     assert len(prepared[0].series) == 16
     assert prepared[0].n_read == 1001
     np.testing.assert_allclose(prepared[0].series.noise[:, 0], 0.01)
-    assert notes == [
-        "/compass: its headings are rounded to steps of 22.5 degrees: only the 16 changes from one step to the next are "
-        "used"
-    ]
+    what = "its headings are rounded to steps of 22.5 degrees"
+    assert notes == [f"/compass: {what}: only the 16 changes from one step to the next are used"]
