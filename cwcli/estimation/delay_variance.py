@@ -45,18 +45,29 @@ class DelaySigmas:
     heading: float = 0.0
     clock: float = 0.0
 
+    def at_least(self, other: DelaySigmas) -> DelaySigmas:
+        """Return the larger sigma of each quantity."""
+        return DelaySigmas(
+            max(self.position, other.position),
+            max(self.speed, other.speed),
+            max(self.heading, other.heading),
+            max(self.clock, other.clock),
+        )
+
 
 def unknown_delay_sigma_s(latency: Latency) -> float:
     """Return one sigma of what a source is still late by, s.
 
     It is 0 where the user trusts or gives the stamps, and of the reference, whose clock the states have. A value d
     with sigma s that is not corrected is combined with the prior p: its mean is d p^2 / (p^2 + s^2), its variance
-    s^2 p^2 / (p^2 + s^2).
+    s^2 p^2 / (p^2 + s^2). One beyond what sensors have contradicts the prior, so that it counts as it is.
     """
     if latency.status in (LatencyStatus.OFF, LatencyStatus.GIVEN, LatencyStatus.REFERENCE):
         return 0.0
     if latency.applied_s != 0.0 or latency.status is LatencyStatus.CALIBRATED:
         return latency.sigma_s if math.isfinite(latency.sigma_s) else 0.0
+    if latency.status is LatencyStatus.CONTRADICTS:
+        return math.hypot(latency.found_s, latency.sigma_s)
     sigma_s = latency.reach_s if latency.status is LatencyStatus.NOT_OBSERVABLE else latency.sigma_s
     if not math.isfinite(sigma_s) or sigma_s <= 0.0:
         return UNKNOWN_DELAY_SIGMA_S

@@ -256,7 +256,8 @@ def _settled_measurements_and_track(
     found = contradiction_of_spoiling_sources(track_without.sources, left_out)
     if not can_third_source_judge(track.sources, left_out):
         series = tuple(with_noise_of_fixes_at_least(better.tuned.series, track.sources))
-        better = replace(better, tuned=replace(better.tuned, series=series))
+        delays = better.tuned.delay_sigmas.at_least(settled.tuned.delay_sigmas)
+        better = replace(better, tuned=replace(better.tuned, series=series, delay_sigmas=delays))
     notes = (*better.notes, f"{found.contradiction_sentence}; {found.consequence_text}")
     better = replace(better, contradictions=(*better.contradictions, found), notes=notes)
     return better, _filter_and_smooth(better, config, output_stamp_ns)

@@ -49,12 +49,17 @@ def test_a_clock_that_is_off_moves_the_whole_state() -> None:
         (Latency(LatencyStatus.APPLIED, 0.3, 0.01, 0.005), 0.01),
         # 60 +- 50 ms beside a prior of 50 ms: 30 ms and a sigma of 35 ms
         (Latency(LatencyStatus.NOT_SIGNIFICANT, 0.06, 0.05, 0.02), np.hypot(0.03, 0.05 / np.sqrt(2.0))),
+        (Latency(LatencyStatus.CONTRADICTS, 1.5, 0.2), np.hypot(1.5, 0.2)),  # not combined with the prior
         (Latency(LatencyStatus.NOT_OBSERVABLE), 0.05),
         (Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=0.01, reach_s=0.05), 0.05 / np.sqrt(2.0)),
     ],
 )
 def test_what_is_not_known_of_a_delay(latency: Latency, expected_s: float) -> None:
     assert unknown_delay_sigma_s(latency) == pytest.approx(expected_s)
+
+
+def test_the_larger_of_two_sigmas_counts_for_each_quantity() -> None:
+    assert DelaySigmas(1.0, 0.1, 0.3).at_least(DelaySigmas(0.5, 0.2, 0.3, 0.4)) == DelaySigmas(1.0, 0.2, 0.3, 0.4)
 
 
 def test_the_best_known_source_of_a_quantity_counts_and_a_speed_before_fixes() -> None:
