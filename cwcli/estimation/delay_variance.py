@@ -76,6 +76,16 @@ def unknown_delay_sigma_s(latency: Latency) -> float:
     return math.hypot(share * found_s, math.sqrt(share) * sigma_s)
 
 
+def early_correction_s(s: SensorSeries, latency: Latency) -> float:
+    """Return how early the fixes of an unknown place on the car were taken for, s; else 0.
+
+    No receiver sends a fix before it is measured. At an even speed fixes that seem early are those of an antenna ahead
+    of the rear axle, and then right as they are.
+    """
+    is_found = latency.status in (LatencyStatus.APPLIED, LatencyStatus.DRIFTS)
+    return max(-latency.applied_s, 0.0) if is_found and s.kind is Kind.POSITION and s.place_m is None else 0.0
+
+
 def delay_sigmas_of_best_known_sources(
     series: Sequence[SensorSeries], latencies: Sequence[Latency], clock_sigma_s: float = 0.0
 ) -> DelaySigmas:
@@ -84,7 +94,7 @@ def delay_sigmas_of_best_known_sources(
     for state, kinds in QUANTITIES_BY_STATE.items():
         of_kind = [
             [
-                unknown_delay_sigma_s(latency)
+                math.hypot(unknown_delay_sigma_s(latency), early_correction_s(s, latency))
                 for s, latency in zip(series, latencies, strict=True)
                 if s.kind is kind and len(s) and not s.is_exact
             ]

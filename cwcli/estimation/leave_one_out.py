@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
-from cwcli.estimation.fix_scatter import is_noise_beyond_scatter
+from cwcli.estimation.fix_scatter import is_noise_beyond_scatter, is_noise_like_scatter
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind
@@ -141,12 +141,20 @@ def find_spoiling_sources(
         groups = [group for group in groups if _is_whole_source(group, reports)]
     for group in groups:
         found = reports_without(group)
-        if misfits(found) or find_drifting_fixes(found, ()):
+        if not _agree(found):
             continue
         gain = _log_likelihood_of_others(found, group) - _log_likelihood_of_others(reports, group)
         if gain > best_gain:
             best, best_gain = group, gain
     return best
+
+
+def _agree(reports: Sequence[SourceReport]) -> bool:
+    """Whether the sources agree clearly: a wrong source is not replaced by errors that just raise no doubt."""
+    is_like_scatter = all(
+        is_noise_like_scatter(r.kind, r.sigma, r.scatter) for r in reports if r.n_used and r.noise_origin != "message"
+    )
+    return is_like_scatter and not misfits(reports) and not find_drifting_fixes(reports, ())
 
 
 def _is_whole_source(group: Sequence[SourceQuantity], reports: Sequence[SourceReport]) -> bool:

@@ -119,7 +119,7 @@ def told_of(track: Track) -> list[str]:
         *(
             note
             for note in track.notes
-            if any(word in note for word in ("stuck", "saturat", "stamps are cut", "rounded", "a copy of"))
+            if any(word in note for word in ("stuck", "saturat", "stamps are cut", "rounded", "a copy of", "antenna"))
         ),
     ]
 

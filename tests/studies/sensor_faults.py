@@ -297,7 +297,7 @@ FAULTS = (
     Fault("IMU in counts", Kind.IMU, imu(16384 / G, 131 * 180 / np.pi), ("counts",)),
     Fault("gyro bias steps in mid-log", Kind.IMU, added(0, 0, 0, 0, 0, 0.05, from_share=0.5), ("yaw rate", "bias")),
     Fault("IMU 2 s late", Kind.IMU, unchanged, ("imu",), rewrite=late_by(2.0)),
-    Fault("fix of an antenna 3 m ahead", Kind.POSITION, ahead_of_car(3.0), ahead_m=3.0),
+    Fault("fix of an antenna 3 m ahead", Kind.POSITION, ahead_of_car(3.0), ("antenna",), ahead_m=3.0),
     Fault("fix rounded to 1 m", Kind.POSITION, rounded(1.0, 0, 1), ("round",)),
     Fault("fix rounded to 1e-5 deg", Kind.POSITION, rounded_degrees, ("round",)),
     Fault("fix longitude cut to 4 decimals", Kind.POSITION, rounded(7.45, 0, cuts=True), ("round",)),

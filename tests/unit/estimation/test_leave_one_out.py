@@ -93,12 +93,21 @@ def test_a_drift_without_a_source_means_that_it_was_not_the_wrong_one() -> None:
     assert find_spoiling_sources((replace(FIX, sigma=4.0), *ALL[1:]), reports_without) == ()
 
 
+@pytest.mark.parametrize(("sigma_m", "is_resolved"), [(0.89, True), (0.91, False)])  # 1.5 times the scatter of 0.6 m
+def test_what_is_left_has_to_agree_clearly(sigma_m: float, is_resolved: bool) -> None:
+    def reports_without(quantities: Sequence[SourceQuantity]) -> Sequence[SourceReport]:
+        left = [r for r in ALL[1:] if SourceQuantity(r.source, r.kind) not in quantities]
+        is_better = SPEED_QUANTITY in quantities
+        return [replace(FIX, sigma=sigma_m if is_better else 4.0, log_likelihood=-100.0), *left]
+
+    found = find_spoiling_sources((replace(FIX, sigma=4.0), *ALL[1:]), reports_without)
+    assert found == (SPEED_QUANTITY,) * is_resolved
+
+
 def test_only_a_source_that_is_left_out_is_said_to_be() -> None:
     fix = SourceQuantity("/fix", Kind.POSITION)
     imu = Contradiction(SourceQuantity("/imu", Kind.IMU), fix, "...", left_out=IMU)
-    assert (
-        imu.consequence_text == "no third source tells which of them is wrong; imu (/imu) is left out of the estimate"
-    )
+    assert imu.consequence_text.endswith("which of them is wrong; imu (/imu) is left out of the estimate")
     both = Contradiction(SPEED_QUANTITY, IMU[0], "...", left_out=(SPEED_QUANTITY, IMU[0]))
     assert both.consequence_text.endswith("both are left out of the estimate")
 
