@@ -307,15 +307,12 @@ def _filter_and_smooth(
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
     covariance = (
-        covariance
-        + covariance_from_delays(state, tuned.delay_sigmas)
-        + covariance_from_coarse_fixes(tuned.series)
-        + covariance_from_drifts(reports)
+        covariance + covariance_from_delays(state, tuned.delay_sigmas) + covariance_from_coarse_fixes(tuned.series)
     )
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
         errors = find_standstill_errors(without_model, output_s, state, covariance)
-        covariance = covariance + covariance_from_standstill_errors(state, errors)
+        covariance = covariance + covariance_from_standstill_errors(state, errors) + covariance_from_drifts(reports)
     contradictions = tuned_measurements.contradictions
     if not config.blind:
         contradictions = (*contradictions, *find_values_beyond_sensor_limits(reports, contradictions))

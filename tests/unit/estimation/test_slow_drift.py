@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.estimation import EstimatorConfig, Measurements, estimate_track, slow_drift
+from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import ParameterStatus, SlowError
@@ -73,3 +75,34 @@ def test_fixes_that_drift_off_for_a_minute_and_a_half_are_named_beside_wheels_an
     assert case.told.startswith("ego_position (gnss) contradicts ego_speed (speed): its fixes drift up to 10 m off")
     assert case.is_good
     assert case.nees < 2.0  # 12 with the sigma of the whole log
+
+
+def found(value: float) -> Constant:
+    return Constant(ConstantStatus.FOUND, value, 0.0)
+
+
+def test_no_online_state_with_a_calibration_knows_of_a_later_drift(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fixes are 4 m off in the last 4 s of 14 s: the sigma of the first 10 s is that of the cut log."""
+    monkeypatch.setattr(slow_drift, "MIN_DRIFT_M", 0.1)
+    monkeypatch.setattr(slow_drift, "MAX_LARGEST_IN_SIGMAS", 0.1)
+    time_s = np.arange(0.0, 14.0, 0.1)
+    stamp_ns = np.rint(1e9 * time_s).astype(np.int64)
+    fixes_m = np.column_stack([10.0 * time_s + np.maximum(time_s - 10.0, 0.0), np.zeros(len(time_s))])
+    speeds_mps = np.full((len(time_s), 1), 10.0)
+    slow = {"slow_sigma": found(0.5), "slow_time_s": found(30.0), "noise_sigma": found(0.5)}
+    calibration = Calibration(
+        "car.toml", {"/fix": {"position": slow}, "/speed": {"speed": {"noise_sigma": found(0.1)}}}
+    )
+    config = EstimatorConfig(causal=True, calibration=calibration)
+    output_ns = stamp_ns[20:100:10]
+    covariances = []
+    for n in (101, len(time_s)):
+        whole = [
+            Measurements("/fix", Kind.POSITION, stamp_ns[:n], fixes_m[:n]),
+            Measurements("/speed", Kind.SPEED, stamp_ns[:n], speeds_mps[:n]),
+        ]
+        stamps = output_ns if n == 101 else np.append(output_ns, stamp_ns[-1])
+        track = estimate_track(whole, config, stamps)
+        covariances.append(track.covariance[: len(output_ns)])
+        assert len(find_drifting_fixes(track.sources, [])) == (n > 101)
+    np.testing.assert_array_equal(*covariances)
