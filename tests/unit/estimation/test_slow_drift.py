@@ -105,4 +105,4 @@ def test_no_online_state_with_a_calibration_knows_of_a_later_drift(monkeypatch: 
         track = estimate_track(whole, config, stamps)
         covariances.append(track.covariance[: len(output_ns)])
         assert len(find_drifting_fixes(track.sources, [])) == (n > 101)
-    np.testing.assert_array_equal(*covariances)
+    np.testing.assert_array_equal(covariances[0], covariances[1])
