@@ -18,7 +18,6 @@ from cwcli.cli.targets import check_output_files
 from cwcli.cli.text import format_count, shorten_and_escape
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
-from cwcli.text import format_number
 
 if TYPE_CHECKING:
     from cwcli.events.search import FoundEvent
@@ -160,7 +159,7 @@ def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent,
                 each.start_s,
                 each.duration_s,
                 shorten_and_escape(" ".join(each.moment.actors)),
-                _describe_value(each),
+                shorten_and_escape(each.words),
                 each.moment.severity,
                 each.id,
             )
@@ -174,12 +173,6 @@ def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent,
         console.print_note(f"{event}: {format_count(n, 'log')} left out for want of its channels")
     for name, error in search.failed:
         console.print_note(f"{shorten_and_escape(name)} was not searched: {error.what}")
-
-
-def _describe_value(event: FoundEvent) -> str:
-    """The value of an event with its name, and further words: `headway_s 1.23, to the left`."""
-    value = "" if math.isnan(event.moment.value) else f"{event.value_name} {format_number(event.moment.value)}"
-    return shorten_and_escape(", ".join(filter(None, (value, event.moment.detail))))
 
 
 def _search_as_json(search: FleetSearch, kept: tuple[FoundEvent, ...], clips: dict[str, str]) -> dict[str, Any]:
@@ -201,6 +194,7 @@ def _search_as_json(search: FleetSearch, kept: tuple[FoundEvent, ...], clips: di
                 "value_name": each.value_name,
                 "severity": each.moment.severity,
                 "detail": each.moment.detail,
+                "words": each.words,
                 "clip": clips.get(each.id),
             }
             for each in kept
