@@ -232,7 +232,7 @@ def _svg(width_px: int, height_px: int, label: str, content: str) -> str:
 
 def _line(px: FloatArray, colour: str, width_px: float) -> str:
     """Return a line through points (n, 2), interrupted where one is not known."""
-    known = np.isfinite(px).all(axis=1)
+    known = np.asarray(np.isfinite(px).all(axis=1))
     starts = known & ~np.concatenate([[False], known[:-1]])
     steps = "".join(
         f"{'M' if start else 'L'}{x:.1f} {y:.1f}" for (x, y), start in zip(px[known], starts[known], strict=True)

@@ -106,10 +106,10 @@ def test_refusals(
 
 def test_what_happened_is_told_in_words(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A stranger reads a sentence with a unit; names of columns are for programs."""
-    (event,) = found(capsys, str(folder / "cut-in.mcap"), "cut-in")["events"]  # type: ignore[misc]
+    event = found(capsys, str(folder / "cut-in.mcap"), "cut-in")["events"][0]  # type: ignore[index]
     assert re.fullmatch(r"enters the ego's lane \d+ m, \d\.\d s ahead of it", event["words"])
     assert f"{event['value']:.1f} s ahead" in event["words"]
-    (event,) = found(capsys, str(folder / "stop-and-go.mcap"), "stop-and-go")["events"]  # type: ignore[misc]
+    event = found(capsys, str(folder / "stop-and-go.mcap"), "stop-and-go")["events"][0]  # type: ignore[index]
     assert event["words"] == f"{event['value']:.0f} stops"
     one = found(capsys, str(folder / "cut-in.mcap"), "max(ego.speed_mps) over 1 s > 1")["events"][0]  # type: ignore[index]
     assert one["words"] == f"max ego.speed {one['value']:.2f} m/s"
