@@ -190,7 +190,7 @@ def test_shards_that_are_killed_at_any_moment_and_rerun_equal_one_run(
         cut(SAMPLES / "straight.mcap", tmp_path / "logs" / f"d{k:03}.mcap", start_s=0.05 * (k % 300), seconds=2.0)
 
     def command(out: str, *options: str) -> list[str]:
-        return [sys.executable, "-m", "cwcli", "run", "logs", "-d", out, *STAGES, *options]
+        return [sys.executable, "-m", "cwcli", "run", "logs", "-d", out, *STAGES, "--no-annotate", *options]
 
     environment = {**os.environ, "PYTHONPATH": str(SAMPLES.parent)}
     subprocess.run(command("whole"), check=True, cwd=tmp_path, env=environment)
