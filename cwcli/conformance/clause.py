@@ -110,6 +110,7 @@ class Trial:
         given: What the scene is built from, SI units.
         demands: What the judge asks for, SI units.
         rule: Warning rule that the trial is about; "" is the one that the user chose.
+        given_text, demands_text: The same in words, in the units of the file.
     """
 
     name: str
@@ -118,6 +119,8 @@ class Trial:
     given: Mapping[str, float]
     demands: Mapping[str, float]
     rule: str = ""
+    given_text: str = ""
+    demands_text: str = ""
 
 
 @dataclass(frozen=True)
@@ -354,9 +357,20 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
                 given={key: value for (group, key), value in values.items() if group == "given"},
                 demands={key: value for (group, key), value in values.items() if group == "demands"},
                 rule=table.get("rule", ""),
+                **{f"{group}_text": _describe_numbers(used, group, index) for group in ("given", "demands")},
             )
         )
     return trials
+
+
+def _describe_numbers(used: Mapping[tuple[str, str], PublishedNumber], group: str, index: Mapping[str, int]) -> str:
+    """The numbers of a trial in words and in the file's units; what has no unit is a switch and is named alone."""
+    words = []
+    for (place, key), number in used.items():
+        if place == group:
+            value = f"{number.values[index.get(number.name, 0)]:g} {number.unit}" if number.unit else ""
+            words.append(f"{key.replace('_', ' ').replace('ttc', 'TTC')} {value}".rstrip())
+    return ", ".join(words)
 
 
 def require_judge_module(judge: str, where: str) -> Any:

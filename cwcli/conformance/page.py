@@ -8,10 +8,11 @@ from xml.etree import ElementTree as ET
 
 from cwcli.conformance.clause import BASIS_WORDS, TTC_DEFINITIONS, Clause
 from cwcli.conformance.digest import PUBLISHED_WORDS
-from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
+from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
 
-TRIAL_COLUMNS = ("trial", "outcome", "passed", "needed", "worst margin", "what happened")
+CLAUSE_COLUMNS = ("clause", "outcome", "trials passed", "worst margin")
+TRIAL_COLUMNS = ("trial", "outcome", "passed", "needed", "asked", "what happened", "worst margin")
 REPETITION_COLUMNS = ("trial", "seed or log", "outcome", "margin", "what happened")
 NUMBER_COLUMNS = ("number", "value", "basis", "source", "page", "time to collision")
 
@@ -23,9 +24,17 @@ def trials_table(result: ClauseResult) -> SummaryTable:
         worst = trial.worst
         text = "" if worst is None or worst.verdict is None else worst.verdict.text
         rows.append(
-            (trial.trial.name, trial.outcome, trial.n_passed, trial.n_required, trial.margin_text, text)
+            (
+                trial.trial.name,
+                trial.outcome,
+                f"{trial.n_passed} of {len(trial.repetitions)}",
+                trial.n_required,
+                trial.trial.demands_text or "no warning",
+                text,
+                trial.margin_text,
+            )
             if trial.outcome != NOT_JUDGED
-            else (trial.trial.name, trial.outcome, None, None, "", "")
+            else (trial.trial.name, trial.outcome, None, None, trial.trial.demands_text, "", "")
         )
     return SummaryTable("trials", f"{result.clause.name}: trials", TRIAL_COLUMNS, tuple(rows))
 
@@ -69,18 +78,22 @@ def detail_tables(result: ClauseResult) -> list[SummaryTable]:
     return tables
 
 
+def clause_rows(results: Sequence[ClauseResult]) -> list[tuple[str, str, str, str]]:
+    """One row of `CLAUSE_COLUMNS` a clause."""
+    return [
+        (
+            result.clause.name,
+            result.outcome,
+            f"{sum(trial.outcome == PASSED for trial in result.driven_trials)} of {len(result.driven_trials)}",
+            "" if result.worst_trial is None else result.worst_trial.margin_text,
+        )
+        for result in results
+    ]
+
+
 def format_markdown(results: Sequence[ClauseResult]) -> str:
     """Format clauses as sections of a page in Markdown."""
-    lines = [
-        "| clause | outcome | trials passed | worst margin |",
-        "| --- | --- | --- | --- |",
-        *(
-            f"| {result.clause.name} | {result.outcome} | "
-            f"{sum(trial.outcome == 'pass' for trial in result.driven_trials)} of {len(result.driven_trials)} | "
-            f"{'' if result.worst_trial is None else result.worst_trial.margin_text} |"
-            for result in results
-        ),
-    ]
+    lines = [_format_table(SummaryTable("clauses", "clauses", CLAUSE_COLUMNS, tuple(clause_rows(results))))]
     for result in results:
         clause = result.clause
         settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())

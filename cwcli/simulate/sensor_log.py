@@ -13,7 +13,15 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
 from cwcli.output import write_file
 from cwcli.output_stream import OutputStream
-from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, repeat_string
+from cwcli.signals.columns import (
+    Field,
+    FloatArray,
+    Int64Array,
+    OutputChannel,
+    Strings,
+    repeat_string,
+    select_column_rows,
+)
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.simulate.cdr import (
@@ -258,7 +266,10 @@ def _vehicle_truth_channel(
         "length_m": np.tile([vehicle.length_m for vehicle in vehicles.values()], n_times),
         "width_m": np.tile([vehicle.width_m for vehicle in vehicles.values()], n_times),
     }
-    return OutputChannel(topic, "cwcli.v1.VehicleState", stamp_ns, fields)
+    present = np.stack([vehicle.motion.is_present_at(time_s) for vehicle in vehicles.values()], axis=1).ravel()
+    rows = np.flatnonzero(present)
+    fields = {name: select_column_rows(column, rows) for name, column in fields.items()}
+    return OutputChannel(topic, "cwcli.v1.VehicleState", stamp_ns[rows], fields)
 
 
 def _format_json(value: Any) -> str:

@@ -15,7 +15,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.streams import RunSpan, draw_message_schedule, random_stream
-from cwcli.simulation.truth import TrueMotion
+from cwcli.simulation.truth import Motion
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def positions_in_body_frame(host: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def simulate_detections(
-    sensor: str, host: TrueMotion, others: Sequence[TrueMotion], settings: Mapping[str, Any], run: RunSpan
+    sensor: str, host: Motion, others: Sequence[Motion], settings: Mapping[str, Any], run: RunSpan
 ) -> DetectionScans:
     """Simulate the scans of one sensor over the drive.
 
@@ -85,6 +85,7 @@ def simulate_detections(
         values[..., 1] = wrap_angle(values[..., 1])
     is_seen = (reach <= settings["max_range_m"]) & (chance < settings["detection_probability"])
     is_seen &= np.abs(azimuth) <= np.radians(settings["fov_deg"]) / 2.0
+    is_seen &= np.array([other.is_present_at(true_s) for other in others], np.bool_).reshape(is_seen.shape)
     order = np.argsort(plan.arrival_ns, kind="stable")
     order = order[plan.is_heard[order]]
     seen = is_seen.T[order]

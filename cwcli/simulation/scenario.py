@@ -19,7 +19,7 @@ from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.attitude import Attitude
 from cwcli.simulation.catalogue import scenario_names, scenario_text
-from cwcli.simulation.profile import MotionProfile, read_motion_profile
+from cwcli.simulation.profile import read_motion_profile
 from cwcli.simulation.spec import (
     DETECTOR_KEYS,
     ORIGIN_KEYS,
@@ -30,7 +30,7 @@ from cwcli.simulation.spec import (
     check_scenario_table,
     scenario_value_error,
 )
-from cwcli.simulation.truth import TrueMotion, check_motion_is_drivable
+from cwcli.simulation.truth import Motion, TrueMotion, check_motion_is_drivable
 from cwcli.toml_text import parse_toml
 
 HOST_NAME = "host"
@@ -53,7 +53,7 @@ class ScenarioVehicle:
     Attributes:
         name: Key in the file; `host` is the ego.
         station_id: Eight hexadecimal digits, its id in V2X messages and in the truth.
-        profile, motion: The prescribed profile, and the true motion that is its integral.
+        motion: Its true motion.
         attitude: Pitch and roll of the vehicle on its way.
         length_m, width_m: Outline.
         has_v2x: Whether it sends V2X messages.
@@ -61,8 +61,7 @@ class ScenarioVehicle:
 
     name: str
     station_id: str
-    profile: MotionProfile
-    motion: TrueMotion
+    motion: Motion
     attitude: Attitude
     length_m: float
     width_m: float
@@ -265,9 +264,7 @@ def _read_vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) ->
             source, f"{path}.station_id", f"is {station_id!r}", "eight lower-case hexadecimal digits"
         )
     attitude = Attitude(values["slope_deg"], values["bounce_deg"], values["squat_degpmps2"], name)
-    return ScenarioVehicle(
-        name, station_id, profile, motion, attitude, values["length_m"], values["width_m"], values["v2x"]
-    )
+    return ScenarioVehicle(name, station_id, motion, attitude, values["length_m"], values["width_m"], values["v2x"])
 
 
 def _read_start_ns(value: Any, source: str) -> int:

@@ -16,7 +16,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.attitude import LEVEL_ATTITUDE, Attitude
 from cwcli.simulation.streams import RunSpan, draw_message_schedule, random_stream
-from cwcli.simulation.truth import TrueMotion
+from cwcli.simulation.truth import Motion
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ SENSOR_MODELS: Mapping[str, SensorModel] = {
 
 def simulate_sensor_messages(
     sensor: str,
-    motion: TrueMotion,
+    motion: Motion,
     settings: Mapping[str, Any],
     run: RunSpan,
     *,

@@ -8,8 +8,10 @@ is far below a micrometre. The vehicle is a point without side slip that moves a
 from __future__ import annotations
 
 from math import factorial
+from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from cwcli.lazy_dataclass import dataclass
@@ -65,6 +67,13 @@ class _ProfilePolynomials:
     heading_rad: FloatArray
 
 
+class Motion(Protocol):
+    """The true motion of a vehicle, prescribed (`TrueMotion`) or recorded (`recorded_motion.RecordedMotion`)."""
+
+    def states_at(self, time_s: FloatArray) -> FloatArray: ...
+    def is_present_at(self, time_s: FloatArray) -> npt.NDArray[np.bool_]: ...
+
+
 class TrueMotion:
     """True states of one vehicle at any time from 6 s before the run to 10 s after it."""
 
@@ -97,6 +106,10 @@ class TrueMotion:
         cell = np.clip(np.searchsorted(self._grid_s, time, side="right") - 1, 0, len(self._grid_s) - 1)
         rest = self._displacement_m(self._grid_s[cell], time - self._grid_s[cell])
         return np.column_stack([self._position[cell] + rest, self._states_from_speed_on(time)])
+
+    def is_present_at(self, time_s: FloatArray) -> npt.NDArray[np.bool_]:
+        """Tell at which times (n,) the vehicle is on the road: at all."""
+        return np.ones(len(time_s), np.bool_)
 
     def _displacement_m(self, start_s: FloatArray, step_s: FloatArray) -> FloatArray:
         """The displacement (n, 2), m, from each start within each (short) step."""

@@ -17,7 +17,7 @@ from cwcli.signals.bsm_sender import FILTER_STEP_S, apply_low_pass_filter, latch
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED
 from cwcli.simulation.streams import RunSpan, draw_message_schedule, random_stream
-from cwcli.simulation.truth import TrueMotion
+from cwcli.simulation.truth import Motion
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class ReceivedMessages:
 
 def simulate_received_messages(
     vehicle: str,
-    motion: TrueMotion,
+    motion: Motion,
     settings: Mapping[str, Any],
     run: RunSpan,
     *,
@@ -90,8 +90,9 @@ def simulate_received_messages(
     sent = truth + sigma * random_stream(seed, vehicle, "v2x", "noise").standard_normal(truth.shape)
     if is_j2945:
         sent[:, HEADING] = latch_heading_at_standstill(sent[:, HEADING], sent[:, SPEED])
+    is_sent = motion.is_present_at(true_s)
     order = np.argsort(plan.arrival_ns, kind="stable")
-    order = order[plan.is_heard[order]]
+    order = order[(plan.is_heard & is_sent)[order]]
     return ReceivedMessages(
         vehicle=vehicle,
         station_id=station_id,
@@ -103,11 +104,11 @@ def simulate_received_messages(
         lateral_accel_mps2=sent[order, 2] * sent[order, 5],
         length_m=length_m,
         width_m=width_m,
-        n_lost=int(np.count_nonzero(~plan.is_heard)),
+        n_lost=int(np.count_nonzero(is_sent & ~plan.is_heard)),
     )
 
 
-def _sender_filtered_accel_mps2(motion: TrueMotion, at_s: FloatArray) -> FloatArray:
+def _sender_filtered_accel_mps2(motion: Motion, at_s: FloatArray) -> FloatArray:
     """The acceleration after the sender's low-pass filter at times (n,), m/s^2; it filters from the run's start."""
     if not len(at_s):
         return np.zeros(0)

@@ -14,7 +14,9 @@ QUICK = ("--jobs", "1")
 
 
 def test_a_clause_that_fails_leaves_with_1_and_a_digest(cwcli: Run, tmp_path: Path) -> None:
-    done = cwcli("conform", "etsi-101-539", *QUICK, "--junit", "j.xml", "--markdown", "m.md", "--details")
+    done = cwcli(
+        "conform", "etsi-101-539", *QUICK, "--junit", "j.xml", "--markdown", "m.md", "--html", "p.html", "--details"
+    )
     assert done.returncode == 1, done.stderr.decode()
     lines = done.stdout.decode().splitlines()
     digest = lines[: lines.index("")]
@@ -26,8 +28,9 @@ def test_a_clause_that_fails_leaves_with_1_and_a_digest(cwcli: Run, tmp_path: Pa
     assert "ETSI TS 101 539" in done.stdout.decode()
     suite = ET.parse(tmp_path / "j.xml").getroot()[0]
     assert (suite.get("name"), suite.get("tests"), suite.get("failures")) == ("etsi-101-539", "3", "2")
+    assert "<svg" in (tmp_path / "p.html").read_text()
     page = (tmp_path / "m.md").read_text()
-    assert "| LCRW, slower vehicle | fail | 0 | 1 |" in page
+    assert "| LCRW, slower vehicle | fail | 0 of 1 | 1 |" in page
 
 
 def test_a_clause_that_passes_leaves_with_0_and_numbers_from_memory_say_so(cwcli: Run) -> None:

@@ -13,7 +13,7 @@ SEEDS_BY_CLAUSE = {
     "un-r131": 50,
     "un-r152": 30,
     "un-r130": 100,
-    "iso-17361": 10,
+    "iso-17361": 30,
 }
 """Clause that the default shall pass -> number of seeds, which the time of the measurement allowed."""
 Runs = Sequence[tuple[bool, float]]

@@ -139,6 +139,12 @@ class ResultOptions:
         str | None, typer.Option("--junit", metavar="FILE", help="Write the trials as JUnit XML here.")
     ] = None
     markdown_file: MarkdownOption = None
+    html: Annotated[
+        str | None,
+        typer.Option(
+            "--html", metavar="FILE", help="Write a page with the margins as a picture here, without network."
+        ),
+    ] = None
     force: ForceOption = False
 
 
@@ -170,10 +176,12 @@ def command(
         raise UsageError("conform needs the name of a clause", hint="cwcli conform --list")
     markdown_file = normalise_stdout_name(output.markdown_file)
     inputs = [recorded.log] if recorded.log else []
-    targets = check_output_files(inputs, talk, metrics=None, texts=(output.junit, markdown_file), force=output.force)
+    targets = check_output_files(
+        inputs, talk, metrics=None, texts=(output.junit, markdown_file, output.html), force=output.force
+    )
     with Progress(quiet=talk.quiet) as progress:
         results = _judge(clauses, trials, recorded, progress)
-    _write_junit_and_markdown_files(results, output, markdown_file)
+    _write_result_files(results, output, markdown_file)
     if talk.json:
         document = {"written": targets, "clauses": [result.to_json() for result in results]}
         console.print_document("conform", document)
@@ -263,10 +271,9 @@ def _print_results(console: Console, results: list[ClauseResult], *, details: bo
             console.print_summary(format_table(table.columns, table.rows))
 
 
-def _write_junit_and_markdown_files(
-    results: list[ClauseResult], output: ResultOptions, markdown_file: str | None
-) -> None:
+def _write_result_files(results: list[ClauseResult], output: ResultOptions, markdown_file: str | None) -> None:
     """Write all files or none."""
+    from cwcli.conformance.html_page import format_html_page
     from cwcli.conformance.page import format_junit, format_markdown
     from cwcli.output import AtomicGroup, write_file
 
@@ -275,3 +282,5 @@ def _write_junit_and_markdown_files(
             write_file(output.junit, format_junit(results), force=output.force, together=together)
         if markdown_file is not None:
             write_file(markdown_file, format_markdown(results).encode(), force=output.force, together=together)
+        if output.html is not None:
+            write_file(output.html, format_html_page(results).encode(), force=output.force, together=together)

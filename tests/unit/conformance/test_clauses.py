@@ -67,7 +67,7 @@ SOURCE_NUMBERS: dict[str, dict[str, tuple[tuple[float, ...], str]]] = {
         "straight-speeds": ((20, 40, 60), "km/h"),
         "crossing-speeds": ((20, 40, 60), "km/h"),
     },
-    "etsi-101-539": {"longest-ttc": ((5,), "s"), "shortest-ttc": ((3,), "s")},
+    "etsi-101-539": {"longest-ttc": ((5,), "s")},  # 3 s is of automatic action, not of warnings
     "j2945-1": {},
 }
 """Clause -> number -> values and unit, copied from the sources by hand, apart from the files."""

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree as ET
 
+import pytest
+
 from cwcli.conformance.clause import clause_names, load_clause
 from cwcli.conformance.digest import MAX_COLUMNS, MAX_LINES, format_digest
+from cwcli.conformance.html_page import format_html_page
 from cwcli.conformance.page import format_junit, format_markdown
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult, Repetition, TrialResult
 from cwcli.conformance.verdict import Verdict
@@ -67,6 +70,26 @@ def test_documents_of_machines_hold_every_trial_and_no_infinite_number() -> None
     results = [result("nhtsa-fcw", [-0.1, math.nan, None])]
     suite = ET.fromstring(format_junit(results))[0]
     assert [suite.get(key) for key in ("tests", "failures", "skipped")] == ["3", "1", "1"]
-    assert "| lead vehicle stopped | fail | 0 | 1 | -0.10 s |" in format_markdown(results)
+    assert "| lead vehicle stopped | fail | 0 of 1 | 1 | TTC 2.1 s |" in format_markdown(results)
     trials = results[0].to_json()["trials"]
     assert trials[1]["repetitions"][0]["margin"] is None
+
+
+def test_the_html_page_has_the_verdict_first_and_a_mark_for_each_repetition() -> None:
+    page = format_html_page([result("nhtsa-fcw", [-0.1, 0.2, None])])
+    assert page.index('class="badge" style="background:#c02f2f">fail') < page.index("<svg") < page.index("<table")
+    picture = ET.fromstring(page[page.index("<svg") : page.index("</svg>") + 6])
+    assert [len(picture.findall(tag)) for tag in ("circle", "path")] == [1, 1]
+    assert "TTC 2.1 s" in page
+    assert "0.3 g" in page
+    assert "as commonly stated, not checked" in page
+    assert "http" not in page
+
+
+def test_the_picture_of_margins_puts_zero_between_failures_and_passes() -> None:
+    page = format_html_page([result("nhtsa-fcw", [-0.5, 0.5, None])])
+    picture = ET.fromstring(page[page.index("<svg") : page.index("</svg>") + 6])
+    (zero,) = (line for line in picture.findall("line") if line.get("stroke") == "#c02f2f")
+    cross = float(str(picture.findall("path")[0].get("d"))[1:].split()[0]) + 4.0
+    disc = float(str(picture.findall("circle")[0].get("cx")))
+    assert disc - float(str(zero.get("x1"))) == pytest.approx(float(str(zero.get("x1"))) - cross, abs=0.3)

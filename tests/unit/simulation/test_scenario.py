@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cwcli.errors import EXIT_USAGE, UsageError
+from cwcli.signals.vehicle_state import SPEED
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.scenario import (
     apply_override,
@@ -87,7 +89,7 @@ def test_scenario_from_a_file(tmp_path: Path) -> None:
     path.write_text("duration_s = 3\n[vehicles.host]\nspeed_mps = 5\n")
     scenario = load_scenario(path, ("host.speed_mps=6",))
     assert scenario.name == "my-drive"
-    assert scenario.vehicles["host"].profile.speed[0].coefficients == (6.0,)
+    assert scenario.vehicles["host"].motion.states_at(np.zeros(1))[0, SPEED] == 6.0
 
 
 @pytest.mark.parametrize("text", [f"duration_s = 1{'0' * 5000}", f"a = {'[' * 5000}{']' * 5000}", "a ="])

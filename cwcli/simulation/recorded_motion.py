@@ -1,0 +1,118 @@
+"""The motion of a vehicle as it was recorded, as an actor of a scenario: states at some times, and between them."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, N_STATES, SPEED, YAW_ACCEL, YAW_RATE, X, Y
+from cwcli.simulation.attitude import LEVEL_ATTITUDE
+from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle
+
+MIN_SAMPLES = 2
+"""Least number of states of a recorded actor: two, between which its motion is interpolated."""
+
+
+@dataclass(frozen=True)
+class RecordedTrack:
+    """A recorded vehicle.
+
+    Attributes:
+        time_s: Shape (n,), increasing, seconds of the run.
+        state: Shape (n, 8): states as `vehicle_state.STATE_NAMES`, `map` frame.
+        length_m, width_m: Outline.
+    """
+
+    time_s: FloatArray
+    state: FloatArray
+    length_m: float
+    width_m: float
+
+
+class RecordedMotion:
+    """True states of a recorded vehicle at any time.
+
+    Positions are cubic between the states and have their velocities there; the other states are linear. Before the
+    first state and after the last one the vehicle drives straight on at its speed.
+    """
+
+    def __init__(self, track: RecordedTrack) -> None:
+        """Take the states of a track.
+
+        Raises:
+            UsageError: There are fewer than two, their times do not increase, or one is not finite.
+        """
+        time_s, state = track.time_s, track.state
+        if len(time_s) < MIN_SAMPLES or not (np.diff(time_s) > 0.0).all() or not np.isfinite(state).all():
+            raise UsageError("a recorded vehicle needs two finite states or more whose times increase")
+        self._time_s, self._state = time_s, state.copy()
+        self._state[:, HEADING] = np.unwrap(state[:, HEADING])
+
+    def is_present_at(self, time_s: FloatArray) -> npt.NDArray[np.bool_]:
+        """Tell at which times (n,) the vehicle is on the road: between its first state and its last."""
+        return np.asarray((time_s >= self._time_s[0]) & (time_s <= self._time_s[-1]))
+
+    def states_at(self, time_s: FloatArray) -> FloatArray:
+        """The states (n, 8) at times (n,), seconds of the run; columns as `vehicle_state.STATE_NAMES`."""
+        inside_s = np.clip(time_s, self._time_s[0], self._time_s[-1])
+        k = np.clip(np.searchsorted(self._time_s, inside_s, side="right") - 1, 0, len(self._time_s) - 2)
+        step_s = self._time_s[k + 1] - self._time_s[k]
+        u = ((inside_s - self._time_s[k]) / step_s)[:, None]
+        before, after = self._state[k], self._state[k + 1]
+        found = before + u * (after - before)
+        found[:, [X, Y]] = _cubic_positions(before, after, u, step_s[:, None])
+        beyond_s = time_s - inside_s
+        found[:, X] += beyond_s * found[:, SPEED] * np.cos(found[:, HEADING])
+        found[:, Y] += beyond_s * found[:, SPEED] * np.sin(found[:, HEADING])
+        found[np.ix_(beyond_s != 0.0, (ACCEL, YAW_RATE, JERK, YAW_ACCEL))] = 0.0
+        return np.asarray(found)
+
+
+def _cubic_positions(before: FloatArray, after: FloatArray, u: FloatArray, step_s: FloatArray) -> FloatArray:
+    """Positions (n, 2) at shares u (n, 1) of steps (n, 1) by Hermite's cubic through both states (n, 8)."""
+    first, second = (
+        np.column_stack([state[:, SPEED] * np.cos(state[:, HEADING]), state[:, SPEED] * np.sin(state[:, HEADING])])
+        for state in (before, after)
+    )
+    rest = 1.0 - u
+    return np.asarray(
+        (1.0 + 2.0 * u) * rest**2 * before[:, [X, Y]]
+        + u**2 * (3.0 - 2.0 * u) * after[:, [X, Y]]
+        + u * rest * step_s * (rest * first - u * second)
+    )
+
+
+def replace_vehicles(scenario: Scenario, tracks: Mapping[str, RecordedTrack], *, name: str) -> Scenario:
+    """Replace a scenario's vehicles by recorded ones; the sensors, the link and the seed stay.
+
+    Args:
+        scenario: Whose sensors and link the vehicles get.
+        tracks: By name: `host` and the others. The run lasts as long as the host's track.
+        name: Of the new scenario.
+
+    Raises:
+        UsageError: There is no host, or a track is none.
+    """
+    if HOST_NAME not in tracks:
+        raise UsageError("recorded actors need the track of the host")
+    vehicles = {}
+    for vehicle, track in tracks.items():
+        if track.state.shape[1:] != (N_STATES,):
+            raise UsageError(f"the states of {vehicle} have {track.state.shape[1:]} columns; permitted: {N_STATES}")
+        is_id = len(vehicle) == 8 and all(each in "0123456789abcdef" for each in vehicle)
+        station = vehicle if is_id else f"{zlib.crc32(vehicle.encode()):08x}"
+        vehicles[vehicle] = ScenarioVehicle(
+            vehicle, station, RecordedMotion(track), LEVEL_ATTITUDE, track.length_m, track.width_m,
+            has_v2x=vehicle != HOST_NAME,
+        )  # fmt: skip
+    ordered = {HOST_NAME: vehicles[HOST_NAME], **vehicles}
+    end_s = float(tracks[HOST_NAME].time_s[-1])
+    return replace(scenario, name=name, duration_s=end_s, vehicles=MappingProxyType(ordered))
