@@ -226,6 +226,8 @@ _PATH_WORDS = _split_into_word_set("report status state msg message data topic s
 """Words of the folders of a topic (`/vehicle/velocity_report/speed`) that say nothing against its last name."""
 _SPEED_NAMES = _split_into_word_set("mph kmh kph kmph knots kts")
 """Units that are the whole name of a column of speeds."""
+MAX_NAME_CHARACTERS = 500
+"""Number of characters of a column's name that are looked at. Chosen by hand: paths of topics have 100."""
 _UNIT_WORDS = 3
 """Largest number of words at the end of a name that are tried as a unit (`m s 2`)."""
 
@@ -246,7 +248,7 @@ class NamedColumn:
 @lru_cache(maxsize=4096)
 def split_name(name: str) -> NamedColumn:
     """Split a column's name into its words and its unit: in brackets, or as its last words."""
-    text = name.strip().strip('"').strip("#").strip().removeprefix(".").removeprefix("field.")
+    text = name[:MAX_NAME_CHARACTERS].strip().strip('"').strip("#").strip().removeprefix(".").removeprefix("field.")
     if "|" in text:  # RaceCapture: "Speed"|"kph"|0.0|250.0|10
         text = "{} [{}]".format(*(part.strip('" ') for part in text.split("|")[:2]))
     unit = ""
