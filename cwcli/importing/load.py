@@ -112,7 +112,7 @@ def _drop_incomplete_axes(found: dict[str, list[str]]) -> None:
         ["velocity_east", "velocity_north"],
     ):
         present = [name for name in names if found.get(name)]
-        if 0 < len(present) < len(names) and not (names[0] == "gyro_x" and present == ["gyro_z"]):
+        if 0 < len(present) < len(names):
             for name in present:
                 del found[name]
 

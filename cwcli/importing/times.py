@@ -70,7 +70,7 @@ JOINED_DATETIME_PATTERN = (
 """A date with a time of day that begins with the year, with other marks between the parts or none:
 `20231114T221320.100Z`, `2023:11:14 22:13:20`, `2023-11-14_22-13-20-100`."""
 ZONE_NAME_PATTERN = r"\s+(?:[CEW]ES?T|ME?S?Z|BST|MSK|IST|[AECMP][SD]T|AK[SD]T|HST|[JK]ST|A[ECW][SD]T|NZ[SD]T|SGT|HKT)\b"
-"""Short names of zones: they are no certain offsets (CST is used in America and China), so that the zone is a question."""
+"""Short names of zones: no certain offsets (CST is used in America and China), so that the zone is a question."""
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTHS)})[a-z]*\b"
 """The name of a month."""
@@ -411,10 +411,9 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
             if says_gps and GPS_NAMES_FROM_S <= since_s <= datetime.now(UTC).timestamp() - GPS_EPOCH_UNIX_S + 86_400:
                 return NumberBase(each, "gps", "likely", "the header says GPS, and the numbers fit GPS time")
             return NumberBase(each, "1970", "certain" if unit else "likely", f"the numbers are {each} since 1970")
-    if APPLE_FIRST_S <= middle < FIRST_YEAR_S and unit in {"", "s"}:
-        return NumberBase("", "2001", "", "")
-    if unit and middle * FACTORS["time"][unit] / 1e9 > FIRST_YEAR_S:
-        return NumberBase("", "start", "", "")
+    is_of_apple = APPLE_FIRST_S <= middle < FIRST_YEAR_S and unit in {"", "s"}
+    if is_of_apple or (unit and middle * FACTORS["time"][unit] / 1e9 > FIRST_YEAR_S):
+        return NumberBase("", "2001" if is_of_apple else "start", "", "")
     if unit:
         since = (
             "week"

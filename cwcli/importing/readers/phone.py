@@ -135,7 +135,7 @@ def _require_bounded_total(members: dict[str, zipfile.ZipInfo], wanted: list[str
     n_bytes = sum(members[name].file_size for name in wanted)
     if len(wanted) > MAX_TABLES or n_bytes > MAX_MEMBER_BYTES:
         raise InputError(
-            f"{format_count(len(wanted), 'table')} of it unpack to {n_bytes / 1e6:,.0f} MB: it is no recording of a phone",
+            f"{format_count(len(wanted), 'table')} unpack to {n_bytes / 1e6:,.0f} MB: it is no recording of a phone",
             where=path,
             hint=f"unpack it, and import at most {MAX_TABLES} tables",
         )
