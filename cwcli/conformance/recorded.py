@@ -35,9 +35,10 @@ MAX_TRIAL_DISTANCE = 4.0
 """A recorded drive is a trial of the clause if its speeds are within this many tolerances of the trial's. Chosen by
 hand: the trials of the clauses differ by more."""
 CONTINUED_S = 12.0
-"""Time for which the motion goes on without a reaction, s. Chosen by hand: longer than every time to collision."""
+"""Time, s, for which the host's motion is continued from its reaction on, as if it had not reacted. Chosen by
+hand: longer than every time to collision."""
 CONTINUED_STEP_S = 0.02
-"""Time step of that motion, s. Chosen by hand."""
+"""Time step, s, of the host's motion as if it had not reacted. Chosen by hand."""
 REACTION_MPS2 = 0.15 * 9.80665
 """Deceleration from which on the host reacts, m/s^2, where the clause gives none (49 CFR 571.127: 0.15 g)."""
 

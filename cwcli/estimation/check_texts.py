@@ -14,7 +14,8 @@ UNIT_RATIO_TOLERANCE = 0.04
 
 
 MIN_REPORTED_RATIO = 0.05
-"""Least ratio that a text states; a smaller one is reported as no motion. Chosen by hand; not fitted."""
+"""Least ratio of the turn of one source to that of another that a text states; below it the text says that only one of
+them turns. Chosen by hand; not fitted."""
 
 
 class SourceComparisonCheck(StrEnum):

@@ -33,6 +33,28 @@ def effective_sample_count(values: FloatArray, max_lag: int = 200) -> float:
     return n / (1.0 + 2.0 * total)
 
 
+def effective_count_of_squared_errors(error: FloatArray, covariance: FloatArray) -> float:
+    """Return how many independent squared errors a correlated series of errors is worth.
+
+    The squares of Gaussian errors of autocorrelation r have the autocorrelation r^2. It is taken about zero, which
+    is the mean of the errors of a consistent estimate: an error that lasts for the whole series is one error.
+
+    Args:
+        error: Shape (n, d), angles wrapped.
+        covariance: Shape (n, d, d).
+    """
+    n = len(error)
+    normalised = error / np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    size = 2 ** max(2 * n - 1, 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(normalised, size, axis=0)) ** 2
+    products = np.fft.irfft(spectrum.sum(axis=1), size)[:n]
+    if n < 3 or not products[0] > 0.0:
+        return float(n)
+    rho = products / products[0]
+    n_lags = int(np.argmax(rho < 0.0)) or n
+    return n / (1.0 + 2.0 * float((rho[1:n_lags] ** 2).sum()))
+
+
 def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the normalised estimation error squared, shape (n,); expectation = number of states.
 

@@ -12,7 +12,8 @@ from cwcli.estimation.passes import N_MOTION_STATES, FilterStart, SensorSeries
 from cwcli.estimation.start import MIN_DISPLACEMENT_M, find_filter_start
 
 MAX_TIME_WITHOUT_HEADING_S = 5.0
-"""Longest time without position, velocity or heading that the filter bridges, s.
+"""Longest time, s, with neither a position nor a velocity nor a heading after which the filter goes on. After a longer
+one without a gyroscope it starts anew.
 
 Chosen: a car may turn by half a radian in it (`start.UNMEASURED_TURN_SIGMA_RADPS`)."""
 MAX_GYROSCOPE_GAP_S = 0.5

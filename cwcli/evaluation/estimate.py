@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, driven_distance_m, read_vehicle_states
-from cwcli.estimation.consistency import effective_sample_count, nees
+from cwcli.estimation.consistency import effective_count_of_squared_errors, nees
 from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
 from cwcli.evaluation.evaluation_context import TRUTH_AUTO, EgoStatesAndTruth, EgoTruth, EvaluationContext
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry
@@ -221,8 +221,9 @@ def _add_errors_against_truth(
     if isinstance(signal, PoseSignal):
         _add_motion_errors(headline, signal, inside, state)
     if known.any():
-        squared = nees(error[known], covariances_nearest_in_time(truth.stamp_ns[known], states)[:, :2, :2])
-        low, high = chi_square_mean_bounds(2.0, effective_sample_count(squared))
+        covariance = covariances_nearest_in_time(truth.stamp_ns[known], states)[:, :2, :2]
+        squared = nees(error[known], covariance)
+        low, high = chi_square_mean_bounds(2.0, effective_count_of_squared_errors(error[known], covariance))
         headline.add_errors("ego.position_nees", squared)
         headline.add_share("ego.position_nees_inside", [low <= float(squared.mean()) <= high])
         headline.add_share("ego.position_inside_95_share", squared <= CHI_SQUARE_95_TWO_DOF)

@@ -7,7 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cwcli.estimation.consistency import ErrorTableRow, compare_errors_with_truth, effective_sample_count, nees
+from cwcli.estimation.consistency import (
+    ErrorTableRow,
+    compare_errors_with_truth,
+    effective_count_of_squared_errors,
+    nees,
+)
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.verdict import NeesOfQuantity
@@ -28,7 +33,8 @@ MAX_STATE_GAP_S = 0.5
 MIN_TRUTH_ROWS = 20
 """Least number of truth rows for a comparison. Chosen by hand; not fitted."""
 QUANTITY_LABELS = {"position": "position on one axis"}
-"""Label of a quantity whose error is meant per axis; in all other tables it is the distance on the plane."""
+"""Quantity -> its label in the table of errors against a truth, where the error of the position is that on one axis;
+other tables give its distance on the plane."""
 DOF_OF_QUANTITY = {"position": 2, "speed": 1, "heading": 1}
 """Degrees of freedom of each quantity with a NEES."""
 FIRST_STATE_OF_QUANTITY = {"position": X, "speed": SPEED, "heading": HEADING}
@@ -170,7 +176,7 @@ def _nees_of_quantity(name: str, error: FloatArray, covariance: FloatArray) -> N
         return NeesOfQuantity(name, math.nan, (math.nan, math.nan))
     own = covariance[known, first : first + dof, first : first + dof]
     values = nees(error[known], own)
-    low, high = chi_square_mean_bounds(dof, effective_sample_count(values))
+    low, high = chi_square_mean_bounds(dof, effective_count_of_squared_errors(error[known], own))
     return NeesOfQuantity(name, float(values.mean()) / dof, (low / dof, high / dof))
 
 

@@ -34,7 +34,8 @@ JSON_RAW_PATHS, ROS_PATHS = _TABLE.columns["json"], _TABLE.columns["ros"]
 JSON_ODE_PATHS = JSON_RAW_PATHS | _TABLE.columns["ode"]
 """The leaf fields of a BSM of the USDOT Operational Data Environment (ODE), by quantity."""
 CARMA_PRESENCE_BITS = parse_presence_bits(_TABLE.columns["carma_flags"])
-"""The presence fields of `carma_v2x_msgs`: quantity, path, and the bit that is set when the value is there."""
+"""The presence flags of `carma_v2x_msgs`: (quantity, path of the field of flags, mask of the bit that is set when the
+value is there)."""
 MIN_SEMI_AXIS_M = 0.05
 """The least semi-axis of the position accuracy, in metres: a code of 0 means less than one step and counts as one."""
 REVERSE_GEARS_CODE = 3

@@ -48,7 +48,8 @@ SEGMENTATION, ROW_ANCHOR = "segmentation", "row-anchor"
 CHANNELS_OF_COLOUR = {"grey": 1, "rgb": 3}
 """Number of input channels of each colour setting."""
 ACTIVATIONS = ("softmax", "sigmoid", "none")
-"""The activations that turn a segmentation's output into probabilities."""
+"""The values of `activation` in a net's description: what turns a segmentation's output into probabilities; `none`, if
+it gives them already."""
 ROW_ANCHOR_AXES = ("cell", "row", "lane")
 """The axes of a row-anchor output."""
 FUNCTION = "cwcli.vision.onnx_model:run_once"

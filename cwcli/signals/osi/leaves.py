@@ -111,7 +111,8 @@ GROUND_TRUTH = (
     *_ground_truth_inputs(_GROUND_TRUTH_FIELDS, "ground_truth", 4),
     _remote_input(_GROUND_TRUTH_FIELDS, "ground_truth", 4),
 )
-"""The registry rows of `osi3.GroundTruth`."""
+"""Rows of the input registry (`Input`) for `osi3.GroundTruth`: which roles it can fill, from which fields, by which
+builder."""
 SENSOR_VIEW = (
     *_ground_truth_inputs(_SENSOR_VIEW_FIELDS, "sensor_view", 5),
     _remote_input(_SENSOR_VIEW_FIELDS, "sensor_view", 5),

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cwcli.estimation.consistency import compare_errors_with_truth, effective_sample_count, nees
+from cwcli.estimation.consistency import (
+    compare_errors_with_truth,
+    effective_count_of_squared_errors,
+    effective_sample_count,
+    nees,
+)
 
 
 def test_effective_count_of_a_correlated_series() -> None:
@@ -14,6 +19,22 @@ def test_effective_count_of_a_correlated_series() -> None:
     white = np.random.default_rng(1).standard_normal(20_000)
     assert effective_sample_count(white) == pytest.approx(20_000, rel=0.05)
     assert effective_sample_count(lfilter([1], [1, -0.8], white)) == pytest.approx(20_000 * 0.2 / 1.8, rel=0.15)
+
+
+def test_effective_count_of_squared_errors() -> None:
+    """With the autocorrelation c^k the squares have c^2k, and are worth n (1 - c^2) / (1 + c^2)."""
+    white = np.random.default_rng(1).standard_normal((20_000, 2))
+    unit = np.broadcast_to(np.eye(2), (20_000, 2, 2))
+    assert effective_count_of_squared_errors(white, unit) == pytest.approx(20_000, rel=0.05)
+    lasting = lfilter([1], [1, -0.95], white, axis=0) * [3.0, 0.2]  # the covariance is that of the errors
+    covariance = unit * np.array([9.0, 0.04]) / (1.0 - 0.95**2)
+    expected = 20_000 * (1 - 0.95**2) / (1 + 0.95**2)
+    assert effective_count_of_squared_errors(lasting, covariance) == pytest.approx(expected, rel=0.25)
+
+
+def test_an_error_that_never_changes_is_about_one_error() -> None:
+    error = np.full((1000, 1), 0.6)
+    assert effective_count_of_squared_errors(error, np.ones((1000, 1, 1))) == pytest.approx(1.5, rel=0.01)
 
 
 def test_nees_by_hand() -> None:
