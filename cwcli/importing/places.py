@@ -108,6 +108,12 @@ def _choose_place_unit_and_reason(
     if size <= limit:
         return "deg", "certain", "the name, and the range of the values"
     whole = bool(np.nanmax(np.abs(values - np.rint(values))) == 0.0)
+    if whole and size > 1e6 and size * 1e-7 <= limit and "position" in meaning.words_of_column_name(column):
+        meaning.add_question(  # the names of Garmin's FIT, whose places are semicircles unless a converter changed them
+            f"{column!r}: whole numbers up to {size:g} may be semicircles or 1e-7 degrees",
+            "--column latitude=NAME*semicircles, or *1e-7deg; longitude alike",
+        )
+        return "", "", ""
     if whole and size > 1e6 and size * 1e-7 <= limit:
         return "1e-7deg", "likely", "whole numbers of this size are 1e-7 degrees"
     if size <= MAX_LONGITUDE_DEG:

@@ -30,6 +30,9 @@ Chosen by hand."""
 MIN_UNEVEN, MAX_EVEN_SHARE = 0.02, 0.4
 """Least spread of the logarithm of the ratio of a speed to the way, and largest share of it with the places swapped,
 that show a swap. Chosen by hand; not fitted."""
+MAX_WRAPPED_DEG = 361.0
+"""Greatest size of an angle in degrees that does not count full turns. Larger ones count turns, or are hundredths of a
+degree, as MAVLink has them."""
 GOOD_FIT_DEG, POOR_FIT_DEG = 12.0, 25.0
 """Median angles in degrees between a heading and the direction of motion: below the first its sense fits, above the
 second it does not. Chosen by hand."""
@@ -51,8 +54,7 @@ def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
     if column is None:
         return
     values = meaning.unscaled_numbers(column)
-    if meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}:
-        values = np.where(values < 0.0, np.nan, values)  # phones write -1 where they know no speed
+    values = _without_unknown_minus_one(meaning, values)
     unit, confidence, why = meaning.stated_unit_confidence_and_reason("speed", column)
     if _are_latitude_longitude_swapped(meaning, values):
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
@@ -66,6 +68,15 @@ def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
         return
     unit, confidence, why = checked
     meaning.add_quantity("speed", values * FACTORS["speed"][unit], Guess("speed", column, unit, confidence, why))
+
+
+def _without_unknown_minus_one(meaning: Meaning, values: FloatArray) -> FloatArray:
+    """Return speeds or courses without the -1 that phones write where they know none: no other value is negative."""
+    is_negative = values < 0.0
+    is_of_phone = meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}
+    if is_of_phone or (is_negative.any() and (values[is_negative] == -1.0).all()):
+        return np.where(is_negative, np.nan, values)
+    return values
 
 
 def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> bool:
@@ -177,15 +188,13 @@ def _is_course_of_receiver(meaning: Meaning) -> bool:
 def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | None) -> None:
     values = meaning.unscaled_numbers(column)
     if quantity == "course":
-        values = np.where(values < -180.0, np.nan, values)
-        if meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}:
-            values = np.where(values < 0.0, np.nan, values)  # phones write -1 where they know no course
+        values = _without_unknown_minus_one(meaning, np.where(values < -180.0, np.nan, values))
     unit, sense, confidence, why = _stated_unit_sense_and_reason(meaning, quantity, column)
     size = float(np.nanmax(np.abs(values)))
     if unit:
         units = [unit]
     elif size > 2.0 * math.pi + 0.01:
-        units = ["deg"]
+        units = ["deg"] if size <= MAX_WRAPPED_DEG else ["deg", "cdeg"]
         why = "beyond 2 pi"
     else:
         units = ["deg", "rad"]
