@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.control.controller import speed_difference_along_heading_mps
 from cwcli.control.encounter import POLICIES, ReplayedWarning
 from cwcli.lazy_dataclass import dataclass
-from cwcli.measures.outlines import outline_distance_m
+from cwcli.measures.outlines import signed_outline_distance_m
 from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -87,7 +87,7 @@ class PublishedReplay:
     def gap_m(self, policy: int) -> FloatArray:
         """The gap between the outlines, shape (k,), m; negative where they overlap."""
         outcome, other = self.encounter.outcome, self.encounter.other
-        return outline_distance_m(
+        return signed_outline_distance_m(
             other.x_m - outcome.x_m[policy],
             other.y_m - outcome.y_m[policy],
             outcome.heading_rad[policy],

@@ -67,7 +67,7 @@ from cwcli.estimation.song2016 import estimate_track_with_song2016
 from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from cwcli.estimation.source_judgement import (
     JudgedSources,
-    correct_and_list_impossible_imu_values,
+    correct_and_list_imu_units_and_tilt,
     correct_and_list_what_user_says,
     judge_sources,
 )
@@ -218,7 +218,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         judged = judge_sources(measurements, prepare, trusted=trusted, looks_ahead=looks_ahead)
     else:
         corrected, found = (
-            correct_and_list_impossible_imu_values(measurements, trusted) if looks_ahead else (measurements, [])
+            correct_and_list_imu_units_and_tilt(measurements, trusted) if looks_ahead else (measurements, [])
         )
         judged = JudgedSources(*prepare(corrected), tuple(found), ())
     corrections = (*by_user, *judged.corrections)

@@ -13,7 +13,12 @@ from cwcli.channels.published import EGO_ONLINE, EGO_PATH, EGO_STATE, REMOTE_ONL
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.evaluation.actual_outcomes import read_actual_states
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states, knowledge_of_stage_input
+from cwcli.evaluation.knowledge import (
+    TRUTH,
+    comparison_label,
+    knowledge_of_estimated_states,
+    online_or_hindsight_of_stage_input,
+)
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector, find_metric
@@ -72,7 +77,7 @@ def add_metrics(context: EvaluationContext) -> None:
     headline, log, ego = context.headline, context.log, context.ego
     records = read_run_records(log)
     knows, outcome = (
-        knowledge_of_stage_input(records, records.get("predict", {})),
+        online_or_hindsight_of_stage_input(records, records.get("predict", {})),
         knowledge_of_estimated_states(records),
     )
     topics = {channel.topic for channel in log.channels}

@@ -12,7 +12,11 @@ from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warn
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes, read_actual_tracks
 from cwcli.evaluation.conflicts import judge_warning
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import comparison_label, knowledge_of_estimated_states, knowledge_of_stage_input
+from cwcli.evaluation.knowledge import (
+    comparison_label,
+    knowledge_of_estimated_states,
+    online_or_hindsight_of_stage_input,
+)
 from cwcli.evaluation.preventable import add_preventable_share
 from cwcli.evaluation.records import find_collision_warning_record
 from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score_warnings
@@ -132,7 +136,9 @@ def add_metrics(context: EvaluationContext) -> None:
         return
     for k, (rule, scores) in enumerate(judge_published_warnings(real, events, collision_rules).items()):
         with headline.label_rows_with_states(
-            comparison_label(knowledge_of_stage_input(records, record), knowledge_of_estimated_states(records))
+            comparison_label(
+                online_or_hindsight_of_stage_input(records, record), knowledge_of_estimated_states(records)
+            )
         ):
             if k == 0:
                 add_warning_scores(headline, "warnings", scores)

@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import heading_minus_course_of_moving_spans_rad, track_of_geographic_places, track_of_points
+from cwcli.importing.motion import heading_minus_course_of_moving_spans_rad, spans_of_geographic_places, track_of_points
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
@@ -97,7 +97,7 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         unit, confidence, why = units[quantity]
         meaning.add_quantity(quantity, values[quantity], Guess(quantity, column, unit, confidence, why))
-    meaning.track = track_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
+    meaning.track = spans_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
 
 
 def _choose_place_unit_and_reason(
@@ -292,7 +292,7 @@ def swapped_course_error_deg(meaning: Meaning, course_deg: FloatArray) -> float:
         or not meaning.track.can_show_units_and_directions
     ):
         return float("nan")
-    other = track_of_geographic_places(meaning.stamp_ns, longitude, latitude)
+    other = spans_of_geographic_places(meaning.stamp_ns, longitude, latitude)
     if other is None:
         return float("nan")
     errors = np.abs(heading_minus_course_of_moving_spans_rad(other, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))

@@ -9,11 +9,11 @@ import numpy as np
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import (
     RATIO_TOLERANCE,
-    Track,
+    TrackSpans,
     heading_minus_course_of_moving_spans_rad,
+    spans_of_geographic_places,
     speed_ratio_spread,
     speed_units_per_mps,
-    track_of_geographic_places,
     turn_rate_units_per_radps_and_correlation,
 )
 from cwcli.importing.names import QUANTITIES
@@ -47,7 +47,7 @@ SWAP_MARGIN_DEG = 2.0
 Chosen by hand."""
 
 
-def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
+def find_speed_and_unit(meaning: Meaning, track: TrackSpans | None) -> None:
     """Find the speed and its unit."""
     _split_gnss_speed(meaning)
     column = meaning.choose_column_or_ask("speed")
@@ -90,7 +90,7 @@ def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> boo
     latitude, longitude = meaning.values["latitude"], meaning.values["longitude"]
     if np.nanmax(np.abs(longitude)) > 90.0 or not meaning.track.can_show_units_and_directions:
         return False
-    other = track_of_geographic_places(meaning.stamp_ns, longitude, latitude)
+    other = spans_of_geographic_places(meaning.stamp_ns, longitude, latitude)
     spread = [
         speed_ratio_spread(track, meaning.stamp_ns, values) for track in (meaning.track, other) if track is not None
     ]
@@ -98,7 +98,7 @@ def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> boo
 
 
 def _choose_speed_unit_and_reason_or_ask(
-    meaning: Meaning, column: str, values: FloatArray, stated: tuple[str, str, str], track: Track | None
+    meaning: Meaning, column: str, values: FloatArray, stated: tuple[str, str, str], track: TrackSpans | None
 ) -> tuple[str, str, str] | None:
     """Return unit, confidence and reason of a speed; None where a question is asked."""
     unit, confidence, why = stated
@@ -142,7 +142,7 @@ def _split_gnss_speed(meaning: Meaning) -> None:
         meaning.table.candidates["speed"] = others
 
 
-def find_velocity(meaning: Meaning, track: Track | None) -> None:
+def find_velocity(meaning: Meaning, track: TrackSpans | None) -> None:
     """Find the velocity to east and north."""
     east, north = meaning.choose_column_or_ask("velocity_east"), meaning.choose_column_or_ask("velocity_north")
     if east is None or north is None:
@@ -156,7 +156,7 @@ def find_velocity(meaning: Meaning, track: Track | None) -> None:
         meaning.add_scaled_quantity(quantity, column, *checked)
 
 
-def find_headings(meaning: Meaning, track: Track | None) -> None:
+def find_headings(meaning: Meaning, track: TrackSpans | None) -> None:
     """Find course and heading, and their senses."""
     if _is_course_of_receiver(meaning):
         meaning.table.candidates["course"] = meaning.table.candidates.pop("heading")
@@ -185,7 +185,7 @@ def _is_course_of_receiver(meaning: Meaning) -> bool:
     return not words & {"roll", "pitch", "yaw", "acc", "accel", "gyro", "ax", "yawrate", "qw", "acceleration"}
 
 
-def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | None) -> None:
+def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpans | None) -> None:
     values = meaning.unscaled_numbers(column)
     if quantity == "course":
         values = _without_unknown_minus_one(meaning, np.where(values < -180.0, np.nan, values))
@@ -280,7 +280,7 @@ def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) 
 
 
 def _median_angle_to_way_by_sense_deg(
-    meaning: Meaning, values: FloatArray, options: list[str], track: Track
+    meaning: Meaning, values: FloatArray, options: list[str], track: TrackSpans
 ) -> dict[str, float]:
     """Return the median angle to the way, degrees, of each sense; {} where the track can't tell."""
     fits = {}
@@ -340,7 +340,7 @@ def _angles_to_heading_rad(values: FloatArray, option: str) -> FloatArray:
     return 0.5 * math.pi - angle if sense == "cw-north" else angle
 
 
-def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
+def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
     """Find a yaw rate, its unit and its sense."""
     column = meaning.choose_column_or_ask("yaw_rate")
     if column is None:

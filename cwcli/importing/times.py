@@ -239,7 +239,7 @@ def _text_times_of_regex_match(found: Any) -> TextTimes:
     hour = np.where(half == "P", np.where(hour < 12, hour + 12, hour), np.where((half == "A") & (hour == 12), 0, hour))
     valid &= (hour < 24) & (minute < 60) & (second < 61)
     zone = texts("zone").dictionary_encode()
-    offsets = np.array([_zone_offset_s(text) for text in zone.dictionary.to_pylist()] or [np.nan])
+    offsets = np.array([_utc_offset_or_nan_s(text) for text in zone.dictionary.to_pylist()] or [np.nan])
     offset_s = offsets[np.asarray(zone.indices)] if n else np.zeros(0)
     valid &= ~(np.abs(offset_s) > MAX_ZONE_OFFSET_S)
     marks = [mark for mark in pc.unique(texts("mark")).to_pylist() if mark]
@@ -248,7 +248,7 @@ def _text_times_of_regex_match(found: Any) -> TextTimes:
     return TextTimes(parts, ns_of_day, offset_s, valid, marks[0] if marks else "", has_seconds)
 
 
-def _zone_offset_s(text: str) -> float:
+def _utc_offset_or_nan_s(text: str) -> float:
     if not text:
         return float("nan")
     if text.upper() in {"Z", "UTC", "GMT"}:
@@ -335,7 +335,7 @@ def _offsets_of_zone(zone: str, local_ns: Int64Array, valid: BoolArray) -> Float
     if not zone or zone.upper() in {"UTC", "GMT", "Z"}:
         return np.zeros(len(local_ns))
     if re.fullmatch(r"[+-]\d{2}:?\d{2}", zone):
-        return np.full(len(local_ns), _zone_offset_s(zone))
+        return np.full(len(local_ns), _utc_offset_or_nan_s(zone))
     try:
         known = ZoneInfo(zone)
     except (KeyError, ValueError, OSError):

@@ -200,7 +200,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     placed, count = _place_paths_in_map_and_count(body, poses, has_state, topic)
     drawn: tuple[StreamedChannel, ...] = ()
     notes_of_drawing: tuple[str, ...] = ()
-    if config.render is not None or has_lane_channel(log):
+    if config.render is not None or has_output_of_lanes_stage(log):
         drawn, notes_of_drawing = draw_paths_into_images(
             log,
             body.paths,
@@ -225,7 +225,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     return StageResult("predict-lane", (placed, *drawn), {}, summary, record, evaluation_inputs=made)
 
 
-def has_lane_channel(log: Log) -> bool:
+def has_output_of_lanes_stage(log: Log) -> bool:
     """Return whether the log holds the channel of `cwcli lanes`."""
     return LANES.topic in {channel.topic for channel in log.channels}
 
@@ -261,7 +261,7 @@ def draw_paths_into_images(
         MissingSignalError: The log has no lanes, or no camera where `render` needs one.
         UsageError: `render` is no topic for frames.
     """
-    if not has_lane_channel(log):
+    if not has_output_of_lanes_stage(log):
         raise MissingSignalError(
             f"no channel {LANES.topic} (needed to draw paths on the image)",
             where=log.name,

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary import NOT_FOUND, Boundary, moved_boundary
+from cwcli.vision.boundary import NOT_FOUND, Boundary, boundary_with_parabola
 from cwcli.vision.boundary_probability import boundary_probabilities, probabilities_with_scene_votes
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH_SHARE
@@ -205,7 +205,7 @@ class LaneTracker:
         camera = self._camera
         lane = predict_lane(self._hypotheses[0].lane, camera, speed_mps, yaw_rate_radps, dt_s, self._prior)
         left, right = (
-            moved_boundary(side, *parabola)
+            boundary_with_parabola(side, *parabola)
             for side, parabola in zip(
                 (last.left, last.right), fit_boundary_parabolas(lane, camera).tolist(), strict=True
             )

@@ -23,7 +23,7 @@ from cwcli.cli.options.runs import AllOption, GithubOption, MarkdownOption, Trut
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
-from cwcli.cli.targets import check_output_files
+from cwcli.cli.targets import check_outputs_and_list_file_names
 from cwcli.cli.text import (
     format_count,
 )
@@ -180,7 +180,7 @@ def command(
     differing: WarningDifferences | None = None
     summary_file = normalise_stdout_name(output.markdown_file)
     comment_file = normalise_stdout_name(output.comment)
-    targets = check_output_files(
+    targets = check_outputs_and_list_file_names(
         [baseline, candidate], talk, metrics=output.metrics, texts=(summary_file, comment_file), force=output.force
     )
     with Progress(quiet=talk.quiet) as progress:
@@ -193,9 +193,9 @@ def command(
             differing = compare_warnings_of_runs(*pages)
         found: RunDifference | None = None
         if output.messages:
-            from cwcli.fleet.message_changes import compare_messages_of_runs
+            from cwcli.fleet.message_changes import compare_logs_of_runs
 
-            found = compare_messages_of_runs(baseline, candidate, tolerances, progress.begin_step)
+            found = compare_logs_of_runs(baseline, candidate, tolerances, progress.begin_step)
     for run in runs:
         _require_stage_results(run)
     before, after = _pair_single_logs(*runs)

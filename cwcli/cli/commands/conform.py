@@ -12,7 +12,7 @@ from cwcli.cli.options.shared import ForceOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
-from cwcli.cli.targets import check_output_files
+from cwcli.cli.targets import check_outputs_and_list_file_names
 from cwcli.cli.text import escape_control_characters, wrap_paragraph
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 from cwcli.lazy_dataclass import dataclass
@@ -176,7 +176,7 @@ def command(
         raise UsageError("conform needs the name of a clause", hint="cwcli conform --list")
     markdown_file = normalise_stdout_name(output.markdown_file)
     inputs = [recorded.log] if recorded.log else []
-    targets = check_output_files(
+    targets = check_outputs_and_list_file_names(
         inputs, talk, metrics=None, texts=(output.junit, markdown_file, output.html), force=output.force
     )
     with Progress(quiet=talk.quiet) as progress:

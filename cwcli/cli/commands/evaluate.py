@@ -23,7 +23,7 @@ from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import Cell, format_table
-from cwcli.cli.targets import check_output_files
+from cwcli.cli.targets import check_outputs_and_list_file_names
 from cwcli.cli.text import escape_control_characters, finite_or_none, format_count, format_interval, wrap_paragraph
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError
 from cwcli.lazy_dataclass import dataclass
@@ -115,7 +115,7 @@ def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, o
         from cwcli.report.addresses import PageAddresses
 
         addresses = PageAddresses(source, output.report_at)
-    targets = check_output_files(
+    targets = check_outputs_and_list_file_names(
         [source], talk, metrics=output.metrics, texts=(output.junit, summary_file), force=output.force
     )
     with Progress(quiet=talk.quiet) as progress:

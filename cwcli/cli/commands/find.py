@@ -14,7 +14,7 @@ from cwcli.cli.options.shared import ForceOption, LimitOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
-from cwcli.cli.targets import check_file_suffix, check_output_files
+from cwcli.cli.targets import check_file_suffix, check_outputs_and_list_file_names
 from cwcli.cli.text import format_count, shorten_and_escape
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
@@ -117,7 +117,9 @@ def command(
 
     query = parse_query(expression)
     other_system = parse_other_system_options(topic or [])
-    written = check_output_files(logs, talk, metrics=results.output, texts=(results.report,), force=results.force)
+    written = check_outputs_and_list_file_names(
+        logs, talk, metrics=results.output, texts=(results.report,), force=results.force
+    )
     check_targets([], [results.clips], force=results.force)
     bound_array_memory()
     if results.report is not None:

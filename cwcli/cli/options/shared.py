@@ -288,9 +288,9 @@ ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Overwrite file
 
 
 def _complete_topics(incomplete: str) -> list[str]:
-    from cwcli.channels.published import published_topics
+    from cwcli.channels.published import schema_name_by_published_topic
 
-    return [topic for topic in published_topics() if topic.startswith(incomplete)]
+    return [topic for topic in schema_name_by_published_topic() if topic.startswith(incomplete)]
 
 
 @dataclass(frozen=True)

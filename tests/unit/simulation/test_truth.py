@@ -35,7 +35,7 @@ def motion(
     return TrueMotion(profile, x_m=0.0, y_m=0.0, heading_rad=heading_rad)
 
 
-def at(made: TrueMotion, *time_s: float) -> np.ndarray:
+def at(made: Motion, *time_s: float) -> np.ndarray:
     return made.states_at(np.array(time_s))
 
 
