@@ -11,6 +11,7 @@ from cwcli.errors import UsageError
 from cwcli.simulation.profile import read_motion_profile
 from cwcli.simulation.scenario import load_scenario
 from cwcli.simulation.truth import (
+    Motion,
     TrueMotion,
     check_motion_is_drivable,
 )
