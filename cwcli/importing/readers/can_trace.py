@@ -140,7 +140,7 @@ class _TraceLines(io.TextIOBase):
         self._sum_us += int(found.group(1)) * 1_000_000 + int(found.group(2).ljust(6, "0")[:6])
         return f"{self._sum_us // 1_000_000}.{self._sum_us % 1_000_000:06d}{line[found.end() :]}"
 
-    def __next__(self) -> str:
+    def __next__(self) -> str:  # type: ignore[override]
         """Return the next line."""
         if line := self.readline():
             return line
