@@ -408,12 +408,11 @@ OPENERS = {
     "reproduction/expectations.py": "comes with cwcli",
     **dict.fromkeys(
         (
-            f"importing/readers/{name}.py"
-            for name in ("can_trace", "delimited", "gnsslogger", "nmea", "trajectory", "ubx")
+            f"importing/{name}.py"
+            for name in ("bounded_xml", "text_lines", "readers/delimited", "readers/parquet", "readers/ubx")
         ),
         "a file that is imported, which `cwcli import` refuses as an output",
     ),
-    "importing/bounded_xml.py": "a file that is imported, which `cwcli import` refuses as an output",
     "importing/readers/phone.py": "a file in the archive that is imported",
     "importing/temporary_log.py": "the log that it has just written",
 }
