@@ -38,7 +38,18 @@ _ORIGIN_BY_OPTION: ContextVar[dict[str, str]] = ContextVar("origins", default={}
 
 WRITING_PARAMETERS = frozenset(
     {
-        *("output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "comment", "plots"),
+        *(
+            "output",
+            "force",
+            "metrics",
+            "metrics_dir",
+            "directory",
+            "junit",
+            "html",
+            "markdown_file",
+            "comment",
+            "plots",
+        ),
         *("report", "clips"),
     }
 )
