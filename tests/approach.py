@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.simulation.truth import TRUTH_GRID_STEP_S, TrueMotion
+from cwcli.simulation.truth import TRUTH_GRID_STEP_S, Motion
 
 
-def closest_approach_time_and_distance(a: TrueMotion, b: TrueMotion, end_s: float) -> tuple[float, float]:
+def closest_approach_time_and_distance(a: Motion, b: Motion, end_s: float) -> tuple[float, float]:
     """Time (s of the run) and size (m) of the smallest distance between two vehicles' centres, on a grid of 1 ms."""
     time_s = np.arange(0.0, end_s + TRUTH_GRID_STEP_S / 2, TRUTH_GRID_STEP_S)
     distance = np.hypot(*(a.states_at(time_s)[:, :2] - b.states_at(time_s)[:, :2]).T)
@@ -15,7 +15,7 @@ def closest_approach_time_and_distance(a: TrueMotion, b: TrueMotion, end_s: floa
     return float(time_s[i]), float(distance[i])
 
 
-def first_time_nearer_than_s(a: TrueMotion, b: TrueMotion, end_s: float, distance_m: float) -> float:
+def first_time_nearer_than_s(a: Motion, b: Motion, end_s: float, distance_m: float) -> float:
     """First time (s of the run) at which two vehicles' centres are nearer than a distance; NaN if never."""
     time_s = np.arange(0.0, end_s + TRUTH_GRID_STEP_S / 2, TRUTH_GRID_STEP_S)
     is_below = np.hypot(*(a.states_at(time_s)[:, :2] - b.states_at(time_s)[:, :2]).T) < distance_m

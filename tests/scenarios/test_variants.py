@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
-from cwcli.simulation.truth import TrueMotion
+from cwcli.simulation.truth import Motion
 from tests.approach import closest_approach_time_and_distance, first_time_nearer_than_s
 
 CONFLICT_M = 2.5
@@ -15,7 +15,7 @@ CONFLICTS = ("rear-end", "intersection", "cut-in", "oncoming-left-turn", "stoppe
 TRAPS = {"brake-and-release": 20.0, "following": 20.0, "near-miss-crossing": 4.0, "parallel-lanes": 3.5}
 
 
-def pair(name: str) -> tuple[TrueMotion, TrueMotion, float]:
+def pair(name: str) -> tuple[Motion, Motion, float]:
     scenario = load_scenario(name)
     (other,) = [key for key in scenario.vehicles if key != HOST_NAME]
     return scenario.vehicles[HOST_NAME].motion, scenario.vehicles[other].motion, scenario.duration_s

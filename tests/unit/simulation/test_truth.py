@@ -11,6 +11,7 @@ from cwcli.errors import UsageError
 from cwcli.simulation.profile import read_motion_profile
 from cwcli.simulation.scenario import load_scenario
 from cwcli.simulation.truth import (
+    Motion,
     TrueMotion,
     check_motion_is_drivable,
 )
@@ -35,7 +36,7 @@ def motion(
     return TrueMotion(profile, x_m=0.0, y_m=0.0, heading_rad=heading_rad)
 
 
-def at(made: TrueMotion, *time_s: float) -> np.ndarray:
+def at(made: Motion, *time_s: float) -> np.ndarray:
     return made.states_at(np.array(time_s))
 
 
