@@ -135,7 +135,7 @@ class _Deferred:
         for name in _ON_DEMAND:
             self._set_stand_in(name, _Attribute(self, name))
         if is_frozen:
-            type.__setattr__(self.owner, "__setattr__", _refuse_to_set(self.owner))
+            type.__setattr__(self.owner, "__setattr__", _make_frozen_setattr(self.owner))
             type.__setattr__(self.owner, "__delattr__", _refuse_to_delete(self.owner))
 
     def _set_stand_in(self, name: str, value: object) -> None:
@@ -258,7 +258,7 @@ def _make_compiling_method(deferred: _Deferred, name: str) -> Any:
     return method
 
 
-def _refuse_to_set(owner: Any) -> Any:
+def _make_frozen_setattr(owner: Any) -> Any:
     def __setattr__(self: Any, name: str, value: object) -> None:
         if type(self) is owner or name in owner.__dataclass_fields__:
             from dataclasses import FrozenInstanceError

@@ -1,6 +1,6 @@
-"""What a field of a configuration is called on the command line; it stands beside the field, as an annotation.
+"""What a field of a configuration is called on the command line; an annotation of the field.
 
-    horizon_s: Annotated[float, Option("--horizon", metavar="SECONDS", help="How far ahead.")] = 2.5
+    horizon_s: Annotated[float, Option("--horizon", metavar="SECONDS", help="How far ahead to predict.")] = 2.5
 
 `cwcli.cli.options.stage` makes the command's options from it: name and default of a value stand once. This knows of no
 command line library.

@@ -1,4 +1,4 @@
-"""An open output: a file descriptor with a buffer, whose troubles are told in plain words."""
+"""An open output: a file descriptor with a buffer, whose errors are reported in plain words."""
 
 from __future__ import annotations
 

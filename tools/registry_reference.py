@@ -174,7 +174,7 @@ def prediction_page(text: str) -> str:
         for name, model in MODELS.items()
     ]
     return replace_marked_block(
-        text, "models", format_markdown_table(("`--model`", "the car goes on with", *derivatives), rows)
+        text, "models", format_markdown_table(("`--model`", "the car continues with", *derivatives), rows)
     )
 
 

@@ -246,7 +246,7 @@ def parse_role_overrides(options: Sequence[str], name_of_option: str = "--topic"
     return overrides
 
 
-def check_role_names(overrides: Mapping[str, str], name_of_option: str = "--topic") -> None:
+def check_topic_overrides(overrides: Mapping[str, str], name_of_option: str = "--topic") -> None:
     """Check that every role (name -> topic) exists; else a UsageError that names the option."""
     for name, value in overrides.items():
         if name not in EVERY_ROLE:
@@ -301,7 +301,7 @@ def _bind_overrides(
     channels: Sequence[ChannelLike], overrides: Mapping[str, str], where: str
 ) -> dict[str, tuple[Binding, ...]]:
     named: dict[str, tuple[Binding, ...]] = {}
-    check_role_names(overrides)
+    check_topic_overrides(overrides)
     for name, value in overrides.items():
         mappings = _parse_field_mappings(name, value)
         if mappings:

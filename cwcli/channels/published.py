@@ -129,7 +129,7 @@ ONLINE_CHANNEL_OF_ROLE = {EGO_STATE.role: EGO_ONLINE, REMOTE_STATE.role: REMOTE_
 """Role of smoothed states -> the channel of the same states computed online."""
 
 
-def published_topics() -> dict[str, str]:
+def schema_name_by_published_topic() -> dict[str, str]:
     """Topic -> schema of every channel, with the policies' names filled in."""
     from cwcli.control.encounter import POLICIES
 

@@ -20,7 +20,7 @@ def check_topic_name(topic: str | None) -> None:
         UsageError: It is not valid.
     """
     if topic is not None and not TOPIC_NAME_PATTERN.fullmatch(topic):
-        raise UsageError(f"--render {topic!r} is no topic's name", hint="for example --render /cwcli/camera")
+        raise UsageError(f"--render {topic!r} is not the name of a topic", hint="for example --render /cwcli/camera")
 
 
 def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
@@ -33,12 +33,12 @@ def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
     """
     if topic is None:
         return
-    from cwcli.channels.published import published_topics
+    from cwcli.channels.published import schema_name_by_published_topic
 
     check_topic_name(topic)
     if topic == camera_topic:
         raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
     held = next((each.schema_name for each in log.channels if each.topic == topic), "")
-    held = published_topics().get(topic, held)
+    held = schema_name_by_published_topic().get(topic, held)
     if held not in ("", RENDERED_SCHEMA):
         raise UsageError(f"--render {topic} is the topic of {held}", hint="name another one")

@@ -192,7 +192,7 @@ def read_vehicle_states(columns: Columns, *, with_covariance: bool = True) -> Ve
         log_time_ns=columns.log_time_ns,
         state=np.column_stack([read_numbers(columns, name, required=True) for name in STATE_NAMES]),
         covariance=(
-            _read_covariance(columns)
+            _full_or_packed_covariances(columns)
             if with_covariance
             else np.broadcast_to(np.nan, (len(columns), N_STATES, N_STATES))
         ),
@@ -202,7 +202,7 @@ def read_vehicle_states(columns: Columns, *, with_covariance: bool = True) -> Ve
     )
 
 
-def _read_covariance(columns: Columns) -> Covariances:
+def _full_or_packed_covariances(columns: Columns) -> Covariances:
     """Read the covariances: packed, or full as older versions wrote them.
 
     Raises:

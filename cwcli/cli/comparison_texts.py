@@ -123,7 +123,7 @@ def _comparison_notes(comparison: RunComparison, *, exact: bool) -> list[str]:
     notes = []
     if 0 < comparison.n_pairs < MIN_LOGS and not exact:
         notes.append(
-            f"with {format_count(comparison.n_pairs, 'log')} a change cannot be told from chance; --exact gives the "
+            f"with {format_count(comparison.n_pairs, 'log')} chance cannot be excluded; --exact gives the "
             "verdict on these logs alone"
         )
     for names, what in (

@@ -44,7 +44,7 @@ def print_digest(console: Console, command: str, digest: Digest, run: RunOutcome
     blocks = (
         Block("what", digest.happened, 4),
         doubt_block(digest.doubts, digest.confidence),
-        Block("made", (_written_files_sentence(run.written),), 2),
+        Block("wrote", (_written_files_sentence(run.written),), 2),
         Block("next", (*filter(None, (next_step,)), f"(--details: tables{notes})")),
     )
     console.print_heading(_digest_title(command, run))

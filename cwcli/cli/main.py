@@ -32,7 +32,13 @@ def main() -> NoReturn:
     signal.signal(signal.SIGTERM, _raise_terminated)
     # NumPy's matrix library otherwise starts a thread per core that spins for 0.1 s, for matrices as small as ours
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    sys.exit(run_command_line(sys.argv[1:]))
+    try:
+        code = run_command_line(sys.argv[1:])
+    except KeyboardInterrupt:  # it came while the last lines were printed
+        code = EXIT_INTERRUPTED
+    # the exit code is settled: a later Ctrl-C could only print a traceback while Python ends
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(code)
 
 
 def run_command_line(arguments: Sequence[str]) -> int:

@@ -249,6 +249,6 @@ def _print_details(console: Console, run: RunOutcome) -> None:
         console.print_note(f"{stage} was left out: {reason}")
     if run.left_profile:
         console.print_note(
-            f"the annotated log's profile is no longer {run.left_profile}: it holds more than ROS messages"
+            f"the annotated log does not have the profile {run.left_profile}: it holds more than ROS messages"
         )
     print_written_files(console, run.written)

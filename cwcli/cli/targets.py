@@ -35,7 +35,7 @@ def check_file_suffix(output: str, suffixes: Sequence[str], *, what: str, requir
     return suffix
 
 
-def check_output_files(
+def check_outputs_and_list_file_names(
     sources: Sequence[str], talk: TalkOptions, *, metrics: str | None, texts: Sequence[str | None], force: bool
 ) -> list[str]:
     """Check before the work that outputs can be written; returns their names without standard output.

@@ -97,7 +97,9 @@ class RepetitionCache:
             with os.fdopen(descriptor, "wb") as file:
                 file.write(lines.encode())  # whole lines, so two runs can share a folder
         except OSError as error:
-            raise UsageError(f"a repetition can't be kept: {error.strerror or error}", where=str(self.path)) from error
+            raise UsageError(
+                f"a repetition can't be stored: {error.strerror or error}", where=str(self.path)
+            ) from error
 
 
 def _read_line(line: str) -> tuple[str, Repetition | None]:

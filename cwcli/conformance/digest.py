@@ -56,7 +56,9 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     if invalid is not None:
         lines.append(f"not valid: {invalid.breaches[0]}")
     if clause.n_unchecked_numbers:
-        lines.append(f"{format_count(clause.n_unchecked_numbers, 'number')} as commonly stated, not checked")
+        lines.append(
+            f"{format_count(clause.n_unchecked_numbers, 'number')} as commonly stated, not checked in the standard"
+        )
     return _cut(lines, "--details shows repetitions, numbers and sources")
 
 
@@ -67,11 +69,13 @@ def _cut(lines: Sequence[str], last: str) -> list[str]:
 
 
 def _format_rows(rows: Sequence[tuple[str, str, str, str]], n_lines: int, words: str) -> list[str]:
-    """Format rows in columns, the first ones, and how many more there are."""
-    shown = list(rows[: n_lines if len(rows) <= n_lines else n_lines - 1])
+    """Format headings and rows in columns, the first ones, and how many more there are."""
+    n_rows = n_lines - 1  # without the line of the headings
+    shown = list(rows[: n_rows if len(rows) <= n_rows else n_rows - 1])
+    table = [(words.removesuffix("s"), "outcome", "passed", "margin"), *shown]
     lines = [
         f"  {_shorten(name):{NAME_COLUMNS}} {outcome:10} {share:>9} {margin:>14}".rstrip()
-        for name, outcome, share, margin in shown
+        for name, outcome, share, margin in table
     ]
     if len(shown) < len(rows):
         left = rows[len(shown) :]

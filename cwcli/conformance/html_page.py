@@ -43,9 +43,8 @@ def format_html_page(results: Sequence[ClauseResult]) -> str:
     )
     body = [
         f"<h1>Trials of {escape(rule)}: {_verdict_text(results)}</h1>",
-        f'<p class="quiet">cwcli {escape(__version__)}; {PUBLISHED_WORDS}. Nothing is certified by this page.'
-        " A margin is how much later the warning could have come; a negative one says how much"
-        " too late (or too early) it came.</p>",
+        f'<p class="quiet">cwcli {escape(__version__)}; {PUBLISHED_WORDS}. Nothing is certified by this page. A margin'
+        " is how much later the warning could have come; a negative one is how much too late or too early it came.</p>",
         _format_rows(CLAUSE_COLUMNS, links) if len(results) > 1 else "",
         *(_clause_section(result) for result in results),
     ]

@@ -15,7 +15,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.lateral import predict_paths_from_observer
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
-from cwcli.simulation.lane_camera import simulate_lane_sensors
+from cwcli.simulation.lane_camera import simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, evaluate_lane_departure
 
@@ -111,7 +111,7 @@ def simulate_lane_trial(given: Mapping[str, float], seed: int) -> LaneTrial:
 def warn_of_lane_departure(trial: LaneTrial) -> tuple[RaisedWarning, ...]:
     """The warnings of the lane-departure rule, from camera and speed alone, online."""
     car = trial.car
-    sensed = simulate_lane_sensors(trial.truth, 0, trial.road, car, seed=trial.seed)
+    sensed = simulate_lane_sensors_of_run(trial.truth, 0, trial.road, car, seed=trial.seed)
     track = observe_lateral_motion(sensed.lanes, sensed.speed, car)
     result = evaluate_lane_departure(
         sensed.stamp_ns,

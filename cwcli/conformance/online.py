@@ -142,7 +142,7 @@ def add_stages(log: Log, rule: str, *, horizon_s: float | None = None, with_warn
         topics = {channel.topic for channel in log.channels}
     if topics.isdisjoint((REMOTE_STATE.topic, TARGETS.topic)):
         raise MissingSignalError(
-            "no vehicle beside the ego is known in it, so there is no trial to judge",
+            "it holds no other vehicle than the ego, so there is no trial to judge",
             where=log.name,
             hint="the log needs the other vehicle's V2X messages, or tracks (`cwcli track`)",
         )

@@ -37,7 +37,7 @@ hand: the trials of the clauses differ by more."""
 CONTINUED_S = 12.0
 """Time, s, for which the host's motion is continued from its reaction on, as if it had not reacted. Chosen by
 hand: longer than every time to collision."""
-CONTINUED_STEP_S = 0.02
+UNREACTED_MOTION_STEP_S = 0.02
 """Time step, s, of the host's motion as if it had not reacted. Chosen by hand."""
 REACTION_MPS2 = 0.15 * 9.80665
 """Deceleration from which on the host reacts, m/s^2, where the clause gives none (49 CFR 571.127: 0.15 g)."""
@@ -80,7 +80,7 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
         real = find_actual_outcomes(with_states)
         if real is None or not real.pairs:
             raise MissingSignalError(
-                "the ego and another vehicle are never known together in it, so there is no trial to judge",
+                "it never holds the ego and another vehicle at the same time, so there is no trial to judge",
                 where=log.name,
                 hint="check that the log covers the whole trial",
             )
@@ -217,8 +217,8 @@ def continue_without_reaction(encounter: Encounter, from_s: float) -> Encounter:
     """Return the encounter with both going on from a time: the host at its speed, the other at its acceleration."""
     keep = encounter.time_s <= from_s
     last = int(np.flatnonzero(keep)[-1])
-    n = int(CONTINUED_S / CONTINUED_STEP_S)
-    ahead_s: FloatArray = np.arange(1, n + 1, dtype=np.float64) * CONTINUED_STEP_S
+    n = int(CONTINUED_S / UNREACTED_MOTION_STEP_S)
+    ahead_s: FloatArray = np.arange(1, n + 1, dtype=np.float64) * UNREACTED_MOTION_STEP_S
     host = _carry_on(np.asarray(encounter.host[last]), ahead_s, 0.0)
     other = _carry_on(np.asarray(encounter.other[last]), ahead_s, min(float(encounter.other[last, ACCEL]), 0.0))
     return Encounter(

@@ -69,7 +69,7 @@ class ReplaySpan:
         float,
         Option(
             "--after",
-            "Extrapolate at most this far beyond the last state of a vehicle, at its last speed and yaw rate.",
+            "Extrapolate at most this long after the last state of a vehicle, at its last speed and yaw rate.",
             metavar="SECONDS",
         ),
     ] = 6.0

@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.control.controller import speed_difference_along_heading_mps
 from cwcli.control.encounter import POLICIES, ReplayedWarning
 from cwcli.lazy_dataclass import dataclass
-from cwcli.measures.outlines import outline_distance_m
+from cwcli.measures.outlines import signed_outline_distance_m
 from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -87,7 +87,7 @@ class PublishedReplay:
     def gap_m(self, policy: int) -> FloatArray:
         """The gap between the outlines, shape (k,), m; negative where they overlap."""
         outcome, other = self.encounter.outcome, self.encounter.other
-        return outline_distance_m(
+        return signed_outline_distance_m(
             other.x_m - outcome.x_m[policy],
             other.y_m - outcome.y_m[policy],
             outcome.heading_rad[policy],
@@ -210,7 +210,7 @@ _CONTROL_COLUMN_DOCS = {
     "peak_deceleration_mps2": ColumnDoc(doc="largest from the warning on; no-action: that of the estimated states"),
     "peak_jerk_mps3": ColumnDoc(doc="largest magnitude from the warning on; no-action: that of the estimated states"),
     "stopped_stamp_ns": ColumnDoc(doc="-1: does not stop"),
-    "extrapolated_s": ColumnDoc(doc="how long the replay goes on beyond the last recorded state"),
+    "extrapolated_s": ColumnDoc(doc="how long the replay continues after the last recorded state"),
 }
 """Explanations of the columns of the table `control`."""
 _SERIES_COLUMN_TYPES: dict[str, type] = {

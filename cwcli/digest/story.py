@@ -85,7 +85,7 @@ class Story:
 def build_story(
     drive: Drive,
     drive_encounters: DriveEncounters,
-    left_out: str = "",
+    why_no_warnings: str = "",
     doubts: Sequence[Doubt] = (),
     confidence: Sequence[str] = (),
     *,
@@ -94,12 +94,12 @@ def build_story(
     """Build the story of a drive.
 
     Args:
-        left_out: Why the warnings were not computed, where they were not.
+        why_no_warnings: Why the warnings were not computed, where they were not.
         doubts: Reasons not to believe it, the worst first.
         confidence: What is known of its errors, in sentences; said where there is no doubt.
         with_careful_driver: Say what a careful driver would have done, which is simulated.
     """
-    story = _build_story_without_doubts(drive, drive_encounters, left_out, with_careful_driver)
+    story = _build_story_without_doubts(drive, drive_encounters, why_no_warnings, with_careful_driver)
     story = replace(story, knowledge=_state_knowledge_sentence(drive))
     if not doubts:
         return replace(story, more=(*confidence, *story.more))
@@ -319,7 +319,7 @@ def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str
     if drive.ego is None:  # the lane alone was watched
         return f"{text} of leaving the lane; the car's place was not estimated, so no collision was looked for."
     if drive_encounters.nearest is None:
-        return f"{text}; no other vehicle was heard while the car's place was known."
+        return f"{text}; no other vehicle was heard while the car's position was known."
     nearest = drive_encounters.nearest
     name = f"{nearest.other.kind} {escape_control_characters(nearest.other.id)[:MAX_ID_CHARACTERS]}"
     at = _seconds_since_start_text(drive, nearest.stamp_ns)

@@ -97,7 +97,7 @@ class ObserverConfig:
     ] = "cwcli"
     preview_m: float = DEFAULT_PREVIEW_M
     estimate_load: Annotated[
-        bool, Option("--estimate-load", "Estimate the car's mass too (cwcli); only turns show it.")
+        bool, Option("--estimate-load", "Also estimate the car's mass, which only turns show (method cwcli).")
     ] = False
     max_coast_s: Annotated[
         float,

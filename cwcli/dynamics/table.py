@@ -35,7 +35,7 @@ def observer_table(track: LateralTrack) -> Table:
         "mass_sigma_kg": track.mass_sigma_kg,
     }
     docs = {
-        "status": ColumnDoc(doc="how the state was obtained, or why there is none; see cwcli.v1.LateralState"),
+        "status": ColumnDoc(doc="how the state was computed, or why it is missing; see cwcli.v1.LateralState"),
         "lateral_speed_mps": ColumnDoc(frame="body", doc="at the centre of gravity, left positive"),
         "yaw_rate_radps": ColumnDoc(doc="counter-clockwise positive"),
         "lateral_deviation_m": ColumnDoc(doc="offset of the lane's centre at the preview point, right positive (y_L)"),

@@ -191,7 +191,10 @@ def fuse_latencies_with_calibration(
         is_found = latency.status in FOUND_LATENCY_STATUSES
         own_s = latency.found_s + reference.value
         if not constant.has_value:
-            latencies.append(replace(latency, found_s=own_s) if is_found and not causal else latency)
+            if causal and latency.status is not LatencyStatus.REFERENCE:  # what the log shows comes from later rows
+                latencies.append(Latency(LatencyStatus.NOT_OBSERVABLE))
+            else:
+                latencies.append(replace(latency, found_s=own_s) if is_found else latency)
             continue
         known = Latency(LatencyStatus.CALIBRATED, constant.value, constant.sigma_in_another_drive, latency.bound_s)
         if not is_found and constant.status is ConstantStatus.REFERENCE:

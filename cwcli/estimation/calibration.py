@@ -229,7 +229,7 @@ def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration
     """
     if FORMAT_VERSION_KEY not in table:
         hint = "make one with `cwcli calibrate LOG... -o car.toml`"
-        raise UsageError(f"this is no calibration: {FORMAT_VERSION_KEY} is missing", where=where, hint=hint)
+        raise UsageError(f"this is not a calibration file: {FORMAT_VERSION_KEY} is missing", where=where, hint=hint)
     if table[FORMAT_VERSION_KEY] != FORMAT_VERSION or isinstance(table[FORMAT_VERSION_KEY], bool):
         raise _invalid_key_error(where, FORMAT_VERSION_KEY, f"is {table[FORMAT_VERSION_KEY]!r}", str(FORMAT_VERSION))
     logs = table.get("logs", [])
@@ -334,8 +334,8 @@ def format_calibration_toml(calibration: Calibration) -> str:
         "# much a drive differs from the next beyond what each tells of itself, `chi_square` whether the logs agree.",
         f"{FORMAT_VERSION_KEY} = {FORMAT_VERSION}",
         f"logs = [{', '.join(map(_quote_toml_string, calibration.logs))}]",
-        f"minutes = {_format_toml_float(calibration.minutes)}",
-        *(f"{key} = {_format_toml_float(value)}" for key, value in calibration.evidence.items()),
+        f"minutes = {_format_toml_float_to_six_digits(calibration.minutes)}",
+        *(f"{key} = {_format_toml_float_to_six_digits(value)}" for key, value in calibration.evidence.items()),
     ]
     for source, quantities in calibration.sensors.items():
         for quantity, constants in quantities.items():
@@ -359,17 +359,17 @@ def _format_constant_entries(constant: Constant) -> Sequence[str]:
     if constant.has_value:
         low, high = constant.interval_of_95_percent_of_drives
         entries += [
-            f"value = {_format_toml_float(constant.value)}",
-            f"sigma = {_format_toml_float(constant.sigma)}",
-            f"interval = [{_format_toml_float(low)}, {_format_toml_float(high)}]",
-            f"spread = {_format_toml_float(constant.spread)}",
+            f"value = {_format_toml_float_to_six_digits(constant.value)}",
+            f"sigma = {_format_toml_float_to_six_digits(constant.sigma)}",
+            f"interval = [{_format_toml_float_to_six_digits(low)}, {_format_toml_float_to_six_digits(high)}]",
+            f"spread = {_format_toml_float_to_six_digits(constant.spread)}",
         ]
         if math.isfinite(constant.chi_square):
-            entries.append(f"chi_square = {_format_toml_float(constant.chi_square)}")
-    return [*entries, f"logs = {constant.n_logs}", f"minutes = {_format_toml_float(constant.minutes)}"]
+            entries.append(f"chi_square = {_format_toml_float_to_six_digits(constant.chi_square)}")
+    return [*entries, f"logs = {constant.n_logs}", f"minutes = {_format_toml_float_to_six_digits(constant.minutes)}"]
 
 
-def _format_toml_float(value: float) -> str:
+def _format_toml_float_to_six_digits(value: float) -> str:
     """Return a number with six digits as a TOML float."""
     text = f"{value:.6g}"
     return text if any(mark in text for mark in ".en") else f"{text}.0"

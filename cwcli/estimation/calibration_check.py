@@ -17,7 +17,7 @@ from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.score import GATE_PROBABILITY, is_prediction_clearly_better, row_log_likelihoods
-from cwcli.estimation.source_judgement import correct_and_list_impossible_imu_values
+from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.lazy_dataclass import dataclass
@@ -86,7 +86,7 @@ def _prepare_series(
 ) -> list[PreparedSeries]:
     mountings = {} if calibration is None else calibrated_imu_mountings(calibration)
     prepared, _ = clean_and_sort_measurements(
-        correct_and_list_impossible_imu_values(measurements)[0], earliest_stamp_ns(measurements), mountings
+        correct_and_list_imu_units_and_tilt(measurements)[0], earliest_stamp_ns(measurements), mountings
     )
     return set_given_lever_arms(prepared, config.lever_arms)
 

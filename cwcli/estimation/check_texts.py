@@ -13,7 +13,7 @@ UNIT_RATIO_TOLERANCE = 0.04
 """Relative difference up to which a ratio suggests a unit. Chosen for worn tyres and noise; not fitted."""
 
 
-MIN_REPORTED_RATIO = 0.05
+MIN_STATED_TURN_RATIO = 0.05
 """Least ratio of the turn of one source to that of another that a text states; below it the text says that only one of
 them turns. Chosen by hand; not fitted."""
 
@@ -66,7 +66,7 @@ class SourceComparisonCheck(StrEnum):
 
 
 def _turn_contradiction_text(number: float) -> str:
-    if abs(number) < MIN_REPORTED_RATIO or not math.isfinite(number):
+    if abs(number) < MIN_STATED_TURN_RATIO or not math.isfinite(number):
         return f"it {'turns' if number else 'does not turn'} where the other one does{' not' * bool(number)}"
     if -1.6 < number < -0.6:
         return "it turns the other way"

@@ -145,15 +145,15 @@ class EstimatorConfig:
         ModelName,
         Option("--model", "cwcli: eight states, each sensor at its own time; song2016: the paper's six-state filter."),
     ] = "cwcli"
-    causal: Annotated[
-        bool, Option("--causal", "Without the smoother: the states in hindsight are the online ones.")
-    ] = False
+    causal: Annotated[bool, Option("--causal", "Do not smooth: the channels in hindsight get the online states.")] = (
+        False
+    )
     latency: Annotated[
         LatencyOption,
         Option(
             "--latency",
-            "Find each source's latency from the log, trust the stamps, or give that of a topic in milliseconds "
-            "(positive is late; the others are found). Repeatable.",
+            "auto: find each source's latency from the log; none: trust the stamps; NAME=MS: this topic's latency "
+            "in milliseconds, positive is late (the others are found). Repeatable.",
             metavar="auto|none|NAME=MS",
             default="auto",
             kind=list[str],
@@ -164,16 +164,16 @@ class EstimatorConfig:
         SensorModelOption,
         Option(
             "--sensor-model",
-            "Find slow errors, scales and lever arms from the log and use what predicts better, or biases and white "
-            "noise alone.",
+            "auto: find slow errors, scales and lever arms from the log, and use those that predict better; none: "
+            "use biases and white noise alone.",
         ),
     ] = "auto"
     lever_arms: Annotated[
         LeverArms,
         Option(
             "--lever-arm",
-            "Where a topic's sensor stands, in metres ahead and to the left of the middle of the rear axle, of which "
-            "the states are then; else from the log's transforms. Repeatable.",
+            "Position of a topic's sensor, in metres ahead of and to the left of the middle of the rear axle, "
+            "which is then the point of the states. Without it, the log's transforms are used. Repeatable.",
             metavar="NAME=AHEAD,LEFT",
             kind=list[str],
             parse=parse_lever_arm_options,
@@ -183,9 +183,9 @@ class EstimatorConfig:
         Sigmas,
         Option(
             "--sigma",
-            "Noise of a sensor whose messages state none, 1 sigma in m, m/s or rad (deg behind a number: degrees), by "
-            "role or topic: ego_speed=0.5, ego_heading=1deg, imu=0.05/0.1deg. Else it is found from the log. "
-            "Repeatable.",
+            "Noise (1 sigma) of a sensor whose messages state none, in m, m/s or rad, or in degrees with deg, by "
+            "role or topic: ego_speed=0.5, ego_heading=1deg, imu=0.05/0.1deg. Without it, the noise is found "
+            "from the log. Repeatable.",
             metavar="NAME=VALUE",
             kind=list[str],
             parse=parse_sigma_options,
@@ -195,7 +195,7 @@ class EstimatorConfig:
         float,
         Option(
             "--gate",
-            "Probability that the gate keeps a good measurement; 1 is off.",
+            "Probability that a good measurement passes the gate; 1 turns the gate off.",
             metavar="P",
             above=0.0,
             at_most=1.0,
@@ -209,7 +209,7 @@ class EstimatorConfig:
         tuple[str, ...],
         Option(
             "--trust",
-            "Never correct this topic and never leave it out, whatever the other sensors say. Repeatable.",
+            "Never correct or leave out this topic, even if other sensors contradict it. Repeatable.",
             metavar="TOPIC",
             kind=list[str],
             parse=tuple,
@@ -219,9 +219,8 @@ class EstimatorConfig:
         Mapping[str, str],
         Option(
             "--as",
-            "Take a topic's values as being in another unit, sign, axes or convention, such as "
-            "/vehicle/velocity=km/h, /imu/data=degrees/s+-y,x,z or /heading=clockwise-from-north; the log is not "
-            "asked. Repeatable.",
+            "State the unit, sign, axes or convention of a topic's values, without a check against the log: "
+            "/vehicle/velocity=km/h, /imu/data=degrees/s+-y,x,z, /heading=clockwise-from-north. Repeatable.",
             metavar="TOPIC=UNIT",
             kind=list[str],
             parse=parse_source_units,
@@ -231,8 +230,8 @@ class EstimatorConfig:
         Senders,
         Option(
             "--senders",
-            "What senders of BSMs do to their motion first: plain nothing; j2945 filter the acceleration at 1 Hz and "
-            "latch the heading at standstill (SAE J2945/1), which is then taken back.",
+            "plain: BSMs hold the senders' motion as it is; j2945: the senders filter the acceleration at 1 Hz "
+            "and hold the heading at standstill (SAE J2945/1), and cwcli undoes both.",
         ),
     ] = "plain"
     rate_hz: float = 20.0

@@ -83,7 +83,7 @@ class Contradiction:
             done = ""
         else:
             done = "no third source tells which of them is wrong"
-        if len(self.left_out) > 1:
+        if self.against in self.left_out:
             left_out = "both are left out of the estimate"
         else:
             left_out = f"{self.who} is left out of the estimate" if self.left_out else "both are used"

@@ -40,7 +40,9 @@ class Correction:
         """Sentence on the fault, what was done and how to undo it."""
         if self.is_by_user:
             return f"{self.who} {self.fault}: {self.action}, as --as says"
-        return f"{self.who} {self.fault}: {self.action} ({self.evidence}; --trust {self.who.source} keeps it as it is)"
+        return (
+            f"{self.who} {self.fault}: {self.action} ({self.evidence}; --trust {self.who.source} leaves it unchanged)"
+        )
 
 
 def correction_of_all_rows(m: Measurements, hypothesis: Hypothesis, evidence: str) -> Correction:

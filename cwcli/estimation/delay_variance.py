@@ -45,24 +45,45 @@ class DelaySigmas:
     heading: float = 0.0
     clock: float = 0.0
 
+    def at_least(self, other: DelaySigmas) -> DelaySigmas:
+        """Return the larger sigma of each quantity."""
+        return DelaySigmas(
+            max(self.position, other.position),
+            max(self.speed, other.speed),
+            max(self.heading, other.heading),
+            max(self.clock, other.clock),
+        )
+
 
 def unknown_delay_sigma_s(latency: Latency) -> float:
     """Return one sigma of what a source is still late by, s.
 
     It is 0 where the user trusts or gives the stamps, and of the reference, whose clock the states have. A value d
     with sigma s that is not corrected is combined with the prior p: its mean is d p^2 / (p^2 + s^2), its variance
-    s^2 p^2 / (p^2 + s^2).
+    s^2 p^2 / (p^2 + s^2). One beyond what sensors have contradicts the prior, so that it counts as it is.
     """
     if latency.status in (LatencyStatus.OFF, LatencyStatus.GIVEN, LatencyStatus.REFERENCE):
         return 0.0
     if latency.applied_s != 0.0 or latency.status is LatencyStatus.CALIBRATED:
         return latency.sigma_s if math.isfinite(latency.sigma_s) else 0.0
+    if latency.status is LatencyStatus.CONTRADICTS:
+        return math.hypot(latency.found_s, latency.sigma_s)
     sigma_s = latency.reach_s if latency.status is LatencyStatus.NOT_OBSERVABLE else latency.sigma_s
     if not math.isfinite(sigma_s) or sigma_s <= 0.0:
         return UNKNOWN_DELAY_SIGMA_S
     share = UNKNOWN_DELAY_SIGMA_S**2 / (UNKNOWN_DELAY_SIGMA_S**2 + sigma_s**2)
     found_s = latency.found_s if math.isfinite(latency.found_s) else 0.0
     return math.hypot(share * found_s, math.sqrt(share) * sigma_s)
+
+
+def early_correction_s(s: SensorSeries, latency: Latency) -> float:
+    """Return how early the fixes of an unknown place on the car were taken for, s; else 0.
+
+    No receiver sends a fix before it is measured. At an even speed fixes that seem early are those of an antenna ahead
+    of the rear axle, and then right as they are.
+    """
+    is_found = latency.status in (LatencyStatus.APPLIED, LatencyStatus.DRIFTS)
+    return max(-latency.applied_s, 0.0) if is_found and s.kind is Kind.POSITION and s.place_m is None else 0.0
 
 
 def delay_sigmas_of_best_known_sources(
@@ -73,7 +94,7 @@ def delay_sigmas_of_best_known_sources(
     for state, kinds in QUANTITIES_BY_STATE.items():
         of_kind = [
             [
-                unknown_delay_sigma_s(latency)
+                math.hypot(unknown_delay_sigma_s(latency), early_correction_s(s, latency))
                 for s, latency in zip(series, latencies, strict=True)
                 if s.kind is kind and len(s) and not s.is_exact
             ]

@@ -15,9 +15,12 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
 from cwcli.estimation.passes import SensorSeries
 
-MAX_NOISE_TO_SCATTER_RATIO = 3.0
+MAX_NOISE_TO_SCATTER_RATIO = 2.0
 """Greatest ratio of the noise by the estimator to the scatter. Chosen by hand: it is 0.9 to 1.1 in simulated drives
 without a fault."""
+MAX_AGREEING_RATIO = 1.5
+"""Greatest such ratio of sources that agree after one was left out. Chosen by hand, between that without a fault and
+the greatest one."""
 ROUNDING_SIGMA_IN_STEPS = 12.0**-0.5
 """One sigma of the error of a rounded value, in steps: that of a uniform distribution."""
 MIN_LASTING_ERRORS: Mapping[Kind, float] = {
@@ -48,3 +51,10 @@ def scatter_about_neighbours(s: SensorSeries) -> float:
 def is_noise_beyond_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
     """Whether the noise that the estimator found is no noise of the source but an error that lasts."""
     return kind in MIN_LASTING_ERRORS and sigma > max(MAX_NOISE_TO_SCATTER_RATIO * scatter, MIN_LASTING_ERRORS[kind])
+
+
+def is_noise_like_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
+    """Whether the noise is clearly that of the source alone: half of what would be an error that lasts, or less."""
+    if kind not in MIN_LASTING_ERRORS:
+        return True
+    return not sigma > max(MAX_AGREEING_RATIO * scatter, 0.5 * MIN_LASTING_ERRORS[kind])

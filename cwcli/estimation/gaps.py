@@ -11,7 +11,7 @@ from cwcli.estimation.median import median
 from cwcli.estimation.passes import N_MOTION_STATES, FilterStart, SensorSeries
 from cwcli.estimation.start import MIN_DISPLACEMENT_M, find_filter_start
 
-MAX_TIME_WITHOUT_HEADING_S = 5.0
+MAX_TIME_WITHOUT_HEADING_EVIDENCE_S = 5.0
 """Longest time, s, with neither a position nor a velocity nor a heading after which the filter goes on. After a longer
 one without a gyroscope it starts anew.
 
@@ -37,7 +37,7 @@ def find_filter_restarts_after_gaps(series: Sequence[SensorSeries], *, causal: b
             happens.
     """
     times = np.sort(np.concatenate([s.time_s - s.latency_s for s in series if s.kind in HEADING_EVIDENCE_KINDS]))
-    before_gaps = np.flatnonzero(np.diff(times) > MAX_TIME_WITHOUT_HEADING_S)
+    before_gaps = np.flatnonzero(np.diff(times) > MAX_TIME_WITHOUT_HEADING_EVIDENCE_S)
     gaps = [
         (begin, end)
         for begin, end in zip(times[before_gaps].tolist(), times[before_gaps + 1].tolist(), strict=True)

@@ -123,7 +123,9 @@ class _ImuFault:
         return found
 
 
-def find_imu_hypothesis(time_s: FloatArray, values: FloatArray, others: Sequence[SensorSeries]) -> ImuFinding | None:
+def find_imu_unit_sign_or_axis_fault(
+    time_s: FloatArray, values: FloatArray, others: Sequence[SensorSeries]
+) -> ImuFinding | None:
     """Return units, signs and axes that clearly explain an IMU better than none, or None.
 
     Args:

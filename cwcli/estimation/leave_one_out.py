@@ -15,7 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
-from cwcli.estimation.fix_scatter import is_noise_beyond_scatter
+from cwcli.estimation.fix_scatter import is_noise_beyond_scatter, is_noise_like_scatter
+from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.parameter import ParameterStatus
@@ -23,6 +24,7 @@ from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
+from cwcli.estimation.slow_drift import find_drifting_fixes
 from cwcli.estimation.source_vote import quantity_of_series, without_any_rows
 
 MAX_USUAL_SLOW_ERROR_M = 2.5
@@ -133,14 +135,30 @@ def find_spoiling_sources(
         return ()
     best: tuple[SourceQuantity, ...] = ()
     best_gain = MIN_GAIN
-    for group in candidate_groups(reports, trusted):
+    groups = candidate_groups(reports, trusted)
+    if any(r.latency.status is LatencyStatus.CONTRADICTS for r in reports):
+        # A clock stamps all that a source measures. Without a part of it the latency is only measured worse.
+        groups = [group for group in groups if _is_whole_source(group, reports)]
+    for group in groups:
         found = reports_without(group)
-        if misfits(found):
+        if not _agree(found):
             continue
         gain = _log_likelihood_of_others(found, group) - _log_likelihood_of_others(reports, group)
         if gain > best_gain:
             best, best_gain = group, gain
     return best
+
+
+def _agree(reports: Sequence[SourceReport]) -> bool:
+    """Whether the sources agree clearly: a wrong source is not replaced by errors that just raise no doubt."""
+    is_like_scatter = all(
+        is_noise_like_scatter(r.kind, r.sigma, r.scatter) for r in reports if r.n_used and r.noise_origin != "message"
+    )
+    return is_like_scatter and not misfits(reports) and not find_drifting_fixes(reports, ())
+
+
+def _is_whole_source(group: Sequence[SourceQuantity], reports: Sequence[SourceReport]) -> bool:
+    return all(SourceQuantity(r.source, r.kind) in group for r in reports if r.n_used and r.source == group[0].source)
 
 
 def _log_likelihood_of_others(reports: Sequence[SourceReport], left_out: Collection[SourceQuantity]) -> float:

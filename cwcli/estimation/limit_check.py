@@ -42,7 +42,7 @@ def find_values_beyond_sensor_limits(
         who = SourceQuantity(report.source, report.kind)
         words = next(iter(_iter_texts_on_exceeded_limits(report)), None)
         if words is not None and who not in told:
-            found.append(Contradiction(who, _quantity_compared_with(report, reports), words))
+            found.append(Contradiction(who, quantity_compared_with(report, reports), words))
         elif who not in told and report.kind is Kind.POSITION and report.noise_origin != "message":
             found += _find_lasting_errors(report, reports)
     return tuple(found)
@@ -59,7 +59,7 @@ def _find_lasting_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -
     what = f"lie {fixes.sigma:.1f} m beside the motion for long, and scatter by only {fixes.scatter:.2f} m"
     most = max((r for r in reports if r.kind in RATE_KINDS and r.n_used), key=_bias_share, default=None)
     if most is None or _bias_share(most) < LARGE_BIAS_SHARE:
-        return [Contradiction(who, _quantity_compared_with(fixes, reports), f"its fixes {what}")]
+        return [Contradiction(who, quantity_compared_with(fixes, reports), f"its fixes {what}")]
     return [Contradiction(SourceQuantity(most.source, most.kind), who, f"with it the fixes {what}")]
 
 
@@ -121,7 +121,7 @@ def _exceeded_limit_text(name: str, value: float, limit: ParameterRange) -> str:
     return f"together they need {name} of {value:.3g}{unit}, and such a sensor has at most {bound:g}{unit}"
 
 
-def _quantity_compared_with(report: SourceReport, reports: Sequence[SourceReport]) -> SourceQuantity | str:
+def quantity_compared_with(report: SourceReport, reports: Sequence[SourceReport]) -> SourceQuantity | str:
     """Return what a source was compared with: the position; for a position the best source of motion."""
     used = [r for r in reports if r.n_used and (r.source, r.kind) != (report.source, report.kind)]
     if report.kind is Kind.POSITION:

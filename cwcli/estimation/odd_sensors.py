@@ -16,6 +16,9 @@ GRAVITY_MPS2 = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
 GRAVITY_RANGE_IN_G = (0.8, 1.2)
 """Range of the mean specific force of an IMU that measures in g. Chosen by hand; not fitted."""
+MAX_GRAVITY_IN_ANY_UNIT = 1.2e3
+"""Greatest mean specific force that gravity has in any unit: 1000 mg, and a fifth. Values beyond are the counts of a
+converter, such as 16384 for each g (InvenSense MPU-6050, range 2 g)."""
 MIN_VERTICAL_SHARE = 0.8
 """Least share of the mean specific force along the vertical axis, so that it is gravity. Chosen by hand; not fitted."""
 MIN_UPRIGHT_SHARE, MAX_TILTED_SHARE = 0.6, 0.966
@@ -47,15 +50,18 @@ def find_impossible_imu_values(values: FloatArray) -> list[tuple[Hypothesis, str
         return found
     force = values[:, :3].mean(axis=0)
     norm = float(np.linalg.norm(force))
+    if norm > MAX_GRAVITY_IN_ANY_UNIT:
+        return found
     if GRAVITY_RANGE_IN_G[0] < norm < GRAVITY_RANGE_IN_G[1] and abs(force[2]) > MIN_VERTICAL_SHARE * norm:
         found.append((_imu_hypothesis_by_name("g"), f"gravity reads {norm:.2f}"))
         norm *= GRAVITY_MPS2
     if norm > 0.5 * GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * float(np.linalg.norm(force)):
         found.append((_imu_hypothesis_by_name("x,-y,-z"), "gravity points upward"))
     fast = float(np.quantile(np.abs(values[:, 5]), 0.99))
-    if fast > MAX_YAW_RATE_RADPS:
-        name = "degrees/s" if np.radians(fast) <= MAX_YAW_RATE_RADPS else "milliradians/s"
-        found.append((_imu_hypothesis_by_name(name), f"yaw rates reach {fast:.0f}"))
+    for name, radps in (("degrees/s", np.radians(fast)), ("milliradians/s", 1e-3 * fast)):
+        if radps <= MAX_YAW_RATE_RADPS < fast:
+            found.append((_imu_hypothesis_by_name(name), f"yaw rates reach {fast:.0f}"))
+            break
     return found
 
 

@@ -51,11 +51,13 @@ class SlowError:
         sigma: Stationary sigma, in the unit of the source's kind (of a position: of each axis); NaN = none found.
         time_s: Time constant, seconds; NaN = none found.
         status: How it was treated.
+        largest: Largest absolute value in the log, in the unit of sigma; NaN = none found.
     """
 
     sigma: float = float("nan")
     time_s: float = float("nan")
     status: ParameterStatus = ParameterStatus.OFF
+    largest: float = float("nan")
 
 
 NO_PARAMETER = Parameter()

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.coarse_fixes import coarse_steps_m, note_on_coarse_fixes
+from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
@@ -132,8 +133,8 @@ def clean_and_sort_measurements(
             notes.append(f"{m.source}: {told}")
             time, values = time[~late], values[~late]
             covariance = None if covariance is None else covariance[~late]
-        original = copied_source(m, measurements)
-        if original or _is_unfilled_rate_field(m.kind, values):
+        time, values, covariance = _select_changes_of_coarse_headings_and_note(m, time, values, covariance, notes)
+        if (original := copied_source(m, measurements)) or _is_unfilled_rate_field(m.kind, values):
             why = f"is a copy of {original}, left out" if original else "never changes; taken as not measured"
             notes.append(f"{m.source}: {m.kind.name.lower()} {why}")
             prepared.append(
@@ -142,8 +143,8 @@ def clean_and_sort_measurements(
                 )
             )
             continue
-        series = replace(_build_series_with_noise(m.source, m.kind, time, values, covariance), is_exact=m.is_exact)
-        series = _add_coarse_steps_and_note(series, notes)
+        series = _build_series_with_noise(m.source, m.kind, time, values, covariance)
+        series = _add_coarse_steps_and_note(replace(series, is_exact=m.is_exact), notes)
         prepared.append(
             PreparedSeries(series, False, len(m), lost, stale.n_interpolated, stale.n_repeated, int(late.sum()))
         )
@@ -211,6 +212,17 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
         if end - begin >= MIN_BURST_GAPS:
             late[begin:end] = True
     return late
+
+
+def _select_changes_of_coarse_headings_and_note(
+    m: Measurements, time_s: FloatArray, values: FloatArray, covariance: FloatArray | None, notes: list[str]
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Return times, values and covariance; of coarse headings those halfway through each change, with a note."""
+    coarse = find_coarse_headings(time_s, values[:, 0]) if m.kind is Kind.HEADING and not m.is_exact else None
+    if coarse is None:
+        return time_s, values, covariance
+    notes.append(coarse.note(m.source))
+    return coarse.time_s, coarse.heading_rad[:, None], None if covariance is None else covariance[coarse.rows]
 
 
 def _add_coarse_steps_and_note(series: SensorSeries, notes: list[str]) -> SensorSeries:

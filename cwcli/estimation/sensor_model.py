@@ -155,7 +155,7 @@ def add_sensor_error_states(base: StateLayout, model: SensorModel) -> StateLayou
             if s.kind is Kind.ACCEL and state >= 0:
                 turn_noise[state] = GRAVITY_CHANGE_PER_TURN_MPS2**2
             if i in model.pitch_compensated and s.pitch_rate is not None:
-                series[i] = remove_gravity_of_pitch(series[i], slow.time_s)
+                series[i] = remove_gravity_by_gyroscope_pitch(series[i], slow.time_s)
         if i in model.scaled and len(s):
             series[i] = replace(series[i], scale_state=add(1, SPEED_SCALE_PRIOR_SIGMA**2, 0.0))
         if i in model.levered and len(s) and imu_rate is not None:
@@ -174,12 +174,12 @@ def find_pitch_rate(series: Sequence[SensorSeries]) -> PitchRateSeries | None:
     return None
 
 
-def remove_gravity_of_pitch(s: SensorSeries, time_s: float) -> SensorSeries:
+def remove_gravity_by_gyroscope_pitch(s: SensorSeries, pitch_decay_time_s: float) -> SensorSeries:
     """Subtract gravity from an ACCEL series by its pitch: the gyroscope integrated with time constant `time_s`."""
     if s.pitch_rate is None:
         return s
     rate = s.pitch_rate
-    pitch = fading_integral(rate.time_s, rate.value_radps, decay_s=time_s, max_gap_s=MAX_PITCH_RATE_GAP_S)
+    pitch = fading_integral(rate.time_s, rate.value_radps, decay_s=pitch_decay_time_s, max_gap_s=MAX_PITCH_RATE_GAP_S)
     values = s.values.copy()
     values[:, 0] += STANDARD_GRAVITY_MPS2 * np.interp(s.time_s, s.pitch_rate.time_s, pitch)
     return replace(s, values=values)

@@ -24,7 +24,7 @@ from cwcli.estimation.prepare import (
     seconds_since_epoch,
 )
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.source_judgement import correct_and_list_impossible_imu_values, correct_and_list_what_user_says
+from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt, correct_and_list_what_user_says
 from cwcli.estimation.start import (
     UNKNOWN_STATE_SIGMAS,
     find_filter_start,
@@ -101,7 +101,7 @@ def estimate_track_with_song2016(
     epoch = earliest_stamp_ns(measurements)
     measurements, corrections = correct_and_list_what_user_says(measurements, config.source_units)
     if not config.blind:
-        measurements, found = correct_and_list_impossible_imu_values(
+        measurements, found = correct_and_list_imu_units_and_tilt(
             measurements, {*config.trusted_sources, *config.source_units}
         )
         corrections += found

@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
-from cwcli.estimation.imu_hypotheses import find_imu_hypothesis
+from cwcli.estimation.imu_hypotheses import find_imu_unit_sign_or_axis_fault
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.passes import SensorSeries
@@ -139,7 +139,7 @@ def gain_and_attempt_of_imu_correction(
     rows = np.flatnonzero(np.isfinite(imu.values).all(axis=1))
     rows = rows[np.argsort(imu.stamp_ns[rows], kind="stable")]
     time_s = seconds_since_epoch(imu.stamp_ns[rows], earliest_stamp_ns(measurements))
-    found = find_imu_hypothesis(time_s, imu.values[rows], others)
+    found = find_imu_unit_sign_or_axis_fault(time_s, imu.values[rows], others)
     if found is None:
         return None
     hypothesis = found.hypothesis

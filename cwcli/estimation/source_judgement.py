@@ -96,7 +96,7 @@ def judge_sources(
             if tried is not None:
                 take(tried[1])
     # Where the other sources cannot tell, size and direction of the values still do.
-    current, impossible = correct_and_list_impossible_imu_values(current, trusted)
+    current, impossible = correct_and_list_imu_units_and_tilt(current, trusted)
     if impossible:
         corrections += impossible
         prepared, notes = prepare(current)
@@ -153,7 +153,7 @@ def correct_and_list_what_user_says(
     return corrected, corrections
 
 
-def correct_and_list_impossible_imu_values(
+def correct_and_list_imu_units_and_tilt(
     measurements: Sequence[Measurements], trusted: Collection[str] = ()
 ) -> tuple[list[Measurements], list[Correction]]:
     """Return the measurements with IMUs in SI units and level where their values show it by themselves."""

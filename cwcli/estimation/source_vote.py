@@ -16,6 +16,7 @@ from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.median import median
+from cwcli.estimation.odd_sensors import MAX_GRAVITY_IN_ANY_UNIT
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison, compare_all_source_pairs
@@ -175,12 +176,16 @@ def find_impossible_fixes(prepared: Sequence[PreparedSeries]) -> list[Contradict
 
 
 def find_tilted_imus(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
-    """Return contradictions for IMUs whose vertical axis is not vertical, so that no axis measures what it should."""
+    """Return contradictions for IMUs that do not show gravity along the vertical axis, in m/s^2 or another unit."""
     found = []
     for p in prepared:
         if p.mean_force_mps2 is None or p.series.kind is not Kind.ACCEL or not len(p.series):
             continue
         norm = float(np.linalg.norm(p.mean_force_mps2))
+        if norm > MAX_GRAVITY_IN_ANY_UNIT:
+            what = f"gravity reads {norm:.0f}, more than in any unit: it seems to send raw counts, not m/s^2"
+            found.append(_contradiction_to_gravity(p, what))
+            continue
         if norm < MIN_GRAVITY_SHARE * STANDARD_GRAVITY_MPS2 or p.mean_force_mps2[2] > MIN_VERTICAL_GRAVITY_SHARE * norm:
             continue
         axis = int(np.argmax(np.abs(p.mean_force_mps2)))
@@ -189,9 +194,13 @@ def find_tilted_imus(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
             + (f" and {p.mean_force_mps2[2]:.1f} along its vertical one" if axis != 2 else ", downward")
             + ": it is not mounted with x forward and z up"
         )
-        imu = SourceQuantity(p.series.source, Kind.IMU)
-        found.append(Contradiction(imu, GRAVITY_TEXT, what).with_left_out(imu))
+        found.append(_contradiction_to_gravity(p, what))
     return found
+
+
+def _contradiction_to_gravity(p: PreparedSeries, what: str) -> Contradiction:
+    imu = SourceQuantity(p.series.source, Kind.IMU)
+    return Contradiction(imu, GRAVITY_TEXT, what).with_left_out(imu)
 
 
 def quantity_of_series(p: PreparedSeries) -> SourceQuantity:

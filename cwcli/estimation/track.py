@@ -62,11 +62,12 @@ from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
+from cwcli.estimation.slow_drift import covariance_from_drifts, find_drifting_fixes, largest_slow_error
 from cwcli.estimation.song2016 import estimate_track_with_song2016
 from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from cwcli.estimation.source_judgement import (
     JudgedSources,
-    correct_and_list_impossible_imu_values,
+    correct_and_list_imu_units_and_tilt,
     correct_and_list_what_user_says,
     judge_sources,
 )
@@ -217,7 +218,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         judged = judge_sources(measurements, prepare, trusted=trusted, looks_ahead=looks_ahead)
     else:
         corrected, found = (
-            correct_and_list_impossible_imu_values(measurements, trusted) if looks_ahead else (measurements, [])
+            correct_and_list_imu_units_and_tilt(measurements, trusted) if looks_ahead else (measurements, [])
         )
         judged = JudgedSources(*prepare(corrected), tuple(found), ())
     corrections = (*by_user, *judged.corrections)
@@ -255,7 +256,8 @@ def _settled_measurements_and_track(
     found = contradiction_of_spoiling_sources(track_without.sources, left_out)
     if not can_third_source_judge(track.sources, left_out):
         series = tuple(with_noise_of_fixes_at_least(better.tuned.series, track.sources))
-        better = replace(better, tuned=replace(better.tuned, series=series))
+        delays = better.tuned.delay_sigmas.at_least(settled.tuned.delay_sigmas)
+        better = replace(better, tuned=replace(better.tuned, series=series, delay_sigmas=delays))
     notes = (*better.notes, f"{found.contradiction_sentence}; {found.consequence_text}")
     better = replace(better, contradictions=(*better.contradictions, found), notes=notes)
     return better, _filter_and_smooth(better, config, output_stamp_ns)
@@ -310,7 +312,10 @@ def _filter_and_smooth(
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
         errors = find_standstill_errors(without_model, output_s, state, covariance)
-        covariance = covariance + covariance_from_standstill_errors(state, errors)
+        covariance = covariance + covariance_from_standstill_errors(state, errors) + covariance_from_drifts(reports)
+    contradictions = tuned_measurements.contradictions
+    if not config.blind:
+        contradictions = (*contradictions, *find_values_beyond_sensor_limits(reports, contradictions))
     return Track(
         output_stamp_ns,
         state,
@@ -321,10 +326,7 @@ def _filter_and_smooth(
         tuple(notes),
         {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMA_LIMITS},
         _collect_gated_rows(tuned, result, tuned_measurements.epoch_ns, config.gate_probability),
-        (
-            *tuned_measurements.contradictions,
-            *([] if config.blind else find_values_beyond_sensor_limits(reports, tuned_measurements.contradictions)),
-        ),
+        contradictions if config.blind else (*contradictions, *find_drifting_fixes(reports, contradictions)),
         tuned_measurements.corrections,
     )
 
@@ -456,6 +458,7 @@ def _build_source_report(
             found.beyond.get((i, "slow"), float("nan")) if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,
             found.status.get((i, "slow"), ParameterStatus.OFF),
+            largest_slow_error(s, result.state),
         ),
         follows_pitch_rate=i in found.model.pitch_compensated,
     )

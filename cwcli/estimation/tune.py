@@ -15,7 +15,7 @@ from cwcli.estimation.calibrated import (
     sensor_model_from_calibration,
 )
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.delay_variance import DelaySigmas, delay_sigmas_of_best_known_sources
+from cwcli.estimation.delay_variance import DelaySigmas, delay_sigmas_of_best_known_sources, early_correction_s
 from cwcli.estimation.latency import (
     SIGNIFICANT_SIGMAS,
     Latency,
@@ -128,6 +128,12 @@ def tune_latencies_and_noise(
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.DRIFTS
     )
+    early = (
+        f"{s.source}: its fixes seem {-1e3 * latency.applied_s:.0f} ms early; if its antenna is ahead of the rear "
+        "axle, say so with --lever-arm"
+        for s, latency in zip(series, latencies, strict=True)
+        if early_correction_s(s, latency)
+    )
     return TunedSeries(
         gated,
         tuple(latencies),
@@ -137,7 +143,7 @@ def tune_latencies_and_noise(
         tuple(compared),
         parameters,
         sensors,
-        (*moved, *unknown, *drifting),
+        (*moved, *unknown, *drifting, *early),
         delay_sigmas_of_best_known_sources(series, latencies, clock_sigma_s),
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.correction import Correction
-from cwcli.estimation.measurements import RATE_KINDS
+from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.tolerances import (
     MAX_BRIDGED_SHARE,
@@ -99,6 +99,9 @@ def _verdict_on_estimate(
     if faults:
         more = f", and {len(faults) - MAX_LISTED_FAULTS} more" if len(faults) > MAX_LISTED_FAULTS else ""
         return f"not consistent: {'; '.join(faults[:MAX_LISTED_FAULTS])}{more}"
+    agreed, exception = "consistent", _exception_for_unseen_drift_text(sources, nees)
+    if exception:
+        agreed = "no contradiction"
     careful = [
         *(
             f"{each.name} error"
@@ -112,17 +115,42 @@ def _verdict_on_estimate(
         ),
     ]
     if careful:
-        return f"consistent, with a covariance larger than necessary for {_join_names_with_and(careful)}"
+        return f"{agreed}, with a covariance larger than necessary for {_join_names_with_and(careful)}{exception}"
     outside = [_source_and_quantity_text(s) for s in sources if s.nis_inside is False]
     outside += [f"NEES of the {each.name}" for each in nees if each.is_within_bounds is False]
     if outside:
         return (
-            f"consistent within a factor of {TOLERATED_SIGMA_FACTOR:g} in sigma: "
-            f"{_join_names_with_and(outside)} outside the 95 % bounds"
+            f"{agreed} within a factor of {TOLERATED_SIGMA_FACTOR:g} in sigma: "
+            f"{_join_names_with_and(outside)} outside the 95 % bounds{exception}"
         )
     if any(s.nis_inside is not None for s in sources):
-        return "consistent"
-    return "too little was measured to tell whether the estimate is consistent"
+        return f"{agreed}{exception}"
+    return "too little was measured to judge whether the estimate is consistent"
+
+
+def _exception_for_unseen_drift_text(sources: Sequence[SourceReport], nees: Sequence[NeesOfQuantity]) -> str:
+    """Return what the verdict does not cover: a drift of the only position, unless its way is measured otherwise.
+
+    A truth shows a drift, and so does the way by a speed and a heading or turn rate (docs/estimation.md). The
+    acceleration of an IMU does not, as the grade of the road changes it by more than a drift of minutes; nor does the
+    velocity of a receiver, which is smoothed.
+    """
+    used = [s for s in sources if s.n_used]
+    positions = {s.source for s in used if s.kind is Kind.POSITION}
+    if len(positions) != 1 or any(each.is_within_bounds is not None for each in nees):
+        return ""
+    kinds = {s.kind for s in used}
+    missing = [
+        name
+        for name, measuring_kinds in (
+            ("wheel speed", {Kind.SPEED}),
+            ("heading or turn rate", {Kind.HEADING, Kind.YAW_RATE}),
+        )
+        if not kinds & measuring_kinds
+    ]
+    if not missing:
+        return ""
+    return f"; a slow drift of {positions.pop()} would not show, because no {' and no '.join(missing)} is measured"
 
 
 def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:

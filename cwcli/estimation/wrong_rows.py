@@ -48,7 +48,7 @@ def set_wrong_rows_aside_and_list_them(
                 rest = ~(flipped | frozen)
                 if flipped.any() and not has_heading_jumps(time_s[rest], values[rest, 0]):
                     kept = _without_measurement_rows(kept, rows[flipped])
-                    what = "is turned round while the car stands"
+                    what = "is reversed while the car stands"
                     corrections.append(_correction_of_rows_set_aside(m, "standstill", what, flipped, time_s))
         corrected.append(kept)
     return corrected, corrections

@@ -65,7 +65,7 @@ def find_real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]
     found: list[RealConflict] = []
     hold_off_ns = config.hold_off_s * NS_PER_S
     for part in config.parsed_conflict_definition.parts:
-        more = _find_conflicts_by_margin(pair, part.conflict_margin(pair), config)
+        more = _find_conflicts_by_margin(pair, part.margin_negative_in_conflict(pair), config)
         found += [
             replace(each, part_text=part.conflict_text)
             for each in more

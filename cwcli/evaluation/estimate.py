@@ -24,8 +24,8 @@ from cwcli.evaluation.truth import (
     build_truth_errors_section,
     compare_track_with_truth,
     notes_on_truth_mounting,
+    place_truth_in_map,
     truth_error_metric_rows,
-    truth_positions_in_map,
 )
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import chi_square_mean_bounds
@@ -188,7 +188,7 @@ def _truth_in_map(
         measured_xy = resample(*fixes, stamp_ns, max_gap_s=MAX_FIX_GAP_S)
     origin = parse_json_entry_or_empty(record, "configuration", dict).get("truth_origin")
     given = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
-    true_xy, _ = truth_positions_in_map(signal, inside, local_map, given, measured_xy)
+    true_xy, _ = place_truth_in_map(signal, inside, local_map, given, measured_xy)
     if isinstance(signal, PositionSignal):
         return EgoTruth(signal.source, stamp_ns, true_xy), signal, inside
     motion = (each[inside] for each in (signal.speed_mps, signal.travel_rad, signal.yaw_rate_radps))

@@ -30,7 +30,7 @@ def knowledge_of_stage_output(record: Record) -> str:
     return ONLINE if any(isinstance(part, dict) and part.get("causal") is True for part in parts) else HINDSIGHT
 
 
-def knowledge_of_stage_input(records: Mapping[str, Record], record: Record) -> str:
+def online_or_hindsight_of_stage_input(records: Mapping[str, Record], record: Record) -> str:
     """Return the knowledge behind the states that a stage read, by the topics in its record."""
     topics = {str(entry.get("topic")) for entry in read_input_counts(record) if entry.get("role") in STATE_ROLES}
     own = {topic for topic in topics if topic.startswith(OWN_TOPIC_PREFIX)} or {EGO_STATE.topic}

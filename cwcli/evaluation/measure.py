@@ -7,7 +7,7 @@ import numpy as np
 from cwcli.channels.measures import published_measure_names
 from cwcli.channels.published import PAIR_MEASURES
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import knowledge_of_stage_input
+from cwcli.evaluation.knowledge import online_or_hindsight_of_stage_input
 from cwcli.measures import MEASURES
 from cwcli.pipeline.records import read_run_records
 from cwcli.signals.leaf_fields import read_numbers
@@ -20,7 +20,7 @@ def add_metrics(context: EvaluationContext) -> None:
         return
     columns = log.columns(PAIR_MEASURES.topic, published_measure_names())
     records = read_run_records(log)
-    knows = knowledge_of_stage_input(records, records.get("measure", {}))
+    knows = online_or_hindsight_of_stage_input(records, records.get("measure", {}))
     for measure in MEASURES.values():
         if measure.column not in published_measure_names():
             continue

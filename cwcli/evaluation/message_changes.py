@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.published import OWN_TOPIC_PREFIX, WARNINGS, published_topics
+from cwcli.channels.published import OWN_TOPIC_PREFIX, WARNINGS, schema_name_by_published_topic
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import IMAGE_SCHEMAS
@@ -146,7 +146,7 @@ def compare_messages(before: Log, after: Log, tolerances: Mapping[str, float] | 
 def _topics_in_order(before: Log, after: Log) -> list[str]:
     """Return the topics of both logs: recorded ones, then cwcli's in the order of the stages."""
     found = dict.fromkeys(channel.topic for log in (before, after) for channel in log.channels)
-    own = [topic for topic in published_topics() if topic in found]
+    own = [topic for topic in schema_name_by_published_topic() if topic in found]
     recorded = [topic for topic in found if not topic.startswith(OWN_TOPIC_PREFIX)]
     return [*recorded, *own, *(topic for topic in found if topic not in own and topic not in recorded)]
 

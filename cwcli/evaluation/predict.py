@@ -13,7 +13,12 @@ from cwcli.channels.published import EGO_ONLINE, EGO_PATH, EGO_STATE, REMOTE_ONL
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.evaluation.actual_outcomes import read_actual_states
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states, knowledge_of_stage_input
+from cwcli.evaluation.knowledge import (
+    TRUTH,
+    comparison_label,
+    knowledge_of_estimated_states,
+    online_or_hindsight_of_stage_input,
+)
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector, find_metric
@@ -72,7 +77,7 @@ def add_metrics(context: EvaluationContext) -> None:
     headline, log, ego = context.headline, context.log, context.ego
     records = read_run_records(log)
     knows, outcome = (
-        knowledge_of_stage_input(records, records.get("predict", {})),
+        online_or_hindsight_of_stage_input(records, records.get("predict", {})),
         knowledge_of_estimated_states(records),
     )
     topics = {channel.topic for channel in log.channels}
@@ -287,8 +292,9 @@ def _build_prediction_section(records: list[dict[str, Any]], horizon_s: float) -
                 )
             )
     title = f"Position error {horizon_s:g} s ahead against the later position (cv: constant velocity)"
-    columns = ("vehicle", "model", "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
-    return SummaryTable("prediction", title, columns, tuple(rows))
+    columns = ("vehicle", "model", "paths", "mean [m]", "largest p95 [m]", "mean vs cv [%]", "in 90 % ellipse [%]")
+    names = (*columns[:2], "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
+    return SummaryTable("prediction", title, columns, tuple(rows), names=names)
 
 
 def _mean_weighted_by_starts(records: list[dict[str, Any]], column: str) -> float:

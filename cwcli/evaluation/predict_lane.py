@@ -128,6 +128,7 @@ def _build_prediction_section(table: Table, horizon_s: float, source: str) -> Su
         for row in table.rows_as_dicts()
         if abs(row["horizon_s"] - horizon_s) < 1e-9 and row["n"]
     ]
-    title = f"Position error {horizon_s:g} s ahead, against {source}"
-    columns = ("model", "starts", "mean [m]", "median [m]", "p95 [m]", "vs cv [%]", "in 90 % band [%]")
-    return SummaryTable("prediction", title, columns, tuple(rows))
+    title = f"Position error {horizon_s:g} s ahead against {source} (cv: constant velocity)"
+    columns = ("model", "paths", "mean [m]", "median [m]", "p95 [m]", "mean vs cv [%]", "in 90 % band [%]")
+    names = ("model", "starts", *columns[2:5], "vs cv [%]", "in 90 % band [%]")
+    return SummaryTable("prediction", title, columns, tuple(rows), names=names)

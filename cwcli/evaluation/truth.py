@@ -130,7 +130,7 @@ def compare_track_with_truth(
         return None
     fixes = next(m for m in measurements if m.kind is Kind.POSITION)
     measured_xy = _interpolate_at(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
-    xy, notes = truth_positions_in_map(signal, inside, local_map, origin, measured_xy)
+    xy, notes = place_truth_in_map(signal, inside, local_map, origin, measured_xy)
     truth: dict[str, FloatArray] = {"position": xy}
     estimated_xy = _interpolate_at(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_STATE_GAP_S)
     estimated: dict[str, FloatArray] = {"position": estimated_xy}
@@ -193,11 +193,11 @@ def _first_measured_stamps_and_values(
     return None if imu is None or axis is None else (imu.stamp_ns, imu.values[:, axis])
 
 
-def truth_positions_in_map(
+def place_truth_in_map(
     signal: PoseSignal | PositionSignal,
     row_mask: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
     local_map: LocalMap | None,
-    origin: tuple[float, float, float] | None,
+    truth_origin: tuple[float, float, float] | None,
     measured_xy: FloatArray,
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Convert the positions of a truth to the map frame; returns them and notes on how they were placed.
@@ -206,7 +206,7 @@ def truth_positions_in_map(
         signal: The truth.
         row_mask: Shape (all,): mask of its n wanted rows.
         local_map: Georeference of the map, or None where it has none.
-        origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth's origin, or None.
+        truth_origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth's origin, or None.
         measured_xy: Shape (n, 2): measured positions at the same rows, for a truth whose origin is not known.
 
     Returns:
@@ -225,8 +225,8 @@ def truth_positions_in_map(
         latitude_deg, longitude_deg = signal.latitude_deg[row_mask], signal.longitude_deg[row_mask]
         x_m, y_m, _ = local_map.map_from_wgs84(latitude_deg, longitude_deg, np.full(len(xyz), local_map.origin_alt_m))
         return np.column_stack([x_m, y_m]), ()
-    if origin is not None:
-        latitude_deg, longitude_deg, altitude_m = LocalMap(*origin).wgs84_from_map(*xyz.T)
+    if truth_origin is not None:
+        latitude_deg, longitude_deg, altitude_m = LocalMap(*truth_origin).wgs84_from_map(*xyz.T)
         x_m, y_m, _ = local_map.map_from_wgs84(latitude_deg, longitude_deg, altitude_m)
         return np.column_stack([x_m, y_m]), (f"{signal.source}: placed by its given origin",)
     offset = np.nanmedian(measured_xy - xyz[:, :2], axis=0)

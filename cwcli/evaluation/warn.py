@@ -12,13 +12,18 @@ from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warn
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes, read_actual_tracks
 from cwcli.evaluation.conflicts import judge_warning
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import comparison_label, knowledge_of_estimated_states, knowledge_of_stage_input
+from cwcli.evaluation.knowledge import (
+    comparison_label,
+    knowledge_of_estimated_states,
+    online_or_hindsight_of_stage_input,
+)
 from cwcli.evaluation.preventable import add_preventable_share
 from cwcli.evaluation.records import find_collision_warning_record
 from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score_warnings
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
 from cwcli.metrics.headline import HeadlineCollector, find_metric
+from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.records import (
     WITHHELD_KEY,
     Record,
@@ -35,6 +40,24 @@ from cwcli.stages.warn_targets import WarnTargetsConfig
 from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.types import WarningConfig
+
+SCORE_WORDS = {
+    "n_events": "warnings",
+    "n_true": "true warnings",
+    "n_late": "late warnings",
+    "n_false": "false warnings",
+    "n_undecided": "undecided warnings",
+    "n_withheld": "warnings withheld",
+    "n_conflicts": "conflicts",
+    "n_conflicts_warned": "conflicts with a warning in time",
+    "n_conflicts_late": "conflicts with a late warning",
+    "n_conflicts_missed": "conflicts missed",
+    "n_crashes": "crashes",
+    "lead_time_mean_s": "lead time, mean [s]",
+    "lead_time_min_s": "lead time, least [s]",
+    "host_hours": "length of the ego's track [h]",
+}
+"""Column of the table `scores` -> what the summary calls it."""
 
 
 def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageResult) -> StageResult:
@@ -68,7 +91,10 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
         for row, event in zip(events.rows, scored.events.rows_as_dicts(), strict=True)
     )
     ((_, *counts),) = (row.items() for row in scored.scores.rows_as_dicts())
-    cells = tuple((name.removeprefix("n_").replace("_", " "), value) for name, value in counts)
+    cells = tuple(
+        (CellWithValues(SCORE_WORDS[name], {"": name.removeprefix("n_").replace("_", " ")}), value)
+        for name, value in counts
+    )
     sections = (
         replace(
             events,
@@ -110,7 +136,9 @@ def add_metrics(context: EvaluationContext) -> None:
         return
     for k, (rule, scores) in enumerate(judge_published_warnings(real, events, collision_rules).items()):
         with headline.label_rows_with_states(
-            comparison_label(knowledge_of_stage_input(records, record), knowledge_of_estimated_states(records))
+            comparison_label(
+                online_or_hindsight_of_stage_input(records, record), knowledge_of_estimated_states(records)
+            )
         ):
             if k == 0:
                 add_warning_scores(headline, "warnings", scores)

@@ -21,7 +21,8 @@ class Moment:
         actors: Ids of the vehicles, the ego first, or the topic that it is about.
         value: The number that makes it an event; `EventKind.value_name` says which and its unit. NaN: there is none.
         severity: How many times the value is beyond the event's threshold: 1 at the threshold, at most `MAX_SEVERITY`.
-        detail: Further words.
+        detail: Which of several kinds it is; a part of the event's id.
+        words: What happened, with the value and its unit, for people; "": the name of the value and the value.
     """
 
     start_ns: int
@@ -30,6 +31,7 @@ class Moment:
     value: float
     severity: float
     detail: str = ""
+    words: str = ""
 
 
 @dataclass(frozen=True)

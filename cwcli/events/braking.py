@@ -44,7 +44,8 @@ def _find_braking(stamp_ns: Int64Array, accel_mps2: FloatArray, actors: tuple[st
     for first, last in lasting_row_spans(holds, stamp_ns, min_s=MIN_BRAKE_S, max_pause_s=MAX_PAUSE_S):
         peak_mps2 = -float(np.nanmin(accel_mps2[first : last + 1]))
         severity = severity_of(peak_mps2, HARD_BRAKE_MPS2, "high")
-        yield Moment(int(stamp_ns[first]), int(stamp_ns[last]), actors, peak_mps2, severity)
+        span = int(stamp_ns[first]), int(stamp_ns[last])
+        yield Moment(*span, actors, peak_mps2, severity, words=f"brakes with up to {peak_mps2:.1f} m/s^2")
 
 
 EGO_EVENT = EventKind(

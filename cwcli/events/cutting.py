@@ -51,7 +51,8 @@ def _find_cuts(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
             if is_near and slowest_mps > MIN_SPEED_MPS:
                 span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
                 severity = severity_of(headway_s, SAFE_HEADWAY_S, "low")
-                yield Moment(*span, (evidence.ego_id, other_id), headway_s, severity)
+                words = f"{'enters' if is_in else 'leaves'} the ego's lane {gap_m:.0f} m, {headway_s:.1f} s ahead of it"
+                yield Moment(*span, (evidence.ego_id, other_id), headway_s, severity, words=words)
 
 
 def _iter_crossings(seen: OnOwnPath, *, is_in: bool) -> Iterator[tuple[int, int]]:

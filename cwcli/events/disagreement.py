@@ -19,14 +19,15 @@ def find_disagreements(evidence: EventEvidence) -> Iterator[Moment]:
     own = [(each.raised_ns, each.last_ns) for each in evidence.warnings]
     others = evidence.other_warning_spans_ns
     assert evidence.other_system is not None  # reading its warnings requires it
-    for spans, against, words in ((own, others, "only cwcli warns"), (others, own, "only the other warns")):
+    for spans, against, kind in ((own, others, "only cwcli warns"), (others, own, "only the other warns")):
         for start_ns, end_ns in spans:
             margin_ns = TOLERANCE_S * NS_PER_S
             if any(start_ns - margin_ns <= last and end_ns + margin_ns >= first for first, last in against):
                 continue
             lasted_s = (end_ns - start_ns) / NS_PER_S
             severity = max(severity_of(lasted_s, USUAL_WARNING_S, "high"), 1.0)
-            yield Moment(start_ns, end_ns, ("ego", evidence.other_system.warning), lasted_s, severity, words)
+            actors = ("ego", evidence.other_system.warning)
+            yield Moment(start_ns, end_ns, actors, lasted_s, severity, kind, f"{kind}, for {lasted_s:.1f} s")
 
 
 EVENT = EventKind(

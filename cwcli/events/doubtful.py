@@ -14,7 +14,8 @@ def find_doubtful_logs(evidence: EventEvidence) -> Iterator[Moment]:
     log = evidence.log
     for doubt in find_doubts(log):
         severity = severity_of(abs(doubt.value), abs(doubt.threshold), "high") if doubt.threshold else 1.0
-        yield Moment(log.start_ns, log.end_ns, ("ego",), doubt.value, max(severity, 1.0), doubt.name)
+        severity = max(severity, 1.0)
+        yield Moment(log.start_ns, log.end_ns, ("ego",), doubt.value, severity, doubt.name, doubt.sentence)
 
 
 EVENT = EventKind(

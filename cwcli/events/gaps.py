@@ -38,7 +38,9 @@ def find_outages(evidence: EventEvidence) -> Iterator[Moment]:
             found.append((span, topics[0] if topics else EGO_STATE.topic))
     for (start_ns, end_ns), topic in sorted(found):
         lasted_s = (end_ns - start_ns) / NS_PER_S
-        yield Moment(start_ns, end_ns, (topic,), lasted_s, severity_of(lasted_s, MIN_OUTAGE_S, "high"))
+        severity = severity_of(lasted_s, MIN_OUTAGE_S, "high")
+        words = f"no usable position for {lasted_s:.1f} s"
+        yield Moment(start_ns, end_ns, (topic,), lasted_s, severity, words=words)
 
 
 def _bridged_spans_ns(evidence: EventEvidence) -> list[tuple[int, int]]:
@@ -60,7 +62,8 @@ def find_sensor_gaps(evidence: EventEvidence) -> Iterator[Moment]:
             continue
         for start_ns, end_ns in _gaps_ns(evidence.message_times_ns(topic), MIN_GAP_S):
             lasted_s = (end_ns - start_ns) / NS_PER_S
-            yield Moment(start_ns, end_ns, (topic,), lasted_s, severity_of(lasted_s, MIN_GAP_S, "high"))
+            severity = severity_of(lasted_s, MIN_GAP_S, "high")
+            yield Moment(start_ns, end_ns, (topic,), lasted_s, severity, words=f"no message for {lasted_s:.1f} s")
 
 
 def _gaps_ns(times_ns: Int64Array, min_s: float) -> list[tuple[int, int]]:

@@ -65,7 +65,7 @@ def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
             last_end = last
             side = "to the left" if shift_m > 0.0 else "to the right"
             span = int(stamp_ns[begin]), int(stamp_ns[end])
-            yield Moment(*span, (evidence.ego_id,), abs(shift_m), 1.0, side)
+            yield Moment(*span, (evidence.ego_id,), abs(shift_m), 1.0, side, f"{abs(shift_m):.1f} m {side}")
 
 
 def _distance_aside_m(turned_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:

@@ -29,7 +29,8 @@ def find_lane_departures(evidence: EventEvidence) -> Iterator[Moment]:
             most_m = float(np.nanmax(out_m[first : last + 1]))
             span = int(lanes.stamp_ns[first]), int(lanes.stamp_ns[last])
             severity = severity_of(most_m + FAR_OUT_M, FAR_OUT_M, "high")
-            yield Moment(*span, ("ego",), most_m, severity, f"{side} boundary")
+            words = f"up to {most_m:.2f} m beyond the {side} lane boundary"
+            yield Moment(*span, ("ego",), most_m, severity, f"{side} boundary", words)
 
 
 EVENT = EventKind(

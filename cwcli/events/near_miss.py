@@ -39,7 +39,8 @@ def find_near_misses(evidence: EventEvidence) -> Iterator[Moment]:
             least_s = float(np.nanmin(ttc_s[first : last + 1]))
             severity = severity_of(least_s, MAX_TTC_S, "low")
             start_ns, end_ns = int(pair.stamp_ns[first]), int(pair.stamp_ns[last])
-            yield Moment(start_ns, end_ns, actors, least_s, severity, "time to collision")
+            words = f"time to collision down to {least_s:.1f} s" if least_s > 0.0 else "the outlines touch"
+            yield Moment(start_ns, end_ns, actors, least_s, severity, "time to collision", words)
         if not spans:
             yield from _find_encroachment(evidence, other_id, actors)
 
@@ -62,9 +63,9 @@ def _find_encroachment(evidence: EventEvidence, other_id: str, actors: tuple[str
     if not len(at):
         return
     times = np.concatenate([seen.stamp_ns[at], seen.passed_ns[at]])
-    yield Moment(
-        int(times.min()), int(times.max()), actors, pet_s, severity_of(pet_s, MAX_PET_S, "low"), "post-encroachment"
-    )
+    severity = severity_of(pet_s, MAX_PET_S, "low")
+    words = f"one crosses the other's way {pet_s:.1f} s after it (post-encroachment time)"
+    yield Moment(int(times.min()), int(times.max()), actors, pet_s, severity, "post-encroachment", words)
 
 
 EVENT = EventKind(

@@ -34,7 +34,8 @@ def find_overtaking(evidence: EventEvidence) -> Iterator[Moment]:
                 continue  # the outlines overlap: the states say that the ego drove through it
             span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
             severity = severity_of(side_m, NEAR_SIDE_M, "low")
-            yield Moment(*span, (evidence.ego_id, other_id), side_m, severity)
+            words = f"the ego passes it with {side_m:.1f} m between the sides"
+            yield Moment(*span, (evidence.ego_id, other_id), side_m, severity, words=words)
 
 
 EVENT = EventKind(

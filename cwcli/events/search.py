@@ -39,11 +39,12 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.metrics.condition_parser import AndOr, Not
-from cwcli.metrics.table import ColumnDoc, Table, TableColumn
+from cwcli.metrics.table import ColumnDoc, Table, TableColumn, unit_of_column
 from cwcli.pipeline.records import read_run_records
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
+from cwcli.text import format_number
 
 EXPRESSION_NAME = "expression"
 """The name of the event in the results of an expression."""
@@ -92,6 +93,17 @@ class FoundEvent:
     def duration_s(self) -> float:
         """How long it lasted, s."""
         return (self.moment.end_ns - self.moment.start_ns) / NS_PER_S
+
+    @property
+    def words(self) -> str:
+        """What happened, with the value and its unit, for people."""
+        if self.moment.words:
+            return self.moment.words
+        unit = unit_of_column(self.value_name)
+        name = self.value_name.removesuffix(self.value_name.rpartition("_")[2]) if unit else self.value_name
+        value = self.moment.value
+        known = f"{name.replace('_', ' ').strip()} {format_number(value)} {unit}".strip() if np.isfinite(value) else ""
+        return ", ".join(filter(None, (known, self.moment.detail)))
 
 
 @dataclass(frozen=True)
@@ -153,7 +165,10 @@ def find_in_log(log: Log, query: Query, other_system: OtherSystemTopics | None =
     found: list[FoundEvent] = []
     missing: dict[str, str] = {}
     if query.events is None:
-        found += [_found_event(key, name, log, EXPRESSION_NAME, each, "value") for each in _evaluate(evidence, query)]
+        value_name = _name_of_value(query.node)
+        found += [
+            _found_event(key, name, log, EXPRESSION_NAME, each, value_name) for each in _evaluate(evidence, query)
+        ]
     for event in query.events or ():
         if query.is_all and event == "disagreement" and (other_system is None or not other_system.warning):
             continue
@@ -183,6 +198,7 @@ def table_of_events(found: Sequence[FoundEvent]) -> Table:
         "value_name": [each.value_name for each in found],
         "severity": np.array([each.severity for each in moments], float),
         "detail": [each.detail for each in moments],
+        "words": [each.words for each in found],
     }
     docs = {
         "id": ColumnDoc("the same for the same event in every run"),
@@ -221,6 +237,13 @@ def _comparisons(node: Node) -> Iterator[Comparison]:
         yield from _comparisons(node.anchor)
     elif isinstance(node, Lasting | Not):
         yield from _comparisons(node.inner)
+
+
+def _name_of_value(node: Node) -> str:
+    """Return the name of the quantity whose value an expression's events have; "" without one."""
+    first = next(_comparisons(node), None)
+    quantity = next((each for each in first.operands if isinstance(each, Series)), None) if first else None
+    return "" if quantity is None else f"{quantity.function} {quantity.name}".strip()
 
 
 def _names_of_events(node: Node) -> Iterator[str]:

@@ -39,7 +39,8 @@ def find_stop_and_go(evidence: EventEvidence) -> Iterator[Moment]:
     for each in groups:
         if len(each) >= MIN_STOPS:
             span = int(stamp_ns[each[0][0]]), int(stamp_ns[each[-1][1]])
-            yield Moment(*span, (evidence.ego_id,), float(len(each)), severity_of(len(each), MIN_STOPS, "high"))
+            severity = severity_of(len(each), MIN_STOPS, "high")
+            yield Moment(*span, (evidence.ego_id,), float(len(each)), severity, words=f"{len(each)} stops")
 
 
 EVENT = EventKind(

@@ -31,7 +31,8 @@ def find_tailgating(evidence: EventEvidence) -> Iterator[Moment]:
             least_s = float(np.nanmin(headway_s[first : last + 1]))
             severity = severity_of(least_s, MAX_HEADWAY_S, "low")
             span = int(pair.stamp_ns[first]), int(pair.stamp_ns[last])
-            yield Moment(*span, (evidence.ego_id, other_id), least_s, severity)
+            words = f"follows with a time headway down to {least_s:.1f} s"
+            yield Moment(*span, (evidence.ego_id, other_id), least_s, severity, words=words)
 
 
 EVENT = EventKind(

@@ -47,7 +47,8 @@ def find_turns_across(evidence: EventEvidence) -> Iterator[Moment]:
             last = int(outside[outside > row][0]) - 1 if (outside > row).any() else len(inside) - 1
             span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
             severity = severity_of(abs(gap_s), NEAR_TIME_GAP_S, "low")
-            yield Moment(*span, (evidence.ego_id, other_id), abs(gap_s), severity)
+            words = f"turns across the ego's way; {abs(gap_s):.1f} s between both at that place"
+            yield Moment(*span, (evidence.ego_id, other_id), abs(gap_s), severity, words=words)
 
 
 EVENT = EventKind(

@@ -39,7 +39,21 @@ def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterat
             threshold_m = 2.5 if outcomes is None else outcomes.config.distance_m
             severity = severity_of(closest_m, threshold_m, "low") if np.isfinite(closest_m) else 1.0
             actors = ("ego", warning.other_id)
-            yield Moment(warning.raised_ns, warning.last_ns, actors, lead_s, severity, f"{warning.rule}: {kind}")
+            words = _describe_verdict(warning.rule, kind, lead_s)
+            yield Moment(warning.raised_ns, warning.last_ns, actors, lead_s, severity, f"{warning.rule}: {kind}", words)
+
+
+def _describe_verdict(rule: str, verdict: str, lead_s: float) -> str:
+    """Return rule and verdict of a warning in words, with its lead time [s] where it has one."""
+    if verdict == VERDICT_TRUE:
+        return f"rule {rule}, {lead_s:.1f} s before the conflict"
+    described = {
+        VERDICT_LATE: "during the conflict, too late",
+        VERDICT_FALSE: "no conflict followed: a false warning",
+        VERDICT_UNDECIDED: "the other was not seen for long enough to judge it",
+        NO_VERDICT: "not judged: what it warns of has no track",
+    }
+    return f"rule {rule}, {described[verdict]}"
 
 
 def _event_of_verdict(verdict: str, summary: str) -> EventKind:

@@ -45,7 +45,7 @@ def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> lis
         named = {source: _absolute_path(source) for source in _expand_argument(argument)}
         outside = {source: path for source, path in named.items() if not path.startswith(tuple(kept))}
         if not outside:
-            raise UsageError("the log lies in the output folder", where=argument, hint="name another folder with -d")
+            raise UsageError("the log is in the output folder", where=argument, hint="name another folder with -d")
         for source, path in outside.items():
             name = display_name_of_url(source) if is_remote_url(source) else source
             found.setdefault(name if is_remote_url(source) else path, (name, path))

@@ -30,7 +30,7 @@ from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, w
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import make_folder
 
-RUN_AGAIN_HINT = "run the shard again with the same command: it goes on where it was"
+RUN_AGAIN_HINT = "run the shard again with the same command: it continues"
 """Advice on a shard that was killed."""
 COMMON_KEYS = ("format", "cwcli", "run_id", "pipeline")
 """Keys of the manifest that all shards share."""
@@ -171,7 +171,7 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Do
         for listed in manifest["logs"]:
             name = listed.get("id") if isinstance(listed, dict) else None
             if not isinstance(name, str) or name in {"", ".", ".."} or set(name) & {"/", "\\", "\0"}:
-                raise InputError(f"the log id {name!r} is no name of a file", where=str(path / MANIFEST_NAME))
+                raise InputError(f"the log id {name!r} is not the name of a file", where=str(path / MANIFEST_NAME))
             folder = LogOutputs(path, name)
             entry = listed
             if entry.get("status") not in ENDED:

@@ -27,14 +27,14 @@ class RunDifference:
     unread: Mapping[str, str]
 
 
-def compare_messages_of_runs(
-    baseline: str, candidate: str, tolerances: Mapping[str, float], step: Callable[[str], None]
+def compare_logs_of_runs(
+    baseline: str, candidate: str, tolerance_by_field: Mapping[str, float], step: Callable[[str], None]
 ) -> RunDifference:
     """Compare the logs of two runs; logs are paired by their id, two single logs always.
 
     Args:
         baseline, candidate: Annotated logs, folders of them, or the output folders of runs.
-        tolerances: Field name -> difference up to which its values count as equal.
+        tolerance_by_field: Field name -> difference up to which its values count as equal.
         step: Called with a text for each log.
 
     Raises:
@@ -55,7 +55,7 @@ def compare_messages_of_runs(
         step(f"comparing the messages of {name}")
         try:
             with Log.open(early) as before, Log.open(late) as after:
-                found = compare_messages(before, after, tolerances)
+                found = compare_messages(before, after, tolerance_by_field)
         except CwcliError as error:
             unread[name] = str(error)
             continue

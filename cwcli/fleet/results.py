@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 STDIN_NAME = "-"
 """Name of standard input."""
+METRIC_ROWS_PER_BATCH = 65_536
+"""Number of rows of a table of metrics that are read at a time. Chosen by hand: some ten MB."""
 TEXT_COLUMNS = ("stage", "metric", "unit", "pool", "states")
 """The text columns of the table of metrics; the others hold numbers."""
 NO_TABLE_TEXT = "the log has no readable table of metrics, and no annotated log to make it from"
@@ -145,7 +147,7 @@ def _iter_metrics_of_output_folder(
     metrics = MetricsOfRun(path)
     for log in run.logs:
         if log.folder is None:
-            raise InputError(f"the log id {log.id!r} is no name of a file", where=str(path / MANIFEST_NAME))
+            raise InputError(f"the log id {log.id!r} is not the name of a file", where=str(path / MANIFEST_NAME))
         if log.entry.get("status") != "done":
             found = LogMetrics(log.id, error=_error_text_of_entry(log.entry))
         else:
@@ -179,10 +181,16 @@ def _metrics_of_log(
 
 
 class MetricsOfRun:
-    """The headline metrics of a run's logs, whose table is read once."""
+    """The headline metrics of a run's logs, whose table is read once.
 
-    def __init__(self, out: Path) -> None:
+    Args:
+        out: The output folder.
+        is_needed: Tells by its name whether a metric is needed; others are not held in memory. None: all are.
+    """
+
+    def __init__(self, out: Path, is_needed: Callable[[str], bool] | None = None) -> None:
         self._path = out / f"{METRICS_TABLE}{SUFFIX}"
+        self._is_needed = is_needed
         self._error: InputError | None = None
         self._rows: Mapping[str, Mapping[str, MetricRow]] | None = None
 
@@ -203,7 +211,7 @@ class MetricsOfRun:
                 return _checked_rows(_table_from_arrow(table, staged), staged)
         if self._rows is None and self._error is None:
             try:
-                self._rows = _metric_rows_by_log(read_metrics_table(self._path), self._path)
+                self._rows = _metric_rows_by_log(self._path, self._is_needed)
             except InputError as error:
                 self._error = error
         if self._error is not None:
@@ -219,8 +227,36 @@ def _checked_rows(table: Table, path: Path) -> dict[str, MetricRow]:
         raise InputError(f"can't be read: {error}", where=str(path)) from error
 
 
-def _metric_rows_by_log(table: Table, path: Path) -> dict[str, dict[str, MetricRow]]:
-    """Return log -> metric -> row of a table whose types are checked, in one pass; it may have a million rows.
+def _metric_rows_by_log(path: Path, is_needed: Callable[[str], bool] | None) -> dict[str, dict[str, MetricRow]]:
+    """Return log -> metric -> row of a table that may have millions of rows; few of them are in memory at a time.
+
+    Raises:
+        InputError: The table can't be read, a column is missing or holds something else.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    from pyarrow import parquet
+
+    rows: dict[str, dict[str, MetricRow]] = {}
+    source = pa.BufferReader(read_file(path, limit=MAX_BINARY_BYTES))
+    try:
+        with parquet.ParquetFile(source) as file:
+            if file.metadata.num_rows == 0:
+                _table_from_arrow(file.schema_arrow.empty_table(), path)
+            for batch in file.iter_batches(METRIC_ROWS_PER_BATCH, use_threads=False):
+                found = pa.Table.from_batches([batch])
+                if is_needed is not None and "metric" in found.column_names:
+                    names = [each for each in pc.unique(found.column("metric")).to_pylist() if is_needed(str(each))]
+                    found = found.filter(pc.is_in(found.column("metric"), pa.array(names, pa.string())))
+                _add_metric_rows(rows, _table_from_arrow(found, path), path)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        what = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error
+    return rows
+
+
+def _add_metric_rows(rows: dict[str, dict[str, MetricRow]], table: Table, path: Path) -> None:
+    """Add the rows of a table whose types are checked to log -> metric -> row.
 
     Raises:
         InputError: The table has no column `log`.
@@ -230,11 +266,9 @@ def _metric_rows_by_log(table: Table, path: Path) -> dict[str, dict[str, MetricR
         raise InputError("the table has no column log", where=str(path))
     names = [field.name for field in fields(MetricRow) if field.name in table.columns]
     columns = [_plain_values(table.columns[name]) for name in names]
-    rows: dict[str, dict[str, MetricRow]] = {}
     for id, *values in zip(ids, *columns, strict=True):
         row = MetricRow(*values)
         rows.setdefault(id, {})[row.metric] = row
-    return rows
 
 
 def _plain_values(column: TableColumn) -> list[Any]:
@@ -319,6 +353,12 @@ def read_metrics_table(path: Path) -> Table:
     return _table_from_arrow(found, path)
 
 
+def _texts_of_column(column: pa.ChunkedArray) -> list[str]:
+    """Return the values of a column as texts; equal ones are one object, as a million rows repeat a few names."""
+    known: dict[str, str] = {}
+    return [known.setdefault(text, text) for text in map(str, column.to_pylist())]
+
+
 def _table_from_arrow(found: pa.Table, path: Path) -> Table:
     """Return a table of metrics; raise `InputError` if it lacks a column or one holds something else."""
     import pyarrow as pa
@@ -335,8 +375,8 @@ def _table_from_arrow(found: pa.Table, path: Path) -> Table:
         is_number = pa.types.is_floating(column.type) or is_integer
         is_count = is_integer and not column.null_count
         if name in METRICS_TABLE_COLUMNS and (is_number == (name in TEXT_COLUMNS) or (name == "n" and not is_count)):
-            raise InputError(f"its column {name} does not hold what it should: {column.type}", where=str(path))
-        columns[name] = column.to_numpy() if is_number else [str(value) for value in column.to_pylist()]
+            raise InputError(f"its column {name} does not hold valid values: {column.type}", where=str(path))
+        columns[name] = column.to_numpy() if is_number else _texts_of_column(column)
     metadata = {
         key.decode(errors="replace"): value.decode(errors="replace")
         for key, value in (found.schema.metadata or {}).items()

@@ -236,7 +236,7 @@ def _refuse_inputs_in_output_folder(out: Path, tasks: Iterable[LogTask]) -> None
             remember_input_file(task.path)
     check_targets([out / MANIFEST_NAME, out / RUN_TIMES_NAME], force=True)
     for name in names_of_inputs_in_folders(*(out / part for part in RUN_FOLDERS)):
-        raise OutputError("an input lies where the results go", where=name, hint="name another folder with -d")
+        raise OutputError("an input is in the folder of the results", where=name, hint="name another folder with -d")
 
 
 def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], index: Index, *, force: bool) -> None:

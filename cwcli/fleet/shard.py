@@ -44,7 +44,7 @@ def parse_shard(text: str, environment: Mapping[str, str] = os.environ) -> Shard
     """
     index_text, sign, count_text = text.partition("/")
     if not sign or not re.fullmatch(r"[0-9]{1,6}", count_text):
-        raise UsageError(f"--shard {text} is no shard", hint=HINT)
+        raise UsageError(f"--shard {text} is not a shard", hint=HINT)
     count = int(count_text)
     if not 1 <= count <= MAX_SHARDS:
         raise UsageError(f"--shard {text}: the number of shards is not from 1 to {MAX_SHARDS}", hint=HINT)
@@ -53,7 +53,7 @@ def parse_shard(text: str, environment: Mapping[str, str] = os.environ) -> Shard
     elif re.fullmatch(r"[0-9]{1,6}", index_text):
         index = int(index_text)
     else:
-        raise UsageError(f"--shard {text} is no shard", hint=HINT)
+        raise UsageError(f"--shard {text} is not a shard", hint=HINT)
     if not 1 <= index <= count:
         raise UsageError(f"--shard {text}: shard {index} is not from 1 to {count}", hint=HINT)
     return Shard(index, count)
@@ -71,7 +71,7 @@ def _index_from_environment(text: str, environment: Mapping[str, str]) -> int:
             continue
         start = environment.get("SLURM_ARRAY_TASK_MIN", "0") if first is None else str(first)
         if not (value.isascii() and value.isdigit() and start.isascii() and start.isdigit()):
-            raise UsageError(f"--shard {text}: the environment variable {name} is no number")
+            raise UsageError(f"--shard {text}: the environment variable {name} is not a number")
         return int(value) - int(start) + 1
     names = ", ".join(INDEX_VARIABLES)
     raise UsageError(f"--shard {text}: no array job has set a number", hint=f"set one of {names}, or name the shard")

@@ -14,7 +14,7 @@ from cwcli.importing.units import FACTORS, find_unit
 
 SENSES = ("cw-north", "ccw-east")
 """Senses of an angle."""
-TIME_BASES = ("1970", "gps", "week", "start")
+TIME_BASES = ("1970", "2001", "gps", "week", "start")
 """The instants from which numbers of time may count."""
 
 

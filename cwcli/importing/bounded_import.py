@@ -26,6 +26,8 @@ FUNCTION = "cwcli.importing.bounded_import:import_request"
 MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 400_000_000, 20
 """Memory of the process, and more for each byte of the files: a table is held as columns of numbers. Chosen by hand:
 the libraries and a drive of ten minutes take 150 MB."""
+MAX_MEMORY_BYTES = 900_000_000
+"""Greatest memory of the process, whatever the size of the files: large columns lie in a file. Chosen by hand."""
 VIDEO_BYTES = 400_000_000
 """Memory more for a video. Chosen by hand: OpenCV reserves 240 MB that it does not use, and a decoder holds 16 pictures
 of 12 MB at 3840 by 2160."""
@@ -34,6 +36,9 @@ OUTPUT_BYTES, OUTPUT_BYTES_PER_BYTE = 100_000_000, 200
 of H.265 becomes 30 times its size."""
 MAX_OPEN_FILES = 256
 """The greatest number of files that the process has open at once. Chosen by hand."""
+
+STAT_BLOCK_BYTES = 512
+"""Bytes of a block as `stat` counts them (POSIX.1-2017, sys/stat.h as on Linux and macOS)."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +75,14 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
         CwcliError: As `plan_import` and `write_import`; an `InputError` where the files take more than their bounds.
         BrokenPipeError: The reader of standard output has gone away.
     """
-    n_bytes = sum(map(_size_or_zero, {*files, *answers.dbc, answers.frame_times}))
+    n_bytes = sum(map(_stored_bytes, {*files, *answers.dbc, answers.frame_times}))
     name = ", ".join(files)
     has_video = any(load_kind("video").accepts(FileHead(path)) for path in files)
+    memory_bytes = MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * n_bytes + (VIDEO_BYTES if has_video else 0)
     limits = Limits(
         cpu_limit_s(n_bytes),
         OUTPUT_BYTES + OUTPUT_BYTES_PER_BYTE * n_bytes,
-        data_bytes=MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * n_bytes + (VIDEO_BYTES if has_video else 0),
+        data_bytes=min(memory_bytes, MAX_MEMORY_BYTES),
         n_files=MAX_OPEN_FILES,
         has_threads=True,
     )
@@ -154,8 +160,10 @@ def _report_of_answer(answer: dict[str, Any]) -> ImportReport:
     return ImportReport(kinds, tables, topics, notes, unused, str(answer["mapping_text"]))
 
 
-def _size_or_zero(path: str) -> int:
-    """Return the size of a file in bytes, 0 where there is none."""
+def _stored_bytes(path: str) -> int:
+    """Return how many bytes of a file lie on the disk, 0 where there is no file: holes allow for nothing."""
     with suppress(OSError, ValueError):
-        return Path(path).stat().st_size
+        status = Path(path).stat()
+        n_bytes_on_disk = getattr(status, "st_blocks", status.st_size) * STAT_BLOCK_BYTES
+        return min(status.st_size, n_bytes_on_disk)
     return 0

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import Track, mean_over_spans, turn_rate_units_per_radps_and_correlation
+from cwcli.importing.motion import TrackSpans, mean_over_spans, turn_rate_units_per_radps_and_correlation
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
@@ -40,7 +40,7 @@ MIN_TURNED_RAD = 0.44
 hand."""
 
 
-def find_accelerations_and_turn_rates(meaning: Meaning, track: Track | None, other: Meaning | None = None) -> None:
+def find_accelerations_and_turn_rates(meaning: Meaning, track: TrackSpans | None, other: Meaning | None = None) -> None:
     """Find accelerations and turn rates in m/s^2 and rad/s, and turn them into the axes of the car.
 
     Args:
@@ -78,7 +78,7 @@ def acceleration_table_by_turn_rate_table(meanings: Sequence[Meaning]) -> dict[s
     return {gyro.name: accel} if accel.since == gyro.since else {}
 
 
-def _read_vector(meaning: Meaning, name: str, track: Track | None) -> FloatArray | None:
+def _read_vector(meaning: Meaning, name: str, track: TrackSpans | None) -> FloatArray | None:
     """Return accelerations or turn rates in SI and the sensor's axes (n, 3); None without, or behind a question."""
     columns = _choose_axis_columns(meaning, name)
     if columns is None or meaning.questions:
@@ -160,7 +160,7 @@ def _choose_accel_unit_and_reason(meaning: Meaning, columns: list[str], values: 
 
 
 def _choose_gyro_unit_and_reason(
-    meaning: Meaning, columns: list[str], values: FloatArray, track: Track | None
+    meaning: Meaning, columns: list[str], values: FloatArray, track: TrackSpans | None
 ) -> tuple[str, str, str]:
     unit, confidence, why = meaning.stated_unit_confidence_and_reason("gyro_x", columns[0])
     if unit:
@@ -185,7 +185,7 @@ def _choose_gyro_unit_and_reason(
 
 
 def _rotate_into_car_axes_and_store(
-    meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: Track | None
+    meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: TrackSpans | None
 ) -> None:
     """Turn both vectors into x forward, y left, z up; leave out what can't be turned."""
     rotation = rotation_given_by_user(meaning)
@@ -233,7 +233,7 @@ def rotation_given_by_user(meaning: Meaning) -> FloatArray | None:
     rows = [_parse_axis_vector(forward.strip()), _parse_axis_vector(up.strip())]
     if any(row is None for row in rows) or abs(float(rows[0] @ rows[1])) > 0.5:  # type: ignore[operator]
         meaning.add_question(
-            f"--axes {text}: it is no pair of axes", "--axes x,z or --axes -y,z: the sensor's axes forward and up"
+            f"--axes {text}: it is not a pair of axes", "--axes x,z or --axes -y,z: the sensor's axes forward and up"
         )
         return None
     ahead, upward = rows
@@ -249,7 +249,7 @@ def _parse_axis_vector(text: str) -> FloatArray | None:
 
 
 def _levelling_rotation_and_if_x_is_forward(
-    meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: Track | None
+    meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: TrackSpans | None
 ) -> tuple[FloatArray, bool] | None:
     """Return the rotation that makes gravity point along z, and whether x is then forward; None if neither is known."""
     is_device = meaning.table.source.is_device_frame
@@ -270,7 +270,7 @@ def _levelling_rotation_and_if_x_is_forward(
     return _gravity_rotation_and_if_x_is_forward(meaning, upward)
 
 
-def _rotation_by_turning_course(meaning: Meaning, turn: FloatArray | None, track: Track | None) -> FloatArray:
+def _rotation_by_turning_course(meaning: Meaning, turn: FloatArray | None, track: TrackSpans | None) -> FloatArray:
     """Return the rotation that makes the axis vertical whose turn rate is that of the course; z where none shows it."""
     if turn is None:
         return np.eye(3)
@@ -303,7 +303,7 @@ def _rotation_to_z(upward: FloatArray) -> FloatArray:
 
 
 def _turn_over_if_course_turns_other_way(
-    meaning: Meaning, rotation: FloatArray, turn: FloatArray, track: Track | None
+    meaning: Meaning, rotation: FloatArray, turn: FloatArray, track: TrackSpans | None
 ) -> FloatArray:
     """Return the rotation with the vertical turned over where the course turns the other way.
 
@@ -317,7 +317,7 @@ def _turn_over_if_course_turns_other_way(
         return rotation
     if rotation[2, 2] < 0 and not np.allclose(rotation, np.eye(3)):
         meaning.add_question(
-            "gravity points up along z, and no turn of the course tells which end of the sensor is up",
+            "gravity points up along z, and no turn of the course shows which side of the sensor is up",
             "--axes x,-z if z is down, --axes x,z if z is up",
         )
     return rotation
@@ -327,7 +327,7 @@ def _turn_forward_by_track_and_tell_if_done(
     meaning: Meaning,
     rotation: FloatArray,
     measured: tuple[FloatArray | None, FloatArray | None],
-    track: Track | None,
+    track: TrackSpans | None,
     knows_forward: bool,
 ) -> tuple[FloatArray, bool]:
     """Return the rotation turned about the vertical as the changes of speed and course show, and whether they do."""
@@ -337,7 +337,7 @@ def _turn_forward_by_track_and_tell_if_done(
     level = force @ rotation.T
     along = _accelerations_of_track(track)
     middle = track.span_middles_ns
-    spans = Track(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
+    spans = TrackSpans(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
     seen = mean_over_spans(spans, meaning.stamp_ns, level[:, 0]) + 1j * mean_over_spans(
         spans, meaning.stamp_ns, level[:, 1]
     )
@@ -361,7 +361,7 @@ def _turn_forward_by_track_and_tell_if_done(
     return turned @ rotation, True
 
 
-def _accelerations_of_track(track: Track) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
+def _accelerations_of_track(track: TrackSpans) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
     """Return acceleration forward (real) and to the left (imaginary) between neighbouring spans, NaN elsewhere."""
     speed, course = track.speed_mps, track.course_rad
     step_s = np.diff(track.span_middles_ns) / NS_PER_S

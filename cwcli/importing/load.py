@@ -25,6 +25,7 @@ from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambigu
 from cwcli.importing.times import (
     Instants,
     TextTimes,
+    is_clock_of_digits,
     join_text_times,
     parse_short_dates,
     parse_text_times,
@@ -37,6 +38,8 @@ MAX_BAD_SHARE = 0.05
 """Largest share of cells without a number in a column of numbers; a column with more is none. Chosen by hand."""
 THOUSANDS_PATTERN = r"^[+-]?\d{1,3}(,\d{3})+$"
 """A number with a comma before each three digits, which may be a thousand or a decimal."""
+POINT_THOUSANDS_PATTERN = r"^[+-]?\d{1,3}(\.\d{3})+$"
+"""A number with a point before each three digits, which may be a thousand or a decimal."""
 POINT_DECIMAL_PATTERN = r"^[+-]?\d*\.\d+([eE][+-]?\d+)?$"
 """A number with decimals behind a point."""
 
@@ -109,7 +112,7 @@ def _drop_incomplete_axes(found: dict[str, list[str]]) -> None:
         ["velocity_east", "velocity_north"],
     ):
         present = [name for name in names if found.get(name)]
-        if 0 < len(present) < len(names) and not (names[0] == "gyro_x" and present == ["gyro_z"]):
+        if 0 < len(present) < len(names):
             for name in present:
                 del found[name]
 
@@ -171,10 +174,11 @@ def _columns_of_dates(table: SourceTable) -> dict[str, list[str]]:
 
 
 def _read_clocks_of_digits(loaded: LoadedTable) -> None:
-    """Read times of day that are written as numbers (hhmmss) beside a column of dates."""
+    """Read times of day that are written as numbers (hhmmss): beside a column of dates, or by their steps."""
     has_dates = any(times.has_date and not times.has_clock for times in loaded.text_times.values())
-    for column in list(loaded.instants) if has_dates else ():
-        clock = times_of_day_from_digits(loaded.instants[column])
+    for column in list(loaded.instants):
+        is_clock = has_dates or is_clock_of_digits(loaded.instants[column])
+        clock = times_of_day_from_digits(loaded.instants[column]) if is_clock else None
         if clock is not None and column in loaded.candidates.get("time", ()):
             loaded.text_times[column] = clock
             del loaded.instants[column]
@@ -260,33 +264,38 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Ans
         loaded.unused = (*loaded.unused, column)
 
 
-def _count_decimal_marks(texts: Any) -> tuple[int, int, int]:
-    """Count the texts with a decimal comma, with a decimal point, and with a comma before each three digits."""
+def _count_decimal_marks(texts: Any) -> tuple[int, int, int, int]:
+    """Count the texts with a decimal comma, a decimal point, and with a comma or a point before each three digits."""
     import pyarrow.compute as pc
 
-    n_comma, n_point, n_thousands = (
+    n_comma, n_point, n_comma_thousands, n_point_thousands = (
         int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
-        for pattern in (COMMA_NUMBER_PATTERN, POINT_DECIMAL_PATTERN, THOUSANDS_PATTERN)
+        for pattern in (COMMA_NUMBER_PATTERN, POINT_DECIMAL_PATTERN, THOUSANDS_PATTERN, POINT_THOUSANDS_PATTERN)
     )
-    return n_comma, n_point, n_thousands
+    return n_comma, n_point, n_comma_thousands, n_point_thousands
 
 
 def _ask_about_thousands_separators(batch: Batch, table: SourceTable) -> None:
-    """Ask where commas stand before three digits in one column, and another column has decimal points.
+    """Ask where one mark stands before three digits in one column, and another column has decimals behind the other.
 
     Raises:
-        AmbiguousError: They may stand before thousands.
+        AmbiguousError: It may stand before thousands.
     """
     counts = {
         column: _count_decimal_marks(trimmed_texts_or_null(array))
         for column, array in batch.items()
         if is_text_column(array)
     }
-    pointed = next((column for column, (n_comma, n_point, _) in counts.items() if n_point and not n_comma), None)
-    for column, (n_comma, n_point, n_thousands) in counts.items():
+    pointed = next((column for column, (n_comma, n_point, *_) in counts.items() if n_point and not n_comma), None)
+    for column, (n_comma, n_point, n_thousands, _) in counts.items():
         if pointed is not None and n_comma and not n_point and n_thousands == n_comma:
             what = f"{column!r}: its commas may stand before thousands, because {pointed!r} has decimal points"
             raise ambiguity_error_of_questions([Question(table.name, what, "--decimal , or remove the commas")])
+    comma = next((name for name, (n, n_point, n_3, _) in counts.items() if n > n_3 and not n_point), None)
+    for column, (n_comma, n_point, _, n_thousands) in counts.items():
+        if comma is not None and n_thousands and not n_comma and n_thousands >= n_point:
+            what = f"{column!r}: its points may stand before thousands, because {comma!r} has decimal commas"
+            raise ambiguity_error_of_questions([Question(table.name, what, "--decimal . or remove the points")])
 
 
 def _decimal_mark_of_column(array: Any, table: SourceTable, column: str) -> str:
@@ -298,7 +307,7 @@ def _decimal_mark_of_column(array: Any, table: SourceTable, column: str) -> str:
     if not is_text_column(array):
         return "."
     texts = trimmed_texts_or_null(array)
-    n_comma, n_point, n_thousands = _count_decimal_marks(texts)
+    n_comma, n_point, n_thousands, _ = _count_decimal_marks(texts)
     if not n_comma:
         return "."
     if n_point:

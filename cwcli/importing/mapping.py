@@ -95,7 +95,7 @@ def _parse_columns_table(table: Any, path: str) -> dict[tuple[str, str], tuple[s
         if key == "name":
             continue
         if not isinstance(value, str):
-            raise UsageError(f"{table['name']}: {key} is no text of the form COLUMN or COLUMN*UNIT", where=path)
+            raise UsageError(f"{table['name']}: {key} is not of the form COLUMN or COLUMN*UNIT", where=path)
         if key not in QUANTITIES:
             raise UsageError(
                 f"{table['name']}: there is no quantity {key!r}", where=path, hint=names_hint(key, QUANTITIES)

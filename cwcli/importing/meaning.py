@@ -8,7 +8,7 @@ from dataclasses import field
 import numpy as np
 
 from cwcli.importing.load import LoadedTable
-from cwcli.importing.motion import Track
+from cwcli.importing.motion import TrackSpans
 from cwcli.importing.names import QUANTITIES, split_name, unit_of_name
 from cwcli.importing.tables import Answers, Guess, Question
 from cwcli.importing.units import FACTORS, find_unit
@@ -46,7 +46,7 @@ class Meaning:
     questions: list[Question] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     chosen: dict[str, str] = field(default_factory=dict)
-    track: Track | None = None
+    track: TrackSpans | None = None
 
     @property
     def name(self) -> str:

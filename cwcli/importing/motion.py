@@ -27,7 +27,7 @@ RATIO_TOLERANCE = 0.06
 
 
 @dataclass(frozen=True)
-class Track:
+class TrackSpans:
     """Spans of a track of positions, m each.
 
     Attributes:
@@ -76,9 +76,9 @@ class Track:
         return np.arctan2(self.north_m, self.east_m)
 
 
-def track_of_geographic_places(
+def spans_of_geographic_places(
     stamp_ns: Int64Array, latitude_deg: FloatArray, longitude_deg: FloatArray
-) -> Track | None:
+) -> TrackSpans | None:
     """Return the spans between places, by stamp; None for too few."""
     keep = np.isfinite(latitude_deg) & np.isfinite(longitude_deg) & ((latitude_deg != 0) | (longitude_deg != 0))
     if np.count_nonzero(keep) < 3:
@@ -89,7 +89,7 @@ def track_of_geographic_places(
     return track_of_points(stamps, east, latitude * METERS_PER_DEGREE)
 
 
-def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> Track | None:
+def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> TrackSpans | None:
     """Return the spans between points; None for too few."""
     order = np.argsort(stamp_ns, kind="stable")
     stamps, x, y = stamp_ns[order], x_m[order], y_m[order]
@@ -109,7 +109,7 @@ def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> T
     start, end = start[sound], end[sound]
     if len(start) < 2:
         return None
-    return Track(stamps[start], stamps[end], x[end] - x[start], y[end] - y[start])
+    return TrackSpans(stamps[start], stamps[end], x[end] - x[start], y[end] - y[start])
 
 
 def first_rows_of_intervals(stamp_ns: Int64Array, length_s: float) -> Int64Array:
@@ -118,7 +118,7 @@ def first_rows_of_intervals(stamp_ns: Int64Array, length_s: float) -> Int64Array
     return np.flatnonzero(np.diff(interval, prepend=-1)).astype(np.int64)
 
 
-def mean_over_spans(track: Track, stamp_ns: Int64Array, values: FloatArray) -> FloatArray:
+def mean_over_spans(track: TrackSpans, stamp_ns: Int64Array, values: FloatArray) -> FloatArray:
     """Return the mean of a column over each span (m,), NaN for a span without rows: trapezes between the rows."""
     finite = np.isfinite(values)
     stamps, given = stamp_ns[finite], values[finite]
@@ -145,7 +145,7 @@ def mean_over_spans(track: Track, stamp_ns: Int64Array, values: FloatArray) -> F
     return np.where(outside, np.nan, mean)
 
 
-def speed_units_per_mps(track: Track | None, stamp_ns: Int64Array, values: FloatArray) -> float:
+def speed_units_per_mps(track: TrackSpans | None, stamp_ns: Int64Array, values: FloatArray) -> float:
     """Return how many units of a column of speeds make 1 m/s over ground; NaN where the track can't tell."""
     if track is None or not track.can_show_units_and_directions:
         return float("nan")
@@ -156,7 +156,7 @@ def speed_units_per_mps(track: Track | None, stamp_ns: Int64Array, values: Float
     return float(np.median(mean[use] / track.speed_mps[use]))
 
 
-def speed_ratio_spread(track: Track, stamp_ns: Int64Array, values: FloatArray) -> float:
+def speed_ratio_spread(track: TrackSpans, stamp_ns: Int64Array, values: FloatArray) -> float:
     """Return half the width of the middle 80 % of the logarithm of a speed by the way; NaN if unknown."""
     mean = mean_over_spans(track, stamp_ns, np.abs(values))
     use = track.moving_span_mask & np.isfinite(mean) & (mean > 0)
@@ -166,7 +166,9 @@ def speed_ratio_spread(track: Track, stamp_ns: Int64Array, values: FloatArray) -
     return float(high - low) / 2.0
 
 
-def heading_minus_course_of_moving_spans_rad(track: Track, stamp_ns: Int64Array, heading_rad: FloatArray) -> FloatArray:
+def heading_minus_course_of_moving_spans_rad(
+    track: TrackSpans, stamp_ns: Int64Array, heading_rad: FloatArray
+) -> FloatArray:
     """Return heading minus course, (k,), wrapped, of the spans in motion that have a heading."""
     finite = np.isfinite(heading_rad)
     if np.count_nonzero(finite) < 2:
@@ -181,7 +183,7 @@ def heading_minus_course_of_moving_spans_rad(track: Track, stamp_ns: Int64Array,
 
 
 def turn_rate_units_per_radps_and_correlation(
-    track: Track | None, stamp_ns: Int64Array, values: FloatArray
+    track: TrackSpans | None, stamp_ns: Int64Array, values: FloatArray
 ) -> tuple[float, float]:
     """Return how many units of a turn rate make 1 rad/s of the course, and the correlation; NaN where it can't tell."""
     nothing = float("nan"), 0.0
@@ -193,7 +195,7 @@ def turn_rate_units_per_radps_and_correlation(
         return nothing
     change = np.angle(np.exp(1j * np.diff(course)))
     middle = track.span_middles_ns
-    between = Track(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
+    between = TrackSpans(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
     rate = mean_over_spans(between, stamp_ns, values)
     use = neighbours & np.isfinite(rate)
     if np.count_nonzero(use) < 10:

@@ -170,6 +170,8 @@ QUANTITIES: dict[str, Quantity] = {
             "hour": "hour hours hr hh stunde",
             "minute": "minute minutes min mm",
             "second": "second seconds sec secs ss sekunde",
+            "millisecond": "millisecond milliseconds millisekunde",
+            "nanosecond": "nano nanosecond",
         }.items()
     },
     "vehicle_id": Quantity(
@@ -195,6 +197,7 @@ _JOINED = {
     ("angular", "velocity"): "gyro",
     ("angular", "rate"): "gyro",
     ("ang", "vel"): "gyro",
+    ("ang", "rate"): "gyro",
     ("vel", "n"): "veln",
     ("vel", "e"): "vele",
     ("velocity", "north"): "veln",
@@ -226,6 +229,8 @@ _PATH_WORDS = _split_into_word_set("report status state msg message data topic s
 """Words of the folders of a topic (`/vehicle/velocity_report/speed`) that say nothing against its last name."""
 _SPEED_NAMES = _split_into_word_set("mph kmh kph kmph knots kts")
 """Units that are the whole name of a column of speeds."""
+MAX_NAME_CHARACTERS = 500
+"""Number of characters of a column's name that are looked at. Chosen by hand: paths of topics have 100."""
 _UNIT_WORDS = 3
 """Largest number of words at the end of a name that are tried as a unit (`m s 2`)."""
 
@@ -246,7 +251,7 @@ class NamedColumn:
 @lru_cache(maxsize=4096)
 def split_name(name: str) -> NamedColumn:
     """Split a column's name into its words and its unit: in brackets, or as its last words."""
-    text = name.strip().strip('"').strip("#").strip().removeprefix(".").removeprefix("field.")
+    text = name[:MAX_NAME_CHARACTERS].strip().strip('"').strip("#").strip().removeprefix(".").removeprefix("field.")
     if "|" in text:  # RaceCapture: "Speed"|"kph"|0.0|250.0|10
         text = "{} [{}]".format(*(part.strip('" ') for part in text.split("|")[:2]))
     unit = ""
@@ -288,6 +293,8 @@ def _split_words_and_unit(words: list[str]) -> tuple[list[str], str]:
     """Return the words without a unit at their end, and the unit."""
     for n in range(min(_UNIT_WORDS, len(words) - 1), 0, -1):
         tail = words[-n:]
+        if n == 1 and tail[0] in {"second", "seconds"} and words[0] in {"utc", "gps", "gmt", "local"}:
+            break  # a part of the date in six columns
         if n == 1 and tail[0] in {"m", "s", "g"} and len(words) == 2 and words[0] in {"n", "e"}:
             break
         for joint in ("", "/"):
@@ -300,7 +307,10 @@ def quantities_of_name(name: str) -> list[str]:
     """Return the quantities that a column can be by its name."""
     if name.strip().lower() in _SPEED_NAMES:
         return ["speed"]
-    found = _quantities_of_words(split_name(name).words)
+    named = split_name(name)
+    found = _quantities_of_words(named.words)
+    if not found and "track" in named.words and find_unit(named.unit_text, "angle"):  # without a unit it is a number
+        found = _quantities_of_words(tuple("course" if word == "track" else word for word in named.words))
     if not found and name.startswith("/"):
         folders, _, last = name.rpartition("/")
         kept = [word for word in split_name(folders).words if word not in _PATH_WORDS]
@@ -338,4 +348,5 @@ def _do_words_name_quantity(words: tuple[str, ...], quantity: str) -> bool:
     others = [word for word in words if word not in wanted.nouns]
     if quantity == "time":
         return bool(nouns) and all(word in wanted.beside for word in others)
-    return len(nouns) == 1 and all(word in wanted.beside for word in others)
+    is_noun_there = bool(nouns) if axis else len(nouns) == 1  # `accelerometerAccelerationX`
+    return is_noun_there and all(word in wanted.beside for word in others)

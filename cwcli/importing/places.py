@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import heading_minus_course_of_moving_spans_rad, track_of_geographic_places, track_of_points
+from cwcli.importing.motion import heading_minus_course_of_moving_spans_rad, spans_of_geographic_places, track_of_points
 from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
@@ -97,7 +97,7 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         unit, confidence, why = units[quantity]
         meaning.add_quantity(quantity, values[quantity], Guess(quantity, column, unit, confidence, why))
-    meaning.track = track_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
+    meaning.track = spans_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
 
 
 def _choose_place_unit_and_reason(
@@ -108,6 +108,12 @@ def _choose_place_unit_and_reason(
     if size <= limit:
         return "deg", "certain", "the name, and the range of the values"
     whole = bool(np.nanmax(np.abs(values - np.rint(values))) == 0.0)
+    if whole and size > 1e6 and size * 1e-7 <= limit and "position" in meaning.words_of_column_name(column):
+        meaning.add_question(  # the names of Garmin's FIT, whose places are semicircles unless a converter changed them
+            f"{column!r}: whole numbers up to {size:g} may be semicircles or 1e-7 degrees",
+            "--column latitude=NAME*semicircles, or *1e-7deg; longitude alike",
+        )
+        return "", "", ""
     if whole and size > 1e6 and size * 1e-7 <= limit:
         return "1e-7deg", "likely", "whole numbers of this size are 1e-7 degrees"
     if size <= MAX_LONGITUDE_DEG:
@@ -198,7 +204,7 @@ def _find_altitude(meaning: Meaning) -> None:
     scale = FACTORS["length"][unit or "m"]
     if float(np.nanmax(np.abs(meaning.unscaled_numbers(column)))) * scale > MAX_HEIGHT_M:
         meaning.notes.append(
-            f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is no height in m"
+            f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is not a height in m"
         )
         return
     meaning.add_scaled_quantity(
@@ -286,7 +292,7 @@ def swapped_course_error_deg(meaning: Meaning, course_deg: FloatArray) -> float:
         or not meaning.track.can_show_units_and_directions
     ):
         return float("nan")
-    other = track_of_geographic_places(meaning.stamp_ns, longitude, latitude)
+    other = spans_of_geographic_places(meaning.stamp_ns, longitude, latitude)
     if other is None:
         return float("nan")
     errors = np.abs(heading_minus_course_of_moving_spans_rad(other, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))

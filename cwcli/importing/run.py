@@ -21,7 +21,7 @@ from cwcli.importing.inertial import acceleration_table_by_turn_rate_table, find
 from cwcli.importing.load import load_table
 from cwcli.importing.mapping import format_mapping
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import Track
+from cwcli.importing.motion import TrackSpans
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.places import find_positions_and_track, keep_rows_of_one_vehicle
 from cwcli.importing.poses import rotate_poses_into_car_axes
@@ -211,7 +211,7 @@ def _find_quantities_of_all_tables(meanings: Sequence[Meaning]) -> None:
         _take_steering_named_by_user(meaning)
 
 
-def _track_of_others(meaning: Meaning, meanings: Sequence[Meaning]) -> Track | None:
+def _track_of_others(meaning: Meaning, meanings: Sequence[Meaning]) -> TrackSpans | None:
     """Return the track of another table on the same clock."""
     return next((each.track for each in meanings if each.track is not None and each.since == meaning.since), None)
 

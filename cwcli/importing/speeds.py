@@ -9,11 +9,11 @@ import numpy as np
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import (
     RATIO_TOLERANCE,
-    Track,
+    TrackSpans,
     heading_minus_course_of_moving_spans_rad,
+    spans_of_geographic_places,
     speed_ratio_spread,
     speed_units_per_mps,
-    track_of_geographic_places,
     turn_rate_units_per_radps_and_correlation,
 )
 from cwcli.importing.names import QUANTITIES
@@ -30,6 +30,9 @@ Chosen by hand."""
 MIN_UNEVEN, MAX_EVEN_SHARE = 0.02, 0.4
 """Least spread of the logarithm of the ratio of a speed to the way, and largest share of it with the places swapped,
 that show a swap. Chosen by hand; not fitted."""
+MAX_WRAPPED_DEG = 361.0
+"""Greatest size of an angle in degrees that does not count full turns. Larger ones count turns, or are hundredths of a
+degree, as MAVLink has them."""
 GOOD_FIT_DEG, POOR_FIT_DEG = 12.0, 25.0
 """Median angles in degrees between a heading and the direction of motion: below the first its sense fits, above the
 second it does not. Chosen by hand."""
@@ -44,15 +47,14 @@ SWAP_MARGIN_DEG = 2.0
 Chosen by hand."""
 
 
-def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
+def find_speed_and_unit(meaning: Meaning, track: TrackSpans | None) -> None:
     """Find the speed and its unit."""
     _split_gnss_speed(meaning)
     column = meaning.choose_column_or_ask("speed")
     if column is None:
         return
     values = meaning.unscaled_numbers(column)
-    if meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}:
-        values = np.where(values < 0.0, np.nan, values)  # phones write -1 where they know no speed
+    values = _without_unknown_minus_one(meaning, values)
     unit, confidence, why = meaning.stated_unit_confidence_and_reason("speed", column)
     if _are_latitude_longitude_swapped(meaning, values):
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
@@ -68,6 +70,15 @@ def find_speed_and_unit(meaning: Meaning, track: Track | None) -> None:
     meaning.add_quantity("speed", values * FACTORS["speed"][unit], Guess("speed", column, unit, confidence, why))
 
 
+def _without_unknown_minus_one(meaning: Meaning, values: FloatArray) -> FloatArray:
+    """Return speeds or courses without the -1 that phones write where they know none: no other value is negative."""
+    is_negative = values < 0.0
+    is_of_phone = meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}
+    if is_of_phone or (is_negative.any() and (values[is_negative] == -1.0).all()):
+        return np.where(is_negative, np.nan, values)
+    return values
+
+
 def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> bool:
     """Tell whether a speed follows the way only if latitude and longitude are swapped: the ratio is even only then.
 
@@ -79,7 +90,7 @@ def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> boo
     latitude, longitude = meaning.values["latitude"], meaning.values["longitude"]
     if np.nanmax(np.abs(longitude)) > 90.0 or not meaning.track.can_show_units_and_directions:
         return False
-    other = track_of_geographic_places(meaning.stamp_ns, longitude, latitude)
+    other = spans_of_geographic_places(meaning.stamp_ns, longitude, latitude)
     spread = [
         speed_ratio_spread(track, meaning.stamp_ns, values) for track in (meaning.track, other) if track is not None
     ]
@@ -87,7 +98,7 @@ def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> boo
 
 
 def _choose_speed_unit_and_reason_or_ask(
-    meaning: Meaning, column: str, values: FloatArray, stated: tuple[str, str, str], track: Track | None
+    meaning: Meaning, column: str, values: FloatArray, stated: tuple[str, str, str], track: TrackSpans | None
 ) -> tuple[str, str, str] | None:
     """Return unit, confidence and reason of a speed; None where a question is asked."""
     unit, confidence, why = stated
@@ -111,7 +122,7 @@ def _choose_speed_unit_and_reason_or_ask(
     if ratio > 0:
         meaning.add_question(f"{column!r} has no unit, and {ratio:.3g} of it make 1 m/s between the positions", choices)
     else:
-        meaning.add_question(f"{column!r} has no unit, and no moving position tells it", choices)
+        meaning.add_question(f"{column!r} has no unit, and no motion in the positions shows it", choices)
     return None
 
 
@@ -131,7 +142,7 @@ def _split_gnss_speed(meaning: Meaning) -> None:
         meaning.table.candidates["speed"] = others
 
 
-def find_velocity(meaning: Meaning, track: Track | None) -> None:
+def find_velocity(meaning: Meaning, track: TrackSpans | None) -> None:
     """Find the velocity to east and north."""
     east, north = meaning.choose_column_or_ask("velocity_east"), meaning.choose_column_or_ask("velocity_north")
     if east is None or north is None:
@@ -145,7 +156,7 @@ def find_velocity(meaning: Meaning, track: Track | None) -> None:
         meaning.add_scaled_quantity(quantity, column, *checked)
 
 
-def find_headings(meaning: Meaning, track: Track | None) -> None:
+def find_headings(meaning: Meaning, track: TrackSpans | None) -> None:
     """Find course and heading, and their senses."""
     if _is_course_of_receiver(meaning):
         meaning.table.candidates["course"] = meaning.table.candidates.pop("heading")
@@ -174,18 +185,16 @@ def _is_course_of_receiver(meaning: Meaning) -> bool:
     return not words & {"roll", "pitch", "yaw", "acc", "accel", "gyro", "ax", "yawrate", "qw", "acceleration"}
 
 
-def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | None) -> None:
+def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpans | None) -> None:
     values = meaning.unscaled_numbers(column)
     if quantity == "course":
-        values = np.where(values < -180.0, np.nan, values)
-        if meaning.table.source.kind in {"sensor logger", "phyphox", "gnsslogger"}:
-            values = np.where(values < 0.0, np.nan, values)  # phones write -1 where they know no course
+        values = _without_unknown_minus_one(meaning, np.where(values < -180.0, np.nan, values))
     unit, sense, confidence, why = _stated_unit_sense_and_reason(meaning, quantity, column)
     size = float(np.nanmax(np.abs(values)))
     if unit:
         units = [unit]
     elif size > 2.0 * math.pi + 0.01:
-        units = ["deg"]
+        units = ["deg"] if size <= MAX_WRAPPED_DEG else ["deg", "cdeg"]
         why = "beyond 2 pi"
     else:
         units = ["deg", "rad"]
@@ -215,7 +224,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: Track | N
             values,
             default,
             "assumed",
-            "a heading is usually clockwise from north; no moving position tells",
+            "a heading is usually clockwise from north; no motion in the positions shows it",
         )
     elif chosen is None:
         what = (
@@ -271,7 +280,7 @@ def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) 
 
 
 def _median_angle_to_way_by_sense_deg(
-    meaning: Meaning, values: FloatArray, options: list[str], track: Track
+    meaning: Meaning, values: FloatArray, options: list[str], track: TrackSpans
 ) -> dict[str, float]:
     """Return the median angle to the way, degrees, of each sense; {} where the track can't tell."""
     fits = {}
@@ -331,7 +340,7 @@ def _angles_to_heading_rad(values: FloatArray, option: str) -> FloatArray:
     return 0.5 * math.pi - angle if sense == "cw-north" else angle
 
 
-def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
+def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
     """Find a yaw rate, its unit and its sense."""
     column = meaning.choose_column_or_ask("yaw_rate")
     if column is None:
@@ -358,7 +367,7 @@ def find_yaw_rate(meaning: Meaning, track: Track | None) -> None:
         why += f"; {'left' if sense > 0 else 'right'} is positive, as the course says"
     else:
         sense, confidence = 1.0, "assumed"
-        why += "; left is positive in most systems, and no turn of the course tells"
+        why += "; left is positive in most systems, and no turn of the course shows it"
     meaning.add_quantity(
         "yaw_rate",
         sense * factor * values,

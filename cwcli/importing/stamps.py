@@ -14,6 +14,7 @@ from cwcli.importing.meaning import Meaning
 from cwcli.importing.names import split_name, unit_of_name
 from cwcli.importing.tables import Answers, Guess, Question, ambiguity_error_of_questions
 from cwcli.importing.times import (
+    APPLE_EPOCH_S,
     MAX_STAMP_NS,
     Instants,
     NumberBase,
@@ -51,6 +52,8 @@ MAX_GPS_WEEK = 11_000
 """Greatest week since the GPS epoch that is accepted, in the year 2190. Chosen by hand."""
 DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
+SECOND_PARTS = {"millisecond": 1_000_000, "nanosecond": 1}
+"""Quantity of a column of parts of a second beside them -> its unit in ns."""
 RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
 """Meanings of columns of time, the most useful first."""
 
@@ -91,7 +94,8 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
         if (found := _time_candidate_of_column(table, column, answers)) is not None
     ]
     candidates = _candidates_with_any_time(candidates)
-    if not candidates and (parts := _date_parts_candidate(table, answers)) is not None:
+    is_clear = any(each.question is None and _does_time_advance(each) for each in candidates)
+    if not is_clear and (parts := _date_parts_candidate(table, answers)) is not None:
         candidates = [parts]
     if not candidates:
         names = ", ".join(table.source.columns[:12])
@@ -261,6 +265,11 @@ def _date_parts_candidate(table: LoadedTable, answers: Answers) -> Candidate | N
     whole = np.where(valid[:, np.newaxis], parts, 0.0)
     seconds_of_day = (whole[:, 3] * 60.0 + whole[:, 4]) * 60.0
     ns_of_day = (seconds_of_day.astype(np.int64) * NS_PER_S) + np.rint(whole[:, 5] * NS_PER_S).astype(np.int64)
+    for part, unit_ns in SECOND_PARTS.items():
+        name = next((each for each in table.candidates.get(part, ()) if each in numbers), None)
+        if name is not None and not (whole[:, 5] % 1.0).any():
+            ns_of_day += np.rint(np.nan_to_num(numbers[name]) * unit_ns).astype(np.int64)
+            names.append(name)
     n = len(valid)
     times = TextTimes(whole[:, :3].astype(np.int64), ns_of_day, np.full(n, np.nan), valid, "")
     words = tuple(word for name in names for word in split_name(name).words)
@@ -299,6 +308,17 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
         read = time_base_of_numbers(instants, wanted, words)
         base = NumberBase(wanted, since or read.since, "given", "as you said")
     guess = Guess("time", column, base.unit, base.confidence, base.why)
+    if base.since == "2001" and not base.unit:
+        what = f"{column!r}: the numbers may be seconds since 2001, as Apple counts them, or since 1970"
+        option = f"--column time='{column}*s-2001', or '{column}*s-1970'"
+        return Candidate(
+            column,
+            "unknown",
+            np.zeros(len(instants.whole), np.int64),
+            instants.valid,
+            guess,
+            Question(where, what, option),
+        )
     if not base.unit:
         units = " or ".join(f"--column time='{column}*{each}'" for each in ("s", "ms"))
         what = (
@@ -313,7 +333,9 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     if rest is not None:
         stamp_ns = stamp_ns + table.instants[rest].to_ns("ns")
         guess = replace(guess, why=f"{guess.why}, with the nanoseconds in {rest!r}")
-    if base.since == "1970":
+    if base.since == "2001":
+        stamp_ns = stamp_ns + APPLE_EPOCH_S * NS_PER_S
+    if base.since in {"1970", "2001"}:
         return Candidate(column, "1970", stamp_ns, instants.valid, guess)
     if base.since == "gps":
         return Candidate(column, "gps", utc_ns_from_gps_seconds(stamp_ns, None), instants.valid, guess)

@@ -27,8 +27,11 @@ MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
 """The last second of ROS 2 stamps, in January 2038, in ns since 1970 (builtin_interfaces/msg/Time)."""
 MAX_ZONE_OFFSET_S = 15 * 3600
 """Greatest offset of a time zone from UTC, s: an hour more than the 14 of the IANA tz database."""
-FIRST_YEAR_S, LAST_YEAR_S = 631_152_000, 4_102_444_800
-"""Seconds since 1970 of the years 1990 and 2100, between which recordings lie. Chosen by hand."""
+FIRST_YEAR_S, LAST_YEAR_S = 946_684_800, 4_102_444_800
+"""Seconds since 1970 of the years 2000 and 2100, between which recordings lie. Chosen by hand."""
+APPLE_EPOCH_S, APPLE_FIRST_S = 978_307_200, 631_152_000
+"""Seconds since 1970 of 2001-01-01, from which Apple's systems count (`timeIntervalSinceReferenceDate`), and the least
+number that may count from there: January 2021. Chosen by hand."""
 GPS_NAMES_FROM_S = 1_000_000_000
 """Seconds since the GPS epoch from which a number is taken as GPS time, September 2011. Chosen by hand: earlier logs of
 vehicles hardly exist."""
@@ -36,6 +39,8 @@ SLOWEST_HZ, FASTEST_HZ = 0.5, 2500.0
 """Least and greatest rate of rows, Hz, of sensors of cars; other rates show that the unit of the time is another one.
 Chosen by hand."""
 
+MIN_STEP_AT_MINUTE = 40
+"""Least step of a time of day written as hhmmss to the next minute: from 59 to 100."""
 MIN_MONTH_SHARE = 0.9
 """Least share of dates that begin with the year and whose second number is a month, for the order year, month, day.
 Chosen by hand."""
@@ -45,7 +50,8 @@ _CLOCK = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,:](?P<part>\d{1,9}))?)?"
     r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 )
-_ZONE = r"\s*(?P<zone>Z|z|UTC|GMT|[+-]\d{2}:?\d{2}|[+-]\d{2})?"
+_OFFSET = r"(?:UTC|GMT)?[+-]\d{2}:?\d{2}|(?:UTC|GMT)?[+-]\d{2}"
+_ZONE = rf"\s*(?P<zone>Z|z|{_OFFSET}|UTC|GMT)?"
 DATE_PATTERN = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})[-/.](?P<c>\d{1,4})"
 DATETIME_PATTERN = rf"^{DATE_PATTERN}[T\s,]+{_CLOCK}{_ZONE}$"
 """A date with a time of day."""
@@ -53,8 +59,18 @@ CLOCK_PATTERN = rf"^{_CLOCK}{_ZONE}$"
 """A time of day."""
 ONLY_DATE_PATTERN = rf"^{DATE_PATTERN}$"
 """The pattern of a date without a time of day."""
-UNIX_DATE_PATTERN = rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK} (?P<zone>UTC|GMT|Z) (?P<c>\d{{4}})$"
+UNIX_DATE_PATTERN = (
+    rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK} (?P<zone>{_OFFSET}|UTC|GMT|Z) (?P<c>\d{{4}})$"
+)
 """A date as Unix writes it, with the month as a number: `Tue 11 14 22:13:20 GMT 2023`."""
+JOINED_DATETIME_PATTERN = (
+    r"^(?P<a>(?:19|20)\d{2})[-_:.]?(?P<b>[01]\d)[-_:.]?(?P<c>[0-3]\d)[T_ -]?"
+    rf"(?P<hour>[0-2]\d)[-_:.]?(?P<minute>[0-5]\d)[-_:.]?(?P<second>[0-6]\d)(?:[-_:.,](?P<part>\d{{1,9}}))?{_ZONE}$"
+)
+"""A date with a time of day that begins with the year, with other marks between the parts or none:
+`20231114T221320.100Z`, `2023:11:14 22:13:20`, `2023-11-14_22-13-20-100`."""
+ZONE_NAME_PATTERN = r"\s+(?:[CEW]ES?T|ME?S?Z|BST|MSK|IST|[AECMP][SD]T|AK[SD]T|HST|[JK]ST|A[ECW][SD]T|NZ[SD]T|SGT|HKT)\b"
+"""Short names of zones: no certain offsets (CST is used in America and China), so that the zone is a question."""
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTHS)})[a-z]*\b"
 """The name of a month."""
@@ -68,6 +84,11 @@ SHORT_DATE_PATTERN = r"^(?P<a>\d{2})(?P<b>\d{2})(?P<c>\d{2})$"
 """A date of six digits in an order that is not known."""
 DIGITS_DATE_PATTERN = r"^(?P<a>\d{4})(?P<b>\d{2})(?P<c>\d{2})$"
 """A date of eight digits: year, month, day."""
+DATE_PATTERNS = (
+    *(DATETIME_PATTERN, UNIX_DATE_PATTERN, JOINED_DATETIME_PATTERN),
+    *(CLOCK_PATTERN, ONLY_DATE_PATTERN, DIGITS_DATE_PATTERN),
+)
+"""The patterns of dates and times of day, in the order in which a text is compared with them."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +169,16 @@ def times_of_day_from_digits(instants: Instants) -> TextTimes | None:
     return TextTimes(np.full((n, 3), -1, np.int64), ns, np.full(n, np.nan), instants.valid, "")
 
 
+def is_clock_of_digits(instants: Instants) -> bool:
+    """Tell whether numbers go on from hhmm59 to the next hundred at every minute, as times of day do."""
+    whole = instants.whole[instants.valid]
+    steps = np.diff(whole)
+    at_minute = np.diff(whole // 100) != 0
+    if not at_minute.any() or at_minute.all() or times_of_day_from_digits(instants) is None:
+        return False
+    return bool((np.abs(steps[at_minute]) > MIN_STEP_AT_MINUTE).all() and np.abs(steps[~at_minute]).max() < 60)
+
+
 def parse_short_dates(array: Any) -> TextTimes | None:
     """Parse dates of six digits; None where a text is none."""
     import pyarrow.compute as pc
@@ -168,10 +199,12 @@ def parse_text_times(array: Any) -> TextTimes | None:
 
     from cwcli.importing.cells import trimmed_texts_or_null
 
-    texts, has_names = _with_month_numbers(trimmed_texts_or_null(array))
+    texts, has_names = _with_month_numbers(
+        pc.replace_substring_regex(trimmed_texts_or_null(array), ZONE_NAME_PATTERN, "")
+    )
     n_given = len(texts) - texts.null_count
     best: TextTimes | None = None
-    for pattern in (DATETIME_PATTERN, UNIX_DATE_PATTERN, CLOCK_PATTERN, ONLY_DATE_PATTERN, DIGITS_DATE_PATTERN):
+    for pattern in DATE_PATTERNS:
         found = pc.extract_regex(texts, pattern)
         n_found = len(found) - found.null_count
         if n_found and n_found >= 0.5 * n_given:
@@ -206,7 +239,7 @@ def _text_times_of_regex_match(found: Any) -> TextTimes:
     hour = np.where(half == "P", np.where(hour < 12, hour + 12, hour), np.where((half == "A") & (hour == 12), 0, hour))
     valid &= (hour < 24) & (minute < 60) & (second < 61)
     zone = texts("zone").dictionary_encode()
-    offsets = np.array([_zone_offset_s(text) for text in zone.dictionary.to_pylist()] or [np.nan])
+    offsets = np.array([_utc_offset_or_nan_s(text) for text in zone.dictionary.to_pylist()] or [np.nan])
     offset_s = offsets[np.asarray(zone.indices)] if n else np.zeros(0)
     valid &= ~(np.abs(offset_s) > MAX_ZONE_OFFSET_S)
     marks = [mark for mark in pc.unique(texts("mark")).to_pylist() if mark]
@@ -215,11 +248,12 @@ def _text_times_of_regex_match(found: Any) -> TextTimes:
     return TextTimes(parts, ns_of_day, offset_s, valid, marks[0] if marks else "", has_seconds)
 
 
-def _zone_offset_s(text: str) -> float:
+def _utc_offset_or_nan_s(text: str) -> float:
     if not text:
         return float("nan")
     if text.upper() in {"Z", "UTC", "GMT"}:
         return 0.0
+    text = text.removeprefix("UTC").removeprefix("GMT")
     digits = text[1:].replace(":", "").ljust(4, "0")
     return (int(digits[:2]) * 3600 + int(digits[2:]) * 60) * (-1.0 if text[0] == "-" else 1.0)
 
@@ -301,7 +335,7 @@ def _offsets_of_zone(zone: str, local_ns: Int64Array, valid: BoolArray) -> Float
     if not zone or zone.upper() in {"UTC", "GMT", "Z"}:
         return np.zeros(len(local_ns))
     if re.fullmatch(r"[+-]\d{2}:?\d{2}", zone):
-        return np.full(len(local_ns), _zone_offset_s(zone))
+        return np.full(len(local_ns), _utc_offset_or_nan_s(zone))
     try:
         known = ZoneInfo(zone)
     except (KeyError, ValueError, OSError):
@@ -336,7 +370,7 @@ def parse_start_ns(text: str) -> int:
         moment = None
     if moment is None or moment.tzinfo is None:
         raise UsageError(
-            f"--start {text}: it is no time with a zone", hint="--start 2024-05-01T08:00:00Z, or seconds since 1970"
+            f"--start {text}: it is not a time with a zone", hint="--start 2024-05-01T08:00:00Z, or seconds since 1970"
         )
     return _require_start_in_range(round(moment.timestamp() * 1000) * 1_000_000, text)
 
@@ -353,7 +387,7 @@ class NumberBase:
 
     Attributes:
         unit: `s`, `ms`, `us` or `ns`; "" where the numbers and the header do not tell.
-        since: `1970`, `gps`, `week` or `start`.
+        since: `1970`, `2001`, `gps`, `week` or `start`.
         confidence, why: As in `Guess`.
     """
 
@@ -377,8 +411,9 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
             if says_gps and GPS_NAMES_FROM_S <= since_s <= datetime.now(UTC).timestamp() - GPS_EPOCH_UNIX_S + 86_400:
                 return NumberBase(each, "gps", "likely", "the header says GPS, and the numbers fit GPS time")
             return NumberBase(each, "1970", "certain" if unit else "likely", f"the numbers are {each} since 1970")
-    if unit and middle * FACTORS["time"][unit] / 1e9 > FIRST_YEAR_S:
-        return NumberBase("", "start", "", "")
+    is_of_apple = APPLE_FIRST_S <= middle < FIRST_YEAR_S and unit in {"", "s"}
+    if is_of_apple or (unit and middle * FACTORS["time"][unit] / 1e9 > FIRST_YEAR_S):
+        return NumberBase("", "2001" if is_of_apple else "start", "", "")
     if unit:
         since = (
             "week"

@@ -11,8 +11,8 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 FACTORS: dict[str, dict[str, float]] = {
     "speed": {**UNIT_FACTORS_BY_KIND["speed"], "ftps": 0.3048},
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048},
-    "place": {"deg": 1.0, "rad": 180.0 / math.pi, "1e-7deg": 1e-7, "1e-6deg": 1e-6},
-    "angle": {"deg": math.pi / 180.0, "rad": 1.0},
+    "place": {"deg": 1.0, "rad": 180.0 / math.pi, "1e-7deg": 1e-7, "1e-6deg": 1e-6, "semicircles": 180.0 / 2**31},
+    "angle": {"deg": math.pi / 180.0, "rad": 1.0, "cdeg": 1e-2 * math.pi / 180.0},
     "turn rate": {"radps": 1.0, "degps": math.pi / 180.0, "mdegps": 1e-3 * math.pi / 180.0},
     "acceleration": {"mps2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2},
     "number": {"1": 1.0},
@@ -67,6 +67,11 @@ _SPELLINGS: dict[str, tuple[tuple[str, str], ...]] = {
     "grados": (("place", "deg"), ("angle", "deg")),
     "gradi": (("place", "deg"), ("angle", "deg")),
     "degrees": (("place", "deg"), ("angle", "deg")),
+    "semicircle": (("place", "semicircles"),),
+    "semicircles": (("place", "semicircles"),),
+    "cdeg": (("angle", "cdeg"),),
+    "centideg": (("angle", "cdeg"),),
+    "centidegrees": (("angle", "cdeg"),),
     "rad": (("place", "rad"), ("angle", "rad")),
     "radian": (("place", "rad"), ("angle", "rad")),
     "radians": (("place", "rad"), ("angle", "rad")),
@@ -133,7 +138,7 @@ _SPELLINGS: dict[str, tuple[tuple[str, str], ...]] = {
 
 
 def find_unit(text: str, kind: str) -> str:
-    """Return the unit of a kind of quantity by its spelling, "" for a spelling that is no unit of this kind."""
+    """Return the unit of a kind of quantity by its spelling, "" for a spelling that is not a unit of this kind."""
     spelling = re.sub(r"[\s\[\]()]", "", text.lower()).replace("·", "").replace("*", "").replace("sec^", "s^")
     found = dict(_SPELLINGS.get(spelling, ()))
     if kind in found:

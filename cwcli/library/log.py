@@ -241,9 +241,9 @@ def merge_topic_choices(topics: Mapping[str, str], dbc: Iterable[str]) -> list[s
     Raises:
         UsageError: A role does not exist, or its fields can't be mapped.
     """
-    from cwcli.channels.binding import check_role_names, names_message_fields
+    from cwcli.channels.binding import check_topic_overrides, names_message_fields
 
-    check_role_names(topics, "topics:")
+    check_topic_overrides(topics, "topics:")
     files = list(map(str, dbc))
     fields = [f"{role}={text}" for role, text in topics.items() if files and names_message_fields(role, text)]
     named = [f"{role}={text}" for role, text in topics.items() if f"{role}={text}" not in fields]

@@ -29,7 +29,7 @@ class PageContent:
         gates: Conditions whose outcome is shown, beside those of the run.
         system: Another system in the logs, which is judged too, or None.
         tiles: What is drawn below the maps, or None.
-        recover: Read what is intact of a single damaged log.
+        recover: Read the intact parts of a single damaged log.
         is_pdf: Print a PDF, by Chromium.
     """
 

@@ -22,7 +22,7 @@ def time_exposed_to_short_ttc_of_pair_s(pair: Pair) -> FloatArray:
     return np.array(pair.stamp_weights_s[pair.evaluate_measure(TTC) <= EXPOSURE_TTC_S].sum())
 
 
-def time_integrated_ttc_of_pair_s2(pair: Pair) -> FloatArray:
+def total_time_integrated_ttc_of_pair_s2(pair: Pair) -> FloatArray:
     """Integral of the pair over time of how far the time to collision is below 2 s, s^2, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
@@ -48,6 +48,6 @@ TIT = replace(
     symbol="TIT",
     column="tit_s2",
     formula="sum of (2 s - TTC) dt where TTC <= 2 s",
-    compute=time_integrated_ttc_of_pair_s2,
+    compute=total_time_integrated_ttc_of_pair_s2,
     misleads="as for TET",
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cwcli.measures.base import Measure
-from cwcli.measures.outlines import outline_distance_m
+from cwcli.measures.outlines import signed_outline_distance_m
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 def gap_of_outlines(pair: Pair) -> FloatArray:
     """Distance (m) of the outlines at each stamp, (n,); NaN beyond 200 m of centre distance."""
     at = pair.relative_motion
-    found = outline_distance_m(
+    found = signed_outline_distance_m(
         at.dx_m, at.dy_m, at.host_heading_rad, at.other_heading_rad, pair.host_size, pair.other_size
     )
     return pair.expand_to_all_rows(found)

@@ -48,11 +48,11 @@ def outline_separation_by_directions_m(
     return np.asarray(most)
 
 
-def outline_distance_m(
-    dx: FloatArray,
-    dy: FloatArray,
-    heading_host: FloatArray,
-    heading_other: FloatArray,
+def signed_outline_distance_m(
+    dx_m: FloatArray,
+    dy_m: FloatArray,
+    host_heading_rad: FloatArray,
+    other_heading_rad: FloatArray,
     host: Size,
     other: Size,
 ) -> FloatArray:
@@ -60,10 +60,10 @@ def outline_distance_m(
 
     The shortest distance of two rectangles apart always ends on a corner of one of them.
     """
-    margin = outline_separation_m(dx, dy, heading_host, heading_other, host, other)
+    margin = outline_separation_m(dx_m, dy_m, host_heading_rad, other_heading_rad, host, other)
     nearest = np.minimum(
-        _distance_of_corners_to_box_m(dx, dy, heading_host, heading_other, host, other),
-        _distance_of_corners_to_box_m(-dx, -dy, heading_other, heading_host, other, host),
+        _distance_of_corners_to_box_m(dx_m, dy_m, host_heading_rad, other_heading_rad, host, other),
+        _distance_of_corners_to_box_m(-dx_m, -dy_m, other_heading_rad, host_heading_rad, other, host),
     )
     return np.where(margin > 0.0, nearest, margin)
 

@@ -71,7 +71,7 @@ class _CachedQuantity:
     compute: Callable[[Pair], FloatArray]
 
 
-def _states_on_grid(pair: Pair) -> FloatArray:
+def _states_of_both_on_time_grid(pair: Pair) -> FloatArray:
     """Both states on the time grid while both are known, (g, 8): x, y, speed, heading of the host and of the other."""
     host, other = pair.host.stamp_ns, pair.other.stamp_ns
     if not (len(host) and len(other)):
@@ -124,7 +124,7 @@ def _refine_lag_s(pair: Pair, mine: int, other: int) -> float:
 
 
 _STATES_ON_GRID, _POSES_ON_GRID, _GRID_ROWS_OF_LEAST_LAG = (
-    _CachedQuantity(_states_on_grid),
+    _CachedQuantity(_states_of_both_on_time_grid),
     _CachedQuantity(_poses_on_grid),
     _CachedQuantity(_grid_rows_of_least_lag),
 )

@@ -29,9 +29,11 @@ from cwcli.metrics.pooling import (
     MIN_LOGS,
     LogMetrics,
     MetricRow,
+    UInt16Array,
     bootstrap_draw_counts,
     metric_names,
     pool_metric_value,
+    resampled_sums,
 )
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray
@@ -270,7 +272,7 @@ def _adjust_p_values_holm(p: FloatArray) -> FloatArray:
     return out
 
 
-def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | None, *, exact: bool) -> MetricChange:
+def _judge_metric_change(effect: _MetricEffect, p: float, drawn: UInt16Array | None, *, exact: bool) -> MetricChange:
     """Return the change of one metric with its interval and verdict."""
     known = effect.finite_changes
     mean = float(known.mean()) if len(known) else math.nan
@@ -300,14 +302,14 @@ def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | No
     )
 
 
-def _bootstrap_interval_of_mean(changes: FloatArray, draw_counts: FloatArray | None) -> tuple[float, float]:
+def _bootstrap_interval_of_mean(changes: FloatArray, draw_counts: UInt16Array | None) -> tuple[float, float]:
     """Return the percentile bootstrap interval of the mean change; NaN with fewer than `MIN_LOGS` values."""
     present = np.isfinite(changes)
     n = int(present.sum())
     if draw_counts is None or n < MIN_LOGS:
         return math.nan, math.nan
-    counts = draw_counts @ present
-    sums = draw_counts @ np.nan_to_num(changes, nan=0.0)
+    counts = resampled_sums(draw_counts, present.astype(np.float64))
+    sums = resampled_sums(draw_counts, np.nan_to_num(changes, nan=0.0))
     mean = float(changes[present].mean())
     means = mean + math.sqrt(n / (n - 1)) * (sums[counts > 0] / counts[counts > 0] - mean)
     low, high = np.quantile(means, [0.5 - 0.5 * INTERVAL_COVERAGE, 0.5 + 0.5 * INTERVAL_COVERAGE])

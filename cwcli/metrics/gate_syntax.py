@@ -102,6 +102,11 @@ def parse_gate(text: str) -> Node:
     return _Parser(text).parse_whole_gate()
 
 
+def metric_names_in_gate(text: str) -> tuple[str, ...]:
+    """Return every name in a gate, also its functions and words; () if it is no gate, which checking it will say."""
+    return tuple(token["name"] for token in _TOKEN.finditer(text) if token["name"])
+
+
 def needs_single_log(node: Node | Operand) -> bool:
     """Return whether a node is about single logs: it has a metric outside of functions, `any`, `all` and `share`."""
     if isinstance(node, Comparison):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import (
@@ -23,10 +24,14 @@ from cwcli.metrics.intervals import UNKNOWN_INTERVAL
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
 
+UInt16Array = npt.NDArray[np.uint16]
+
 MIN_LOGS = 5
 """Least number of logs over which a bootstrap interval is computed; chosen by hand."""
 N_RESAMPLES = 2000
 """Number of bootstrap resamples over the logs; chosen by hand."""
+MAX_HELD_COUNTS = 4_000_000
+"""Number of counts of drawn logs that are held as floating-point numbers at a time. Chosen by hand: 32 MB."""
 POOLED_ID = "(pooled)"
 """The id that stands for all logs together in the column `log`."""
 QUALITY = "data."
@@ -179,8 +184,8 @@ def _bootstrap_interval_over_logs(pool: str, rows: Sequence[MetricRow], seed: in
     if pool not in {"rms", "mean"} or len(rows) < MIN_LOGS:
         return UNKNOWN_INTERVAL
     drawn = bootstrap_draw_counts(len(rows), seed)
-    totals = drawn @ np.array([row.total for row in rows])
-    weights = drawn @ np.array([row.weight for row in rows])
+    totals = resampled_sums(drawn, np.array([row.total for row in rows]))
+    weights = resampled_sums(drawn, np.array([row.weight for row in rows]))
     values = totals / weights
     if pool == "rms":
         values = np.sqrt(np.maximum(values, 0.0))
@@ -189,10 +194,31 @@ def _bootstrap_interval_over_logs(pool: str, rows: Sequence[MetricRow], seed: in
 
 
 @lru_cache(maxsize=2)
-def bootstrap_draw_counts(n: int, seed: int) -> FloatArray:
+def bootstrap_draw_counts(n: int, seed: int) -> UInt16Array:
     """Return how often each of n logs is drawn in each bootstrap resample, shape (N_RESAMPLES, n)."""
     rng = np.random.default_rng(seed)
-    return rng.multinomial(n, np.full(n, 1.0 / n), size=N_RESAMPLES).astype(np.float64)
+    counts = np.empty((N_RESAMPLES, n), np.uint16)
+    for rows in _iter_resample_slices(n):
+        counts[rows] = rng.multinomial(n, np.full(n, 1.0 / n), size=rows.stop - rows.start)
+    return counts
+
+
+def resampled_sums(draw_counts: UInt16Array, values: FloatArray) -> FloatArray:
+    """Return the sum of the drawn values in each resample, shape (N_RESAMPLES,).
+
+    Args:
+        draw_counts: What `bootstrap_draw_counts` returned, shape (N_RESAMPLES, n).
+        values: One of each log, shape (n,).
+    """
+    sums = [draw_counts[rows].astype(np.float64) @ values for rows in _iter_resample_slices(len(values))]
+    return np.concatenate(sums)
+
+
+def _iter_resample_slices(n: int) -> Iterator[slice]:
+    """Yield slices of the resamples of n logs that have at most `MAX_HELD_COUNTS` counts each."""
+    step = min(max(MAX_HELD_COUNTS // n, 1), N_RESAMPLES)
+    for first in range(0, N_RESAMPLES, step):
+        yield slice(first, min(first + step, N_RESAMPLES))
 
 
 def metrics_table_of_run(logs: Sequence[LogMetrics], *, seed: int = 0) -> Table:

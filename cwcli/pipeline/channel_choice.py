@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from cwcli.channels.published import published_topics
+from cwcli.channels.published import schema_name_by_published_topic
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.stage import Stage
@@ -55,7 +55,7 @@ class ChannelChoice:
         Raises:
             UsageError: A pattern matches none.
         """
-        known = (*published_topics(), *made) if self.patterns else ()
+        known = (*schema_name_by_published_topic(), *made) if self.patterns else ()
         for each in self.patterns:
             if not any(fnmatchcase(topic, each) for topic in known):
                 what = f"--channels {each}: cwcli writes no such channel"

@@ -154,7 +154,7 @@ def _read_local_map(log: Log) -> LocalMap:
     found = map_from_record(read_run_records(log).get("estimate", {}))
     if found is None:
         raise DataError(
-            "its positions are Cartesian: nothing tells where they are on the globe",
+            "its positions are Cartesian: their place on the globe is not known",
             where=log.name,
             hint="name fixes with --topic ego_position= in `cwcli estimate`, and join what that writes",
         )

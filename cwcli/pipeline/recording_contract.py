@@ -84,7 +84,7 @@ class RecordingContract:
         for topic, conditions in topics.items():
             _check_known_keys(path, conditions, ("schema", *TOPIC_CONDITIONS), f"{topic}: ")
             if not isinstance(conditions.get("schema", ""), str):
-                what = f"{topic}: schema = {conditions['schema']!r} is no name of a type"
+                what = f"{topic}: schema = {conditions['schema']!r} is not the name of a type"
                 raise UsageError(what, where=path, hint='schema = "sensor_msgs/NavSatFix"')
             _check_numbers(path, {name: each for name, each in conditions.items() if name != "schema"}, f"{topic}: ")
         _check_numbers(path, document, "")
@@ -161,4 +161,4 @@ def _check_numbers(path: str, table: Mapping[str, Any], about: str) -> None:
     """Raise `UsageError` for a value that is no finite number from 0 on."""
     for name, value in table.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_NUMBER:
-            raise UsageError(f"{about}{name} = {value!r} is no number from 0 to {MAX_NUMBER:g}", where=path)
+            raise UsageError(f"{about}{name} = {value!r} is not a number from 0 to {MAX_NUMBER:g}", where=path)

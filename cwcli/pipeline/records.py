@@ -174,9 +174,7 @@ def vehicle_from_log(log: Log) -> tuple[Vehicle, tuple[str, ...]]:
     entry = read_run_records(log).get("observe", {}).get(VEHICLE_KEY)
     if entry is None:
         vehicle = load_vehicle()
-        note = (
-            f"the log does not tell the car (no record {RUN_RECORD_PREFIX}observe): that of {vehicle.name} is assumed"
-        )
+        note = f"the log does not name its car (no record {RUN_RECORD_PREFIX}observe): {vehicle.name} is assumed"
         return vehicle, (note,)
     try:
         return Vehicle(**json.loads(entry)), ()

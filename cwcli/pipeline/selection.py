@@ -65,10 +65,10 @@ def check_selection_options(topic: Sequence[str], start: str | None, end: str | 
     Raises:
         UsageError: A malformed option, a role that does not exist, or an end that is before the start in every log.
     """
-    from cwcli.channels.binding import check_role_names, parse_role_overrides
+    from cwcli.channels.binding import check_topic_overrides, parse_role_overrides
 
     name = spelled.format("topic")
-    check_role_names(parse_role_overrides(topic, name), name)
+    check_topic_overrides(parse_role_overrides(topic, name), name)
     if start is None or end is None or _is_in_seconds(start) == _is_in_seconds(end):
         _parse_time_span(start, end, 0, spelled)
     else:  # which of them comes first depends on the log

@@ -146,7 +146,7 @@ def _require_type(name: str, kind: Any, value: Any) -> Any:
     if typing.get_origin(kind) is typing.Literal:
         choices = typing.get_args(kind)
         if value not in choices:
-            raise UsageError(f"{name} = {value!r} is none of its values", hint=names_hint(str(value), choices))
+            raise UsageError(f"{name} = {value!r} is not one of its values", hint=names_hint(str(value), choices))
         return value
     if typing.get_origin(kind) is list:
         if isinstance(value, str) or not isinstance(value, Iterable):

@@ -25,8 +25,8 @@ ChosenStates = Annotated[
     States,
     Option(
         "--states",
-        "Start from the states as they could have been known when it happened, or from those in hindsight, which "
-        "know what came later.",
+        "online: use the states that could be known at each moment; hindsight: use the states computed from the "
+        "whole log.",
     ),
 ]
 

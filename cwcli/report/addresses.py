@@ -97,7 +97,7 @@ class PageAddresses:
         if source == "-" or Path(source).suffix.lower() == ".parquet":
             raise UsageError("--report-at needs the annotated logs as files, to find their warnings in", where=source)
         self._source = source
-        self._run = read_reported_run(source)
+        self._run = read_reported_run(source, lambda metric: False)
         self._page = quote(page.strip(), safe=UNESCAPED_URL_CHARACTERS)
         self._known: dict[str, list[PageLink]] = {}
 

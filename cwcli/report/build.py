@@ -22,12 +22,14 @@ from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.fleet.folder import log_id_of_annotated_file
 from cwcli.fleet.results import read_run_metrics
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.gates import GateResult, check_gates
+from cwcli.metrics.gate_syntax import metric_names_in_gate
+from cwcli.metrics.gates import GateResult, check_gates, matches_pattern
 from cwcli.metrics.pooling import MetricRow, metric_rows_by_name
 from cwcli.pipeline.records import read_run_records
 from cwcli.report.gates import build_gate_views, gate_badge_of_run, gate_badges_of_log
 from cwcli.report.overview import (
     MAX_PAGE_BYTES,
+    METRIC_COLUMNS,
     LogCandidate,
     Report,
     assemble_run_report,
@@ -35,7 +37,7 @@ from cwcli.report.overview import (
     log_metrics_of_entry,
 )
 from cwcli.report.page import PageContent, PageRenderer
-from cwcli.report.pooled import SourceInLog, read_ego_sources
+from cwcli.report.pooled import SourceInLog, is_pooled_metric, read_ego_sources
 from cwcli.report.section import DetailLevel, SectionOptions, build_log_view
 from cwcli.report.sensors import sensor_remarks_sentence
 from cwcli.report.source import LogEntry, ReportedRun, read_reported_run
@@ -52,7 +54,7 @@ MAX_LOGS_IN_FULL_DETAIL = 5
 """Greatest number of logs of a run that are first tried in full detail. Chosen by hand; not fitted."""
 OVERVIEW_ROW_BYTES = 900
 """Space that is reserved for one row of the overview table, in bytes. Estimated by hand."""
-LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES = 330, 5_000_000
+LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES = 290, 5_000_000
 """The page of many logs sets aside so many bytes for a row of its overview, and has at most so many bytes. Chosen by
 hand: ten thousand rows, and figures of the worst logs."""
 MAX_LOGS_OPENED = 200
@@ -93,7 +95,7 @@ def build_report(
         gates: Gate expressions beside those of the pipeline.
         system: Another system in the logs, which is judged too, or None.
         tiles: What is drawn below the maps, or None.
-        recover: Read what is intact of a single damaged log.
+        recover: Read the intact parts of a single damaged log.
         progress: Told which log is worked on.
 
     Raises:
@@ -104,7 +106,7 @@ def build_report(
     """
     say = progress or (lambda text: None)
     renderer = PageRenderer(tiles)
-    run = read_reported_run(source)
+    run = read_reported_run(source, _select_metrics_of_page(gates))
     if system is not None and run.is_folder:
         run = _replace_metrics_with_system(run, source, system, say)
     gates = [*run.gates, *gates]
@@ -192,6 +194,15 @@ def _build_report_of_one_log(
     html = renderer.render_page(page, [section]).encode()
     n_failed = int(any(result.failed_checks for result in results))
     return Report(html, n_logs=1, n_detailed=1, n_failed=n_failed, left_out=())
+
+
+def _select_metrics_of_page(gates: Sequence[str]) -> Callable[[str], bool]:
+    """Return a function that tells whether the page of many logs needs a metric."""
+    patterns = [name for gate in gates for name in metric_names_in_gate(gate)]
+    columns = {name for name, _ in METRIC_COLUMNS}
+    return lambda name: (
+        name in columns or is_pooled_metric(name) or any(matches_pattern(pattern, name) for pattern in patterns)
+    )
 
 
 def _replace_metrics_with_system(

@@ -217,8 +217,8 @@ def footer_sentences(tiles: TileServer | None) -> tuple[str, ...]:
     network = "This page needs no network."
     if tiles is not None:
         network = (
-            f"This page needs no network but for the map below the tracks ({tiles.attribution}), whose tiles it asks "
-            f"{tiles.origin} for, and so tells it where the drive was."
+            f"This page needs no network except for the map below the tracks ({tiles.attribution}), whose tiles it "
+            f"requests from {tiles.origin}; that server learns where the drive was."
         )
     return (
         f"Made by cwcli {__version__} from annotated logs. Positions are in metres east and north of the first fix; "

@@ -34,7 +34,7 @@ def find_browser() -> str:
     found = next((path for path in map(shutil.which, BROWSER_PROGRAMS) if path), None)
     if found is None:
         raise UsageError(
-            "a PDF needs Chromium, and none is installed",
+            "a PDF needs Chromium, which is not installed",
             hint="install it (Debian: apt-get install chromium), or write report.html and print it from a browser",
         )
     return found

@@ -153,7 +153,7 @@ def pool_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tupl
     known = [log for log in logs if log.rows]
     if len(known) < 2:
         return ()
-    names = [name for name in metric_names(known) if _is_shown_metric(name)]
+    names = [name for name in metric_names(known) if is_pooled_metric(name)]
     of_interest = [LogMetrics(log.id, {name: log.rows[name] for name in names if name in log.rows}) for log in known]
     found = []
     for name, row in pool_all_metrics(of_interest).items():
@@ -164,8 +164,8 @@ def pool_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tupl
     return tuple(found)
 
 
-def _is_shown_metric(name: str) -> bool:
-    """Whether the page shows a metric over all logs."""
+def is_pooled_metric(name: str) -> bool:
+    """Return whether the page shows a metric over all logs."""
     metric = find_metric(name)
     return metric is not None and (metric.is_compared or name in FURTHER_METRICS)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
 
@@ -12,8 +12,13 @@ from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, RecordedLog, read_o
 from cwcli.fleet.results import MetricsOfRun
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
+from cwcli.metrics.gate_syntax import metric_names_in_gate
+from cwcli.metrics.gates import matches_pattern
 from cwcli.metrics.pooling import MetricRow
 from cwcli.url import display_name_of_url
+
+MAX_LOGS_WITH_ALL_METRICS = 200
+"""Greatest number of logs of which all metrics are held in memory. Chosen by hand: some 20 MB."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +65,13 @@ class ReportedRun:
     is_folder: bool
 
 
-def read_reported_run(source: str) -> ReportedRun:
+def read_reported_run(source: str, is_metric_needed: Callable[[str], bool] | None = None) -> ReportedRun:
     """Read the run to report on.
 
     Args:
         source: An output folder of `cwcli run -d`, an annotated log, or `-` for one on standard input.
+        is_metric_needed: Tells by its name whether a metric is needed; of many logs the others are not read, but for
+            those of the run's gates. None: all are read.
 
     Raises:
         InputError: It is neither, or the folder's manifest can't be read.
@@ -82,15 +89,24 @@ def read_reported_run(source: str) -> ReportedRun:
     run = read_output_folder(path)
     if run is None:
         raise InputError(
-            f"the folder has no readable {MANIFEST_NAME}: it is no output of `cwcli run -d`",
+            f"the folder has no readable {MANIFEST_NAME}: it is not the output of `cwcli run -d`",
             where=source,
             hint="name such a folder, or one annotated log",
         )
     if not run.logs:
         raise InputError("the folder holds no log", where=source, hint="fill it with `cwcli run logs/*.mcap -d out/`")
-    metrics = MetricsOfRun(path)
+    is_needed = None
+    if is_metric_needed is not None and len(run.logs) > MAX_LOGS_WITH_ALL_METRICS:
+        is_needed = _select_metrics_of_gates(run.gates, is_metric_needed)
+    metrics = MetricsOfRun(path, is_needed)
     entries = tuple(_build_log_entry(log, metrics) for log in run.logs)
     return ReportedRun(path.resolve().name, entries, run.gates, is_folder=True)
+
+
+def _select_metrics_of_gates(gates: Sequence[str], others: Callable[[str], bool]) -> Callable[[str], bool]:
+    """Return a function that tells whether a metric is one of some gates, or of others."""
+    patterns = [name for gate in gates for name in metric_names_in_gate(gate)]
+    return lambda metric: others(metric) or any(matches_pattern(pattern, metric) for pattern in patterns)
 
 
 def _build_log_entry(log: RecordedLog, metrics_of_run: MetricsOfRun) -> LogEntry:

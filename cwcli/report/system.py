@@ -74,7 +74,7 @@ def other_system_tables(drive: Drive, metrics: Mapping[str, MetricRow]) -> list[
     ]
     if rows:
         columns = (("metric", False), ("the system", True), ("cwcli", True), ("states", False), ("samples", True))
-        tables.append(TableView("The other system beside cwcli", columns, tuple(rows)))
+        tables.append(TableView("The other system and cwcli", columns, tuple(rows)))
     if drive.other_system is not None and drive.other_system.flag_scores.judged:
         tables.append(_other_system_warnings_table(drive, drive.other_system))
     return tables

@@ -125,7 +125,7 @@ def build_log_tables(drive: Drive, entry: LogEntry, *, has_all_metrics: bool) ->
         )
         if not any(row[-1] for row in rows):
             columns, rows = columns[:-1], [row[:-1] for row in rows]
-        tables.append(TableView("What became of the messages", columns, tuple(rows[:MAX_TABLE_ROWS])))
+        tables.append(TableView("Messages read, used, rejected and repaired", columns, tuple(rows[:MAX_TABLE_ROWS])))
     if entry.metrics:
         tables += _build_metrics_tables(entry, has_all_metrics)
     return tables

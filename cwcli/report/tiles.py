@@ -79,4 +79,4 @@ def parse_tile_server(template: str | None, attribution: str | None) -> TileServ
 
 def _invalid_tiles_error(why: str) -> UsageError:
     """Return the error for an unusable template."""
-    return UsageError(f"--tiles is no address of map tiles: {why}", hint=OPTIONS_EXAMPLE)
+    return UsageError(f"--tiles is not an address of map tiles: {why}", hint=OPTIONS_EXAMPLE)

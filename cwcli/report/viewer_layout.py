@@ -24,7 +24,7 @@ from cwcli.channels.published import (
     WARNING_LOG,
     WARNINGS,
     Channel,
-    published_topics,
+    schema_name_by_published_topic,
 )
 from cwcli.control.encounter import POLICIES
 from cwcli.lazy_dataclass import dataclass
@@ -109,7 +109,7 @@ class LogTopics:
 
 def find_log_topics(log: Log) -> LogTopics:
     """Find the channels of a log that the layout shows; those that cwcli publishes are not repeated."""
-    published = published_topics()
+    published = schema_name_by_published_topic()
     others = [channel for channel in log.channels if channel.topic not in published]
     infos = _topics_matching(
         others, lambda channel: find_input_for_role(Role.CAMERA_INFO, channel.schema_name) is not None
@@ -268,7 +268,9 @@ class _LayoutBuilder:
     def build_messages_tab(self) -> Mosaic:
         """Build the tab of raw messages: the ego's states and the channels that no other panel shows."""
         shown = json.dumps(self.panels.settings_by_panel)
-        others = [topic for topic in published_topics() if not re.search(rf'"{re.escape(topic)}[".]', shown)]
+        others = [
+            topic for topic in schema_name_by_published_topic() if not re.search(rf'"{re.escape(topic)}[".]', shown)
+        ]
         return place_in_row(
             self.panels.add_panel("SourceInfo", "source", "Channels"),
             place_in_column(
@@ -279,7 +281,7 @@ class _LayoutBuilder:
 
     def _add_scene_panel(self) -> str:
         """Add the 3D panel."""
-        shown = [topic for topic, schema in published_topics().items() if schema in SCENE_PANEL_SCHEMAS]
+        shown = [topic for topic, schema in schema_name_by_published_topic().items() if schema in SCENE_PANEL_SCHEMAS]
         return self.panels.add_panel(
             "3D",
             "scene",
@@ -309,7 +311,9 @@ class _LayoutBuilder:
 
     def _add_image_panel(self, name: str, cameras: Sequence[CameraTopics]) -> str:
         annotations = {
-            topic: {"visible": True} for topic, schema in published_topics().items() if schema.endswith("Annotations")
+            topic: {"visible": True}
+            for topic, schema in schema_name_by_published_topic().items()
+            if schema.endswith("Annotations")
         }
         mode: Settings = {"annotations": annotations}
         title = "Camera with lanes"

@@ -1,1 +1,1 @@
-"""The papers' tables and figures from our own runs, one folder per paper: beside the prints, with a verdict each."""
+"""The tables and figures of the papers from our own runs, one folder per paper, each printed number with a verdict."""

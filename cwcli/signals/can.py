@@ -42,6 +42,13 @@ UNIT_NAMES_BY_DBC_SPELLING = {
 }
 """The unit names of mappings, by their spelling in DBC files."""
 
+WORD_BYTES = b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-+"
+"""The bytes of words and numbers in DBC files."""
+MAX_DBC_TOKENS = 2_000_000
+"""The largest number of words, numbers and marks in a DBC file: cantools holds each as an object of about 100 bytes.
+Chosen by hand: a signal has about 25, so that 50,000 signals with their names of values are read."""
+MAX_MULTIPLEXER_VALUES = 100_000
+"""The largest number of values in the ranges of the multiplexers of a DBC file: cantools lists each. Chosen by hand."""
 MAX_SIGNAL_BITS = 64
 """The largest number of bits of a signal that is read: that of the integers in which it is decoded (uint64)."""
 FLOAT_TYPES_BY_BITS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
@@ -158,6 +165,7 @@ def _load_dbc_file(file: str) -> Any:
             text = data.decode("utf-8")
         except UnicodeDecodeError:
             text = data.decode("cp1252", "replace")  # what the format's own editors write: a degree sign is one byte
+        _require_bounded_dbc(data, text)
         loaded: Any = database.load_string(text, database_format="dbc", strict=False)
         for message in loaded.messages:
             for signal in message.signals:
@@ -169,6 +177,29 @@ def _load_dbc_file(file: str) -> Any:
     except (Error, ValueError, KeyError, RecursionError, OverflowError) as error:
         first = (str(error).splitlines() or [type(error).__name__])[0]
         raise UsageError(f"the DBC file can't be read: {first}", where=file) from error
+
+
+def _require_bounded_dbc(data: bytes, text: str) -> None:
+    """Check that a DBC file is not larger for its parser than any that describes a bus.
+
+    Raises:
+        ValueError: It has too many words and marks, or multiplexers with too many values.
+    """
+    octets = np.frombuffer(data, np.uint8)
+    is_in_text = np.logical_xor.accumulate(octets == ord('"')) if len(octets) else np.zeros(0, np.bool_)
+    is_blank = (octets <= ord(" ")) | is_in_text
+    is_word = np.isin(octets, np.frombuffer(WORD_BYTES, np.uint8)) | (octets >= 128)
+    begins = is_word & ~np.concatenate([[False], (is_word & ~is_blank)[:-1]])
+    n_tokens = int(np.count_nonzero((begins | ~is_word) & ~is_blank))
+    if n_tokens > MAX_DBC_TOKENS:
+        raise ValueError(f"it has {n_tokens:,} words and marks; at most {MAX_DBC_TOKENS:,} are read")
+    n_values = 0
+    for statement in re.finditer(r"^[ \t]*SG_MUL_VAL_\s([^;]*)", text, re.MULTILINE):
+        for first, last in re.findall(r"\b(\d{1,20})\s*-\s*(\d{1,20})\b", statement.group(1)):
+            n_values += max(int(last) - int(first), 0) + 1
+    if n_values > MAX_MULTIPLEXER_VALUES:
+        what = f"its multiplexers have {n_values:,} values; at most {MAX_MULTIPLEXER_VALUES:,} are read"
+        raise ValueError(what)
 
 
 def _find_dbc_signal(columns: Columns, mapping: FieldMapping, message: Any, term: Term) -> Any:
@@ -278,7 +309,7 @@ def _terms_with_dbc_units(
             terms.append(term)
             continue
         if name not in UNIT_FACTORS_BY_KIND[kind]:
-            what = f"the unit of {term.path} is {unit!r}, which is none of {kind}"
+            what = f"the unit of {term.path} is {unit!r}, which is not one of {kind}"
             raise _mapping_error(
                 columns, mapping, what, f"give one: {term.path}* and one of {', '.join(UNIT_FACTORS_BY_KIND[kind])}"
             )

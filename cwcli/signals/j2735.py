@@ -33,7 +33,7 @@ JSON_RAW_PATHS, ROS_PATHS = _TABLE.columns["json"], _TABLE.columns["ros"]
 `carma_v2x_msgs/BSM`, by quantity."""
 JSON_ODE_PATHS = JSON_RAW_PATHS | _TABLE.columns["ode"]
 """The leaf fields of a BSM of the USDOT Operational Data Environment (ODE), by quantity."""
-CARMA_PRESENCE_BITS = parse_presence_bits(_TABLE.columns["carma_flags"])
+CARMA_PRESENCE_MASKS = parse_presence_bits(_TABLE.columns["carma_flags"])
 """The presence flags of `carma_v2x_msgs`: (quantity, path of the field of flags, mask of the bit that is set when the
 value is there)."""
 MIN_SEMI_AXIS_M = 0.05
@@ -75,7 +75,7 @@ JSON_LEAF_FIELDS = (
 """The leaf fields in which a JSON message can have a BSM."""
 ROS_LEAF_FIELDS = (*ROS_PATHS.values(), *bsm_flags.ROS_EVENT_FLAG_PATHS)
 """The leaf fields of `j2735_v2x_msgs/BSM` that are read."""
-CARMA_LEAF_FIELDS = (*ROS_LEAF_FIELDS, *dict.fromkeys(path for _, path, _ in CARMA_PRESENCE_BITS))
+CARMA_LEAF_FIELDS = (*ROS_LEAF_FIELDS, *dict.fromkeys(path for _, path, _ in CARMA_PRESENCE_MASKS))
 """The leaf fields of `carma_v2x_msgs/BSM` that are read."""
 
 
@@ -116,7 +116,7 @@ def decode_carma_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
 def _read_carma_values(columns: Columns) -> dict[str, FloatArray]:
     """Read the values that the presence flags say are there."""
     value = {name: read_numbers(columns, ROS_PATHS[name]) for name in (*ELEMENTS, "dsecond_ms")}
-    for name, path, bit in CARMA_PRESENCE_BITS:
+    for name, path, bit in CARMA_PRESENCE_MASKS:
         flags = read_numbers(columns, path)
         is_there = (numbers_to_bit_flags(flags) & bit) != 0
         value[name] = np.where(is_there, value[name], np.nan)
@@ -133,7 +133,7 @@ def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, 
     value = {name: read_numbers(columns, paths[name]) for name in EVENT_PLACE_AND_TIME}
     if paths["latitude_deg"].endswith(JSON_RAW_PATHS["latitude_deg"]):
         value = _decode_event_place(value)
-    return _make_flag_events(
+    return _make_flag_events_and_unreadable(
         columns,
         bsm_flags.read_json_event_flags_and_unreadable(columns, JSON_BSM_PREFIXES),
         identify_json_senders(columns).station,
@@ -144,14 +144,14 @@ def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, 
 def read_ros_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `j2735_v2x_msgs/BSM` channel."""
     value = _decode_event_place({name: read_numbers(columns, ROS_PATHS[name]) for name in EVENT_PLACE_AND_TIME})
-    return _make_flag_events(
+    return _make_flag_events_and_unreadable(
         columns, bsm_flags.read_ros_event_flags_and_unreadable(columns), identify_ros_senders(columns).station, value
     )
 
 
 def read_carma_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `carma_v2x_msgs/BSM` channel."""
-    return _make_flag_events(
+    return _make_flag_events_and_unreadable(
         columns,
         bsm_flags.read_ros_event_flags_and_unreadable(columns),
         identify_ros_senders(columns).station,
@@ -163,7 +163,7 @@ def _decode_event_place(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {name: decode_element(ELEMENTS[name], raw) if name in ELEMENTS else raw for name, raw in value.items()}
 
 
-def _make_flag_events(
+def _make_flag_events_and_unreadable(
     columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, value: dict[str, FloatArray]
 ) -> tuple[RoadEvents, BoolArray]:
     """Build one event for each flag, at its message's time (log time where it has none) and place (degrees)."""
@@ -209,7 +209,7 @@ def _make_remote_rows(
     stamp_ns, has_time = stamp_and_validity_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     yaw_unfilled = _is_unfilled_yaw_rate(value, _read_stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
-        ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that is taken as not measured")
+        ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that counts as not measured")
     speed_mps = value["speed_mps"]
     return RemoteRows(
         stamp_ns=message_time_or_log_time(ledger, stamp_ns, has_time),

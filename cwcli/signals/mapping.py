@@ -269,7 +269,7 @@ def _parse_number_or_unit(role: str, text: str, word: str, kind: str) -> float:
         return float(word)
     if word not in UNIT_FACTORS_BY_KIND[kind]:
         known = ", ".join(UNIT_FACTORS_BY_KIND[kind])
-        raise UsageError(f"--map {role}={text}: {word} is no unit of {kind}", hint=f"units: {known}, or a number")
+        raise UsageError(f"--map {role}={text}: {word} is not a unit of {kind}", hint=f"units: {known}, or a number")
     return UNIT_FACTORS_BY_KIND[kind][word]
 
 

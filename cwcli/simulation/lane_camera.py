@@ -69,9 +69,9 @@ class SensedDrive:
         return self.lanes.stamp_ns
 
 
-def simulate_lane_sensors(
-    truth: LaneDriveTruth,
-    run: int,
+def simulate_lane_sensors_of_run(
+    truth_of_runs: LaneDriveTruth,
+    run_index: int,
     road: Road,
     vehicle: Vehicle,
     *,
@@ -82,25 +82,27 @@ def simulate_lane_sensors(
     """Simulate the sensors over one run of a drive.
 
     Args:
-        truth: The truth of all runs.
-        run: Column of the run in the truth.
+        truth_of_runs: The truth of all runs.
+        run_index: Column of the run in the truth.
         road, vehicle: The road and the car of the drive.
         noise: Errors and rates; None: the defaults.
         seed: Seed of all noise.
         preview_m: Distance of the preview point ahead of the camera.
     """
     noise = noise or LaneSensorNoise()
-    names = ("lane", str(run))
-    index = _truth_rows_of_frames(truth, noise, random_stream(seed, *names, "jitter"))
+    names = ("lane", str(run_index))
+    index = _truth_rows_of_frames(truth_of_runs, noise, random_stream(seed, *names, "jitter"))
     left, right = (
-        _sample_line_from_camera(truth, run, index, road, vehicle, sign * 0.5 * road.lane_width_m, preview_m)[0]
+        _sample_line_from_camera(
+            truth_of_runs, run_index, index, road, vehicle, sign * 0.5 * road.lane_width_m, preview_m
+        )[0]
         for sign in (1.0, -1.0)
     )
     fit = _boundary_fit_matrix()
     error = noise.pixel_px * BOUNDARY_SAMPLE_DISTANCES_M / FOCAL_LENGTH_PX
     draws = random_stream(seed, *names, "pixels").standard_normal((2, len(index), len(BOUNDARY_SAMPLE_DISTANCES_M)))
     bodies = [(seen + draw * error) @ fit.T for seen, draw in zip((left, right), draws, strict=True)]
-    time_s = truth.time_s[index]
+    time_s = truth_of_runs.time_s[index]
     for start, end in noise.blind_s:
         for body in bodies:
             body[(time_s >= start) & (time_s < end)] = np.nan
@@ -112,11 +114,17 @@ def simulate_lane_sensors(
         right_body=bodies[1],
         lanes=lane_samples_from_boundaries(stamp_ns, bodies[0], bodies[1], covariance, preview_m),
         speed=_sample_with_noise(
-            truth, truth.speed_mps[:, run], noise.speed_hz, noise.speed_sigma_mps, 0.0, seed, (*names, "v")
+            truth_of_runs,
+            truth_of_runs.speed_mps[:, run_index],
+            noise.speed_hz,
+            noise.speed_sigma_mps,
+            0.0,
+            seed,
+            (*names, "v"),
         ),
         yaw_rate=_sample_with_noise(
-            truth,
-            truth.yaw_rate_radps[:, run],
+            truth_of_runs,
+            truth_of_runs.yaw_rate_radps[:, run_index],
             noise.yaw_rate_hz,
             noise.yaw_rate_sigma_radps,
             noise.yaw_rate_bias_radps,
@@ -219,14 +227,14 @@ def _boundary_fit_matrix() -> FloatArray:
 
 def _sample_with_noise(
     truth: LaneDriveTruth,
-    values: FloatArray,
+    true_values: FloatArray,
     rate_hz: float,
     sigma: float,
     bias: float,
     seed: int,
-    names: tuple[str, ...],
+    stream_names: tuple[str, ...],
 ) -> ScalarSamples:
     """Sample a true value (k,) at a rate, with bias and noise."""
     index = np.arange(0, len(truth.time_s), max(1, round(1.0 / (rate_hz * INTEGRATION_STEP_S))))
-    noisy = values[index] + bias + sigma * random_stream(seed, *names).standard_normal(len(index))
+    noisy = true_values[index] + bias + sigma * random_stream(seed, *stream_names).standard_normal(len(index))
     return ScalarSamples(seconds_to_ns(truth.time_s[index]), noisy, sigma)

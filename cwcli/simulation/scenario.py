@@ -297,13 +297,13 @@ def _child_table_or_list(place: Any, key: str, text: str) -> Any:
         return place[_parse_list_index(place, key, text)]
     if isinstance(place, dict):
         return place.setdefault(key, {})
-    raise UsageError(f"--set {text!r}: {key} lies inside a value, not a table")
+    raise UsageError(f"--set {text!r}: {key} is inside a value, not a table")
 
 
 def _parse_list_index(place: list[Any], key: str, text: str) -> int:
     """Parse the index of a list's entry; refuse one outside the list."""
     if not key.isdecimal() or int(key) >= len(place):
-        raise UsageError(f"--set {text!r}: {key} is no entry of the list; permitted: 0 to {len(place) - 1}")
+        raise UsageError(f"--set {text!r}: {key} is not an entry of the list; permitted: 0 to {len(place) - 1}")
     return int(key)
 
 

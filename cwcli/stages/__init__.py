@@ -1,4 +1,4 @@
-"""The stages: one line each here, and one file each beside this one.
+"""The stages: one line each here, and one file each in this folder.
 
 A stage is a pure function from a log and a configuration to new channels, tables and a summary. It binds roles to
 channels, loads the columns it needs, calls one domain room and names what comes out. It writes no file, prints nothing,

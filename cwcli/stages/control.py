@@ -90,7 +90,10 @@ class ControlConfig(StatesSelection):
     ] = WarningConfig.distance_m
     discretisation: Annotated[
         Discretisation,
-        Option("--discretisation", "Integrate exactly, or by the recursion of song2016 (eq. 2, 9, 10)."),
+        Option(
+            "--discretisation",
+            "exact: integrate the model exactly; paper: use the recursion of song2016 (eq. 2, 9, 10).",
+        ),
     ] = "exact"
     span: ReplaySpan = field(default_factory=ReplaySpan)
 
@@ -126,8 +129,8 @@ def control(log: Log, config: ControlConfig) -> StageResult:
     The host's recorded motion is replayed until the warning; then the fuzzy controller of song2016 brakes it along its
     recorded path, or a driver 1.5 s later, or nobody. The other vehicle moves as recorded. Uses the states of `cwcli
     estimate`: the online ones for the warnings, those in hindsight for what was recorded. Where the log has none, they
-    are estimated first and written too. Paths and warnings are found anew. A warning that is raised while an earlier
-    one is still being replayed is left out: the host would not have been there.
+    are estimated first and written too. Paths and warnings are computed again. A warning that is raised while an
+    earlier one is still being replayed is left out: the host would not have been there.
 
     Raises:
         MissingSignalError: The log lacks the states of the ego or of the other vehicles.
@@ -218,9 +221,7 @@ def _replay_warnings_and_note(
     ]
     extended_s = max((one.extrapolated_s for one in replayed), default=0.0)
     if extended_s > 0.0:
-        notes.append(
-            f"beyond the last state of a vehicle it goes on at its last speed and yaw rate ({extended_s:.1f} s)"
-        )
+        notes.append(f"after its last state a vehicle continues at its last speed and yaw rate ({extended_s:.1f} s)")
     return replayed, notes
 
 

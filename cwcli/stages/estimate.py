@@ -97,13 +97,13 @@ class EstimateConfig:
     rate_hz: Annotated[
         float, Option("--rate", "Rate of the ego's states.", metavar="HZ", above=0.0, at_most=10_000.0)
     ] = 20.0
-    stitch: Annotated[bool, Option("--stitch", "A remote vehicle that changes its id stays one.")] = False
+    stitch: Annotated[bool, Option("--stitch", "Treat a remote vehicle that changes its id as one vehicle.")] = False
     calibration: Calibration | None = None
     truth_origin: Annotated[
         tuple[float, float, float] | None,
         Option(
             "--truth-origin",
-            "Where the origin of a Cartesian truth channel lies, in degrees and metres.",
+            "Origin of a Cartesian truth channel, in degrees and metres.",
             metavar="LAT,LON,ALT",
             kind=str | None,
             parse=parse_truth_origin,
@@ -154,7 +154,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     lever_arms, transforms, stands = _read_lever_arms_if_used(log, sources, config.estimator)
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
     estimated = _estimate_ego(sources, estimator, config.rate_hz)
-    sources, estimated = _correct_latitude_and_longitude(sources, estimated, estimator, config.rate_hz)
+    sources, estimated = _undo_exchanged_or_reversed_coordinates(sources, estimated, estimator, config.rate_hz)
     measurements, local_map, apart = estimated.measurements, estimated.local_map, estimated.notes
     ego, online = estimated.hindsight, estimated.online
     position = sources.by_role[Role.EGO_POSITION][0]
@@ -265,7 +265,7 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
     return _EstimatedEgo(measurements, local_map, corrections, notes, *tracks)
 
 
-def _correct_latitude_and_longitude(
+def _undo_exchanged_or_reversed_coordinates(
     sources: SensorSignals, estimated: _EstimatedEgo, estimator: EstimatorConfig, rate_hz: float
 ) -> tuple[SensorSignals, _EstimatedEgo]:
     """Return signals and tracks with right latitudes and longitudes, where the other sources say that they are wrong.

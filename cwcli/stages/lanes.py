@@ -100,20 +100,28 @@ class LanesConfig(Selection):
     model: Annotated[
         str | None,
         Option(
-            "--model", "Your net (ONNX) for --method onnx; the TOML file beside it tells its shapes.", metavar="FILE"
+            "--model",
+            "Your net (ONNX) for --method onnx; a TOML file of the same name describes its input and output.",
+            metavar="FILE",
         ),
     ] = None
-    seed: Annotated[int, Option("--seed", "Of the random numbers of a genetic search.", metavar="N")] = 0
+    seed: Annotated[
+        int, Option("--seed", "Seed of the random numbers of the genetic search (zhang2011).", metavar="N")
+    ] = 0
     preview_m: Annotated[
         float, Option("--preview", "Distance of the preview point ahead of the camera.", metavar="METRES")
     ] = PREVIEW_M
     render: Annotated[
         str | None,
-        Option("--render", "Publish the frames with the boundaries drawn on them here, as JPEG.", metavar="/TOPIC"),
+        Option(
+            "--render",
+            "Topic to which the frames with the boundaries drawn on them are written, as JPEG.",
+            metavar="/TOPIC",
+        ),
     ] = None
     every_frame: Annotated[
         bool,
-        Option("--every-frame", "Search every frame, also of a camera that is faster than 25 Hz."),
+        Option("--every-frame", "Search every frame, even if the camera is faster than 25 Hz."),
     ] = False
     mounting: Mounting | MountingChoice = field(default_factory=MountingChoice)
     field_of_view_rad: Annotated[
@@ -132,7 +140,7 @@ class LanesConfig(Selection):
         """Check what can be checked without a log.
 
         Raises:
-            UsageError: An unknown method, a setting out of range, or a render topic that is no topic's name.
+            UsageError: An unknown method, a setting out of range, or a render topic that is not the name of a topic.
         """
         check_method_and_model(self.method, self.model)
         if not 0.0 < self.preview_m <= MAX_PREVIEW_M:
@@ -246,7 +254,7 @@ def _note_on_rectification(source: CameraSource, is_rectified: bool) -> tuple[st
     what = [f"{camera.distortion_model or 'polynomial'} distortion"] if camera.differs_from_pinhole() else []
     if camera.mounting.roll_rad:
         what.append(f"{np.degrees(camera.mounting.roll_rad):.1f} degrees of roll")
-    return (f"taken out of the frames before the search: {' and '.join(what)}",)
+    return (f"removed from the frames before the search: {' and '.join(what)}",)
 
 
 def _camera_frame_id(log: Log, topic: str) -> str:
@@ -367,7 +375,7 @@ class _LaneSearchRun:
         if self._size != (0, 0):
             self.notes.append(
                 f"the image size changes from {self._size[0]} x {self._size[1]} to {size[0]} x {size[1]} at frame "
-                f"{self.n_read - 1}: the search starts anew"
+                f"{self.n_read - 1}: the search starts again"
             )
         note = self._source.shape_mismatch_note(*size)
         if note and note not in self.notes:

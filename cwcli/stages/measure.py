@@ -79,7 +79,8 @@ class MeasureConfig(StatesSelection):
         ),
     ] = ()
     with_sigma: Annotated[
-        bool, Option("--sigma/--no-sigma", "Give the most critical values a sigma, by the states' covariances.")
+        bool,
+        Option("--sigma/--no-sigma", "Add a sigma to the most critical values, from the covariances of the states."),
     ] = True
 
     def __post_init__(self) -> None:
@@ -203,9 +204,18 @@ def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tup
         "outcome",
         "brakes at [s]",
         "relative speed at crash [m/s]",
-        "last chance [s]",
+        "latest braking that avoids it [s]",
     )
-    return (SummaryTable("preventability", "The same conflicts with a model driving the ego", columns, tuple(rows)),)
+    names = (*columns[:6], "last chance [s]")
+    return (
+        SummaryTable(
+            "preventability",
+            "The same conflicts, with models of drivers in the place of the ego's",
+            columns,
+            tuple(rows),
+            names=names,
+        ),
+    )
 
 
 def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTable:

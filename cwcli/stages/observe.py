@@ -185,7 +185,7 @@ def _no_speed_error(log: Log, config: ObserveConfig) -> MissingSignalError:
     except MissingSignalError as error:
         return error
     return MissingSignalError(
-        "no message tells the ego speed (needed by `cwcli observe`)",
+        "no channel holds the ego speed (needed by `cwcli observe`)",
         where=log.name,
         hint="see which messages were rejected with `cwcli estimate`, or choose another channel with --topic ego_speed",
     )

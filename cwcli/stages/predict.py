@@ -41,17 +41,20 @@ class PredictConfig(StatesSelection):
     model: Annotated[str, Option("--model", "{choices}", metavar="NAME", choices="cwcli.prediction.models:MODELS")] = (
         DEFAULT_MODEL
     )
-    horizon_s: Annotated[float, Option("--horizon", "How far ahead.", metavar="SECONDS")] = 2.5
-    step_s: Annotated[float, Option("--step", "Between the points of a path.", metavar="SECONDS")] = 0.05
+    horizon_s: Annotated[float, Option("--horizon", "How far ahead to predict.", metavar="SECONDS")] = 2.5
+    step_s: Annotated[float, Option("--step", "Time between the points of a path.", metavar="SECONDS")] = 0.05
     discretisation: Annotated[
         Discretisation,
-        Option("--discretisation", "Integrate exactly, or by the recursion of song2016 (eq. 2, 9, 10)."),
+        Option(
+            "--discretisation",
+            "exact: integrate the model exactly; paper: use the recursion of song2016 (eq. 2, 9, 10).",
+        ),
     ] = "exact"
     path_rate_hz: Annotated[
         float,
         Option(
             "--path-rate",
-            "Paths of each vehicle in the written log, at most; warnings start from every state all the same.",
+            "Largest rate of each vehicle's paths in the written log; warnings use the paths of all states.",
             metavar="HZ",
             above=0.0,
         ),
@@ -69,8 +72,8 @@ class PredictConfig(StatesSelection):
 def predict(log: Log, config: PredictConfig) -> StageResult:
     """Predict the path of every vehicle from each of its states.
 
-    Needs the channels of `cwcli estimate`. Predicts a path from each state, with its covariance, adds some of each
-    second to the log, and compares every motion model with what then happened.
+    Needs the channels of `cwcli estimate`. Predicts a path with its covariance
+    from each state, writes some of each second to the log, and compares every motion model with the later motion.
 
     Raises:
         MissingSignalError: The log has no ego state.

@@ -70,23 +70,24 @@ class PredictLaneConfig(StatesSelection):
         Literal["lateral", "lateral-zhang2011"],
         Option(
             "--model",
-            "lateral: the yaw rate goes over to the road's; lateral-zhang2011: speed, lateral speed and yaw rate stay.",
+            "lateral: the yaw rate approaches that of the road; lateral-zhang2011: speed, lateral speed and yaw "
+            "rate stay constant.",
         ),
     ] = "lateral"
-    horizon_s: Annotated[float, Option("--horizon", "How far ahead.", metavar="SECONDS")] = 2.5
-    step_s: Annotated[float, Option("--step", "Between the points of a path.", metavar="SECONDS")] = 0.05
+    horizon_s: Annotated[float, Option("--horizon", "How far ahead to predict.", metavar="SECONDS")] = 2.5
+    step_s: Annotated[float, Option("--step", "Time between the points of a path.", metavar="SECONDS")] = 0.05
     calibrate: Annotated[
         bool,
         Option(
             "--calibrate/--no-calibrate",
-            "Scale the uncertainty by how far this record's car went from its paths; looks at the whole record.",
+            "Scale the uncertainty by the errors of the paths over the whole log.",
         ),
     ] = True
     render: Annotated[
         str | None,
         Option(
             "--render",
-            "Publish the camera's frames with the path and the lane drawn on them here, as JPEG.",
+            "Topic to which the camera's frames with the path and the lane drawn on them are written, as JPEG.",
             metavar="/TOPIC",
         ),
     ] = None
@@ -168,7 +169,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     """Predict the ego's path from its observed lateral motion.
 
     Needs the channel of `cwcli observe`, and no position. Adds one path per frame, with its covariance, from the
-    lateral motion and the road's curvature, and compares it with what then happened.
+    lateral motion and the road's curvature, and compares it with the later motion.
 
     Raises:
         MissingSignalError: The log has no observer channel, or no frame of it has a state.
@@ -199,7 +200,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     placed, count = _place_paths_in_map_and_count(body, poses, has_state, topic)
     drawn: tuple[StreamedChannel, ...] = ()
     notes_of_drawing: tuple[str, ...] = ()
-    if config.render is not None or has_lane_channel(log):
+    if config.render is not None or has_output_of_lanes_stage(log):
         drawn, notes_of_drawing = draw_paths_into_images(
             log,
             body.paths,
@@ -224,7 +225,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     return StageResult("predict-lane", (placed, *drawn), {}, summary, record, evaluation_inputs=made)
 
 
-def has_lane_channel(log: Log) -> bool:
+def has_output_of_lanes_stage(log: Log) -> bool:
     """Return whether the log holds the channel of `cwcli lanes`."""
     return LANES.topic in {channel.topic for channel in log.channels}
 
@@ -260,7 +261,7 @@ def draw_paths_into_images(
         MissingSignalError: The log has no lanes, or no camera where `render` needs one.
         UsageError: `render` is no topic for frames.
     """
-    if not has_lane_channel(log):
+    if not has_output_of_lanes_stage(log):
         raise MissingSignalError(
             f"no channel {LANES.topic} (needed to draw paths on the image)",
             where=log.name,

@@ -80,7 +80,7 @@ class TrackConfig:
         TargetCountChoice,
         Option(
             "--targets",
-            "auto: one target where no scan holds two detections and one track takes nine in ten, else many.",
+            "auto: one target if no scan holds two detections and one track fits nine in ten of them, else many.",
         ),
     ] = "auto"
     sensors: Annotated[
@@ -220,7 +220,7 @@ def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], how: s
     """Return the notes on the tracker's choice, the sensors and the innovations."""
     notes = list(result.notes)
     if config.targets == "auto":
-        notes.append(f"tracked as {how} target{'s' if how == 'many' else ''} (--targets one|many says so for itself)")
+        notes.append(f"tracked as {how} target{'s' if how == 'many' else ''} (--targets one|many sets it)")
     kinds = {signal.kind for signal in signals}
     if {"radar", "radar_track"} <= kinds:
         names = [signal.source for signal in signals if signal.kind != "position"]
@@ -264,9 +264,10 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
         free = sum(count.rejected.get(reason, 0) for reason in UNASSIGNED_REASONS)
         faulty = count.read - count.used - free
         rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
-    columns = ("sensor", "detections", "used", "no track", "faulty", "NIS/dof", "95 % bounds", "inside")
+    columns = ("sensor", "detections", "used", "without track", "rejected", "NIS/dof", "95 % bounds", "inside")
+    names = (*columns[:3], "no track", "faulty", "NIS/dof", "bounds_95", "inside")
     title = "Detections of each sensor, and whether NIS lies inside its bounds"
-    return SummaryTable("sensors", title, columns, tuple(rows), names=(*columns[:6], "bounds_95", "inside"))
+    return SummaryTable("sensors", title, columns, tuple(rows), names=names)
 
 
 def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:

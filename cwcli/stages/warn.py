@@ -13,6 +13,7 @@ from cwcli.channels.target import read_targets_as_states
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
+from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.paths import replanned_or_logged_paths_and_notes
 from cwcli.pipeline.records import WITHHELD_KEY, read_run_records
 from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryTable
@@ -34,6 +35,16 @@ EXAMPLES = (
     "cwcli warn predicted.mcap --rules cwcli,ttc -o warned.mcap",
 )
 """Command lines that the help of `cwcli warn` shows."""
+EVALUATION_WORDS = {
+    "evaluated": "evaluated",
+    "out_of_reach": "too far away to collide within the horizon",
+    "no_message_received_yet": "no message received yet",
+    "stale": "newest state too old (--max-age)",
+    "beyond_the_predicted_path": "beyond the end of the predicted path",
+    "not_finite": "state with a value that is not a number",
+    "withheld": "withheld: a state was not reliable",
+}
+"""Outcome of an evaluation -> what the table of the evaluations calls it."""
 EGO_INPUT_ROLES = (EGO_STATE.role, EGO_PATH.role)
 """Roles of the ego's states and of its predicted paths."""
 REMOTE_INPUT_ROLES = (REMOTE_STATE.role, REMOTE_PATH.role)
@@ -54,7 +65,7 @@ class WarnConfig(StatesSelection):
         tuple[str, ...],
         Option(
             "--rules",
-            "Several rules in one pass: names of those of --rule.",
+            "Run several rules in one pass, by the names of --rule.",
             metavar="NAME[,NAME]",
             default="that of --rule",
             kind=str | None,
@@ -182,7 +193,10 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
     )
     columns = ("event", "vehicle", "at [s]", "predicted conflict in [s]", "predicted closest centres [m]")
     names = (*columns[:3], "event in [s]", "predicted closest [m]")
-    counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts_by_outcome.items())
+    counts: tuple[tuple[Cell, ...], ...] = tuple(
+        (CellWithValues(EVALUATION_WORDS[name], {"": name.replace("_", " ")}), count)
+        for name, count in found.evaluation_counts_by_outcome.items()
+    )
     counts += (("warnings withheld", found.n_withheld),)
     counts += tuple((f"warnings {kind.name_in_tables} left out", n) for kind, n in found.n_left_out.items())
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"

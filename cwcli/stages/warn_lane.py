@@ -151,10 +151,19 @@ def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[Summ
         )
         for event in result.events.rows_as_dicts()
     )
-    columns = ("event", "side", "at [s]", "crossing in [s]", "to the line [m]", "rate [m/s]", "for [s]")
+    columns = (
+        "event",
+        "side",
+        "at [s]",
+        "line crossing in [s]",
+        "distance to line [m]",
+        "departure rate [m/s]",
+        "duration [s]",
+    )
+    names = (*columns[:3], "crossing in [s]", "to the line [m]", "rate [m/s]", "for [s]")
     counts = tuple((name.replace("_", " "), count) for name, count in result.counts.items())
     return (
-        SummaryTable("lane_departures", "Lane departures (times from the log's start)", columns, rows),
+        SummaryTable("lane_departures", "Lane departures (times from the log's start)", columns, rows, names=names),
         SummaryTable(
             "lane_frames", "Camera frames with lanes, by result of the evaluation", ("result", "count"), counts
         ),

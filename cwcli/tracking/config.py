@@ -124,20 +124,24 @@ class FilterConfig:
     gate_probability: Annotated[
         float,
         Option(
-            "--gate", "Probability that the gate keeps a good detection; 1 is off.", metavar="P", above=0.0, at_most=1.0
+            "--gate",
+            "Probability that a good detection passes the gate; 1 turns the gate off.",
+            metavar="P",
+            above=0.0,
+            at_most=1.0,
         ),
     ] = 0.9999
     restart_after: int = 10
     max_gap_s: float = 5.0
     smooth: Annotated[
         bool,
-        Option("--causal", "The filter alone: no state uses what was detected later.", parse=operator.not_),
+        Option("--causal", "Do not smooth: no state uses a later detection.", parse=operator.not_),
     ] = True
     tune: Annotated[
         bool,
         Option(
             "--tune/--no-tune",
-            "Find process and measurement noise from the detections by maximum likelihood; no truth is seen.",
+            "Find process and measurement noise from the detections by maximum likelihood, without the truth.",
         ),
     ] = False
 

@@ -110,7 +110,7 @@ def require_common_frame(models: Mapping[str, SensorModel], *, has_ego: bool, wh
     moving = [source for source, model in models.items() if model.carrier == "body"]
     if fixed and moving and not has_ego:
         raise MissingSignalError(
-            f"{moving[0]} moves with the car and {fixed[0]} stands in the map: the ego state is needed to relate them",
+            f"{moving[0]} moves with the car and {fixed[0]} is fixed in the map: the ego state is missing",
             where=where,
             hint=f"run `cwcli estimate LOG -o estimated.mcap` first, or say --sensor {fixed[0]}:carrier=body",
         )

@@ -205,7 +205,7 @@ def _measurement_covariances(data: Detections, model: SensorModel, counts: Detec
     scale = np.sqrt(np.diagonal(mirrored, axis1=1, axis2=2))
     good = np.linalg.eigvalsh(mirrored / (scale[:, :, None] * scale[:, None, :]))[:, 0] > 1e-9
     counts.count_repaired(
-        "covariance not positive or absurd, the sensor's noise taken", int((given & ~(sane & good)).sum())
+        "covariance not positive or absurd, the sensor's noise used", int((given & ~(sane & good)).sum())
     )
     out[good] = mirrored[good]
     return out

@@ -66,7 +66,7 @@ NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
 """The boundary of a frame in which none was found: its numbers are NaN."""
 
 
-def moved_boundary(boundary: Boundary, a: float, b: float, c: float) -> Boundary:
+def boundary_with_parabola(boundary: Boundary, a: float, b: float, c: float) -> Boundary:
     """The boundary with another parabola; one that was not found, or has no parabola now, stays or becomes so."""
     found = boundary.found and isfinite(a) and isfinite(b) and isfinite(c)
     return Boundary(

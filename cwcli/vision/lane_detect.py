@@ -15,6 +15,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import Pinhole
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH_SHARE
+from cwcli.vision.lane_following import SAME_LINE_TOLERANCE, max_boundary_difference_m
 from cwcli.vision.lane_mean import weighted_mean_lane
 from cwcli.vision.lane_model import (
     BEND,
@@ -375,9 +376,9 @@ def search_first_frame(
         evidence_source: Measures the evidence.
 
     Returns:
-        Lanes, shape (k, 6): the mean of the lanes around the best one (`lane_mean`), then the others, best first by
-        paint and joints; the objective of each by paint alone, shape (k,); and the evidence of paint at the best lane's
-        horizon.
+        Lanes, shape (k, 6): the mean of the lanes around the best one (`lane_mean`), then those with other lines, best
+        first by paint and joints; the objective of each by paint alone, shape (k,); and the evidence of paint at the
+        best lane's horizon.
     """
     height, width = grey.shape
     row = prior.table[HORIZON]
@@ -405,6 +406,10 @@ def search_first_frame(
     lanes[0] = weighted_mean_lane(
         partial(lane_objectives, evidence, table=prior.table), lanes[0], prior.table, (width, height)
     )
+    # lanes on the lines of the mean are part of it: as rivals they would count against the lane that they support
+    tolerance_m = SAME_LINE_TOLERANCE / prior.place_units_per_m
+    has_other_lines = [max_boundary_difference_m(lane, lanes[0], prior, height) > tolerance_m for lane in lanes[1:]]
+    lanes = lanes[[True, *has_other_lines]]
     evidence = evidence_source(grey, rows, float(lanes[0, HORIZON]), prior.pinhole)
     return lanes, lane_objectives(evidence, lanes, prior.table), evidence
 

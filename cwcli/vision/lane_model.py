@@ -159,12 +159,15 @@ def pitch_from_horizon_rad(lane: FloatArray, camera: Camera) -> float:
     return math.atan((camera.cy - float(lane[HORIZON])) / camera.fy)
 
 
-def boundary_columns_in_rows_px(lane: FloatArray, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
+def boundary_columns_in_rows_px(image_lane: FloatArray, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
     """Columns of both boundaries in n rows, shape (2, n); NaN at and above the horizon, and where they have turned
     back."""
     centre, focal = np.array(pinhole.centre_px + 1.0), np.array(pinhole.focal_px)
     return (
-        image_columns_of_arcs(boundary_road_curves(lane, pinhole)[:, None], v_px - lane[HORIZON], centre, focal) - 1.0
+        image_columns_of_arcs(
+            boundary_road_curves(image_lane, pinhole)[:, None], v_px - image_lane[HORIZON], centre, focal
+        )
+        - 1.0
     )
 
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary import NOT_FOUND, Boundary, moved_boundary
+from cwcli.vision.boundary import NOT_FOUND, Boundary, boundary_with_parabola
 from cwcli.vision.boundary_probability import boundary_probabilities, probabilities_with_scene_votes
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH_SHARE
@@ -83,9 +83,9 @@ from cwcli.vision.lane_sides import (
 from cwcli.vision.line_classifier import LineClassifier
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
 
-MAX_SEARCH_PIXELS = 256_000
-"""Greatest number of pixels of the search image; a camera's image is halved until it has no more. Chosen by hand: it
-bounds the time of a frame."""
+MAX_SEARCH_PIXELS = 230_400
+"""Number of pixels to which a larger camera image is scaled for the search: 640 x 360. One size for all large cameras,
+because thresholds and constants were chosen on it. Chosen by hand: it bounds the time of a frame."""
 MIN_FOUND_PROBABILITY = 0.5
 """Probability from which a boundary counts as found. Fitted on rendered and labelled frames: one boundary in a hundred
 is then found on rendered roads without paint (docs/decisions.md)."""
@@ -205,7 +205,7 @@ class LaneTracker:
         camera = self._camera
         lane = predict_lane(self._hypotheses[0].lane, camera, speed_mps, yaw_rate_radps, dt_s, self._prior)
         left, right = (
-            moved_boundary(side, *parabola)
+            boundary_with_parabola(side, *parabola)
             for side, parabola in zip(
                 (last.left, last.right), fit_boundary_parabolas(lane, camera).tolist(), strict=True
             )
@@ -508,10 +508,9 @@ class LaneTracker:
 
 
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:
-    """Width and height of the search image: the camera's, halved until it has few enough pixels."""
-    while width_px * height_px > MAX_SEARCH_PIXELS:
-        width_px, height_px = (width_px + 1) // 2, (height_px + 1) // 2
-    return width_px, height_px
+    """Width and height of the search image: the camera's, scaled down to `MAX_SEARCH_PIXELS` if it has more."""
+    scale = min(math.sqrt(MAX_SEARCH_PIXELS / (width_px * height_px)), 1.0)
+    return round(scale * width_px), round(scale * height_px)
 
 
 METHOD = Method(

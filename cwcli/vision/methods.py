@@ -53,7 +53,7 @@ def check_method_and_model(name: str, model: str | None) -> None:
     METHODS.require(name)
     takes_model = METHODS[name].with_model is not None
     if takes_model and model is None:
-        raise UsageError(f"--method {name} needs a net", hint="--model net.onnx, and net.toml beside it")
+        raise UsageError(f"--method {name} needs a net", hint="--model net.onnx, with net.toml in the same folder")
     if model is not None and not takes_model:
         raise UsageError(f"--method {name} takes no --model", hint="--method onnx")
 

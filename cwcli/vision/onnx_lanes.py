@@ -90,7 +90,7 @@ def onnx_method_of_file(path: Path) -> Method:
 
 def _raise_missing_model(*_: int) -> LaneSearch:
     """Raise the error that a model is missing."""
-    raise UsageError("--method onnx needs a net", hint="--model net.onnx, and net.toml beside it")
+    raise UsageError("--method onnx needs a net", hint="--model net.onnx, with net.toml in the same folder")
 
 
 METHOD = Method(

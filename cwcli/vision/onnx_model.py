@@ -47,7 +47,7 @@ SEGMENTATION, ROW_ANCHOR = "segmentation", "row-anchor"
 """The kinds of nets: one marks lane pixels, the other gives columns at fixed rows."""
 CHANNELS_OF_COLOUR = {"grey": 1, "rgb": 3}
 """Number of input channels of each colour setting."""
-ACTIVATIONS = ("softmax", "sigmoid", "none")
+ACTIVATION_NAMES = ("softmax", "sigmoid", "none")
 """The values of `activation` in a net's description: what turns a segmentation's output into probabilities; `none`, if
 it gives them already."""
 ROW_ANCHOR_AXES = ("cell", "row", "lane")
@@ -280,7 +280,7 @@ def read_net_description(path: Path) -> NetDescription:
     if kind == SEGMENTATION:
         classes = int(reader.read_numbers("classes", 1, 1, 1000, whole=True)[0])
         lanes = reader.read_numbers("lanes", None, 0, classes - 1, whole=True)
-        activation = reader.read_choice("activation", ACTIVATIONS)
+        activation = reader.read_choice("activation", ACTIVATION_NAMES)
         return replace(shape, classes=classes, lane_classes=tuple(map(int, lanes)), activation=activation)
     axes = table.get("axes")
     if not isinstance(axes, list) or sorted(map(str, axes)) != sorted(ROW_ANCHOR_AXES):

@@ -146,18 +146,22 @@ def _braking_horizon_s(
     acceleration a: the paths let an acceleration fade, and a lead that brakes may well go on.
     Below the rule's own horizon the need counts for a vehicle that stands, of which gentle braking warns too late.
     """
-    closing_mps = _closing_speed_at_contact_mps(own, theirs, gap_m, float(time_s[1]))
+    closing_mps = _contact_speed_at_present_accel_mps(own, theirs, gap_m, float(time_s[1]))
     need_s = np.minimum(REACTION_S + closing_mps / (2.0 * BRAKING_MPS2), config.max_horizon_s)
     stands = np.abs(theirs.speed_mps[:, 0]) < STANDING_MPS
     counts = np.isfinite(overlap_s) & (closing_mps >= MIN_CLOSING_MPS) & (stands | (need_s > config.horizon_s))
     return np.where(counts, need_s, np.nan)
 
 
-def _closing_speed_at_contact_mps(own: PathPoints, theirs: PathPoints, gap_m: FloatArray, step_s: float) -> FloatArray:
+def _contact_speed_at_present_accel_mps(
+    own: PathPoints, theirs: PathPoints, present_gap_m: FloatArray, step_s: float
+) -> FloatArray:
     """Closing speed along the host's heading when the gap is used up at the present accelerations, (k,)."""
     closing = own.speed_mps[:, :2] - theirs.speed_mps[:, :2] * np.cos(theirs.heading_rad - own.heading_rad)[:, :2]
     accel_mps2 = (closing[:, 1] - closing[:, 0]) / step_s
-    return np.sqrt(np.maximum(closing[:, 0] * np.abs(closing[:, 0]) + 2.0 * accel_mps2 * np.maximum(gap_m, 0.0), 0.0))
+    return np.sqrt(
+        np.maximum(closing[:, 0] * np.abs(closing[:, 0]) + 2.0 * accel_mps2 * np.maximum(present_gap_m, 0.0), 0.0)
+    )
 
 
 def _bend_beyond_path_end_m(pairs: PathPairs, rows: np.ndarray, until_s: FloatArray) -> FloatArray:

@@ -38,7 +38,7 @@ class ConflictPart:
         """The text of what held at a conflict: `the two touched`."""
         return self.measure.conflict_text(self.threshold)
 
-    def conflict_margin(self, pair: Pair) -> FloatArray:
+    def margin_negative_in_conflict(self, pair: Pair) -> FloatArray:
         """The distance of the measure from its threshold at each stamp, (n,), negative during a conflict."""
         values = pair.evaluate_measure(self.measure)
         return values - self.threshold if self.measure.critical == "low" else self.threshold - values

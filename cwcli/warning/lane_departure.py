@@ -85,7 +85,7 @@ class LaneDepartureConfig:
 
     warn_s: Annotated[
         float,
-        Option("--line-crossing", "Warn when the time to line crossing falls to this.", metavar="SECONDS"),
+        Option("--line-crossing", "Warn when the time to line crossing is at most this.", metavar="SECONDS"),
     ] = 0.7
     min_rate_mps: float = 0.05
     release_s: float | None = None
@@ -95,7 +95,7 @@ class LaneDepartureConfig:
     hold_off_s: float = 1.0
     min_speed_mps: Annotated[
         float,
-        Option("--min-speed", "No warning is raised below this speed.", metavar="MPS"),
+        Option("--min-speed", "Do not warn below this speed.", metavar="MPS"),
     ] = CLASS_II_MIN_SPEED_MPS
     speed_hysteresis_mps: float = 1.0
     rate_over_s: float = 0.3

@@ -158,19 +158,21 @@ class WarningConfig:
         float,
         Option(
             "--max-horizon",
-            "The rule cwcli looks up to this far ahead where braking takes that long; 0: never beyond --horizon.",
+            "Longest look-ahead of the rule cwcli, used where braking takes that long; 0: never beyond --horizon.",
             metavar="SECONDS",
         ),
     ] = 3.7
     distance_m: Annotated[
         float, Option("--distance", "Centres nearer than this are a collision.", metavar="METRES")
     ] = 2.5
-    probability: Annotated[float, Option("--probability", "Threshold of the rule cwcli.", metavar="P")] = 0.65
+    probability: Annotated[
+        float, Option("--probability", "Least probability of contact at which the rule cwcli warns.", metavar="P")
+    ] = 0.65
     min_deceleration_mps2: Annotated[
         float,
         Option(
             "--min-deceleration",
-            "The rule cwcli does not warn of what gentler braking by the host makes improbable; 0: it always warns.",
+            "The rule cwcli does not warn while braking this gently would avoid contact; 0: it warns all the same.",
             metavar="M/S2",
         ),
     ] = 2.0
@@ -184,24 +186,41 @@ class WarningConfig:
         ),
     ] = None
     from_behind: Annotated[
-        bool, Option("--from-behind", "The rule cwcli warns of followers, too, whom only they themselves can avoid.")
+        bool,
+        Option("--from-behind", "The rule cwcli also warns of vehicles that approach from behind in the host's line."),
     ] = False
     beside_lane: Annotated[
-        bool, Option("--beside-lane", "The rule cwcli warns of vehicles that drive parallel beside the lane, too.")
+        bool,
+        Option(
+            "--beside-lane", "The rule cwcli also warns of vehicles that drive parallel to the host next to its lane."
+        ),
     ] = False
     hold_off_s: Annotated[
-        float, Option("--hold-off", "A condition false for this long is over.", metavar="SECONDS")
+        float,
+        Option("--hold-off", "A warning ends when its condition has been false for this long.", metavar="SECONDS"),
     ] = 1.0
     use: Annotated[
-        RemoteStateUse, Option("--use", "Remote states that had been received by then, or all whose stamp has passed.")
+        RemoteStateUse,
+        Option(
+            "--use",
+            "received: use remote states from their reception on; stamp: from their "
+            "stamp on, as if there were no delay.",
+        ),
     ] = "received"
-    max_age_s: Annotated[float, Option("--max-age", "Older remote states are not used.", metavar="SECONDS")] = 1.0
+    max_age_s: Annotated[float, Option("--max-age", "Do not use remote states older than this.", metavar="SECONDS")] = (
+        1.0
+    )
     max_gap_s: float = 0.5
     conflict: Annotated[
         str, Option("--conflict", _conflict_help_text, metavar="MEASURE", choices="cwcli.measures:MEASURES")
     ] = DEFAULT_CONFLICT
     max_lead_s: Annotated[
-        float, Option("--max-lead", "A warning earlier than this is not about the conflict.", metavar="SECONDS")
+        float,
+        Option(
+            "--max-lead",
+            "A warning that comes earlier than this before a conflict does not count as its warning.",
+            metavar="SECONDS",
+        ),
     ] = 5.0
 
     @property

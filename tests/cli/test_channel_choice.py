@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_STATE, WARNINGS, published_topics
+from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_STATE, WARNINGS, schema_name_by_published_topic
 from cwcli.cli.main import run_command_line
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import read_run_records
@@ -19,7 +19,7 @@ STATES = {EGO_STATE.topic, REMOTE_STATE.topic}
 
 def own_topics(path: Path) -> set[str]:
     with Log.open(path) as log:
-        return {channel.topic for channel in log.channels if channel.topic in published_topics()}
+        return {channel.topic for channel in log.channels if channel.topic in schema_name_by_published_topic()}
 
 
 def payloads(path: Path, topic: str) -> list[bytes]:
@@ -80,7 +80,7 @@ def test_an_unknown_channel_is_refused_with_the_list(
         assert run_command_line([command, str(intersection), "-o", str(tmp_path / "out.mcap"), "--channels", name]) == 2
         said = capsys.readouterr().err
         assert said.startswith(f"error: --channels {name}: cwcli writes no such channel\n")
-        assert all(topic in said for topic in published_topics())
+        assert all(topic in said for topic in schema_name_by_published_topic())
         assert not (tmp_path / "out.mcap").exists()
 
 

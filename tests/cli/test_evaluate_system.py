@@ -90,7 +90,7 @@ def test_the_other_system_stands_beside_cwcli(drive: Path, tmp_path: Path, capsy
     )
     assert run_command_line(["evaluate", str(annotated), option, "--markdown", str(tmp_path / "summary.md")]) == 0
     assert "| metric | the system | cwcli | states | n |" in (tmp_path / "summary.md").read_text()
-    assert "The other system beside cwcli" in capsys.readouterr().out
+    assert "The other system and cwcli" in capsys.readouterr().out
     assert 4.0 < own_raised_s < 5.5  # cwcli warns 0.8 to 2.3 s after the flag
 
 
@@ -106,7 +106,7 @@ def test_the_commands_of_the_page_hold(drive: Path, monkeypatch: pytest.MonkeyPa
             arguments += ["--force"]
         assert run_command_line([*arguments]) == 0, arguments
     said = capsys.readouterr().out
-    assert "The other system beside cwcli" in said
+    assert "The other system and cwcli" in said
     assert "passed" in said
 
 
@@ -174,7 +174,7 @@ def test_the_report_shows_the_other_systems_warnings(drive: Path, tmp_path: Path
     assert (
         "A careful driver would not have braked, and would have crashed at 15." in text
     )  # the regulation's looks ahead only
-    assert "The other system beside cwcli" in text
+    assert "The other system and cwcli" in text
     assert "Warnings of /adas/fcw" in text
     assert run_command_line(["report", str(drive / "annotated.mcap"), "-o", str(page), "--force", "--quiet"]) == 0
     assert "other system" not in page.read_text(encoding="utf-8")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pyarrow.parquet as pq
 import pytest
@@ -75,7 +77,7 @@ def test_terminal_shows_a_table(folder: Path, capsys: pytest.CaptureFixture[str]
     assert run_command_line(["find", str(folder / "cut-in.mcap"), "all"]) == EXIT_DONE
     said = capsys.readouterr()
     assert "find all: 1 event in 1 log" in said.out
-    assert "lane-departure: 1 log left out for want of its channels" in said.out + said.err
+    assert "lane-departure: not searched in 1 log without the channels that it needs" in said.out + said.err
 
 
 @pytest.mark.parametrize(
@@ -100,6 +102,55 @@ def test_refusals(
     monkeypatch.chdir(folder)
     assert run_command_line(["find", *arguments]) == code
     assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_what_happened_is_told_in_words(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A stranger reads a sentence with a unit; names of columns are for programs."""
+    event = found(capsys, str(folder / "cut-in.mcap"), "cut-in")["events"][0]  # type: ignore[index]
+    assert re.fullmatch(r"enters the ego's lane \d+ m, \d\.\d s ahead of it", event["words"])
+    assert f"{event['value']:.1f} s ahead" in event["words"]
+    event = found(capsys, str(folder / "stop-and-go.mcap"), "stop-and-go")["events"][0]  # type: ignore[index]
+    assert event["words"] == f"{event['value']:.0f} stops"
+    one = found(capsys, str(folder / "cut-in.mcap"), "max(ego.speed_mps) over 1 s > 1")["events"][0]  # type: ignore[index]
+    assert one["words"] == f"max ego.speed {one['value']:.2f} m/s"
+    assert run_command_line(["find", str(folder / "cut-in.mcap"), "cut-in"]) == EXIT_DONE
+    assert "headway_s" not in capsys.readouterr().out
+
+
+def test_page_has_a_card_with_figures_and_its_clip_for_each_event(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, clips = tmp_path / "page.html", tmp_path / "clips"
+    options = ("--report", str(page), "--clips", str(clips), "--margin", "5")
+    events = found(capsys, str(folder), "cut-in or stop-and-go", *options)["events"]
+    root = ElementTree.fromstring(page.read_text().replace("<!doctype html>", ""))
+    cards = {each.get("id"): each for each in root.iter("article")}
+    assert list(cards) == [each["id"] for each in events]  # type: ignore[attr-defined]
+    for each in events:  # type: ignore[attr-defined]
+        card = cards[each["id"]]
+        assert each["words"] in "".join(card.itertext())
+        (link,) = card.iter("a")
+        assert (page.parent / str(link.get("href"))).resolve() == Path(each["clip"]).resolve()
+        drawn = list(card.iter("svg"))
+        assert len(drawn) == (3 if each["event"] == "cut-in" else 2)  # map, speeds, and the distance of two
+        assert all(path.get("d", "").startswith("M") for svg in drawn for path in svg.iter("path"))
+        # the grey area is the event: it begins `margin` seconds after the begin of the strip
+        (area,) = drawn[1].iter("rect")
+        times = [float(text.text or "nan") for text in drawn[1].iter("text") if text.get("y") == "89"]
+        share = -times[0] / (times[1] - times[0])
+        assert abs(float(area.get("x", "nan")) - (34 + share * 318)) < 4.0
+    assert "<script" not in page.read_text()
+
+
+def test_page_of_names_that_are_html_and_of_logs_without_states(folder: Path, tmp_path: Path) -> None:
+    evil = tmp_path / "<b>&.mcap"
+    evil.write_bytes((folder / "raw.mcap").read_bytes())
+    page = tmp_path / "page.html"
+    assert run_command_line(["find", str(evil), "/gps/fix:x > -1000000", "--report", str(page)]) == EXIT_DONE
+    assert "&lt;b&gt;&amp;.mcap" in page.read_text()
+    assert "<b>&" not in page.read_text()
+    assert "Not drawn: no channel holds the ego state" in page.read_text()
+    assert run_command_line(["find", str(folder / "cut-in.mcap"), "cut-in", "--report", "p.txt"]) == EXIT_USAGE
 
 
 def test_gaps_are_found_without_states(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

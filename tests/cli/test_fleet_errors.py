@@ -50,7 +50,7 @@ def test_force_never_removes_what_the_run_reads(cwcli: Run, short: Path, tmp_pat
     assert cwcli(*again).returncode == 0
     done = cwcli("run", "out/logs/*/annotated.mcap", "-d", "out", "--force")
     assert (done.returncode, done.stdout) == (2, b"")
-    assert b"lies in the output folder" in done.stderr
+    assert b"is in the output folder" in done.stderr
     assert (tmp_path / "out/logs/short/annotated.mcap").is_file()
 
 
@@ -111,7 +111,7 @@ def test_ctrl_c_while_workers_start_is_one_line(short: Path, tmp_path: Path, del
         (["--lanes-method", "nope"], "there is no lane method 'nope'"),
         (["--lanes-seed", "-1"], "--seed -1 must lie between"),
         (["--lanes-camera-height", "-3"], "--camera-height"),
-        (["--lanes-render", "no topic"], "--render 'no topic' is no topic's name"),
+        (["--lanes-render", "no topic"], "--render 'no topic' is not the name of a topic"),
         (["--stage", "control", "--control-predictor", "nope"], "there is no motion model 'nope'"),
         (["--stage", "control", "--control-horizon", "-1"], "a horizon of -1 s is not a positive number of seconds"),
         (["--topic", "x"], "expected ROLE=/topic"),

@@ -320,3 +320,22 @@ def test_completion_of_topics_never_fails_or_talks(tmp_path: Path) -> None:
     for words in (["-"], [str(tmp_path / "none.mcap")], ["https://localhost:1/log.mcap"], []):
         assert offered("bash", "cwcli", "info", *words, "--topic", "imu=/") == []
     assert offered("bash", "cwcli", "info", "--topic", "im") == ["imu="]
+
+
+@pytest.mark.parametrize(
+    ("moment", "code"),
+    [("raise KeyboardInterrupt", 130), ("atexit.register(os.kill, os.getpid(), signal.SIGINT)", 0)],
+    ids=["while the last lines are printed", "after the exit code is settled"],
+)
+def test_ctrl_c_at_the_very_end_prints_no_traceback(moment: str, code: int) -> None:
+    program = f"""
+import atexit, os, signal
+from cwcli.cli import main
+def run_command_line(arguments):
+    {moment}
+    return 0
+main.run_command_line = run_command_line
+main.main()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, timeout=600)
+    assert (done.returncode, done.stderr) == (code, b"")

@@ -186,7 +186,7 @@ def test_mappings_that_do_not_fit_together_are_refused(
         ("ego_speed=/nothing:kmh", "no topic /nothing"),
         ("ego_speed=/status:speed", "has no number in speed"),
         ("ego_speed=/status:mode", "has no number in mode"),
-        ("ego_speed=/status:kmh*deg", "deg is no unit of speed"),
+        ("ego_speed=/status:kmh*deg", "deg is not a unit of speed"),
         ("remote=/status:kmh", "can't be mapped"),
         ("ego_speed=/can:Motion.Speed", "need the file that describes them"),
         ("ego_speed=/status:kmh-exit()", "can't be read"),

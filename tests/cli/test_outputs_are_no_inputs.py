@@ -309,7 +309,7 @@ def test_what_a_run_over_many_logs_removes_is_no_input(
         run_command_line(["run", str(files["LOG"]), "-d", str(tmp_path / "out"), "--config", str(config), "--force"])
         == EXIT_OUTPUT
     )
-    assert "an input lies where the results go" in capsys.readouterr().err
+    assert "an input is in the folder of the results" in capsys.readouterr().err
     assert state(tmp_path) == before
 
 

@@ -336,7 +336,7 @@ def test_demo_runs_everything_and_names_its_files(cwcli: Run, tmp_path: Path) ->
     digest = cwcli("demo", details=False).stdout.decode().splitlines()
     assert len(digest) <= 12
     assert digest[1].startswith("what   At 4.7 s cwcli warned that the car would collide with vehicle d9583520,")
-    assert any(line.startswith("made   cwcli-demo/intersection.html (") for line in digest)
+    assert any(line.startswith("wrote  cwcli-demo/intersection.html (") for line in digest)
     assert any(line.startswith("next   cwcli run YOUR.mcap") for line in digest)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from cwcli.signals.columns import Ragged
 from cwcli.signals.etsi import CAM_PATHS, CAM_TS_PATHS, VAM_PATHS
-from cwcli.signals.j2735 import CARMA_PRESENCE_BITS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
+from cwcli.signals.j2735 import CARMA_PRESENCE_MASKS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
 from cwcli.signals.role import Role
 from tests.laws.perceived_messages import PERCEIVED_SAMPLES
 from tests.laws.receiver_messages import RECEIVER_SAMPLES
@@ -443,7 +443,7 @@ def _nav_path(k: int) -> Sample:
 
 
 FLAGS: dict[str, Any] = {}
-for _, _path, _bit in CARMA_PRESENCE_BITS:
+for _, _path, _bit in CARMA_PRESENCE_MASKS:
     FLAGS[_path] = FLAGS.get(_path, 0) | _bit
 
 IN_FRAME = "value.BasicSafetyMessage."

@@ -16,7 +16,7 @@ from cwcli.channels.published import (
     POLICY_PLACEHOLDER,
     PUBLISHED_CHANNELS,
     Channel,
-    published_topics,
+    schema_name_by_published_topic,
 )
 from cwcli.channels.warning import read_warnings
 from cwcli.control.encounter import POLICIES
@@ -54,7 +54,7 @@ def assert_same(found: Any, expected: Any, where: str = "") -> None:
 
 def test_every_published_channel_is_here_and_nothing_else() -> None:
     written = [channel for case in CASES for channel in case(np.random.default_rng(1), N).channels]
-    assert {channel.topic: channel.schema_name for channel in written} == published_topics()
+    assert {channel.topic: channel.schema_name for channel in written} == schema_name_by_published_topic()
     roles = {channel.topic for channel in PUBLISHED_CHANNELS if channel.role}
     read = {topic for case in CASES for topic in case(np.random.default_rng(1), N).readers}
     assert roles <= read  # what later stages find has a reader
@@ -90,7 +90,7 @@ def test_the_file_holds_as_many_messages_and_other_libraries_decode_them(
             stream, decoder_factories=[DecoderFactory()]
         ).iter_decoded_messages():
             assert schema is not None
-            assert schema.name == published_topics()[channel_of.topic]
+            assert schema.name == schema_name_by_published_topic()[channel_of.topic]
             counts[channel_of.topic] += 1
     assert counts == {channel.topic: len(channel) for channel in channels}
 
@@ -139,4 +139,4 @@ def test_a_descriptor_of_a_policy_is_one_of_its_topics() -> None:
     own = [channel for channel in PUBLISHED_CHANNELS if POLICY_PLACEHOLDER in channel.topic]
     assert len(own) == 3
     of_all: list[Channel] = [channel.for_policy(policy) for channel in own for policy in POLICIES]
-    assert {channel.topic for channel in of_all} <= set(published_topics())
+    assert {channel.topic for channel in of_all} <= set(schema_name_by_published_topic())

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import foxglove.layouts as fl
 import pytest
 
-from cwcli.channels.published import published_topics
+from cwcli.channels.published import schema_name_by_published_topic
 from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.read.reader import Log
 from cwcli.report.viewer_layout import TAB_TITLES, CameraTopics, LogTopics, build_viewer_layout, find_log_topics
@@ -77,13 +77,13 @@ def shown_topics(document: dict[str, Any]) -> set[str]:
 
 @DOCUMENTS
 def test_every_published_channel_is_shown(document: dict[str, Any]) -> None:
-    assert set(published_topics()) - shown_topics(document) == set()
+    assert set(schema_name_by_published_topic()) - shown_topics(document) == set()
 
 
 def test_a_logs_own_channels_are_shown() -> None:
     own = {"/gps/fix", "/front/image", "/front/camera_info", "/rear/image", "/detections", "/truth/ego", "/imu/data"}
     assert own - shown_topics(BOUND) == set()
-    assert shown_topics(GENERAL) - set(published_topics()) == set()
+    assert shown_topics(GENERAL) - set(schema_name_by_published_topic()) == set()
     assert [settings["imageMode"].get("imageTopic") for settings in panels(BOUND, "Image")] == [
         "/front/image",
         "/front/image",
@@ -96,9 +96,9 @@ def test_every_field_is_in_the_schema_of_its_channel(document: dict[str, Any]) -
     n = 0
     for value in message_paths(document):
         topic, _, names = value.partition(".")
-        if topic not in published_topics():
+        if topic not in schema_name_by_published_topic():
             continue
-        message: Any = find_message_schema(published_topics()[topic]).descriptor
+        message: Any = find_message_schema(schema_name_by_published_topic()[topic]).descriptor
         for name in names.split("."):
             plain = name.removesuffix("[:]")
             assert plain in message.fields_by_name, value

@@ -92,7 +92,7 @@ def test_a_lane_method_finds_the_lane_and_stands_in_help_and_docs(built: Built) 
     house.run("run", frames, "-o", "out.mcap", "--lanes-method", "narrow")
     with Log.open(house.folder / "out.mcap") as log:
         found = log.columns("/cwcli/lanes").fields
-    assert np.asarray(found["left.found"])[0] and np.asarray(found["right.found"])[0]
+    assert np.all(np.asarray(found["left.found"])) and np.all(np.asarray(found["right.found"]))
     assert "narrow: as cwcli, on frames of at most 320 columns" in spaced(house.run("lanes", "--help"))
     assert 'method = "narrow"' in house.run("config", CWCLI_LANES_METHOD="narrow")
     assert "| `narrow` | as cwcli, on frames of at most 320 columns |" in house.write_docs()

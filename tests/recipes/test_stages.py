@@ -42,7 +42,7 @@ def test_a_stage_runs_is_judged_and_stands_in_info_config_help_docs_and_layout(b
     assert (house.folder / "m" / "comfort.parquet").is_file()
     assert json.loads(house.run("info", CURVE, "--json"))["commands"]["comfort"]["after"] == ["estimate"]
     house.run("comfort", "out.mcap", "-o", "again.mcap", "--replace", "--limit", "3", "--metrics", "c.csv")
-    assert "comfort       Tell how strongly the ego turns." in house.run("--help")
+    assert "comfort       Show how strongly the ego turns." in house.run("--help")
     assert "--comfort-limit MPS2" in house.run("run", "--help")
     assert "[comfort]\nlimit = 1.0\n" in house.run("config", CWCLI_COMFORT_LIMIT="1")
     docs = house.write_docs()

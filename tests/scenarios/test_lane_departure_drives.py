@@ -6,7 +6,7 @@ import pytest
 from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.prediction.lateral import predict_paths_from_observer
-from cwcli.simulation.lane_camera import simulate_lane_sensors
+from cwcli.simulation.lane_camera import simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.warning.lane_departure import (
     FrontAxle,
@@ -26,7 +26,7 @@ DRIFT_START_S = 3.0
 
 
 def warn(truth: LaneDriveTruth, run: int, road: Road, seed: int) -> LaneDepartureResult:
-    sensed = simulate_lane_sensors(truth, run, road, CAR, seed=seed)
+    sensed = simulate_lane_sensors_of_run(truth, run, road, CAR, seed=seed)
     track = observe_lateral_motion(sensed.lanes, sensed.speed, CAR)
     return evaluate_lane_departure(
         sensed.stamp_ns,

@@ -35,6 +35,7 @@ class Fault:
         is_kept_aside: Not looked at while the detection was built.
         rewrite: What it does to stamps, rows and sources.
         ahead_m: How far ahead of the true point the states then are, lawfully.
+        is_drift: It is a slow drift of the only position, which the verdict may except.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Fault:
     is_kept_aside: bool = False
     rewrite: Rewrite = lambda m: [m]
     ahead_m: float = 0.0
+    is_drift: bool = False
 
     def apply(self, measurements: Sequence[Measurements]) -> list[Measurements]:
         """Measurements with the fault."""
@@ -289,13 +291,13 @@ FAULTS = (
     Fault("speed + 2 m/s", Kind.SPEED, added(2.0), ("ego_speed",)),
     Fault("speed doubled in mid-log", Kind.SPEED, lambda t, v: np.where(t[:, None] > 0.5 * t[-1], 2.0 * v, v), ("ego_speed",)),
     Fault("heading stuck in bends", Kind.HEADING, stuck_while_turning, ("ego_heading", "stuck")),
-    Fault("heading in sectors of 22.5 deg", Kind.HEADING, rounded(np.radians(22.5), 0), ("ego_heading",)),
+    Fault("heading in sectors of 22.5 deg", Kind.HEADING, rounded(np.radians(22.5), 0), ("ego_heading", "rounded")),
     Fault("IMU of another drive", Kind.IMU, lambda _, v: np.roll(v, len(v) // 2, axis=0), ("yaw rate", "accel")),
     Fault("IMU with x and y exchanged", Kind.IMU, columns(2, 1, 3, 5, 4, 6), ("mounted", "accel")),
-    Fault("IMU in counts", Kind.IMU, imu(16384 / G, 131 * 180 / np.pi), ("imu",)),
+    Fault("IMU in counts", Kind.IMU, imu(16384 / G, 131 * 180 / np.pi), ("counts",)),
     Fault("gyro bias steps in mid-log", Kind.IMU, added(0, 0, 0, 0, 0, 0.05, from_share=0.5), ("yaw rate", "bias")),
     Fault("IMU 2 s late", Kind.IMU, unchanged, ("imu",), rewrite=late_by(2.0)),
-    Fault("fix of an antenna 3 m ahead", Kind.POSITION, ahead_of_car(3.0), ahead_m=3.0),
+    Fault("fix of an antenna 3 m ahead", Kind.POSITION, ahead_of_car(3.0), ("antenna",), ahead_m=3.0),
     Fault("fix rounded to 1 m", Kind.POSITION, rounded(1.0, 0, 1), ("round",)),
     Fault("fix rounded to 1e-5 deg", Kind.POSITION, rounded_degrees, ("round",)),
     Fault("fix longitude cut to 4 decimals", Kind.POSITION, rounded(7.45, 0, cuts=True), ("round",)),
@@ -304,7 +306,7 @@ FAULTS = (
     Fault("fix with a copy", Kind.POSITION, unchanged, ("copy",), rewrite=with_copy),
     Fault("fix stamps cut to 1 s", Kind.POSITION, unchanged, ("stamps",), rewrite=stamps_cut_to(1.0)),
     Fault("fix stuck 10 s", Kind.POSITION, stuck(15.0, 25.0), ("stuck",)),
-    Fault("fix drifts off by 15 m", Kind.POSITION, drifting_off(15.0, 0.3, 0.7), ("ego_position",)),
+    Fault("fix drifts off by 15 m", Kind.POSITION, drifting_off(15.0, 0.3, 0.7), ("ego_position",), is_drift=True),
     Fault("fix smoothed over 2 s", Kind.POSITION, low_passed(2.0), ("latency",)),
 )  # fmt: skip
 """The faults; numbers and axes by hand. Words are what the sentence on the right fault must contain."""

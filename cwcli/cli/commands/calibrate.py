@@ -27,8 +27,14 @@ EXAMPLES = (
     "cwcli estimate drive.mcap --calibration car.toml -o estimated.mcap",
 )
 """Command lines at the end of the command's `--help`."""
-TABLE_HEADINGS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "")
+TABLE_HEADINGS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "status")
 """Headings of the table of constants."""
+EVIDENCE_TEXTS = {
+    "distance_km": "{:.3g} km",
+    "accel_rms_mps2": "acceleration {:.3g} m/s^2 RMS",
+    "yaw_rate_rms_radps": "yaw rate {:.3g} rad/s RMS",
+}
+"""Key of a calibration's evidence -> how the output says it."""
 SHOWN_CONSTANTS = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale",
         "stamp_sigma_s", "slow_sigma", "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
 """Names of the constants that the table shows; the file holds some more."""
@@ -54,7 +60,7 @@ def command(
     """Find the constants of a car's sensors from many drives: latencies, biases, mounting, noise.
 
     Each log is estimated by itself. The estimates of each constant are pooled, weighted by their uncertainties; where
-    the logs disagree by more than that, a note says so and the interval is wider. `--calibration
+    the logs disagree by more than that, the interval is wider and a note says so. `--calibration
     car.toml` of estimate, lanes, observe and run uses the file. A log that fails is reported and left out; the exit
     code is then that of its error.
     """
@@ -142,7 +148,7 @@ def _constant_table_rows(found: Calibration) -> list[tuple[Cell, ...]]:
                 if name not in SHOWN_CONSTANTS:
                     continue
                 is_reference = constant.status is ConstantStatus.REFERENCE
-                status = "" if constant.status is ConstantStatus.FOUND else constant.status.value
+                status = constant.status.value
                 if constant.status is ConstantStatus.DISAGREE:
                     status += f" (I^2 {100 * constant.i_squared_between_drives:.0f} %)"
                 numbers = (constant.value, 1.96 * constant.sigma_in_another_drive)
@@ -156,9 +162,9 @@ def _constant_table_rows(found: Calibration) -> list[tuple[Cell, ...]]:
 def _print_calibration(console: Console, found: Calibration) -> None:
     """Print the table of constants, and notes on those that the logs disagree on."""
     console.print_heading(f"Calibration from {format_count(len(found.logs), 'log')}, {found.minutes:.1f} minutes")
-    evidence = [f"{name} {value:.3g}" for name, value in found.evidence.items()]
-    if evidence:
-        console.print_summary(f"evidence: {', '.join(evidence)}")
+    driven = [text.format(found.evidence[key]) for key, text in EVIDENCE_TEXTS.items() if key in found.evidence]
+    if driven:
+        console.print_summary(f"driven: {', '.join(driven)}")
     console.print_summary(format_table(TABLE_HEADINGS, _constant_table_rows(found)))
     for source, quantities in found.sensors.items():
         for quantity, constants in quantities.items():

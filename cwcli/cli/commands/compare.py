@@ -23,7 +23,7 @@ from cwcli.cli.options.runs import AllOption, GithubOption, MarkdownOption, Trut
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
-from cwcli.cli.targets import check_output_files
+from cwcli.cli.targets import check_outputs_and_list_file_names
 from cwcli.cli.text import (
     format_count,
 )
@@ -49,8 +49,8 @@ PageOption = Annotated[
     typer.Option(
         "--report-at",
         metavar="PAGE",
-        help="Where the page that `cwcli report` makes of CANDIDATE will be found: with links to it the warnings and "
-        "conflicts are listed that are new, gone or judged otherwise.",
+        help="Address of the page that `cwcli report` writes for CANDIDATE: warnings and conflicts that are new, "
+        "gone or judged differently are listed with links to it.",
     ),
 ]
 
@@ -73,9 +73,7 @@ class JudgementOptions:
     ] = 0.01
     exact: Annotated[
         bool,
-        typer.Option(
-            "--exact", help="No statistics: these logs are all that matters, and any change beyond --tolerance counts."
-        ),
+        typer.Option("--exact", help="Use no statistics: any change on these logs beyond --tolerance counts."),
     ] = False
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the resampling.")] = 0
     truth: TruthOption = "auto"
@@ -165,9 +163,9 @@ def command(
 ) -> int:
     """Say what got better and what got worse between two runs over the same logs, and whether it could be chance.
 
-    Logs are paired by their id. Each headline metric is called improved, worse, same, unclear or missing; the chance
-    that any of them is called improved or worse without reason is at most 2 %. The exit code is 4 where no stage has
-    run on a log, and 2 where no log is in both. See docs/evaluation.md.
+    Logs are paired by their id. Each headline metric gets a verdict: improved, worse, same, unclear or missing. The
+    probability that any metric is called improved or worse by chance is at most 2 %. The exit code is 4 where no stage
+    has run on a log, and 2 where no log is in both. See docs/evaluation.md.
     """
     from cwcli.fleet.results import read_run_metrics
     from cwcli.metrics.compare import compare_runs
@@ -182,7 +180,7 @@ def command(
     differing: WarningDifferences | None = None
     summary_file = normalise_stdout_name(output.markdown_file)
     comment_file = normalise_stdout_name(output.comment)
-    targets = check_output_files(
+    targets = check_outputs_and_list_file_names(
         [baseline, candidate], talk, metrics=output.metrics, texts=(summary_file, comment_file), force=output.force
     )
     with Progress(quiet=talk.quiet) as progress:
@@ -195,9 +193,9 @@ def command(
             differing = compare_warnings_of_runs(*pages)
         found: RunDifference | None = None
         if output.messages:
-            from cwcli.fleet.message_changes import compare_messages_of_runs
+            from cwcli.fleet.message_changes import compare_logs_of_runs
 
-            found = compare_messages_of_runs(baseline, candidate, tolerances, progress.begin_step)
+            found = compare_logs_of_runs(baseline, candidate, tolerances, progress.begin_step)
     for run in runs:
         _require_stage_results(run)
     before, after = _pair_single_logs(*runs)
@@ -265,7 +263,7 @@ def _require_stage_results(run: RunMetrics) -> None:
     raise MissingSignalError(
         f"no stage of cwcli has run on {subject}, so there is nothing to compare",
         where=run.source,
-        hint=f"run `cwcli run {logs} {target}` first, and compare what it writes",
+        hint=f"run `cwcli run {logs} {target}` first, and compare its output",
     )
 
 

@@ -12,7 +12,7 @@ from cwcli.cli.options.shared import ForceOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
-from cwcli.cli.targets import check_output_files
+from cwcli.cli.targets import check_outputs_and_list_file_names
 from cwcli.cli.text import escape_control_characters, wrap_paragraph
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 from cwcli.lazy_dataclass import dataclass
@@ -91,7 +91,7 @@ class TrialOptions:
             "--cache",
             metavar="FOLDER",
             show_default=False,
-            help="Keep finished repetitions here; a further run does only what is new.",
+            help="Store finished repetitions in this folder; a later run computes only new ones.",
         ),
     ] = None
 
@@ -100,9 +100,7 @@ class TrialOptions:
 class LogOptions:
     """A recorded trial instead of simulated ones."""
 
-    log: Annotated[
-        str | None, typer.Option("--log", metavar="LOG", help="Judge a trial that was recorded in this log.")
-    ] = None
+    log: Annotated[str | None, typer.Option("--log", metavar="LOG", help="Judge a recorded trial in this log.")] = None
     system: Annotated[
         str | None,
         typer.Option(
@@ -166,10 +164,10 @@ def command(
 ) -> int:
     """Judge warnings by the trials of public standards, with their numbers as published.
 
-    Every trial is made as a scenario, driven with noise, warned of by cwcli's stages as they would run on line, and
-    judged. With --log a trial that was recorded is found in the log, checked against the clause's tolerances, and
-    judged; a trial out of its tolerances is not valid. Nothing is certified by this. The exit code is 1 if a clause
-    fails, or if no trial of the log is valid.
+    Every trial is simulated as a scenario with noisy sensors; cwcli's stages warn as they would online, and the
+    warnings are judged. With --log a recorded trial is found in the log, checked against the clause's tolerances, and
+    judged; a trial outside its tolerances is not valid. This is no certification. The exit code is 1 if a clause fails,
+    or if no trial of the log is valid.
     """
     console = Console(quiet=talk.quiet, summary_to_stderr=normalise_stdout_name(output.markdown_file) == "-")
     if output.show_list:
@@ -178,7 +176,7 @@ def command(
         raise UsageError("conform needs the name of a clause", hint="cwcli conform --list")
     markdown_file = normalise_stdout_name(output.markdown_file)
     inputs = [recorded.log] if recorded.log else []
-    targets = check_output_files(
+    targets = check_outputs_and_list_file_names(
         inputs, talk, metrics=None, texts=(output.junit, markdown_file, output.html), force=output.force
     )
     with Progress(quiet=talk.quiet) as progress:

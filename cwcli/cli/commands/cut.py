@@ -99,10 +99,9 @@ def command(
 ) -> None:
     """Write a part of a log: a span of time, some topics, or both.
 
-    Every message keeps its bytes, its times and its sequence number. Chunks inside the span are copied as they are;
-    only those at its edges are written anew. Latched messages from before the span (static transforms, maps) come
-    first, in a chunk of their own and with their own times. Metadata is kept, and attachments that were logged before
-    the span ends.
+    Every message keeps its bytes, its times and its sequence number. Latched messages
+    from before the span (static transforms, maps) come first, with their own times. Metadata is kept, and so are
+    attachments that were logged before the span ends.
     """
     from cwcli.logs.write.cut import cut_log
     from cwcli.output import check_targets
@@ -123,7 +122,7 @@ def command(
     n_messages = sum(report.n_messages.values())
     console.print_summary(
         f"{n_messages:,} messages of {len(report.n_messages)} topics: {report.n_chunks_copied:,} chunks copied, "
-        f"{report.n_chunks_rewritten:,} written anew"
+        f"{report.n_chunks_rewritten:,} rewritten"
     )
     for topic, n in report.n_earlier.items():
         console.print_summary(f"{shorten_and_escape(topic)}: {n} from before the span")

@@ -23,7 +23,7 @@ from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import Cell, format_table
-from cwcli.cli.targets import check_output_files
+from cwcli.cli.targets import check_outputs_and_list_file_names
 from cwcli.cli.text import escape_control_characters, finite_or_none, format_count, format_interval, wrap_paragraph
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError
 from cwcli.lazy_dataclass import dataclass
@@ -68,7 +68,9 @@ class JudgementOptions:
     gates: GatesOption = None
     allow_missing: Annotated[
         bool,
-        typer.Option("--allow-missing", help="A gate on a metric that a log does not have is skipped, not failed."),
+        typer.Option(
+            "--allow-missing", help="Skip a gate on a metric that a log does not have, instead of failing it."
+        ),
     ] = False
 
 
@@ -88,13 +90,13 @@ class SummaryOptions:
 
 
 def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, output: SummaryOptions) -> int:
-    """Score what the stages made of one log or of many, and check gates.
+    """Score the results of the stages on one log or many, and check gates.
 
-    Errors against the truth where the log has one, consistency, prediction errors, warnings against the conflicts that
-    really happened, lanes, tracks, and the quality of the data. --topic names another system's warnings, path or state
-    in the log, which are scored in the same way and compared with cwcli's. Gates are those of --gate and those in the
-    run's manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no gate asks for the data
-    alone.
+    The scores are errors against the truth (where the log has one), consistency, prediction errors, warnings against
+    the conflicts that really happened, lanes, tracks, and the quality of the data. --topic names another system's
+    warnings, path or state in the log, which are scored in the same way and compared with cwcli's. Gates are those of
+    --gate and those in the run's manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no
+    gate asks for the data alone.
     """
     from cwcli.evaluation.system_topics import parse_other_system_options
     from cwcli.fleet.results import read_run_metrics
@@ -113,7 +115,7 @@ def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, o
         from cwcli.report.addresses import PageAddresses
 
         addresses = PageAddresses(source, output.report_at)
-    targets = check_output_files(
+    targets = check_outputs_and_list_file_names(
         [source], talk, metrics=output.metrics, texts=(output.junit, summary_file), force=output.force
     )
     with Progress(quiet=talk.quiet) as progress:
@@ -185,7 +187,7 @@ def _print_evaluation(
     beside = _system_metric_rows(pooled)
     if beside:
         console.print_summary("")
-        console.print_summary("The other system beside cwcli")
+        console.print_summary("The other system and cwcli")
         console.print_summary(format_table(SYSTEM_TABLE_HEADINGS, beside))
     for log in [log for log in run.logs if log.error][:MAX_SHOWN_FAILURES]:
         console.print_note(f"{log.id} failed: {log.error}")

@@ -68,7 +68,9 @@ class ContentOptions:
     ] = None
     vehicle: Annotated[
         str | None,
-        typer.Option("--id", metavar="ID", show_default="all", help="The vehicle; tum and kitti hold one a file."),
+        typer.Option(
+            "--id", metavar="ID", show_default="all", help="Id of the vehicle; tum and kitti hold one vehicle per file."
+        ),
     ] = None
 
 
@@ -176,7 +178,9 @@ def _check_format_and_contents(names: Sequence[str], form: str, vehicle: str | N
         raise UsageError(f"{option}: --format ros2 writes the whole log", hint=f"leave {option} out")
     for name in names if form in TRACK_FORMATS else ():
         if not EXPORT_CONTENTS[name].is_tracks:
-            raise UsageError(f"--format {form} holds tracks, and `{name}` are none", hint="export it as csv or parquet")
+            raise UsageError(
+                f"--format {form} holds tracks, and `{name}` are not tracks", hint="export it as csv or parquet"
+            )
     if form in TABLE_FORMATS and len(names) > 1:
         raise UsageError(f"--what {','.join(names)}: a table holds one of them", hint="export them one by one")
 

@@ -14,11 +14,10 @@ from cwcli.cli.options.shared import ForceOption, LimitOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
-from cwcli.cli.targets import check_output_files
+from cwcli.cli.targets import check_file_suffix, check_outputs_and_list_file_names
 from cwcli.cli.text import format_count, shorten_and_escape
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
-from cwcli.text import format_number
 
 if TYPE_CHECKING:
     from cwcli.events.search import FoundEvent
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "cwcli find runs/ cut-in",
     "cwcli find annotated.mcap 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps > 8'",
-    "cwcli find runs/ 'hard-brake within 2 s after cut-in' --clips clips/",
+    "cwcli find runs/ 'hard-brake within 2 s after cut-in' --clips clips/ --report found.html",
 )
 """Command lines at the end of the command's `--help`."""
 MAX_SHOWN_EVENTS = 50
@@ -46,10 +45,20 @@ class ResultOptions:
     clips: Annotated[
         str | None, typer.Option("--clips", metavar="DIR", help="Write a log of each event into this folder.")
     ] = None
+    report: Annotated[
+        str | None,
+        typer.Option(
+            "--report", metavar="FILE", help="Write a page (.html) with a card of each event; --clips adds its link."
+        ),
+    ] = None
     margin: Annotated[
         float,
         typer.Option(
-            "--margin", metavar="S", min=0.0, max=MAX_MARGIN_S, help="What a clip holds before and after the event."
+            "--margin",
+            metavar="S",
+            min=0.0,
+            max=MAX_MARGIN_S,
+            help="Seconds before and after the event in a clip and in the figures of the report.",
         ),
     ] = 5.0
     limit: Annotated[
@@ -94,7 +103,8 @@ def command(
     Events are those of the table in docs/find.md. An expression compares quantities: states (ego.speed_mps,
     other.speed_mps), measures (ttc_s), fields (/status:speed); `min`, `max` and `mean` of one `over 3 s`; `and`, `or`,
     `not`; `for 0.5 s`; `within 2 s after`, `before` or `of` another condition. Numbers may have a unit: 30 km/h.
-    Annotated logs tell most; outages and gaps are found in any log.
+    Most events
+    need annotated logs; outages and gaps are found in any log.
     """
     from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.system_topics import parse_other_system_options
@@ -102,19 +112,25 @@ def command(
     from cwcli.fleet.clips import write_clips
     from cwcli.fleet.search import find_in_logs, logs_to_search
     from cwcli.metrics.table import write_table
-    from cwcli.output import check_targets
+    from cwcli.output import check_targets, write_file
+    from cwcli.report.event_page import addresses_of_clips, build_event_page
 
     query = parse_query(expression)
     other_system = parse_other_system_options(topic or [])
-    written = check_output_files(logs, talk, metrics=results.output, texts=(), force=results.force)
+    written = check_outputs_and_list_file_names(
+        logs, talk, metrics=results.output, texts=(results.report,), force=results.force
+    )
     check_targets([], [results.clips], force=results.force)
     bound_array_memory()
-    console = Console(quiet=talk.quiet)
+    if results.report is not None:
+        check_file_suffix(results.report, (".html", ".htm"), what="a page", required=False)
+    console = Console(quiet=talk.quiet, summary_to_stderr=results.report == "-")
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step("looking for logs")
         sources = logs_to_search(logs)
-        if results.clips is not None and any(each.path == "-" for each in sources):
-            raise UsageError("--clips reads a log twice, and standard input can be read once", hint="name a file")
+        for option, value in (("--clips", results.clips), ("--report", results.report)):
+            if value is not None and any(each.path == "-" for each in sources):
+                raise UsageError(f"{option} reads a log twice, and standard input can be read once", hint="name a file")
         search = find_in_logs(
             sources,
             query,
@@ -134,6 +150,17 @@ def command(
                 force=results.force,
                 step=lambda k, name: progress.begin_step(f"cutting {name} ({k + 1} of {len(kept)})"),
             )
+        if results.report is not None:
+            page = build_event_page(
+                f"find {query.text}",
+                kept,
+                search.paths,
+                limits.open_log,
+                margin_s=results.margin,
+                clip_addresses=addresses_of_clips(clips, results.report),
+                step=lambda k, name: progress.begin_step(f"drawing {name} ({k} of {len(kept)} events)"),
+            )
+            write_file(results.report, page, force=results.force)
         if results.output is not None:
             write_table(table_of_events(kept), results.output, force=results.force)
     if talk.json:
@@ -160,26 +187,20 @@ def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent,
                 each.start_s,
                 each.duration_s,
                 shorten_and_escape(" ".join(each.moment.actors)),
-                _describe_value(each),
+                shorten_and_escape(each.words),
                 each.moment.severity,
                 each.id,
             )
             for each in kept[:MAX_SHOWN_EVENTS]
         ]
-        head = ("log", "event", "at [s]", "for [s]", "actors", "what", "severity", "id")
+        head = ("log", "event", "at [s]", "duration [s]", "actors", "what happened", "severity", "id")
         console.print_summary(format_table(head, rows))
     if len(kept) > MAX_SHOWN_EVENTS:
         console.print_note(f"{len(kept) - MAX_SHOWN_EVENTS} more events are in -o and --json")
     for event, n in search.missing.items():
-        console.print_note(f"{event}: {format_count(n, 'log')} left out for want of its channels")
+        console.print_note(f"{event}: not searched in {format_count(n, 'log')} without the channels that it needs")
     for name, error in search.failed:
         console.print_note(f"{shorten_and_escape(name)} was not searched: {error.what}")
-
-
-def _describe_value(event: FoundEvent) -> str:
-    """The value of an event with its name, and further words: `headway_s 1.23, to the left`."""
-    value = "" if math.isnan(event.moment.value) else f"{event.value_name} {format_number(event.moment.value)}"
-    return shorten_and_escape(", ".join(filter(None, (value, event.moment.detail))))
 
 
 def _search_as_json(search: FleetSearch, kept: tuple[FoundEvent, ...], clips: dict[str, str]) -> dict[str, Any]:
@@ -201,6 +222,7 @@ def _search_as_json(search: FleetSearch, kept: tuple[FoundEvent, ...], clips: di
                 "value_name": each.value_name,
                 "severity": each.moment.severity,
                 "detail": each.moment.detail,
+                "words": each.words,
                 "clip": clips.get(each.id),
             }
             for each in kept

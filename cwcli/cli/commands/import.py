@@ -51,26 +51,31 @@ class AnswerOptions:
     ] = None
     start: Annotated[
         str | None,
-        typer.Option("--start", metavar="TIME", help="When a recording began whose times count from its start."),
+        typer.Option("--start", metavar="TIME", help="Start time of a recording whose times count from its start."),
     ] = None
     decimal: Annotated[str | None, typer.Option("--decimal", metavar="MARK", help="Decimal mark: . or ,")] = None
     axes: Annotated[
         str | None,
         typer.Option(
-            "--axes", metavar="FORWARD,UP", help="Axes of the inertial sensor or the pose in the car: x,z or -y,z."
+            "--axes",
+            metavar="FORWARD,UP",
+            help="Axes of the inertial sensor or pose that point forward and up in the car: x,z or -y,z.",
         ),
     ] = None
     vehicle: Annotated[
-        str | None, typer.Option("--id", metavar="ID", help="The ego, or the track, of a file with several.")
+        str | None, typer.Option("--id", metavar="ID", help="Id of the ego or of the track, in a file with several.")
     ] = None
     times: Annotated[
         str | None,
         typer.Option(
-            "--times", metavar="SOURCE", help="Times of frames or poses: a file with one a line, pts, or 10Hz."
+            "--times",
+            metavar="SOURCE",
+            help="Times of frames or poses: a file with one time per line, pts, or a rate such as 10Hz.",
         ),
     ] = None
     dbc: Annotated[
-        list[str] | None, typer.Option("--dbc", metavar="FILE", help="File that describes the messages of a CAN trace.")
+        list[str] | None,
+        typer.Option("--dbc", metavar="FILE", help="DBC file that describes the messages of a CAN trace."),
     ] = None
 
 
@@ -83,17 +88,23 @@ def command(
     ] = None,
     mapping: Annotated[
         str | None,
-        typer.Option("--mapping", metavar="FILE", help="How to read the files: a mapping that an import has written."),
+        typer.Option(
+            "--mapping",
+            metavar="FILE",
+            help="Mapping file that says how to read the files, written by an earlier import.",
+        ),
     ] = None,
-    preview: Annotated[bool, typer.Option("--preview", help="Show what would be made, and write nothing.")] = False,
+    preview: Annotated[
+        bool, typer.Option("--preview", help="Show how the files would be read, and write nothing.")
+    ] = False,
     force: ForceOption = False,
 ) -> None:
     """Make a log of files that are no logs: tables, tracks, trajectories, phone recordings, CAN traces, videos.
 
     Reads CSV, TSV, Parquet, GPX, NMEA 0183, u-blox UBX, TUM, KITTI and EuRoC trajectories, recordings of Sensor Logger,
-    phyphox and GNSSLogger, CAN traces (ASC, BLF, candump), SUMO's FCD and video. What the columns are, and their units,
-    times and axes, is guessed and said; the guesses are written beside the log, to be edited and given again with
-    --mapping. What the files do not say is asked, never assumed.
+    phyphox and GNSSLogger, CAN traces (ASC, BLF, candump), SUMO's FCD and video. It guesses
+    the columns, their units, times and axes, prints the guesses and writes them into a mapping file next to the log,
+    which you can edit and pass with --mapping. It asks for what the files do not say.
     """
     from cwcli.importing.bounded_import import import_files
     from cwcli.importing.mapping import mapping_file_name
@@ -135,7 +146,7 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
         ("--decimal", options.decimal, CHOICES["decimal"]),
     ):
         if value is not None and value not in known:
-            raise UsageError(f"{option} {value}: it is none of {join_names(list(known))}")
+            raise UsageError(f"{option} {value}: it must be one of {join_names(list(known))}")
     columns = dict(map(parse_table_quantity_and_column_unit, options.column or ()))
     given = Answers(
         columns,

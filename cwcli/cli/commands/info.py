@@ -47,12 +47,15 @@ MAX_FACT_CHARS = 5000
 
 
 DoctorOption = Annotated[
-    bool, typer.Option("--doctor", help="Read the messages too: gaps, delays, drifting clocks, what can be used.")
+    bool,
+    typer.Option("--doctor", help="Read the messages too: report gaps, delays, drifting clocks and usable messages."),
 ]
 ExpectOption = Annotated[
     str | None,
     typer.Option(
-        "--expect", metavar="FILE", help="A recording contract (TOML); exit code 1 where the log does not keep it."
+        "--expect",
+        metavar="FILE",
+        help="Check the log against this recording contract (TOML); exit code 1 if a condition fails.",
     ),
 ]
 

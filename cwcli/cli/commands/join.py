@@ -29,15 +29,17 @@ EXAMPLES = (
 class OtherCarOptions:
     """What the other car is in the ego's log."""
 
-    role: Annotated[
-        Literal["remote"], typer.Option("--role", help="What the other car is in the ego's log: a remote vehicle.")
-    ] = "remote"
+    role: Annotated[Literal["remote"], typer.Option("--role", help="Role of the other car in the ego's log.")] = (
+        "remote"
+    )
     name: Annotated[
         str | None,
-        typer.Option("--id", metavar="ID", show_default="its file's name", help="What the other car is called there."),
+        typer.Option(
+            "--id", metavar="ID", show_default="its file's name", help="Id of the other car in the ego's log."
+        ),
     ] = None
     late: Annotated[
-        float, typer.Option("--late", metavar="S", help="The other log's stamps are late by so many seconds.")
+        float, typer.Option("--late", metavar="S", help="Seconds by which the other log's stamps are late.")
     ] = 0.0
 
 
@@ -45,9 +47,7 @@ class OtherCarOptions:
 class OverwriteOptions:
     """What may be overwritten."""
 
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
-    ] = False
+    replace: Annotated[bool, typer.Option("--replace", help="Replace the channels that an earlier run wrote.")] = False
     force: ForceOption = False
 
 
@@ -61,7 +61,7 @@ def command(
             "--output",
             "-o",
             metavar="FILE",
-            help="Write the ego's log with both cars' states here; - is standard output.",
+            help="Write the ego's log with the states of both cars here; - is standard output.",
         ),
     ],
     other_car: OtherCarOptions,

@@ -22,8 +22,8 @@ def command(
         str | None,
         typer.Argument(
             metavar="LOG",
-            help="Log whose own fixes, cameras and truth are shown too: MCAP file, folder of a recording, or URL; - is "
-            "standard input.",
+            help="Log whose fixes, cameras and truth are also shown: MCAP file, folder of a recording, or URL; - "
+            "is standard input.",
         ),
     ] = None,
     output: Annotated[

@@ -24,8 +24,8 @@ def command(
 ) -> None:
     """Merge the output folders of a run's shards into the one that a single run would have written.
 
-    The shards must be all parts of one run, of one pipeline and one version, and every log done or failed. A merge that
-    was killed goes on where it was.
+    The shards must be all parts of one run, with one pipeline and one version, and every log must be done or failed.
+    The same command continues a merge that was killed.
     """
     from cwcli.fleet.merge import merge_shards
     from cwcli.output import check_targets

@@ -28,9 +28,9 @@ def command(
 ) -> None:
     """Draw one plot of an annotated log as an image.
 
-    motion and its parts show the estimate with its 1-sigma band over what was measured; error shows it against the
-    truth with the 95 % band; ape and rpe are the absolute and the relative position error, translation part, the
-    latter over a second. Needs matplotlib.
+    motion, speed, heading, yaw-rate and acceleration show the estimate with its 1-sigma band over the measurements;
+    error shows the errors against the truth with their 95 % band; ape is the absolute position error, rpe the relative
+    one over a second (translation only). Needs matplotlib.
     """
     from cwcli.digest.drive import read_drive
     from cwcli.logs.read.reader import Log

@@ -43,14 +43,15 @@ TilesOption = Annotated[
     typer.Option(
         "--tiles",
         metavar="URL",
-        help="Map tiles below the tracks: their address with {z}, {x} and {y}. Else nothing is requested.",
+        help="Address of map tiles to draw below the tracks, with {z}, {x} and {y}. Without it the page requests "
+        "nothing.",
     ),
 ]
 AttributionOption = Annotated[
-    str | None, typer.Option("--tiles-attribution", metavar="TEXT", help="Whose map the tiles are.")
+    str | None, typer.Option("--tiles-attribution", metavar="TEXT", help="Attribution of the map tiles.")
 ]
 PdfOption = Annotated[bool, typer.Option("--pdf", help="Print a PDF instead, by Chromium; -o x.pdf does it, too.")]
-RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]
+RecoverOption = Annotated[bool, typer.Option("--recover", help="Read the intact parts of a single damaged log.")]
 
 
 @dataclass(frozen=True)
@@ -74,10 +75,11 @@ def command(
 ) -> None:
     """Make one HTML page of a run, or of one annotated log.
 
-    The page needs no network (but for --tiles): what happened in a sentence, the map, the warnings with the predicted
-    paths, the signals with their 1-sigma bands, camera frames with lanes, and what became of the messages. It stays
-    under 6 MB: of many logs the failed and the warned ones come first, and the page says what is left out. A failed
-    gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli-drive[report]`.
+    The page needs no network (except with --tiles). It shows what happened, the map, the warnings with the predicted
+    paths, the signals with their 1-sigma bands, camera frames with lanes, and how many messages were used. It stays
+    under 6 MB: of many logs, failed ones and those with warnings come first, and the page says what is left out. A
+    failed gate is shown but does not change the exit code; `cwcli evaluate` does that. Needs the extra
+    `cwcli-drive[report]`.
     """
     from cwcli.evaluation.system_topics import parse_other_system_options
     from cwcli.library.pages import PageContent, write_page

@@ -130,7 +130,7 @@ class ReproductionOptions:
             "--seeds",
             metavar="N",
             show_default=", ".join(f"{name}: {entry.seeds}" for name, entry in PAPERS.items()),
-            help="Seeds of each scenario; a note tells where fewer are taken.",
+            help="Seeds of each scenario; a note says where fewer are used.",
         ),
     ] = None
     jobs: Annotated[
@@ -147,12 +147,12 @@ class ReproductionOptions:
     ] = None
     only: Annotated[
         list[str] | None,
-        typer.Option("--only", metavar="FIGURE", help="This figure or table alone: fig9, table1; repeatable."),
+        typer.Option("--only", metavar="FIGURE", help="Reproduce only this figure or table: fig9, table1. Repeatable."),
     ] = None
     labelled: Annotated[
         str | None,
         typer.Option(
-            "--labelled", metavar="LOG", help="Real frames with labels of lanes in TuSimple's form, for zhang2011."
+            "--labelled", metavar="LOG", help="Log of real frames with lane labels in TuSimple's format, for zhang2011."
         ),
     ] = None
 

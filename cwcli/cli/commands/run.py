@@ -56,16 +56,16 @@ class PipelineOptions:
             help="Run this stage if the log has the signals for it; several with commas. Repeatable.",
         ),
     ] = field(default_factory=list)
-    tables: Annotated[bool, typer.Option("--tables", help="With -d: write the channels' columns too.")] = False
+    tables: Annotated[bool, typer.Option("--tables", help="With -d: also write every channel as a table.")] = False
     no_annotate: Annotated[
-        bool, typer.Option("--no-annotate", help="With -d: write the tables, and no annotated logs.")
+        bool, typer.Option("--no-annotate", help="With -d: write tables, but no annotated logs.")
     ] = False
     gates: Annotated[
         list[str],
         typer.Option(
             "--gate",
             metavar="EXPR",
-            help="With -d: a condition for `cwcli evaluate`, kept in the manifest. Repeatable.",
+            help="With -d: a gate for `cwcli evaluate`, stored in the manifest. Repeatable.",
         ),
     ] = field(default_factory=list)
 
@@ -101,14 +101,15 @@ class FleetOptions:
         typer.Option(
             "--shard",
             metavar="I/N",
-            help="With -d: do part I of N of the logs; auto/N takes I from an array job. `cwcli merge` joins them.",
+            help="With -d: process part I of N of the logs; auto/N takes I from an array job. "
+            "`cwcli merge` joins the parts.",
         ),
     ] = None
     rehash: Annotated[
         bool,
         typer.Option(
             "--rehash",
-            help="With -d: hash every log again, also where its file has the size, times and number that it had.",
+            help="With -d: hash every log again, even if its file has the same size and times.",
         ),
     ] = False
 
@@ -216,13 +217,13 @@ def command(
 ) -> int:
     """Run every stage that a log has the signals for, on one log or many.
 
-    One log gives an annotated log (-o) and tables (--metrics-dir), without the copies in between that separate commands
-    would make. Stages without their signals are left out, and it is said why.
+    With one log it writes an annotated log (-o) and tables (--metrics-dir). Stages without their signals are left out,
+    with the reason.
 
-    With -d, every log is done by itself, on several processes or a Ray cluster, and one that fails stops no other. The
-    folder gets each log's annotated log, tables and metrics, and manifest.json: what was done, what failed and why. A
-    second run does what is missing or has changed. The exit code is 0 if every log is done, else the highest of those
-    that failed.
+    With -d it processes many logs, each by itself, on several processes or a Ray cluster; a log that fails stops no
+    other. The folder gets each log's annotated log, tables and metrics, and manifest.json, which says what was done and
+    what failed. A second run processes only what is missing or has changed. The exit code is 0 if every log is done,
+    else the highest exit code of the failed logs.
     """
     options = gather_all_options(pipeline, inputs, stages)
     if fleet.directory is not None:

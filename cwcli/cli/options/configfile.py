@@ -238,7 +238,7 @@ class TalkOptions:
             metavar="FILE",
             is_eager=True,
             callback=apply_config_file,
-            help="TOML file with defaults for these options; none: not even a cwcli.toml from here or above.",
+            help="TOML file with defaults for these options; none: ignore a cwcli.toml in this folder or above.",
         ),
     ] = None
 

@@ -12,8 +12,8 @@ GatesOption = Annotated[
     typer.Option(
         "--gate",
         metavar="EXPR",
-        help="A condition that must hold, beside those of the run's manifest; for each log unless it says otherwise "
-        "(docs/evaluation.md). Repeatable.",
+        help="A condition that must hold, in addition to those of the run's manifest; for each log unless it says "
+        "otherwise (docs/evaluation.md). Repeatable.",
     ),
 ]
 TruthOption = Annotated[
@@ -31,14 +31,14 @@ PageAddressOption = Annotated[
     typer.Option(
         "--report-at",
         metavar="PAGE",
-        help="Where the page that `cwcli report` makes of this run will be found, e.g. report.html: --junit and "
+        help="Address of the page that `cwcli report` writes for this run, e.g. report.html: --junit and "
         "--markdown link to its warnings and conflicts.",
     ),
 ]
 GithubOption = Annotated[
     bool, typer.Option("--github", help="Print each failure on stderr as an annotation of GitHub Actions, too.")
 ]
-AllOption = Annotated[bool, typer.Option("--all", help="Print every metric, not only the most telling ones.")]
+AllOption = Annotated[bool, typer.Option("--all", help="Print every metric, not only the headline metrics.")]
 SystemOption = Annotated[
     list[str] | None,
     typer.Option(

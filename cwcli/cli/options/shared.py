@@ -36,7 +36,7 @@ LogArgument = Annotated[
     list[str],
     typer.Argument(
         metavar="LOG",
-        help="MCAP file, folder of a recording, or URL; - is standard input. With --as-one several, the parts of one.",
+        help="MCAP file, folder of a recording, or URL; - is standard input. With --as-one: all parts of one log.",
     ),
 ]
 LogsArgument = Annotated[
@@ -50,10 +50,12 @@ StartOption = Annotated[
     typer.Option(
         "--start",
         metavar="TIME",
-        help="Use messages from here on: seconds from the log's start, or ISO 8601 (UTC if it names no zone).",
+        help="Use messages from this time on: seconds from the log's start, or ISO 8601 (UTC if it names no zone).",
     ),
 ]
-EndOption = Annotated[str | None, typer.Option("--end", metavar="TIME", help="Use messages before here; as --start.")]
+EndOption = Annotated[
+    str | None, typer.Option("--end", metavar="TIME", help="Use messages before this time, written as for --start.")
+]
 AsOneOption = Annotated[
     bool, typer.Option("--as-one", help="Read the named logs, or those in the folder, as the parts of one log.")
 ]
@@ -65,7 +67,7 @@ MaxChunkOption = Annotated[
         metavar="MB",
         min=1,
         max=LARGEST_LIMIT,
-        help="A chunk of the log that unpacks to more than this many megabytes is damaged, or an attack.",
+        help="Refuse a chunk of the log that unpacks to more than this many megabytes.",
     ),
 ]
 MaxRatioOption = Annotated[
@@ -75,7 +77,7 @@ MaxRatioOption = Annotated[
         metavar="TIMES",
         min=0,
         max=LARGEST_LIMIT,
-        help="All chunks may unpack to one of --max-chunk and so many times the log's size; the others are damaged.",
+        help="Refuse chunks beyond a total of --max-chunk plus this many times the log's size, unpacked.",
     ),
 ]
 MaxInputOption = Annotated[
@@ -85,7 +87,7 @@ MaxInputOption = Annotated[
         metavar="GB",
         min=0,
         max=LARGEST_LIMIT,
-        help="Most that comes out of a pipe, a URL or a compressed file: it is copied to a temporary file first.",
+        help="Largest content of a pipe, a URL or a compressed file, which is first copied to a temporary file.",
     ),
 ]
 TimeoutOption = Annotated[
@@ -95,7 +97,7 @@ TimeoutOption = Annotated[
         metavar="S",
         min=0.1,
         max=LARGEST_LIMIT,
-        help="A URL from which nothing comes for so many seconds is given up.",
+        help="Give up a URL that sends nothing for this many seconds.",
     ),
 ]
 
@@ -147,14 +149,14 @@ class ReadingOptions:
         typer.Option(
             "--dbc",
             metavar="FILE",
-            help="What the CAN frames of --map mean (needs the extra cwcli-drive[can]). Repeatable.",
+            help="DBC file with the CAN messages that --map names (needs the extra cwcli-drive[can]). Repeatable.",
         ),
     ] = field(default_factory=list)
     start: StartOption = None
     end: EndOption = None
     as_one: AsOneOption = False
     recover: Annotated[
-        bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
+        bool, typer.Option("--recover", help="Read the intact parts of a damaged log and report how much was lost.")
     ] = False
     max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
     max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
@@ -164,8 +166,8 @@ class ReadingOptions:
         bool,
         typer.Option(
             "--strict",
-            help="Rejected or repaired data, or sources that were corrected or contradict each other: an error "
-            "(exit code 5).",
+            help="End with an error (exit code 5) if data were rejected or repaired, or if sources were corrected "
+            "or contradict each other.",
         ),
     ] = False
 
@@ -206,7 +208,7 @@ class LimitOptions:
 
     heading: ClassVar[str] = _INPUT_HEADING
     recover: Annotated[
-        bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
+        bool, typer.Option("--recover", help="Read the intact parts of damaged logs and report how much was lost.")
     ] = False
     max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
     max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
@@ -234,14 +236,16 @@ class SensorOptions:
     heading: ClassVar[str] = _INPUT_HEADING
     clock: Annotated[
         Literal["stamp", "log"],
-        typer.Option("--clock", help="Time of a measurement: its header stamp, or when it was logged."),
+        typer.Option(
+            "--clock", help="Time of a measurement: stamp, the one in its header; log, when the recorder stored it."
+        ),
     ] = "stamp"
     ego_station: Annotated[
         str | None,
         typer.Option(
             "--ego-station",
             metavar="ID",
-            help="The ego's own id, so that it is not a remote vehicle: of its V2X messages, or in OSI traces.",
+            help="The ego's own id in V2X messages or OSI traces, so that it is not taken for a remote vehicle.",
         ),
     ] = None
 
@@ -256,7 +260,7 @@ class CalibrationOptions:
         typer.Option(
             "--calibration",
             metavar="FILE",
-            help="Constants of the car's sensors from other drives, made by `cwcli calibrate`.",
+            help="Constants of the car's sensors, written by `cwcli calibrate` from other drives.",
         ),
     ] = None
 
@@ -284,9 +288,9 @@ ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Overwrite file
 
 
 def _complete_topics(incomplete: str) -> list[str]:
-    from cwcli.channels.published import published_topics
+    from cwcli.channels.published import schema_name_by_published_topic
 
-    return [topic for topic in published_topics() if topic.startswith(incomplete)]
+    return [topic for topic in schema_name_by_published_topic() if topic.startswith(incomplete)]
 
 
 @dataclass(frozen=True)
@@ -295,12 +299,13 @@ class WritingOptions:
 
     heading: ClassVar[str] = _OUTPUT_HEADING
     output: OutputOption = None
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
-    ] = False
+    replace: Annotated[bool, typer.Option("--replace", help="Replace the channels that an earlier run wrote.")] = False
     split: Annotated[
         Literal["one", "like-input"],
-        typer.Option("--split", help="One file, or the parts in which the log came into the folder that -o names."),
+        typer.Option(
+            "--split",
+            help="one: write one file; like-input: write one file for each part of the input into the folder -o.",
+        ),
     ] = "one"
     force: ForceOption = False
     channels: Annotated[
@@ -310,7 +315,8 @@ class WritingOptions:
             metavar="/NAME",
             show_default="all",
             autocompletion=_complete_topics,
-            help="Of the new channels, these alone are written; * is any part, several with commas. Repeatable.",
+            help="Limit the new channels to these; * stands for any characters; separate several by commas. "
+            "Repeatable.",
         ),
     ] = field(default_factory=list)
 

@@ -28,7 +28,7 @@ RULE = DoubtRule(
     short_name="damaged file",
     threshold=MAX_FAULTS,
     unit="",
-    source="chosen: what is lost is not known",
-    advice="Copy or record it again; what is intact was used.",
+    source="chosen: the lost part is not known",
+    advice="Copy or record it again; the intact parts were used.",
     find=find_faults,
 )

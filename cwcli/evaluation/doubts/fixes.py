@@ -32,14 +32,14 @@ def find_offsets(evidence: DoubtEvidence) -> Iterator[Finding]:
         at = f" at {max(evidence.seconds_since_start(at_ns), 0.0):.0f} s" if np.isfinite(at_ns) else ""
         yield Finding(
             offset_m / sigma_m,
-            f"The track lies {offset_m:.1f} m beside the fixes of {source_name(each).removesuffix(' position')}{at}, "
+            f"The track is {offset_m:.1f} m away from the fixes of {source_name(each).removesuffix(' position')}{at}, "
             f"{offset_m / sigma_m:.0f} times its sigma.",
         )
 
 
 RULE = DoubtRule(
-    summary=f"a track that lies beside the fixes for {LASTING_S:g} s, by more than {MIN_DOUBTED_OFFSET_M:g} m",
-    short_name="track beside the fixes",
+    summary=f"a track that is away from the fixes for {LASTING_S:g} s, by more than {MIN_DOUBTED_OFFSET_M:g} m",
+    short_name="track away from the fixes",
     threshold=MAX_SIGMAS,
     unit="sigma",
     source="chosen: chance gives one in 3,000",

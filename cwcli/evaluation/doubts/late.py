@@ -28,6 +28,6 @@ RULE = DoubtRule(
     threshold=MAX_UNREPORTED_DELAY_S,
     unit="s",
     source="chosen: a second is what a driver needs to react",
-    advice="Check the stamps against the log times; --clock log takes the latter.",
+    advice="Check the stamps against the log times; --clock log uses the log times.",
     find=find_late_states,
 )

@@ -27,7 +27,7 @@ def find_holes_in_log_times(evidence: DoubtEvidence) -> Iterator[Finding]:
         length = format_duration((last_ns - first_ns) / NS_PER_S)
         yield Finding(
             hole_s / 3600.0,
-            f"The log is {length} long, and {format_duration(hole_s)} of it in a row have no state of the car.",
+            f"The log is {length} long, and {format_duration(hole_s)} without interruption have no state of the car.",
         )
 
 

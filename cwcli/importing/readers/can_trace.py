@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import io
 import re
+from array import array
 from collections.abc import Iterator, Sequence
-from pathlib import Path
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from cwcli.errors import DataError, InputError, MissingSignalError, UsageError, 
 from cwcli.importing.names import QUANTITIES, quantities_of_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.text_lines import iter_text_lines
 from cwcli.importing.times import MAX_STAMP_NS
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.can import MAX_FRAME_BYTES, decode_all_signals, load_dbc_messages
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
@@ -27,8 +30,19 @@ CANDUMP = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
 """Pattern of a line that `candump -l` writes: time, bus, identifier and data."""
 ASC_HEADER = re.compile(r"^(date\s|base\s+(hex|dec)\b|\d+\.\d+\s+(\d+|CANFD)\s+[0-9A-Fa-f]+x?\s+[RT]x)", re.IGNORECASE)
 """A line near the start of an ASC trace."""
+N_HEAD_LINES = 5
+"""Number of lines at the start of an ASC trace in which it tells what its times count from. Chosen by hand."""
 BLF_MAGIC = b"LOGG"
 """First bytes of a BLF file."""
+
+
+@dataclass
+class Frames:
+    """The frames of a message: n times in ns, their data padded to `MAX_FRAME_BYTES` each, and their lengths."""
+
+    stamp_ns: array[int] = field(default_factory=lambda: array("q"))
+    data: bytearray = field(default_factory=bytearray)
+    n_octets: array[int] = field(default_factory=lambda: array("B"))
 
 
 def accepts_candump(head: FileHead) -> bool:
@@ -66,7 +80,7 @@ def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequ
         if any(_can_be_quantity(signal.name) or signal.name in given for signal in message.signals):
             messages[message.frame_id, bool(message.is_extended_frame)] = message
     frames, n_frames, notes = _read_frames_by_message(path, kind, messages)
-    found = [(messages[key], *rows) for key, rows in frames.items() if rows[0]]
+    found = [(messages[key], rows) for key, rows in frames.items() if rows.stamp_ns]
     if not found:
         names = tuple(sorted(message.name for message in messages.values()))
         raise MissingSignalError(
@@ -75,7 +89,7 @@ def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequ
             found=names[:20],
             hint="--dbc FILE names the file of this bus; --column QUANTITY=SIGNAL names a signal",
         )
-    tables = [_build_table_of_message(path, kind, message, times, data, n) for message, times, data, n in found]
+    tables = [_build_table_of_message(path, kind, message, rows) for message, rows in found]
     tables[0].notes.extend(notes)
     return tables
 
@@ -84,12 +98,11 @@ def _can_be_quantity(name: str) -> bool:
     return any(QUANTITIES[quantity].kind not in {"time", "text", "number"} for quantity in quantities_of_name(name))
 
 
-def _build_table_of_message(
-    path: str, kind: str, message: Any, times: list[int], data: bytearray, n: list[int]
-) -> SourceTable:
-    octets = np.frombuffer(data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
-    values: dict[str, FloatArray] = decode_all_signals(octets, np.array(n), message)
-    stamps = np.array(times, np.int64)
+def _build_table_of_message(path: str, kind: str, message: Any, frames: Frames) -> SourceTable:
+    octets = np.frombuffer(frames.data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
+    n_octets = np.array(frames.n_octets, np.int64)
+    values: dict[str, FloatArray] = decode_all_signals(octets, n_octets, message)
+    stamps = np.array(frames.stamp_ns, np.int64)
     units = {"time": "ns", **{signal.name: signal.unit or "" for signal in message.signals}}
 
     def read(wanted: Sequence[str]) -> Iterator[Batch]:
@@ -99,40 +112,54 @@ def _build_table_of_message(
     return SourceTable(path, message.name, kind, ("time", *names), read, units=units)
 
 
-def _text_with_absolute_times(path: str) -> str | io.StringIO:
-    """Return an ASC trace with times from its start where each line tells the time since the line before."""
-    with Path(path).open(encoding="utf-8", errors="replace") as file:
-        head = [next(file, "") for _ in range(5)]
-        if not any(re.search(r"\btimestamps\s+relative\b", line, re.IGNORECASE) for line in head):
-            return path
-        text = io.StringIO()
-        sum_us = 0
-        for line in (*head, *file):
-            found = re.match(r"\s*(\d+)\.(\d{1,9})(?=\s)", line)
-            if found:
-                sum_us += int(found.group(1)) * 1_000_000 + int(found.group(2).ljust(6, "0")[:6])
-                text.write(f"{sum_us // 1_000_000}.{sum_us % 1_000_000:06d}{line[found.end() :]}")
-            else:
-                text.write(re.sub(r"(timestamps\s+)relative", r"\1absolute", line, flags=re.IGNORECASE))
-    text.seek(0)
-    return text
+class _TraceLines(io.TextIOBase):
+    """A text trace as python-can reads it: lines of a bounded length, with times from the start of the trace.
+
+    Where an ASC trace says `timestamps relative`, each of its lines tells the time since the line before.
+    """
+
+    def __init__(self, path: str) -> None:
+        super().__init__()
+        self._lines = iter_text_lines(path, "utf-8")
+        self._n_head_lines_left = N_HEAD_LINES
+        self._sum_us: int | None = None
+
+    def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]
+        """Return the next line, "" at the end."""
+        line = next(self._lines, "")
+        if self._n_head_lines_left > 0:
+            self._n_head_lines_left -= 1
+            if re.search(r"\btimestamps\s+relative\b", line, re.IGNORECASE):
+                self._sum_us = 0
+                return re.sub(r"(timestamps\s+)relative", r"\1absolute", line, flags=re.IGNORECASE)
+        if self._sum_us is None:
+            return line
+        found = re.match(r"\s*(\d{1,18})\.(\d{1,9})(?=\s)", line)
+        if not found:
+            return line
+        self._sum_us += int(found.group(1)) * 1_000_000 + int(found.group(2).ljust(6, "0")[:6])
+        return f"{self._sum_us // 1_000_000}.{self._sum_us % 1_000_000:06d}{line[found.end() :]}"
+
+    def __next__(self) -> str:  # type: ignore[override]  # a text file gives lines of text
+        """Return the next line."""
+        if line := self.readline():
+            return line
+        raise StopIteration
 
 
 def _read_frames_by_message(
     path: str, kind: str, messages: dict[tuple[int, bool], Any]
-) -> tuple[dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]], int, list[str]]:
-    """Return stamps, padded data and lengths of the frames of each message, the number of frames, and notes."""
+) -> tuple[dict[tuple[int, bool], Frames], int, list[str]]:
+    """Return the frames of each message by its identifier and whether it is extended, the number of all, and notes."""
     try:
         import can
     except ImportError as error:
         raise UsageError("CAN traces need python-can", hint=install_hint("import")) from error
     reader_of_kind = {"asc": can.ASCReader, "blf": can.BLFReader, "candump": can.CanutilsLogReader}
-    frames: dict[tuple[int, bool], tuple[list[int], bytearray, list[int]]] = {
-        key: ([], bytearray(), []) for key in messages
-    }
+    frames = {key: Frames() for key in messages}
     n_frames = n_without_time = 0
     try:
-        source = _text_with_absolute_times(path) if kind == "asc" else path
+        source = path if kind == "blf" else _TraceLines(path)
         with reader_of_kind[kind](source) as reader:
             for frame in reader:
                 n_frames += 1
@@ -143,9 +170,11 @@ def _read_frames_by_message(
                     n_without_time += 1
                     continue
                 data = bytes(frame.data)[:MAX_FRAME_BYTES]
-                rows[0].append(round(frame.timestamp * 1e6) * (NS_PER_S // 1_000_000))
-                rows[1].extend(data.ljust(MAX_FRAME_BYTES, b"\0"))
-                rows[2].append(len(data))
+                rows.stamp_ns.append(round(frame.timestamp * 1e6) * (NS_PER_S // 1_000_000))
+                rows.data.extend(data.ljust(MAX_FRAME_BYTES, b"\0"))
+                rows.n_octets.append(len(data))
+    except InputError:
+        raise
     except Exception as error:  # python-can raises whatever the damage makes: struct.error, zlib.error, TypeError
         if not n_frames:
             raise InputError(f"the trace can't be read: {error}", where=path) from error

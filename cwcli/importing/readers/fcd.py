@@ -111,7 +111,7 @@ def _seconds_of_time(text: str) -> float:
     *more, seconds = text.split(":")
     factors = (60.0, 3600.0, 86_400.0)
     if len(more) > len(factors):
-        raise ValueError(f"{text!r} is no time")
+        raise ValueError(f"{text!r} is not a time")
     return float(seconds) + sum(float(each) * factor for each, factor in zip(reversed(more), factors, strict=False))
 
 

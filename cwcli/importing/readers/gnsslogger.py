@@ -6,14 +6,13 @@ hold the phone's inertial measurements. Source: developer.android.com/develop/se
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from pathlib import Path
 
-from cwcli.errors import DataError, InputError
+from cwcli.errors import DataError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited
 from cwcli.importing.tables import Answers, Preset, SourceTable
+from cwcli.importing.text_lines import iter_text_lines
 
 WANTED = ("Fix", "UncalAccel", "UncalGyro", "Accel", "Gyro")
 """First cells of the lines that are read."""
@@ -53,27 +52,23 @@ def _accepts_gnsslogger_file(head: FileHead) -> bool:
 
 def _read_gnsslogger_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     names: dict[str, str] = {}
-    rows: dict[str, io.StringIO] = {}
-    try:
-        with Path(path).open(encoding="utf-8", errors="replace") as file:
-            for line in file:
-                word, _, rest = line.lstrip("# ").partition(",")
-                if line.startswith("#") and word in WANTED:
-                    names[word] = rest.strip()
-                elif word in WANTED and word in names:
-                    rows.setdefault(word, io.StringIO()).write(rest if rest.endswith("\n") else f"{rest}\n")
-    except OSError as error:
-        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+    rows: dict[str, bytearray] = {}
+    for line in iter_text_lines(path):
+        word, _, rest = line.lstrip("# ").partition(",")
+        if line.startswith("#") and word in WANTED:
+            names[word] = rest.strip()
+        elif word in WANTED and word in names:
+            row = rest if rest.endswith("\n") else f"{rest}\n"
+            rows.setdefault(word, bytearray(f"{names[word]}\n".encode())).extend(row.encode())
     if not rows:
         raise DataError("it has no Fix line", where=path, hint="let GNSSLogger record the location, too")
     tables = []
-    for word, text in rows.items():
-        lines = text.getvalue()
-        notes = []
+    for word in list(rows):
+        data, notes = bytes(rows.pop(word)), []
         if word == "Fix":
-            lines, said = _rows_of_best_provider_and_note(lines)
+            data, said = _rows_of_best_provider_and_note(data)
             notes.append(said)
-        table = read_delimited(path, answers, part=word, data=f"{names[word]}\n{lines}".encode(), kind="gnsslogger")
+        table = read_delimited(path, answers, part=word, data=data, kind="gnsslogger")
         tables.append(_with_gnsslogger_presets(table, notes))
     return _without_calibrated_duplicates(tables)
 
@@ -87,13 +82,14 @@ def _with_gnsslogger_presets(table: SourceTable, notes: list[str]) -> SourceTabl
     )
 
 
-def _rows_of_best_provider_and_note(lines: str) -> tuple[str, str]:
-    rows = lines.splitlines()
-    found = {row.partition(",")[0] for row in rows}
+def _rows_of_best_provider_and_note(data: bytes) -> tuple[bytes, str]:
+    """Return the line of names with the positions of one provider, and which one it is."""
+    names, *rows = data.splitlines(keepends=True)
+    found = {row.partition(b",")[0].decode() for row in rows}
     best = next((name for name in PROVIDERS if name in found), min(found))
-    kept = [row for row in rows if row.partition(",")[0] == best]
+    kept = [row for row in rows if row.startswith(f"{best},".encode())]
     others = ", ".join(sorted(found - {best}))
-    return "\n".join(kept) + "\n", f"positions of {best}" + (f"; those of {others} left out" if others else "")
+    return b"".join([names, *kept]), f"positions of {best}" + (f"; those of {others} left out" if others else "")
 
 
 def _without_calibrated_duplicates(tables: Sequence[SourceTable]) -> list[SourceTable]:

@@ -10,13 +10,13 @@ from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import field
-from pathlib import Path
 
 import numpy as np
 
-from cwcli.errors import DataError, InputError
+from cwcli.errors import DataError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
+from cwcli.importing.text_lines import iter_text_lines
 from cwcli.importing.times import parse_start_ns
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.nmea import SENTENCE_PARSERS, split_sentence
@@ -42,8 +42,6 @@ PRESETS = {
     "course_deg": Preset("course", "deg-cw-north"),
 }
 """Column -> the quantity and unit that the format fixes."""
-MAX_LINE_CHARACTERS = 65_536
-"""The greatest length of a line that is read as one. Chosen by hand: a sentence has 82 characters (NMEA 0183)."""
 TIMED_TYPES = {"RMC", "GGA", "ZDA"}
 """The sentences that have a time of their own; the others have that of the last one before them."""
 SOURCES = {"position": ("GGA", "RMC"), "velocity": ("RMC", "VTG"), "heading": ("HDT",)}
@@ -129,13 +127,9 @@ def _build_sentence_table(
 
 def _collect_sentences(path: str) -> Collected:
     collected = Collected()
-    try:
-        with Path(path).open(encoding="ascii", errors="replace") as file:
-            while line := file.readline(MAX_LINE_CHARACTERS):
-                if line.strip():
-                    _collect_sentence_of_line(collected, line)
-    except OSError as error:
-        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+    for line in iter_text_lines(path, "ascii"):
+        if line.strip():
+            _collect_sentence_of_line(collected, line)
     return collected
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from cwcli.errors import InputError
@@ -12,6 +14,9 @@ from cwcli.importing.tables import Answers, Batch, SourceTable
 
 MAGIC = b"PAR1"
 """First and last bytes of a Parquet file."""
+MAX_FOOTER_BYTES = 16_000_000
+"""Greatest size of the description at the end of a file; it takes ten times as much memory. Chosen by hand: a thousand
+columns in a thousand groups of rows take 100 MB, and those of vehicles a hundredth of it."""
 ROWS_AT_ONCE = 65_536
 """Number of rows of a batch. Chosen by hand: a batch takes a few megabytes."""
 
@@ -24,6 +29,7 @@ def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     import pyarrow as pa
     from pyarrow import parquet
 
+    _require_bounded_footer(path)
     try:
         file = parquet.ParquetFile(path)
         schema = file.schema_arrow
@@ -46,6 +52,23 @@ def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
 
     table = SourceTable(path, "", "parquet", tuple(names), read, units={k: v for k, v in units.items() if v})
     return [with_presets_if_cwcli_table(table)]
+
+
+def _require_bounded_footer(path: str) -> None:
+    """Check the size of the file's description, which stands before its last eight bytes.
+
+    Raises:
+        InputError: It is too large, or the file can't be read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            file.seek(-8, os.SEEK_END)
+            n_bytes = int.from_bytes(file.read(4), "little")
+    except OSError as error:
+        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+    if n_bytes > MAX_FOOTER_BYTES:
+        what = f"the Parquet file is damaged: its description has {n_bytes:,} bytes"
+        raise InputError(what, where=path, hint=f"descriptions of at most {MAX_FOOTER_BYTES:,} bytes are read")
 
 
 def _leaf_fields(prefix: str, fields: Any) -> Iterator[tuple[str, Any]]:

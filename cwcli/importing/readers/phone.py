@@ -13,21 +13,26 @@ import csv
 import io
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from lzma import LZMAError
+from typing import Any
 
 import numpy as np
 
 from cwcli.errors import DataError, InputError, UsageError
+from cwcli.importing.cells import read_number_cells_and_count_bad, read_whole_units_fraction_and_validity
 from cwcli.importing.names import split_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited
-from cwcli.importing.tables import Answers, Preset, SourceTable
+from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS, parse_start_ns
+from cwcli.text import format_count
 
 MAX_MEMBER_BYTES = 256 << 20
 """Largest table in a zip that is unpacked: 256 MiB, five hours of 100 rows a second."""
+MAX_TABLES = 20
+"""Largest number of tables of a zip that are read; apps write one for each sensor. Chosen by hand."""
 MAX_RATIO = 200
 """Largest ratio of a table's size to that in the zip: text of numbers has less than 20."""
 MAX_MEMBERS = 1000
@@ -60,6 +65,7 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
             if not wanted:
                 shown = tuple(sorted(members))[:30]
                 raise DataError("it holds no table of positions, accelerations or turn rates", where=path, found=shown)
+            _require_bounded_total(members, wanted, path)
             texts = {name: _unpack_archive_member(archive, members[name], path) for name in wanted}
             start = next(
                 (
@@ -71,14 +77,13 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
             )
     except (zipfile.BadZipFile, zlib.error, LZMAError, OSError, ValueError, RuntimeError, EOFError) as error:
         raise InputError(f"the zip is damaged: {error}", where=path) from error
-    _add_gravity(texts)
-    tables = []
-    for name, data in texts.items():
-        if data.count(b"\n") < 2:
-            continue
-        part = "Accelerometer.csv with Gravity.csv" if name not in members else members[name].filename
-        table = read_delimited(path, answers, part=part, data=data, kind="phone")
-        tables.append(with_phone_units_and_time_base(table, name, start))
+    sources = {
+        name: read_delimited(path, answers, part=members[name].filename, data=data, kind="phone")
+        for name, data in texts.items()
+        if data.count(b"\n") >= 2
+    }
+    _add_gravity(sources)
+    tables = [with_phone_units_and_time_base(table, name, start) for name, table in sources.items()]
     if not tables:
         raise InputError("its tables have no rows", where=path)
     has_position = any(table.part and stem_of_table(table.part) in LOCATIONS for table in tables)
@@ -121,34 +126,52 @@ def _names_of_tables_to_read(members: dict[str, zipfile.ZipInfo]) -> list[str]:
     return wanted
 
 
-def _add_gravity(texts: dict[str, bytes]) -> None:
+def _require_bounded_total(members: dict[str, zipfile.ZipInfo], wanted: list[str], path: str) -> None:
+    """Check that the tables are together no more than a recording.
+
+    Raises:
+        InputError: They are.
+    """
+    n_bytes = sum(members[name].file_size for name in wanted)
+    if len(wanted) > MAX_TABLES or n_bytes > MAX_MEMBER_BYTES:
+        raise InputError(
+            f"{format_count(len(wanted), 'table')} unpack to {n_bytes / 1e6:,.0f} MB: it is no recording of a phone",
+            where=path,
+            hint=f"unpack it, and import at most {MAX_TABLES} tables",
+        )
+
+
+def _add_gravity(sources: dict[str, SourceTable]) -> None:
     """Add the table of gravity to Sensor Logger's accelerations without it, where they have the same rows.
 
     Accelerations that can't be completed so are left out: without gravity they show no vertical.
     """
-    gravity = texts.pop("gravity", None)
-    data = texts.get("accelerometer", b"")
-    head, *rows = data.decode("utf-8", "replace").splitlines() or [""]
-    names = head.strip().split(",")
-    if not {"time", "seconds_elapsed"} <= set(names) or not {"x", "y", "z"} <= set(names):
+    gravity, linear = sources.pop("gravity", None), sources.get("accelerometer")
+    if linear is None or not {"time", "seconds_elapsed", "x", "y", "z"} <= set(linear.columns):
         return
-    del texts["accelerometer"]
-    head_of_other, *others = (gravity or b"").decode("utf-8", "replace").splitlines() or [""]
-    if head_of_other.strip() != head.strip() or len(others) != len(rows):
+    del sources["accelerometer"]
+    if gravity is None or not {"time", "x", "y", "z"} <= set(gravity.columns):
         return
-    first, second = (
-        np.array([line.split(",") for line in lines if line.count(",") == len(names) - 1]) for lines in (rows, others)
-    )
-    time = names.index("time")
-    if first.shape != second.shape or not np.array_equal(first[:, time], second[:, time]):
+    first, second = _load_vectors(linear), _load_vectors(gravity)
+    if not np.array_equal(first["time"], second["time"]):
         return
-    axes = [names.index(axis) for axis in "xyz"]
-    try:
-        total = first[:, axes].astype(np.float64) + second[:, axes].astype(np.float64)
-    except ValueError:
-        return
-    lines = [f"{stamp},{x!r},{y!r},{z!r}" for stamp, (x, y, z) in zip(first[:, time], total.tolist(), strict=True)]
-    texts["totalacceleration"] = "\n".join(["time,x,y,z", *lines, ""]).encode()
+    total = {axis: first[axis] + second[axis] for axis in "xyz"} | {"time": first["time"]}
+
+    def read(columns: Sequence[str]) -> Iterator[Batch]:
+        yield {name: total[name] for name in columns}
+
+    part = f"{linear.part} with {gravity.part}"
+    sources["totalacceleration"] = replace(linear, part=part, columns=tuple(total), read_batches=read)
+
+
+def _load_vectors(table: SourceTable) -> dict[str, Any]:
+    """Return the times in ns and the numbers of three axes of a table, (n,) each."""
+    columns: dict[str, list[Any]] = {name: [] for name in ("time", "x", "y", "z")}
+    for batch in table.read_batches(list(columns)):
+        columns["time"].append(read_whole_units_fraction_and_validity(batch["time"], ".")[0])
+        for axis in "xyz":
+            columns[axis].append(read_number_cells_and_count_bad(batch[axis], ".")[0])
+    return {name: np.concatenate(pieces) for name, pieces in columns.items()}
 
 
 def _unpack_archive_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path: str) -> bytes:
@@ -159,7 +182,9 @@ def _unpack_archive_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path
     """
     too_large = info.file_size > MAX_MEMBER_BYTES or info.file_size > MAX_RATIO * max(info.compress_size, 4096)
     if too_large:
-        raise InputError(f"{info.filename} unpacks to {info.file_size / 1e6:,.0f} MB: it is no recording", where=path)
+        raise InputError(
+            f"{info.filename} unpacks to {info.file_size / 1e6:,.0f} MB: it is not a recording", where=path
+        )
     with archive.open(info) as file:
         data = file.read(info.file_size + 1)
     if len(data) > info.file_size:
@@ -170,7 +195,7 @@ def _unpack_archive_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path
 def with_phone_units_and_time_base(table: SourceTable, name: str, start: bytes) -> SourceTable:
     """Return a table with what the apps fix: units, time base, gravity."""
     columns = set(table.columns)
-    is_sensor_logger = {"time", "seconds_elapsed"} <= columns or table.part.endswith(" with Gravity.csv")
+    is_sensor_logger = {"time", "seconds_elapsed"} <= columns or name == "totalacceleration"
     presets: dict[str, Preset] = {}
     if is_sensor_logger:
         if name in LOCATIONS:

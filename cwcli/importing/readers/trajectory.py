@@ -16,6 +16,7 @@ import numpy as np
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead
 from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.text_lines import iter_text_lines
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -67,17 +68,14 @@ def iter_number_lines(path: str, n: int, notes: list[str]) -> Iterator[list[list
         InputError: The file can't be read.
     """
     n_bad = n_good = 0
-    try:
-        with Path(path).open(encoding="utf-8-sig", errors="replace") as file:
-            while block := list(islice(file, LINES_AT_ONCE)):
-                rows = [_split_line_into_cells(line) for line in block if line.strip() and line[0] not in "#%"]
-                good = [row for row in rows if len(row) == n and all(NUMBER.match(cell) for cell in row)]
-                n_bad += len(rows) - len(good)
-                n_good += len(good)
-                if good:
-                    yield good
-    except OSError as error:
-        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+    lines = iter_text_lines(path)
+    while block := list(islice(lines, LINES_AT_ONCE)):
+        rows = [_split_line_into_cells(line) for line in block if line.strip() and line[0] not in "#%"]
+        good = [row for row in rows if len(row) == n and all(NUMBER.match(cell) for cell in row)]
+        n_bad += len(rows) - len(good)
+        n_good += len(good)
+        if good:
+            yield good
     if n_bad > MAX_UNEQUAL_LINES * (n_bad + n_good):
         raise DataError(
             f"{n_bad} of {n_bad + n_good} lines are not {n} numbers", where=path, hint="the file may be damaged"
@@ -152,16 +150,19 @@ def stamps_of_rows_and_origin(path: str, answers: Answers, n: int) -> tuple[Int6
                 [Question(path, "its rows have no times", "--times times.txt, or --times 10Hz")]
             )
         source = str(beside)
-    stamps = read_time_lines_ns(source)
+    stamps = read_time_lines_ns(source, n + 1)
     if len(stamps) != n:
-        raise DataError(
-            f"{source} has {len(stamps)} times for {n} rows", where=path, hint="--times FILE names another one"
-        )
+        shown = f"more than {n}" if len(stamps) > n else len(stamps)
+        raise DataError(f"{source} has {shown} times for {n} rows", where=path, hint="--times FILE names another one")
     return stamps, source
 
 
-def read_time_lines_ns(path: str) -> Int64Array:
-    """Return the times of a file with one a line, in ns: seconds, or ns since 1970 as EuRoC has them.
+def read_time_lines_ns(path: str, max_n: int) -> Int64Array:
+    """Return the first times of a file with one a line, in ns: seconds, or ns since 1970 as EuRoC has them.
+
+    Args:
+        path: The file; its first line may be words.
+        max_n: Greatest number of times that are read.
 
     Raises:
         InputError: It can't be read, or holds something else.
@@ -171,15 +172,9 @@ def read_time_lines_ns(path: str) -> Int64Array:
     from cwcli.importing.cells import read_whole_units_fraction_and_validity
     from cwcli.importing.times import Instants, time_base_of_numbers
 
-    try:
-        text = Path(path).read_text("utf-8-sig", errors="replace")
-    except OSError as error:
-        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
-    cells = [
-        re.split(r"[,;\s]+", line.strip())[0] for line in text.splitlines() if line.strip() and line[0] not in "#%"
-    ]
-    if cells and not NUMBER.match(cells[0]):
-        cells = cells[1:]
+    lines = (line.strip() for line in iter_text_lines(path) if line.strip() and line[0] not in "#%")
+    cells = [re.split(r"[,;\s]", line, maxsplit=1)[0] for line in islice(lines, max_n + 1)]
+    cells = cells[1:] if cells and not NUMBER.match(cells[0]) else cells[:max_n]
     if not cells or not all(NUMBER.match(cell) for cell in cells):
         raise InputError("it has no number at the start of each line", where=path)
     instants = Instants(*read_whole_units_fraction_and_validity(pa.array(cells), "."))

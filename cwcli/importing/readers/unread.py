@@ -9,6 +9,8 @@ from cwcli.errors import InputError
 from cwcli.importing.readers.base import FileHead
 
 AS_GPX, AS_CSV = "export it as GPX", "save it as CSV, with the columns' names and units in the first line"
+PCAP_MAGICS = (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\x0a\x0d\x0d\x0a")
+"""First bytes of recordings of network packets (libpcap in both byte orders and with nanoseconds; pcapng)."""
 UNREAD_FORMATS: tuple[tuple[str, str, Callable[[FileHead], bool]], ...] = (
     ("a FIT activity", AS_GPX, lambda head: head.data[8:12] == b".FIT"),
     ("a TCX activity", AS_GPX, lambda head: b"<TrainingCenterDatabase" in head.data[:2000]),
@@ -30,6 +32,32 @@ UNREAD_FORMATS: tuple[tuple[str, str, Callable[[FileHead], bool]], ...] = (
     ),
     ("an RTKLIB solution", "choose NMEA as its output", lambda head: b"% program" in head.data[:200]),
     ("compressed by gzip", "unpack it: gunzip FILE", lambda head: head.data.startswith(b"\x1f\x8b")),
+    ("compressed by bzip2", "unpack it: bunzip2 FILE", lambda head: head.data.startswith(b"BZh")),
+    ("compressed by Zstandard", "unpack it: unzstd FILE", lambda head: head.data.startswith(b"\x28\xb5\x2f\xfd")),
+    ("compressed by xz", "unpack it: unxz FILE", lambda head: head.data.startswith(b"\xfd7zXZ\0")),
+    (
+        "an Arrow or Feather table",
+        "save it as Parquet",
+        lambda head: head.data.startswith((b"ARROW1", b"FEA1")),
+    ),
+    ("a PX4 log", "pyulog's ulog2csv writes CSV files", lambda head: head.data.startswith(b"ULog\x01\x12\x35")),
+    (
+        "an ArduPilot log",
+        "write its GPS and IMU messages as CSV (mavlogdump.py --format csv)",
+        lambda head: head.data.startswith((b"\xa3\x95", b"FMT, ")),
+    ),
+    ("a NovAtel log", "convert it to NMEA or CSV", lambda head: bool(re.match(rb"[#%][A-Z]{5,}[AS]?,", head.data))),
+    ("a recording of network packets", "export the payload", lambda head: head.data[:4] in PCAP_MAGICS),
+    (
+        "candump's output for the screen",
+        "record it with candump -L",
+        lambda head: bool(re.match(rb"\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-F]{3,8}\s+\[\d+\]", head.data)),
+    ),
+    (
+        "a log already",
+        "`cwcli info FILE` shows what it holds; the other commands read it",
+        lambda head: head.data.startswith((b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0")),
+    ),
 )
 """Each entry is the name of a format that cwcli does not read, what the user can do instead, and whether the beginning
 of a file shows that format."""

@@ -242,10 +242,10 @@ class JsonDecoder:
             if key.below is not None:
                 self._store_object(value, key.below, row, instead, in_array=in_array)
         elif isinstance(value, list):
-            before = _count_elements(instead, key.slot, row)
+            before = _count_elements_or_zero(instead, key.slot, row)
             for each in iter_nested_elements(value):
                 self._store_value(each, key, row, instead, in_array=True)
-            if slot is not None and not in_array and _count_elements(instead, key.slot, row) > before:
+            if slot is not None and not in_array and _count_elements_or_zero(instead, key.slot, row) > before:
                 slot.tags[self._n + row] = TAG_ARRAY
         elif slot is None:
             return
@@ -264,6 +264,6 @@ class JsonDecoder:
             slot.tags[self._n + row], slot.values[self._n + row] = tag_and_value_of_scalar(value)
 
 
-def _count_elements(instead: list[dict[int, Elements]], slot: int, row: int) -> int:
+def _count_elements_or_zero(instead: list[dict[int, Elements]], slot: int, row: int) -> int:
     """Return how many elements the json module has found for a column in a row."""
     return len(instead[slot][row][0]) if slot >= 0 and row in instead[slot] else 0

@@ -26,7 +26,7 @@ TEXT_BYTES = frozenset([9, 10, 13, *range(32, 127), *range(160, 256)])
 MAX_NON_MESSAGE_RECORDS = 1 << 16
 """The greatest number of schemas, channels, attachments and runs of metadata in a file; one with more is refused.
 Chosen by hand: many times what recorders write."""
-RECOVER_HINT = "--recover reads what is intact"
+RECOVER_HINT = "--recover reads the intact parts"
 """The advice to a user whose log is damaged."""
 
 

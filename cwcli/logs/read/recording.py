@@ -66,7 +66,7 @@ def log_names_in_folder(folder: Path) -> list[str]:
     Raises:
         InputError: It can't be listed.
     """
-    return _select_log_names(_file_names_in_folder(folder))
+    return _log_names_in_part_order(_file_names_in_folder(folder))
 
 
 def _file_names_in_folder(folder: Path) -> list[str]:
@@ -76,7 +76,7 @@ def _file_names_in_folder(folder: Path) -> list[str]:
         raise InputError(f"the folder can't be listed: {error.strerror}", where=str(folder)) from error
 
 
-def _select_log_names(names: Sequence[str]) -> list[str]:
+def _log_names_in_part_order(names: Sequence[str]) -> list[str]:
     """Return the names with a suffix of a log file, sorted by their numbers."""
     return sorted((each for each in names if each.lower().endswith(LOG_FILE_SUFFIXES)), key=_part_number_sort_key)
 
@@ -101,7 +101,7 @@ def open_recording_folder(folder: str, name: str, open_file: Opener, *, as_one: 
         InputError: It holds no log, or several without `as_one`, or one can't be read.
     """
     everything = file_names_below_url(folder) if is_remote_url(folder) else _file_names_in_folder(Path(folder))
-    names = _select_log_names(everything)
+    names = _log_names_in_part_order(everything)
     prefix = f"{folder.rstrip('/')}/" if folder != "/" else folder
     if not names:
         deeper = (
@@ -116,7 +116,7 @@ def open_recording_folder(folder: str, name: str, open_file: Opener, *, as_one: 
             _add_note_with_names(file.notes, UNREAD_JOURNALS_NOTE, unread)
             return file
         if not as_one:
-            hint = "--as-one reads them as the parts of one log; else name one of them (`cwcli run -d` takes many)"
+            hint = "--as-one reads them as the parts of one log; or name one of them (`cwcli run -d` takes many)"
             raise InputError(f"the folder holds {len(names)} logs and no {METADATA_FILE_NAME}", where=name, hint=hint)
         return open_parts([prefix + each for each in names], name, open_file)
     listing = read_recording_listing(prefix + METADATA_FILE_NAME)

@@ -351,7 +351,7 @@ class BagReader:
             raise InputError(
                 f"the bag is damaged: {detail or what}",
                 where=self._file.name,
-                hint=hint or "--recover reads what is intact and says what is lost",
+                hint=hint or "--recover reads the intact parts and reports what is lost",
             )
         self._count(what)
 

@@ -1,7 +1,7 @@
 """Writes a log again with more channels.
 
 Chunks, message indexes, attachments and metadata records of the source are copied byte for byte. New messages lie in
-chunks of their own, right after the source's chunk of the same time. The summary is written anew. A ROS profile in the
+chunks of their own, right after the source's chunk of the same time. The summary is rewritten. A ROS profile in the
 header is dropped if a channel is not of ROS.
 """
 

@@ -1,7 +1,7 @@
 """Writes a part of a log: a span of log time, some topics, or both.
 
 A chunk that lies inside the span and holds wanted channels alone is copied byte for byte with its message indexes; only
-the chunks at the edges, and those with further channels, are written anew from unchanged message records. Latched
+the chunks at the edges, and those with further channels, are rewritten from unchanged message records. Latched
 messages from before the span, which a reader of the part needs too (static transforms, maps), are in a first chunk of
 their own with their own log times. Metadata records are copied, and attachments that were logged before the span ends.
 """
@@ -67,7 +67,7 @@ class CutReport:
         n_bytes: Size of the file.
         n_messages: Topic -> messages inside the span.
         n_earlier: Topic -> latched messages from before the span.
-        n_chunks_copied, n_chunks_rewritten: Chunks that were copied byte for byte, and those that were written anew.
+        n_chunks_copied, n_chunks_rewritten: Chunks that were copied byte for byte, and those that were rewritten.
         n_attachments, n_attachments_left_out: Attachments that were copied, and those that were logged too late.
         faults: Damage of the source, as reason -> how often.
     """

@@ -52,7 +52,7 @@ class SourceCopy:
     """Copies the records of a source, except replaced channels and metadata records.
 
     A chunk of a file without a complete summary, and every chunk with `recover`, is opened and its CRC checked; a wrong
-    header or wrong indexes are written anew. Other chunks are copied unchanged with their CRC, which readers check.
+    header or wrong indexes are rewritten. Other chunks are copied unchanged with their CRC, which readers check.
 
     Args:
         source: The open file.

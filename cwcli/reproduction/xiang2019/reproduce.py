@@ -155,9 +155,9 @@ def _paired_squared_errors_m2(
     return out
 
 
-def _name_of_better_filter(low: float, high: float) -> str:
+def _filter_with_smaller_error(ekf_minus_ukf_low: float, ekf_minus_ukf_high: float) -> str:
     """Return the name of the filter that the interval of EKF minus UKF shows to be better, or `neither`."""
-    return "ukf" if low > 0.0 else ("ekf" if high < 0.0 else "neither")
+    return "ukf" if ekf_minus_ukf_low > 0.0 else ("ekf" if ekf_minus_ukf_high < 0.0 else "neither")
 
 
 def segment_error_table(n_seeds: int) -> Table:
@@ -175,7 +175,7 @@ def segment_error_table(n_seeds: int) -> Table:
             mean, low, high = _mean_with_interval(ekf - ukf)
             _append_row(
                 table, segment=name, axis=label, ekf=float(ekf.mean()), ukf=float(ukf.mean()),
-                difference=mean, difference_low=low, difference_high=high, better=_name_of_better_filter(low, high),
+                difference=mean, difference_low=low, difference_high=high, better=_filter_with_smaller_error(low, high),
                 gain_pct=100.0 * mean / float(ekf.mean()), gain_low_pct=100.0 * low / float(ekf.mean()),
                 gain_high_pct=100.0 * high / float(ekf.mean()),
                 paper_ekf=PAPER_TABLE_1_PER_MILLE_M2["ekf"][label][k],
@@ -253,7 +253,7 @@ def _append_radar_scene(
         bend=range_m * noise.azimuth_rad**2 / (2.0 * noise.range_m),
         ekf_rmse_m=float(np.sqrt(ekf.mean())), ukf_rmse_m=float(np.sqrt(ukf.mean())),
         gain_pct=100.0 * (1.0 - float(ukf.mean() / ekf.mean())), gain_low_pct=100.0 * low / float(ekf.mean()),
-        gain_high_pct=100.0 * high / float(ekf.mean()), better=_name_of_better_filter(low, high),
+        gain_high_pct=100.0 * high / float(ekf.mean()), better=_filter_with_smaller_error(low, high),
     )  # fmt: skip
 
 

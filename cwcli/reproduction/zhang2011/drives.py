@@ -32,7 +32,7 @@ from cwcli.reproduction.zhang2011.pictures import frame_with_boundaries_plot
 from cwcli.reproduction.zhang2011.rendered import RenderedDrive, RenderSettings, sense_rendered_drive
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
-from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors
+from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit
@@ -121,7 +121,7 @@ def drive_part(
     for run in range(n):
         rendered = None
         if lane_method is None:
-            sensed = simulate_lane_sensors(truth, run, WINDING_ROAD, half, seed=run)
+            sensed = simulate_lane_sensors_of_run(truth, run, WINDING_ROAD, half, seed=run)
         else:
             look = RenderSettings(rate_hz=FRAME_RATE_HZ)
             rendered = sense_rendered_drive(truth, run, WINDING_ROAD, half, settings=look, method=lane_method, seed=run)

@@ -1,6 +1,6 @@
 """Drives seen through rendered frames: the chain from the picture to the lane, without a log between.
 
-`sense_rendered_drive` gives what `simulate_lane_sensors` gives, but its boundaries are found by a lane method in
+`sense_rendered_drive` gives what `simulate_lane_sensors_of_run` gives, but its boundaries are found by a lane method in
 rendered frames.
 """
 
@@ -14,7 +14,7 @@ from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors
+from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, Road
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.drive import RoadDrive
@@ -43,7 +43,7 @@ class RenderedDrive:
     """One run as its rendered camera and its other sensors measured it.
 
     Attributes:
-        sensed: As from `simulate_lane_sensors`.
+        sensed: As from `simulate_lane_sensors_of_run`.
         drive: Renders the frames.
         camera: As the lane method was told, in the pixels of the frames.
         fits: n rows, in the pixels of the search image.
@@ -79,7 +79,7 @@ def sense_rendered_drive(
     """
     settings = settings or RenderSettings()
     drive = road_drive_from_lane_run(truth, run, road, settings, seed=seed)
-    others = simulate_lane_sensors(truth, run, road, vehicle, seed=seed)
+    others = simulate_lane_sensors_of_run(truth, run, road, vehicle, seed=seed)
     speed_mps = np.interp(seconds_to_ns(drive.time_s), others.speed.stamp_ns, others.speed.values)
     camera = camera_with_pitch_error(drive.camera, settings.pitch_error_rad)
     fits = find_lanes_in_drive(drive, camera, method, speed_mps, seed)

@@ -69,7 +69,7 @@ def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     if len(values) > 1 and not np.any(values):
         poses = np.stack([boxes.read_numbers(f"detections.results.pose.pose.position.{axis}") for axis in "xy"], axis=1)
         if np.isfinite(poses).any():
-            ledger.add_note("every box is empty, the poses of the hypotheses are taken")
+            ledger.add_note("every box is empty: the poses of the hypotheses are used")
             values = poses
     matrices = boxes.read_numbers("detections.results.pose.covariance", width=36)
     covariance = matrices[:, POSE_COVARIANCE_XY_INDICES].reshape(-1, 2, 2)

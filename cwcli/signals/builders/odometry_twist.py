@@ -74,7 +74,7 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     rotation = read_rotation_matrices(columns, "pose.pose.orientation")
     in_map, in_child = linear[:, 0] + 1j * linear[:, 1], _rotated_horizontal_part(rotation, linear)
     if _is_twist_in_map_axes(columns, position_m, in_map, in_child):
-        ledger.add_note("the twist is in the axes of the pose, not of the child frame: taken as it stands")
+        ledger.add_note("the twist is in the axes of the pose, not of the child frame: it is used without rotation")
         velocity, rotation = in_map, np.broadcast_to(np.eye(3), rotation.shape)
         yaw_rate = _read_yaw_rate(columns, ledger, None)
     else:

@@ -107,7 +107,7 @@ HOST_VEHICLE_DATA = tuple(
     for role, name in ((Role.EGO_POSITION, "pose"), (Role.EGO_SPEED, "speed"))
 )
 """The registry rows of `osi3.HostVehicleData`."""
-GROUND_TRUTH = (
+GROUND_TRUTH_INPUTS = (
     *_ground_truth_inputs(_GROUND_TRUTH_FIELDS, "ground_truth", 4),
     _remote_input(_GROUND_TRUTH_FIELDS, "ground_truth", 4),
 )

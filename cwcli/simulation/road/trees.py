@@ -16,9 +16,9 @@ TREE_IMAGE_SIZE_PX = 96
 
 
 @cache
-def _make_tree_cover_and_light(number: int) -> tuple[Float32Array, Float32Array]:
+def _make_tree_shape_cover_and_light(shape_number: int) -> tuple[Float32Array, Float32Array]:
     """Make a tree shape: its cover and its light, 0 to 1, (96, 96) each."""
-    rng = np.random.default_rng([11, number])
+    rng = np.random.default_rng([11, shape_number])
     v, u = np.mgrid[0:TREE_IMAGE_SIZE_PX, 0:TREE_IMAGE_SIZE_PX] / (TREE_IMAGE_SIZE_PX - 1.0)
     freq = np.fft.fftfreq(TREE_IMAGE_SIZE_PX)
     radius = np.hypot(freq[:, None], freq[None, :])
@@ -64,6 +64,8 @@ def draw_tree(image: Float32Array, box: FloatArray, number: int, dark: float, li
     size = (int(u1 - u0), int(v1 - v0))
     how = cv2.INTER_AREA if size[0] < TREE_IMAGE_SIZE_PX else cv2.INTER_LINEAR
     inside = (slice(top - v0, bottom - v0), slice(left - u0, right - u0))
-    cover, shine = (cv2.resize(layer, size, interpolation=how)[inside] for layer in _make_tree_cover_and_light(number))
+    cover, shine = (
+        cv2.resize(layer, size, interpolation=how)[inside] for layer in _make_tree_shape_cover_and_light(number)
+    )
     part = image[top:bottom, left:right]
     part += cover * (dark + (light - dark) * shine - part)

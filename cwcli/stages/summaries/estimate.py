@@ -27,7 +27,7 @@ def estimate_tables(tracks: Mapping[str, TrackSummary]) -> tuple[SummaryTable, .
 def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
     """Return the table of the online states."""
     columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "max")
-    title = "Online states: what could have been known, and when"
+    title = "Online states, and how long after their stamps they could be known"
     rows: list[tuple[Cell, ...]] = [
         (each.topic, each.n_states, each.parameters, *each.delay_median_p95_and_max_s()) for each in online
     ]
@@ -132,7 +132,10 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
         *(str(f.name).lower().replace("_", " ") for f in StateFlag),
     )
     return SummaryTable(
-        "vehicles", "Estimated tracks (gated: measurements; starting to rejecting: states)", columns, tuple(rows)
+        "vehicles",
+        "Estimated tracks (gated: measurements; flags from starting on: states)",
+        columns,
+        tuple(rows),
     )
 
 

@@ -65,7 +65,7 @@ def lanes_table(frames: LaneFrames) -> Table:
         "lane_width_m": ColumnDoc(doc="10 m ahead of the camera"),
         "pitch_rad": ColumnDoc(doc="of the camera as the method estimates it, nose down positive"),
         "state": ColumnDoc(
-            doc="found, held (hardly seen), carried (not searched), lost; untold: the method does not tell"
+            doc="found, held (hardly visible), carried (frame not searched), lost; untold: the method reports no state"
         ),
         "steady_s": ColumnDoc(doc="since the lane was found or took the place of another one"),
         "lane_change": ColumnDoc(doc="1: the camera has come into the next lane to the left, -1: to the right"),
@@ -102,7 +102,7 @@ def _lane_following_rows(frames: LaneFrames) -> list[tuple[Cell, ...]]:
     if not (fits.state != LaneState.UNTOLD).any():
         return []
     return [
-        ("held, not seen (%)", 100.0 * float((fits.state == LaneState.HELD).mean())),
+        ("held, hardly visible (%)", 100.0 * float((fits.state == LaneState.HELD).mean())),
         ("lanes found or found again", int(np.count_nonzero(fits.steady_s == 0.0))),
         ("lane changes", int(np.count_nonzero(fits.lane_change))),
     ]

@@ -95,7 +95,8 @@ def _select_by_row(chosen: BoolArray, one: Measures, other: Measures) -> Measure
 
 
 RULE = Rule(
-    summary="contact of the outlines, probable under both covariances, not avoided by gentle braking, persistent",
+    summary="contact of the outlines is probable under both covariances, gentle braking would not avoid it, and "
+    "this persists",
     persistence_s=0.1,
     decide=decide_by_contact_probability,
     uses_onset=True,

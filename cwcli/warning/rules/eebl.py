@@ -104,7 +104,8 @@ def _deceleration_and_distance_to_stop_behind(
 
 
 RULE = Rule(
-    summary="who drives ahead, the same way, in the host's lane or beside it, brakes hard or says so (EEBL)",
+    summary="a vehicle ahead in the host's lane or an adjacent one, driving the same way, brakes hard or reports "
+    "it (EEBL)",
     persistence_s=0.2,
     decide=decide_by_hard_braking_ahead,
     words="hard braking ahead by {other}",

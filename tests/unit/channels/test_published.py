@@ -11,7 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.channels.published import CHANNEL_OF_ROLE, POLICY_PLACEHOLDER, PUBLISHED_CHANNELS, Channel, published_topics
+from cwcli.channels.published import (
+    CHANNEL_OF_ROLE,
+    POLICY_PLACEHOLDER,
+    PUBLISHED_CHANNELS,
+    Channel,
+    schema_name_by_published_topic,
+)
 from cwcli.logs.encoders.schemas import find_message_schema, schema_folder
 
 ROOT = Path(__file__).parents[3]
@@ -74,8 +80,8 @@ def test_topics_and_roles_are_told_once_and_the_policies_are_filled_in() -> None
     assert len(names) == len(set(names))
     roles = [channel.role for channel in PUBLISHED_CHANNELS if channel.role]
     assert len(roles) == len(set(roles)) == len(CHANNEL_OF_ROLE)
-    assert published_topics()["/cwcli/control/driver/pose"] == "foxglove.PoseInFrame"
-    assert not any(POLICY_PLACEHOLDER in topic for topic in published_topics())
+    assert schema_name_by_published_topic()["/cwcli/control/driver/pose"] == "foxglove.PoseInFrame"
+    assert not any(POLICY_PLACEHOLDER in topic for topic in schema_name_by_published_topic())
     assert all(channel.what and channel.stage for channel in PUBLISHED_CHANNELS)
 
 

@@ -33,7 +33,8 @@ def test_all_clauses_fit_with_the_failed_ones_first() -> None:
     assert len(lines) <= MAX_LINES
     assert max(map(len, lines)) <= MAX_COLUMNS
     assert lines[0] == f"{len(results)} clauses: 1 fail, {len(results) - 1} pass (numbers as published)"
-    assert lines[1].split() == ["un-r152", "fail", "0", "of", "1", "-1.00", "s"]
+    assert lines[1].split() == ["clause", "outcome", "passed", "margin"]
+    assert lines[2].split() == ["un-r152", "fail", "0", "of", "1", "-1.00", "s"]
     assert "more clauses, 0 of which fail" in lines[-2]
 
 
@@ -42,7 +43,7 @@ def test_a_grid_of_a_hundred_trials_fits_and_counts_what_is_left_out() -> None:
     lines = format_digest([result("euro-ncap-c2c", margins)])
     assert len(lines) <= MAX_LINES
     assert max(map(len, lines)) <= MAX_COLUMNS
-    assert "and 97 more trials, 13 of which fail" in "".join(lines)
+    assert "and 98 more trials, 14 of which fail" in "".join(lines)
     assert any(line.startswith("worst: CCRs") for line in lines)
 
 

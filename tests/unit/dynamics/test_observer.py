@@ -15,7 +15,12 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import Begin, EventKind, EventStatus
-from cwcli.simulation.lane_camera import LaneSensorNoise, SensedDrive, simulate_lane_sensors, true_lane_at_preview
+from cwcli.simulation.lane_camera import (
+    LaneSensorNoise,
+    SensedDrive,
+    simulate_lane_sensors_of_run,
+    true_lane_at_preview,
+)
 from cwcli.simulation.lane_drive import LaneRuns, Road, simulate_lane_runs
 from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
 from tests.unit.dynamics import naive_observer as naive
@@ -29,7 +34,7 @@ ALL = cast(list[Method], sorted(OBSERVER_METHODS))
 
 
 def sense(**noise: Any) -> SensedDrive:
-    return simulate_lane_sensors(TRUTH, 0, ROAD, CAR, noise=LaneSensorNoise(**noise), seed=1)
+    return simulate_lane_sensors_of_run(TRUTH, 0, ROAD, CAR, noise=LaneSensorNoise(**noise), seed=1)
 
 
 SENSED = sense()
@@ -222,7 +227,7 @@ def test_standing_still() -> None:
 def test_from_standstill_to_speed_and_in_reverse() -> None:
     runs = LaneRuns(np.array([0.0]), np.zeros(1), np.array([np.inf]), 2.0, 12.0)
     truth = simulate_lane_runs(Road(), CAR, runs, seed=2)
-    sensed = simulate_lane_sensors(truth, 0, Road(), CAR, seed=2)
+    sensed = simulate_lane_sensors_of_run(truth, 0, Road(), CAR, seed=2)
     track = observe_lateral_motion(sensed.lanes, sensed.speed, CAR)
     assert np.isfinite(track.state).all()
     np.testing.assert_allclose(track.state[:, 1], truth.yaw_rate_radps[sensed.index, 0], atol=0.06)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,12 +51,34 @@ def test_a_clock_that_is_off_moves_the_whole_state() -> None:
         (Latency(LatencyStatus.APPLIED, 0.3, 0.01, 0.005), 0.01),
         # 60 +- 50 ms beside a prior of 50 ms: 30 ms and a sigma of 35 ms
         (Latency(LatencyStatus.NOT_SIGNIFICANT, 0.06, 0.05, 0.02), np.hypot(0.03, 0.05 / np.sqrt(2.0))),
+        (Latency(LatencyStatus.CONTRADICTS, 1.5, 0.2), np.hypot(1.5, 0.2)),  # not combined with the prior
         (Latency(LatencyStatus.NOT_OBSERVABLE), 0.05),
         (Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=0.01, reach_s=0.05), 0.05 / np.sqrt(2.0)),
     ],
 )
 def test_what_is_not_known_of_a_delay(latency: Latency, expected_s: float) -> None:
     assert unknown_delay_sigma_s(latency) == pytest.approx(expected_s)
+
+
+@pytest.mark.parametrize(
+    ("latency", "place_m", "expected_s"),
+    [
+        (Latency(LatencyStatus.APPLIED, -0.3, 0.04), None, 0.3027),  # sqrt(0.3^2 + 0.04^2): or 3 m ahead at 10 m/s
+        (Latency(LatencyStatus.APPLIED, 0.3, 0.04), None, 0.04),
+        (Latency(LatencyStatus.APPLIED, -0.3, 0.04), (3.0, 0.0), 0.04),  # the antenna's place is known
+        (Latency(LatencyStatus.GIVEN, -0.3), None, 0.0),
+    ],
+)
+def test_fixes_that_seem_early_may_be_those_of_an_antenna_ahead(
+    latency: Latency, place_m: tuple[float, float] | None, expected_s: float
+) -> None:
+    fixes = replace(as_series(Kind.POSITION, np.arange(100.0), np.zeros((100, 2))), place_m=place_m)
+    found = delay_sigmas_of_best_known_sources([fixes], [latency])
+    assert found.position == pytest.approx(expected_s, abs=1e-4)
+
+
+def test_the_larger_of_two_sigmas_counts_for_each_quantity() -> None:
+    assert DelaySigmas(1.0, 0.1, 0.3).at_least(DelaySigmas(0.5, 0.2, 0.3, 0.4)) == DelaySigmas(1.0, 0.2, 0.3, 0.4)
 
 
 def test_the_best_known_source_of_a_quantity_counts_and_a_speed_before_fixes() -> None:

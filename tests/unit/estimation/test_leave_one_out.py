@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from cwcli.estimation.contradiction import SourceQuantity
+from cwcli.estimation.contradiction import Contradiction, SourceQuantity
+from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.leave_one_out import candidate_groups, find_spoiling_sources, misfits
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import ParameterStatus, SlowError
@@ -69,6 +70,46 @@ def test_the_one_without_which_the_others_fit_best_is_found() -> None:
     assert find_spoiling_sources(ALL, reports_without) == ()
     slightly = (replace(wrong[0], log_likelihood=-544.0), *ALL[1:])  # a gain of 44 of 45
     assert find_spoiling_sources(slightly, reports_without) == ()
+
+
+def test_a_latency_beyond_limits_is_not_explained_by_a_part_of_a_source() -> None:
+    late = replace(FIX, latency=Latency(LatencyStatus.CONTRADICTS, 1.6, 0.1))
+    tried = []
+
+    def reports_without(quantities: Sequence[SourceQuantity]) -> Sequence[SourceReport]:
+        tried.append(tuple(quantities))
+        return [replace(FIX, log_likelihood=-100.0), ACCEL, YAW_RATE]
+
+    assert find_spoiling_sources((late, ACCEL, YAW_RATE), reports_without) == IMU
+    assert tried == [IMU]
+
+
+def test_a_drift_without_a_source_means_that_it_was_not_the_wrong_one() -> None:
+    drift = SlowError(1.1, 30.0, ParameterStatus.USED, largest=15.0)
+
+    def reports_without(quantities: Sequence[SourceQuantity]) -> Sequence[SourceReport]:
+        return [replace(FIX, slow_error=drift, log_likelihood=-100.0), *ALL[1:]]
+
+    assert find_spoiling_sources((replace(FIX, sigma=4.0), *ALL[1:]), reports_without) == ()
+
+
+@pytest.mark.parametrize(("sigma_m", "is_resolved"), [(0.89, True), (0.91, False)])  # 1.5 times the scatter of 0.6 m
+def test_what_is_left_has_to_agree_clearly(sigma_m: float, is_resolved: bool) -> None:
+    def reports_without(quantities: Sequence[SourceQuantity]) -> Sequence[SourceReport]:
+        left = [r for r in ALL[1:] if SourceQuantity(r.source, r.kind) not in quantities]
+        is_better = SPEED_QUANTITY in quantities
+        return [replace(FIX, sigma=sigma_m if is_better else 4.0, log_likelihood=-100.0), *left]
+
+    found = find_spoiling_sources((replace(FIX, sigma=4.0), *ALL[1:]), reports_without)
+    assert found == (SPEED_QUANTITY,) * is_resolved
+
+
+def test_only_a_source_that_is_left_out_is_said_to_be() -> None:
+    fix = SourceQuantity("/fix", Kind.POSITION)
+    imu = Contradiction(SourceQuantity("/imu", Kind.IMU), fix, "...", left_out=IMU)
+    assert imu.consequence_text.endswith("which of them is wrong; imu (/imu) is left out of the estimate")
+    both = Contradiction(SPEED_QUANTITY, IMU[0], "...", left_out=(SPEED_QUANTITY, IMU[0]))
+    assert both.consequence_text.endswith("both are left out of the estimate")
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ PITCHED = ImuMounting(0.5, 0.0)  # 29 degrees nose up: 9.80665 sin 0.5 = 4.70 m/
         (FIX, {"slow_error": SlowError(22.2, status=BEYOND)}, "a slow error of 22.2 m, and such"),
         (FIX, {"sigma": 31.0}, "white noise of 31 m"),
         (FIX, {"sigma": 8.3, "scatter": 0.6, "noise_origin": "log"}, "8.3 m beside the motion for long, and scatter"),
-        (FIX, {"sigma": 8.3, "scatter": 2.8, "noise_origin": "log"}, ""),
+        (FIX, {"sigma": 8.3, "scatter": 4.2, "noise_origin": "log"}, ""),
         (FIX, {"sigma": 1.4, "scatter": 0.2, "noise_origin": "log"}, ""),
         (FIX, {"sigma": 8.3, "scatter": 0.6, "noise_origin": "message"}, ""),
         (FIX, {"stamp_error": Parameter(0.1, 0.01, USED)}, ""),

@@ -43,6 +43,12 @@ def test_an_imu_in_si_units_is_left_as_it_is(force: tuple[float, float, float]) 
     assert find_impossible_imu_values(given) == []
 
 
+def test_the_counts_of_a_converter_are_in_no_unit() -> None:
+    assert find_impossible_imu_values(_imu((0.0, 0.0, 16384.0), 3626.0)) == []
+    assert [each.name for each, _ in find_impossible_imu_values(_imu((0.0, 0.0, 1000.0), 2900.0))] == ["milliradians/s"]
+    assert find_impossible_imu_values(_imu((0.0, 0.0, 9.81), 3100.0)) == []  # 3.1 rad/s, if it were in milliradians
+
+
 def test_a_first_speed_of_zero_is_apart_from_a_drive_at_15_mps_but_not_from_a_start() -> None:
     rng = np.random.default_rng(0)
     cruise: np.ndarray = (15.0 + 0.1 * rng.standard_normal(100))[:, None]

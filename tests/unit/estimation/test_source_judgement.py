@@ -125,7 +125,7 @@ def test_a_tilted_imu_is_levelled() -> None:
     judged = _judge(_with_fault(_drive(*LEAN), Kind.IMU, _turned((c, 0, t), (0, 1, 0), (-t, 0, c))))
     assert [each.sentence for each in judged.corrections] == [
         "imu (/imu) is mounted tilted by 30 degrees: levelled (gravity reads 4.9 m/s^2 across its vertical axis; "
-        "--trust /imu keeps it as it is)"
+        "--trust /imu leaves it unchanged)"
     ]
     assert judged.contradictions == ()
     for found, expected in zip(judged.prepared, _judge(_drive(*LEAN)).prepared, strict=True):
@@ -154,7 +154,7 @@ def test_the_sentence_says_what_was_wrong_what_shows_it_and_how_to_undo_it() -> 
     judged = _judge(_with_fault(_drive(*ALL), Kind.SPEED, lambda v: 3.6 * v))
     sentence = judged.corrections[0].sentence
     assert sentence.startswith("ego_speed (/speed) is in km/h, not m/s: converted (log-likelihood ratio ")
-    assert sentence.endswith(" by /position, /imu; --trust /speed keeps it as it is)")
+    assert sentence.endswith(" by /position, /imu; --trust /speed leaves it unchanged)")
 
 
 def test_what_is_on_no_list_is_left_out_and_not_taken_for_something_else() -> None:

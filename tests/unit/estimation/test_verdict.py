@@ -16,6 +16,7 @@ GOOD = SourceReport(
     nis_inside=True, noise_origin="message",
 )  # fmt: skip
 IMU = replace(GOOD, source="/imu", kind=Kind.YAW_RATE, nis_mean=1.0, nis_dof=1, nis_bounds=(0.9, 1.1))
+SPEED = replace(IMU, source="/wheels", kind=Kind.SPEED)
 FLAGS = {"starting": 40, "after_reset": 0, "bridged": 0}
 TRUE = NeesOfQuantity("position", 1.0, (0.6, 1.5))
 
@@ -26,7 +27,24 @@ def _said(*sources: SourceReport, bridged: int = 0, nees: tuple[NeesOfQuantity, 
 
 def test_what_lies_in_its_bounds_is_consistent() -> None:
     assert _said(GOOD, IMU) == "consistent"
-    assert _said(GOOD, IMU, nees=()) == "consistent"
+    assert _said(GOOD, SPEED, IMU, nees=()) == "consistent"
+
+
+def test_a_drift_that_no_other_source_shows_is_excepted() -> None:
+    no_speed = "; a slow drift of /gps would not show, because no wheel speed is measured"
+    assert _said(GOOD, IMU, nees=()) == f"no contradiction{no_speed}"
+    assert _said(GOOD, SPEED, nees=()).endswith("/gps would not show, because no heading or turn rate is measured")
+    assert _said(GOOD, nees=()).endswith("because no wheel speed and no heading or turn rate is measured")
+    unused = replace(SPEED, n_used=0, n_gated=0)
+    assert _said(GOOD, unused, IMU, nees=()) == f"no contradiction{no_speed}"
+    noisy = replace(IMU, nis_mean=1.4, nis_inside=False)
+    assert _said(GOOD, noisy, nees=()) == (
+        f"no contradiction within a factor of 2 in sigma: /imu yaw rate outside the 95 % bounds{no_speed}"
+    )
+    other = replace(GOOD, source="/other_gps")  # would show it
+    assert _said(GOOD, other, IMU, nees=()) == "consistent"
+    velocity = replace(SPEED, kind=Kind.VELOCITY)  # smoothed by a receiver
+    assert _said(GOOD, velocity, IMU, nees=()) == f"no contradiction{no_speed}"
 
 
 @pytest.mark.parametrize(
@@ -76,7 +94,7 @@ def test_the_worst_two_are_told_and_the_others_counted() -> None:
 
 def test_without_enough_rows_nothing_is_claimed() -> None:
     few = replace(GOOD, nis_inside=None)
-    assert _said(few, nees=()) == "too little was measured to tell whether the estimate is consistent"
+    assert _said(few, nees=()) == "too little was measured to judge whether the estimate is consistent"
     assert consistency_verdict_sentence((GOOD,), n_states=0, n_flagged={}) == "nothing was estimated"
 
 

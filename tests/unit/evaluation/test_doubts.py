@@ -103,7 +103,7 @@ DOUBTFUL = [
             ]
         ),
         6.0,
-        "The track lies 9.0 m beside the fixes of /fix at 60 s, 6 times its sigma.",
+        "The track is 9.0 m away from the fixes of /fix at 60 s, 6 times its sigma.",
     ),
     (
         "errors",
@@ -140,7 +140,7 @@ DOUBTFUL = [
         "times",
         evidence(end_ns=480 * 3600 * S),
         480.0 - 9 / 3600,
-        "The log is 20.0 days long, and 20.0 days of it in a row have no state of the car.",
+        "The log is 20.0 days long, and 20.0 days without interruption have no state of the car.",
     ),
     (
         "gaps",
@@ -232,7 +232,7 @@ def test_error_against_the_truth_is_told_in_its_unit() -> None:
 
 
 def test_correction_with_an_option_has_no_second_one() -> None:
-    sentence = "ego_speed (/wheel) repeats one value: 400 rows set aside (at 9.5 s; --trust /wheel keeps it as it is)"
+    sentence = "ego_speed (/wheel) repeats one value: 400 rows set aside (at 9.5 s; --trust /wheel leaves it unchanged)"
     (doubt,) = find_doubts_in_evidence(evidence(more={"corrections": [sentence]}))
     assert "--as" not in doubt.advice
 

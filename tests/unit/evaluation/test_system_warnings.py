@@ -172,9 +172,7 @@ def test_messages_of_other_components_change_nothing(tmp_path: Path) -> None:
     system = parse_other_system_options(["warning=/adas/fcw:status[name=='adas: fcw'].level>=2"])
     table = evaluate_log(log, system=system)
     assert metric_rows_by_name(table)["system.warnings.count"].value == 2
-    assert "/adas/fcw: 1000 of 1500 messages lack the field: the flag is taken as unchanged" in notes_from_metadata(
-        table
-    )
+    assert "/adas/fcw: 1000 of 1500 messages lack the field: the flag counts as unchanged" in notes_from_metadata(table)
 
 
 @pytest.mark.parametrize(
@@ -297,7 +295,7 @@ def test_text_that_is_asked_for_a_number(tmp_path: Path) -> None:
     path = ros_log(tmp_path / "b.mcap", "std_msgs/msg/String", "string data", mixed)
     found, notes = flag_notes(path, "data>=2")
     assert found == [(at_ns(3.0), at_ns(3.0))]
-    assert "in 5 of 6 messages `data>=2` can't be compared: taken as not set" in notes
+    assert "in 5 of 6 messages `data>=2` can't be compared: it counts as not set" in notes
 
 
 def test_messages_that_cannot_be_decoded(tmp_path: Path) -> None:

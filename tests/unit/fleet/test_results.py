@@ -14,7 +14,7 @@ from cwcli.errors import InputError
 from cwcli.fleet.results import read_run_metrics
 from cwcli.metrics.headline import HeadlineCollector
 from cwcli.metrics.table import Table, write_table
-from cwcli.report.source import read_reported_run
+from cwcli.report.source import MAX_LOGS_WITH_ALL_METRICS, read_reported_run
 
 
 def metrics_table(path: Path, **changed: Any) -> Path:
@@ -76,3 +76,19 @@ def test_an_empty_name_is_not_the_folder_where_one_is(tmp_path: Path, monkeypatc
         assert read(".")
         with pytest.raises(InputError, match="the name of the run is empty"):
             read("")
+
+
+def test_metrics_that_a_page_of_many_logs_does_not_show_are_not_held(tmp_path: Path) -> None:
+    names = [f"log{k:03}" for k in range(MAX_LOGS_WITH_ALL_METRICS + 1)]
+    entries = [{"id": name, "source": name, "status": "done"} for name in names]
+    gates = {"gates": ["p95(lanes.*_share) < 1"]}
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 2, "pipeline": gates, "logs": entries}))
+    metrics = ("ego.position_rmse_m", "ego.speed_rmse_mps", "lanes.found_share")
+    rows = [(name, metric) for name in names for metric in metrics]
+    one = parquet.read_table(metrics_table(tmp_path / "metrics.parquet"))
+    columns = {field.name: one.column(field.name).to_pylist() * len(rows) for field in one.schema}
+    columns |= {"log": [name for name, _ in rows], "metric": [metric for _, metric in rows]}
+    parquet.write_table(pa.table(columns), tmp_path / "metrics.parquet", row_group_size=100)
+    run = read_reported_run(str(tmp_path), lambda name: name == "ego.position_rmse_m")
+    assert {tuple(entry.metrics) for entry in run.entries} == {("ego.position_rmse_m", "lanes.found_share")}
+    assert {tuple(entry.metrics) for entry in read_reported_run(str(tmp_path)).entries} == {metrics}

@@ -12,8 +12,13 @@ import pytest
 from cwcli.errors import EXIT_BAD_DATA, EXIT_BAD_INPUT, EXIT_DONE, EXIT_MISSING_SIGNAL, EXIT_USAGE
 from tests.cli.conftest import ROOT
 from tests.unit.importing.hostile_imports import HOSTILE
+from tests.unit.importing.unforeseen_imports import UNFORESEEN
 
-QUICK = {"gpx, a billion laughs", "zip, 500 MB that say 1 MB", "blf, objects of no size", "mp4, 2^32 - 1 samples"}
+MAKERS = HOSTILE | UNFORESEEN
+QUICK = {
+    *("gpx, a billion laughs", "zip, 500 MB that say 1 MB", "blf, objects of no size", "mp4, 2^32 - 1 samples"),
+    *("tum, 1 TB of zeros", "dbc, a multiplexer of 2^32 values"),
+}
 """The default tests; each of the others takes a second or two."""
 MOST_MB = 500
 """The processor time is bounded by the process itself."""
@@ -28,10 +33,10 @@ print(json.dumps([done.returncode, done.stderr.decode(errors="replace"), used.ru
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in HOSTILE]
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in MAKERS]
 )
 def test_hostile_file_stays_within_its_bounds(tmp_path: Path, name: str) -> None:
-    arguments = HOSTILE[name](tmp_path)
+    arguments = MAKERS[name](tmp_path)
     before = {path.name for path in tmp_path.iterdir()}
     command = [sys.executable, "-m", "cwcli", "import", *arguments, "-o", "out.mcap", "--quiet"]
     done = subprocess.run(

@@ -9,14 +9,17 @@ import pytest
 from cwcli.errors import CwcliError
 from cwcli.importing.run import plan_import, write_import
 from cwcli.importing.tables import Answers
+from tests.unit.importing.other_apps import APP_CASES
 from tests.unit.importing.other_drive import errors_by_channel
 from tests.unit.importing.other_files import OTHER_CASES
 
+CASES = OTHER_CASES | APP_CASES
 
-@pytest.mark.parametrize("name", [name for name, case in OTHER_CASES.items() if not case.asks])
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if not case.asks])
 def test_file_becomes_the_drive(name: str, tmp_path: Path) -> None:
     """Every channel that is made is right, and every one that the file holds is made."""
-    case = OTHER_CASES[name]
+    case = CASES[name]
     files = [str(path) for path in case.make(tmp_path)]
     write_import(plan_import(files, Answers()), str(tmp_path / "log.mcap"))
     errors = errors_by_channel(tmp_path / "log.mcap", case.start)
@@ -24,9 +27,9 @@ def test_file_becomes_the_drive(name: str, tmp_path: Path) -> None:
     assert {each: error for each, error in errors.items() if not error <= case.holds[each]} == {}
 
 
-@pytest.mark.parametrize("name", [name for name, case in OTHER_CASES.items() if case.asks])
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.asks])
 def test_file_is_refused_with_its_question(name: str, tmp_path: Path) -> None:
-    case = OTHER_CASES[name]
+    case = CASES[name]
     with pytest.raises(CwcliError, match=case.asks) as found:
         plan_import([str(path) for path in case.make(tmp_path)], Answers())
     assert found.value.hint

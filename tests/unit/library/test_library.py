@@ -171,7 +171,7 @@ def test_a_stage_that_others_precede_runs_them_first() -> None:
         (
             lambda log: log.run("estimate", options={"estimate": {"model": "song2015"}}),
             cwcli.UsageError,
-            "estimate: model = 'song2015' is none of its values",
+            "estimate: model = 'song2015' is not one of its values",
             "did you mean song2016?",
         ),
         (

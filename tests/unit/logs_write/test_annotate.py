@@ -256,7 +256,7 @@ def test_replace_again_and_again_does_not_grow(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("chunked", [True, False])
 def test_replace_a_channel_that_another_writer_mixed_in(tmp_path: Path, chunked: bool) -> None:
-    """`/plain` shares its chunks with `/imu`: they are written anew without it."""
+    """`/plain` shares its chunks with `/imu`: they are rewritten without it."""
     source = write_log(tmp_path / "in.mcap", chunked=chunked)
     before = read_content(source)
     annotate_log(source_stub(source), [state_channel("/plain")], {}, tmp_path / "out.mcap", replace=True)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.measures.outlines import outline_distance_m, outline_separation_m
+from cwcli.measures.outlines import outline_separation_m, signed_outline_distance_m
 
 CAR = (4.5, 1.8)
 SQUARE = (2.0, 2.0)
@@ -27,13 +27,13 @@ def one(value: float) -> np.ndarray:
     ],
 )
 def test_outline_distance_by_hand(dx: float, dy: float, heading: float, distance: float) -> None:
-    found = outline_distance_m(one(dx), one(dy), one(0.0), one(heading), CAR, CAR)
+    found = signed_outline_distance_m(one(dx), one(dy), one(0.0), one(heading), CAR, CAR)
     assert found[0] == pytest.approx(distance, abs=1e-12)
 
 
 def test_outline_distance_to_a_turned_corner() -> None:
     # a square on its corner: the corner reaches sqrt(2) towards the flank of the other at 1
-    found = outline_distance_m(one(5.0), one(0.0), one(0.0), one(math.pi / 4), SQUARE, SQUARE)
+    found = signed_outline_distance_m(one(5.0), one(0.0), one(0.0), one(math.pi / 4), SQUARE, SQUARE)
     assert found[0] == pytest.approx(5.0 - 1.0 - math.sqrt(2.0))
 
 
@@ -51,7 +51,7 @@ def test_outline_distance_against_sampled_edges() -> None:
             turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
             edges.append(frame @ turn.T + [x, y])
         sampled = np.sqrt(((edges[0][:, None] - edges[1][None]) ** 2).sum(-1)).min()
-        found = outline_distance_m(one(dx), one(dy), one(a), one(b), CAR, CAR)[0]
+        found = signed_outline_distance_m(one(dx), one(dy), one(a), one(b), CAR, CAR)[0]
         if found > 0.0:
             assert found == pytest.approx(sampled, abs=0.02)
         else:

@@ -18,7 +18,7 @@ from cwcli.prediction.lateral import (
     transform_paths_to_map,
 )
 from cwcli.prediction.lateral_calibrate import scale_lateral_covariance, sigma_factors_from_driven_track
-from cwcli.simulation.lane_camera import simulate_lane_sensors
+from cwcli.simulation.lane_camera import simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import LaneRuns, Road, simulate_lane_runs
 
 CAR = load_vehicle()
@@ -174,7 +174,7 @@ def drives():
     truth = simulate_lane_runs(
         road, CAR, LaneRuns(np.full(4, 25.0), np.zeros(4), np.full(4, np.inf), 0.0, 60.0), seed=3
     )
-    return road, truth, [simulate_lane_sensors(truth, run, road, CAR, seed=3) for run in range(4)]
+    return road, truth, [simulate_lane_sensors_of_run(truth, run, road, CAR, seed=3) for run in range(4)]
 
 
 @pytest.mark.parametrize(("with_gyro", "median_m"), [(False, 0.6), (True, 0.35)])

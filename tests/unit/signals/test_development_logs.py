@@ -226,4 +226,6 @@ def test_object_truth_whose_twist_is_in_map_axes_has_the_right_speed() -> None:
     step_s = np.diff(truth.stamp_ns) * 1e-9
     driven_mps = np.hypot(np.diff(truth.x_m), np.diff(truth.y_m)) / step_s
     np.testing.assert_allclose(0.5 * (truth.speed_mps[:-1] + truth.speed_mps[1:]), driven_mps, atol=0.02)
-    assert quality.notes == ["the twist is in the axes of the pose, not of the child frame: taken as it stands"]
+    assert quality.notes == [
+        "the twist is in the axes of the pose, not of the child frame: it is used without rotation"
+    ]

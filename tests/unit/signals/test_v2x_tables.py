@@ -60,12 +60,13 @@ def test_docs_table_is_the_code_s_table(heading: str, elements: dict[str, Elemen
 
 
 def test_docs_yaw_rate_confidence_is_the_code_s_table() -> None:
-    section = DOCS.read_text(encoding="utf-8").split("YawRateConfidence is an enumeration:", 1)[1]
-    documented = dict(re.findall(r"^\| (\d) \| ([^|]+?) \|$", section, flags=re.MULTILINE))
-    bounds = {int(code): float(text) for code, text in documented.items() if re.match(r"[\d.]+$", text)}
-    assert bounds == etsi.YAW_RATE_95_DEGPS_BY_CODE
-    assert documented["7"] == "out of range"
-    assert documented["8"] == "unavailable"
+    text = DOCS.read_text(encoding="utf-8")
+    found = re.search(
+        r"codes 0 to 6 of YawRateConfidence are bounds for 95 %: ([\d., ]+) degrees/s; (.+?)\.", text, re.S
+    )
+    assert found is not None
+    assert dict(enumerate(map(float, found[1].split(",")))) == etsi.YAW_RATE_95_DEGPS_BY_CODE
+    assert " ".join(found[2].split()) == "7 is out of range, 8 unavailable"
 
 
 def test_docs_confidences_of_an_sdsm_are_the_code_s() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.signals.columns import Columns, Ragged
 from cwcli.signals.etsi import CAM_PATHS, CAM_TS_PATHS
-from cwcli.signals.j2735 import CARMA_PRESENCE_BITS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
+from cwcli.signals.j2735 import CARMA_PRESENCE_MASKS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
 from cwcli.signals.v2x_tables import ros_leaf_path, ros_presence_paths
 from tests.unit.signals.radio import packing
 from tests.unit.signals.signal_columns import T0_NS, columns_of
@@ -110,7 +110,7 @@ def ros_bsm(changes: dict[str, Any] | None = None) -> Columns:
 
 def carma_bsm(changes: dict[str, Any] | None = None, absent: tuple[str, ...] = ()) -> Columns:
     flags: dict[str, int] = {}
-    for name, path, bit in CARMA_PRESENCE_BITS:
+    for name, path, bit in CARMA_PRESENCE_MASKS:
         flags[path] = flags.get(path, 0) | (0 if name in absent else bit)
     more = {path: [flag] for path, flag in flags.items()}
     return message("carma_v2x_msgs/msg/BSM", ROS_PATHS, CARMA_BSM | (changes or {}), "cdr", **more)

@@ -6,7 +6,7 @@ import pytest
 from cwcli.dynamics.single_track import steady_lateral_speed_and_yaw_rate, understeer_gradient
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.simulation.drivers import TargetLineDriver
-from cwcli.simulation.lane_camera import LaneSensorNoise, simulate_lane_sensors, true_lane_at_preview
+from cwcli.simulation.lane_camera import LaneSensorNoise, simulate_lane_sensors_of_run, true_lane_at_preview
 from cwcli.simulation.lane_drive import LaneRuns, Road, simulate_lane_runs
 
 CAR = load_vehicle()
@@ -48,7 +48,7 @@ def test_the_preview_point_on_a_circle() -> None:
 def test_a_camera_without_noise_sees_a_straight_lane_exactly() -> None:
     runs = LaneRuns(np.array([20.0]), np.array([0.3]), np.array([2.0]), 0.0, 6.0)
     truth = simulate_lane_runs(Road(), CAR, runs, driver=CALM)
-    sensed = simulate_lane_sensors(truth, 0, Road(), CAR, noise=LaneSensorNoise(pixel_px=0.0))
+    sensed = simulate_lane_sensors_of_run(truth, 0, Road(), CAR, noise=LaneSensorNoise(pixel_px=0.0))
     offset, heading = truth.offset_m[sensed.index, 0], truth.heading_rad[sensed.index, 0]
     np.testing.assert_allclose(sensed.left_body[:, 0], (1.8 - offset) / np.cos(heading), atol=1e-9)
     np.testing.assert_allclose(sensed.left_body[:, 1], -np.tan(heading), atol=1e-9)
@@ -60,7 +60,7 @@ def test_told_sigmas_are_those_of_the_noise() -> None:
     truth = simulate_lane_runs(
         Road(), CAR, LaneRuns(np.array([20.0]), np.zeros(1), np.array([np.inf]), 0.0, 200.0), driver=CALM
     )
-    lanes = simulate_lane_sensors(truth, 0, Road(), CAR, seed=1).lanes
+    lanes = simulate_lane_sensors_of_run(truth, 0, Road(), CAR, seed=1).lanes
     pairs = (
         (lanes.lateral_deviation_m, lanes.lateral_sigma_m),
         (lanes.heading_deviation_rad, lanes.heading_sigma_rad),

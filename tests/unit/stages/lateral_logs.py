@@ -12,7 +12,12 @@ from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Strings
 from cwcli.simulate.cdr import ROS_MESSAGE_DEFINITIONS, encode_imu_messages, encode_velocity_reports
-from cwcli.simulation.lane_camera import LaneSensorNoise, SensedDrive, simulate_lane_sensors, true_lane_at_preview
+from cwcli.simulation.lane_camera import (
+    LaneSensorNoise,
+    SensedDrive,
+    simulate_lane_sensors_of_run,
+    true_lane_at_preview,
+)
 from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.simulation.sensors import SensorData
 
@@ -48,7 +53,7 @@ def drive(
     begins = 3.0 if drift_mps else np.inf
     runs = LaneRuns(np.array([speed_mps]), np.array([drift_mps]), np.array([begins]), 0.0, seconds)
     truth = simulate_lane_runs(road, car, runs, seed=seed)
-    return LaneDrive(truth, simulate_lane_sensors(truth, 0, road, car, noise=noise, seed=seed), road, car)
+    return LaneDrive(truth, simulate_lane_sensors_of_run(truth, 0, road, car, noise=noise, seed=seed), road, car)
 
 
 def write_lane_log(

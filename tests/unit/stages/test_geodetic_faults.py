@@ -14,7 +14,7 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
-from cwcli.stages.estimate import _correct_latitude_and_longitude, _estimate_ego
+from cwcli.stages.estimate import _estimate_ego, _undo_exchanged_or_reversed_coordinates
 from cwcli.stages.inputs.sources import SensorSignals
 
 PLACE = LocalMap(48.0, 11.0, 0.0)
@@ -65,7 +65,9 @@ def test_a_fault_of_latitude_and_longitude_is_corrected_and_the_map_with_it(
     (position,) = SIGNALS.by_role[Role.EGO_POSITION]
     assert isinstance(position, PositionSignal)
     wrong = replace(SIGNALS, by_role={**SIGNALS.by_role, Role.EGO_POSITION: (fault(position),)})
-    sources, found = _correct_latitude_and_longitude(wrong, _estimate_ego(wrong, CONFIG_AUTO, 5.0), CONFIG_AUTO, 5.0)
+    sources, found = _undo_exchanged_or_reversed_coordinates(
+        wrong, _estimate_ego(wrong, CONFIG_AUTO, 5.0), CONFIG_AUTO, 5.0
+    )
     assert [(each.who.source, each.name) for each in found.hindsight.corrections] == [("/fix", name)]
     assert found.hindsight.contradictions == ()
     assert found.local_map is not None
@@ -78,7 +80,7 @@ def test_a_fault_of_latitude_and_longitude_is_corrected_and_the_map_with_it(
 
 def test_right_latitudes_and_longitudes_stay_as_they_are() -> None:
     estimated = _estimate_ego(SIGNALS, CONFIG_AUTO, 5.0)
-    assert _correct_latitude_and_longitude(SIGNALS, estimated, CONFIG_AUTO, 5.0) == (SIGNALS, estimated)
+    assert _undo_exchanged_or_reversed_coordinates(SIGNALS, estimated, CONFIG_AUTO, 5.0) == (SIGNALS, estimated)
     assert estimated.hindsight.corrections == ()
 
 
@@ -88,6 +90,6 @@ def test_a_trusted_topic_keeps_its_exchanged_latitude_and_longitude() -> None:
     fix = replace(position, latitude_deg=position.longitude_deg, longitude_deg=position.latitude_deg)
     wrong = replace(SIGNALS, by_role={**SIGNALS.by_role, Role.EGO_POSITION: (fix,)})
     config = replace(CONFIG_AUTO, trusted_sources=("/fix",))
-    sources, found = _correct_latitude_and_longitude(wrong, _estimate_ego(wrong, config, 5.0), config, 5.0)
+    sources, found = _undo_exchanged_or_reversed_coordinates(wrong, _estimate_ego(wrong, config, 5.0), config, 5.0)
     assert sources is wrong
     assert all(each.who.source != "/fix" for each in found.hindsight.corrections)

@@ -120,7 +120,7 @@ def test_noise_is_the_messages_then_the_models_then_the_default():
     given[3] = [[1.0, 5.0], [5.0, 1.0]]  # not positive
     prepared = prepare_detections([lidar(np.ones((4, 2)), covariance=given)], {"lidar": SensorModel(sigma=(0.5, 0.5))})
     np.testing.assert_allclose(prepared.rows.r[:, 0, 0], [4.0, 0.25, 0.25, 0.25])
-    assert prepared.counts["lidar"].repaired == {"covariance not positive or absurd, the sensor's noise taken": 1}
+    assert prepared.counts["lidar"].repaired == {"covariance not positive or absurd, the sensor's noise used": 1}
     np.testing.assert_allclose(prepare_detections([lidar([[1, 1]])]).rows.r[0, 0, 0], 0.15**2)
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -50,8 +51,10 @@ from cwcli.vision.method import LaneFit, LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import find_vanishing_point
 from tests.studies.lane_drives import places_m, planned, watched
+from tests.unit.vision.fake_frames import encoded
 from tests.unit.vision.fit_lists import columns_of
 from tests.unit.vision.lane_scene import mounted, score
+from tests.unit.vision.scenes import LEFT, RIGHT, road_image
 
 STEP_NS = 100_000_000
 
@@ -175,8 +178,6 @@ def test_prediction_by_hand() -> None:
 
 
 def test_vanishing_point_of_drawn_lines() -> None:
-    import cv2
-
     grey = np.full((360, 640), 90, np.uint8)
     for u in (-200, 60, 300, 520, 900):
         cv2.line(grey, (330, 140), (u, 359), 160, 2, cv2.LINE_AA)
@@ -188,8 +189,6 @@ def test_vanishing_point_of_drawn_lines() -> None:
 
 
 def test_vanishing_point_of_a_faint_picture() -> None:
-    import cv2
-
     # A 14th of the lines' contrast above: 5 grey levels, as in haze.
     grey = np.full((360, 640), 90, np.uint8)
     for u in (-200, 60, 300, 520, 900):
@@ -201,10 +200,19 @@ def test_vanishing_point_of_a_faint_picture() -> None:
 
 
 def test_search_size_keeps_the_shape() -> None:
-    assert search_size(1280, 720) == (640, 360)
-    assert search_size(960, 540) == (480, 270)
-    assert search_size(640, 480) == (320, 240)
+    assert search_size(1280, 720) == search_size(1920, 1080) == search_size(960, 540) == (640, 360)
+    assert search_size(640, 480) == (554, 416)  # sqrt(230400 / (640 * 480)) = 0.8660
+    assert search_size(640, 360) == (640, 360)
     assert search_size(320, 240) == (320, 240)
+
+
+def test_the_lanes_that_a_first_frame_averages_are_no_rivals_of_their_mean() -> None:
+    search, camera = LaneTracker(), default_camera(320, 240, Mounting())
+    for number in range(3):  # drawn without perspective, so that lanes with several bends fit equally well
+        jpeg = np.frombuffer(encoded(road_image(LEFT, RIGHT, seed=number), ".jpg"), np.uint8)
+        grey = np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_GRAYSCALE), np.uint8)
+        fit = search.step(LaneFrame(grey, camera, number * STEP_NS, number))
+        assert min(fit.left.probability, fit.right.probability) > 0.8
 
 
 def test_a_new_camera_starts_anew() -> None:

@@ -1,0 +1,74 @@
+"""Fixes that drift off: a slow error that becomes far larger in the log than its own sigma.
+
+Sigma and time constant of a slow error are fitted to the whole log. A drift of some minutes in an otherwise good log
+hardly changes them, but the smoothed error then is many sigma large. How much of it belongs to the fixes, and how much
+to the speed and the heading that it was found from, is not known: both are named, and the covariance of the states has
+to hold it. The velocity of a receiver shows no drift, because it is smoothed: the way by it is metres off after turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from cwcli.estimation.contradiction import Contradiction, SourceQuantity
+from cwcli.estimation.limit_check import quantity_compared_with
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
+from cwcli.estimation.result import SourceReport
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.vehicle_state import X, Y
+
+MAX_LARGEST_IN_SIGMAS = 4.5
+"""Greatest value of a slow error in its sigmas that is no drift. A Gaussian error exceeds it on one of two axes once in
+73,000 independent values; an hour with a time constant of 10 s has 720."""
+MIN_DRIFT_M = 3.3
+"""Least drift on one axis, m: one sigma of what the GPS Standard Positioning Service (2020) promises (8 m in 95 %)."""
+
+
+def largest_slow_error(s: SensorSeries, state: FloatArray) -> float:
+    """Return the largest absolute slow error of a position in the states (m, n) of the filter, m; NaN without one."""
+    if s.kind is not Kind.POSITION or s.slow_state < 0:
+        return float("nan")
+    error_m = np.abs(state[:, s.slow_state : s.slow_state + 2])
+    return float(np.max(error_m, where=np.isfinite(error_m), initial=0.0))
+
+
+def find_drifting_fixes(reports: Sequence[SourceReport], known: Sequence[Contradiction]) -> list[Contradiction]:
+    """Return contradictions of the positions that drift off the way by the other sources.
+
+    Args:
+        reports: Reports of one vehicle's sources.
+        known: Known contradictions: their sources are not reported again.
+    """
+    told = {quantity for each in known for quantity in (each.who, each.against)}
+    found = []
+    for report in _drifting_fixes(reports):
+        who = SourceQuantity(report.source, report.kind)
+        if who not in told:
+            what = f"its fixes drift up to {report.slow_error.largest:.0f} m off the way that the other sources show"
+            found.append(Contradiction(who, quantity_compared_with(report, reports), what))
+    return found
+
+
+def covariance_from_drifts(reports: Sequence[SourceReport]) -> FloatArray:
+    """Return the covariance (8, 8) that drifting fixes add to all states: the mean square of a wave of that height.
+
+    It is 0 where another position does not drift.
+    """
+    added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
+    drifts_m = [report.slow_error.largest for report in _drifting_fixes(reports)]
+    if drifts_m and len(drifts_m) == sum(r.kind is Kind.POSITION and r.n_used > 0 for r in reports):
+        added[X, X] = added[Y, Y] = 0.5 * min(drifts_m) ** 2
+    return added
+
+
+def _drifting_fixes(reports: Sequence[SourceReport]) -> Iterator[SourceReport]:
+    """Yield the used positions whose slow error is far larger than its own sigma allows."""
+    if any(r.kind is Kind.VELOCITY and r.n_used for r in reports):
+        return
+    for r in reports:
+        limit_m = max(MAX_LARGEST_IN_SIGMAS * r.slow_error.sigma, MIN_DRIFT_M)
+        if r.kind is Kind.POSITION and r.n_used and r.slow_error.largest > limit_m:
+            yield r
