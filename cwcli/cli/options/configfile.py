@@ -38,19 +38,8 @@ _ORIGIN_BY_OPTION: ContextVar[dict[str, str]] = ContextVar("origins", default={}
 
 WRITING_PARAMETERS = frozenset(
     {
-        *(
-            "output",
-            "force",
-            "metrics",
-            "metrics_dir",
-            "directory",
-            "junit",
-            "html",
-            "markdown_file",
-            "comment",
-            "plots",
-        ),
-        *("report", "clips"),
+        *("output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "comment", "plots"),
+        *("report", "clips", "html"),
     }
 )
 """Parameters that name output files or allow overwriting; a configuration file may not set them."""
