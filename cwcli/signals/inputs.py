@@ -285,7 +285,7 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     ),
     "cwcli.v1.VehicleState": _vehicle_state_inputs(),
     "cwcli.v1.LateralState": (Input(Role.LATERAL_TRUTH, {}, None),),
-    "osi3.GroundTruth": "cwcli.signals.osi.leaves:GROUND_TRUTH",
+    "osi3.GroundTruth": "cwcli.signals.osi.leaves:GROUND_TRUTH_INPUTS",
     "osi3.SensorView": "cwcli.signals.osi.leaves:SENSOR_VIEW",
     "osi3.SensorData": "cwcli.signals.osi.leaves:SENSOR_DATA",
     "osi3.HostVehicleData": "cwcli.signals.osi.leaves:HOST_VEHICLE_DATA",

@@ -118,7 +118,7 @@ def state(folder: Path) -> dict[str, tuple[int, bytes]]:
 def test_every_option_with_a_file_is_known() -> None:
     """Whoever adds an option with a file says here whether it is read or written."""
     names = {name for _, name, option in file_parameters() if option.startswith("--")}
-    assert names == READING - {"file"} | FOLDERS | {"output", "metrics", "junit", "markdown_file", "comment"}
+    assert names == READING - {"file"} | FOLDERS | {"output", "metrics", "junit", "html", "markdown_file", "comment"}
     assert {command for command, _ in WRITING} == set(ARGUMENTS)
 
 

@@ -39,7 +39,7 @@ _ORIGIN_BY_OPTION: ContextVar[dict[str, str]] = ContextVar("origins", default={}
 WRITING_PARAMETERS = frozenset(
     {
         *("output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "comment", "plots"),
-        *("report", "clips"),
+        *("report", "clips", "html"),
     }
 )
 """Parameters that name output files or allow overwriting; a configuration file may not set them."""
