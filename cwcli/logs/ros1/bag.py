@@ -227,14 +227,14 @@ class BagReader:
             topic = head.header.get(b"topic") or header.get(b"topic", b"")
             definition = header.get(b"message_definition", b"")
             key = header_number(head.header, b"conn")
-            yield from self._iter_connection(
+            yield from self._iter_new_schema_and_channel(
                 key, topic, header.get(b"type", b""), header.get(b"md5sum", b""), definition
             )
         elif head.op == OP_DEFINITION:
             source.skip(head.n_bytes)
             topic = header_text(head.header, b"topic").encode()
             fields = (head.header.get(name, b"") for name in (b"type", b"md5", b"def"))
-            yield from self._iter_connection(topic, topic, *fields)
+            yield from self._iter_new_schema_and_channel(topic, topic, *fields)
         elif head.op == OP_CHUNK_INFO:
             self._add_indexed_counts(source.take(min(head.n_bytes, len(self._file))))
         else:
@@ -245,7 +245,7 @@ class BagReader:
             raise BagError(f"a message has {head.n_bytes:,} bytes")
         return head.n_bytes
 
-    def _iter_connection(
+    def _iter_new_schema_and_channel(
         self, key: object, topic: bytes, kind: bytes, checksum: bytes, definition: bytes
     ) -> Iterator[Content]:
         """Yield the channel of a connection, and its schema, where they are new."""

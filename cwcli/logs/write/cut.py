@@ -293,12 +293,12 @@ class _Cutter:
                 waiting.append(piece)
                 n_bytes += len(piece)
             if n_bytes >= NEW_CHUNK_BYTES:
-                self._write_counted(waiting, is_compressed=is_compressed)
+                self._write_chunk_and_count_messages(waiting, is_compressed=is_compressed)
                 waiting, n_bytes = [], 0
         if waiting:
-            self._write_counted(waiting, is_compressed=is_compressed)
+            self._write_chunk_and_count_messages(waiting, is_compressed=is_compressed)
 
-    def _write_counted(self, pieces: list[memoryview], *, is_compressed: bool) -> None:
+    def _write_chunk_and_count_messages(self, pieces: list[memoryview], *, is_compressed: bool) -> None:
         """Write message records as a chunk, and count its messages."""
         entries = self._write_records(pieces, is_compressed=is_compressed)
         self._add_counts({channel_id: len(rows) for channel_id, rows in entries.items()})
