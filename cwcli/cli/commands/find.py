@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "cwcli find runs/ cut-in",
     "cwcli find annotated.mcap 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps > 8'",
-    "cwcli find runs/ 'hard-brake within 2 s after cut-in' --clips clips/ --report found.html",
+    "cwcli find runs/ cut-in --clips clips/ --report found.html",
 )
 """Command lines at the end of the command's `--help`."""
 MAX_SHOWN_EVENTS = 50

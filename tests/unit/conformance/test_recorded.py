@@ -152,7 +152,7 @@ def test_two_vehicles_that_could_be_the_lead_are_named(tmp_path: Path) -> None:
 
 def test_a_log_without_others_says_so(tmp_path: Path) -> None:
     place = write_trial(tmp_path / "a.mcap", 0, {"other": {"v2x": False}})
-    with pytest.raises(MissingSignalError, match="no vehicle beside the ego"):
+    with pytest.raises(MissingSignalError, match="no other vehicle than the ego"):
         judge_log(CLAUSE, place, CONFIG)
 
 

@@ -76,7 +76,7 @@ def test_what_is_written_is_read_back() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        pytest.param("cwcli_calibration = 1", "", "this is no calibration", id="another file"),
+        pytest.param("cwcli_calibration = 1", "", "this is not a calibration file", id="another file"),
         pytest.param("cwcli_calibration = 1", "cwcli_calibration = 2", "is 2; permitted: 1", id="new"),
         pytest.param("cwcli_calibration = 1", "cwcli_calibration = true", "cwcli_calibration is True", id="boolean"),
         pytest.param("value = 0.12", "value = nan", "/gps/fix.position.latency_s.value is nan; permitted", id="nan"),

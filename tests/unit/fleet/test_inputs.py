@@ -102,7 +102,7 @@ def test_results_are_no_inputs(logs: Path) -> None:
     assert expand_sources(["logs/**/*.mcap"], results) == expand_sources(["logs/*.mcap"])
     (logs / "link.mcap").symlink_to(logs / "logs/deep/c.mcap")
     for argument in ("logs/deep/c.mcap", "logs/deep/*", "link.mcap", f"file://{logs}/logs/deep/c.mcap"):
-        with pytest.raises(UsageError, match="lies in the output folder"):
+        with pytest.raises(UsageError, match="is in the output folder"):
             expand_sources(["logs/a.mcap", argument], results)
 
 

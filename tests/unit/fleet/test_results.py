@@ -46,7 +46,7 @@ def metrics_table(path: Path, **changed: Any) -> Path:
 )
 def test_columns_of_another_type_are_one_line(tmp_path: Path, changed: dict[str, Any]) -> None:
     path = metrics_table(tmp_path / "m.parquet", **changed)
-    with pytest.raises(InputError, match="does not hold what it should") as error:
+    with pytest.raises(InputError, match="does not hold valid values") as error:
         read_run_metrics(str(path))
     assert error.value.where == str(path)
 

@@ -216,7 +216,7 @@ def test_pipe_is_refused_at_once(tmp_path: Path) -> None:
     [
         ('[answers]\ndate_order = "xyz"\n', "date_order: 'xyz' is none of dmy, mdy, ymd"),
         ('[answers]\ndecimal = "point"\n', "decimal: 'point' is none of"),
-        ('[[table]]\nname = "a.csv"\nspeed = 3\n', "speed is no text"),
+        ('[[table]]\nname = "a.csv"\nspeed = 3\n', "speed is not of the form COLUMN"),
     ],
 )
 def test_mapping_with_an_impossible_value_is_refused(text: str, words: str, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ AMERICAN = iso(D, "", "%m/%d/%Y %H:%M:%S")
 UNCLEAR = [text.replace("11/14", "05/04") for text in AMERICAN]
 
 ASKED: dict[str, tuple[str, list[list[str]], str]] = {
-    "speed without a unit and positions": ("time,speed", [T, KMH], "has no unit, and no moving position"),
+    "speed without a unit and positions": ("time,speed", [T, KMH], "has no unit, and no motion in the positions"),
     "speed of another unit than the header says": ("time,lat,lon,speed_mps", [T, LAT, LON, KMH], "says kmh"),
     "speed_ms that is in km/h": ("time,lat,lon,speed_ms", [T, LAT, LON, KMH], "says kmh"),
     "two speeds": ("time,lat,lon,speed1,speed2", [T, LAT, LON, KMH, MPS], "can each be the speed"),
@@ -252,7 +252,7 @@ def test_zip_that_unpacks_to_too_much_is_not_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "bomb.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("Location.csv", b"0" * 20_000_000)
-    with pytest.raises(InputError, match="it is no recording"):
+    with pytest.raises(InputError, match="it is not a recording"):
         plan(path)
 
 

@@ -156,7 +156,7 @@ def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so(tmp_path: 
     with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
         car, notes = vehicle_from_log(log)
     assert car == load_vehicle()
-    assert "does not tell the car" in notes[0]
+    assert "does not name its car" in notes[0]
 
 
 @pytest.mark.parametrize("entry", ["[" * 100_000, "{", "[]", '{"name": 3}'])
