@@ -19,8 +19,10 @@ import pytest
 from cwcli.channels.published import EGO_ONLINE
 from cwcli.cli.main import run_command_line
 from cwcli.signals.clocks import CLOCK_JUMP_REASON, INVALID_LOG_TIME_REASON, NO_STAMP_REASON, STRAY_LOG_TIME_REASON
+from tests.cli.bounded import LAUNCHER, LIMIT_BYTES
 from tests.cli.conftest import ROOT, SAMPLES, Run
 from tests.cli.rewritten_logs import Logged, read, write
+from tests.work import HANG_S
 
 NS_PER_S = 1_000_000_000
 TEN_YEARS_S = 10 * 365 * 86_400
@@ -47,18 +49,20 @@ class Estimated:
 def estimate(log: Path, *options: str) -> Estimated:
     """Run `cwcli estimate` as a process of its own, which must end with 0."""
     metrics, shown = log.with_suffix(".csv"), log.with_suffix(".json")
+    took = log.with_suffix(".took")
+    launcher = [sys.executable, "-S", "-c", LAUNCHER, str(took), str(LIMIT_BYTES), str(round(HANG_S))]
     command = [sys.executable, "-m", "cwcli", "estimate", str(log), "--json", "--metrics", str(metrics), *options]
     with shown.open("wb") as stdout:
-        process = subprocess.Popen(command, cwd=ROOT, stdout=stdout, env=os.environ | {"PYTHONPATH": str(ROOT)})
-        _, status, usage = os.wait4(process.pid, 0)
-    assert os.waitstatus_to_exitcode(status) == 0
+        subprocess.run(
+            [*launcher, *command], cwd=ROOT, stdout=stdout, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=True
+        )
+    code, peak_mb = json.loads(took.read_text())
+    assert code == 0
     stage = json.loads(shown.read_text())["stages"]["estimate"]
     with metrics.open() as stream:
         nees = next(float(row["value"]) for row in csv.DictReader(stream) if "nees_mean" in row.values())
     error = next(row for row in stage["sections"]["errors"] if row["error_of"] == "position on one axis")
-    return Estimated(
-        error["estimated"], nees, {entry["topic"]: entry for entry in stage["inputs"]}, usage.ru_maxrss / 1024
-    )
+    return Estimated(error["estimated"], nees, {entry["topic"]: entry for entry in stage["inputs"]}, peak_mb)
 
 
 def edited(messages: list[Logged], topic: str, number: int, edit: Callable[[Logged], Logged]) -> list[Logged]:
