@@ -127,7 +127,7 @@ def test_calibration_is_used(
     [
         (None, 3, "can't be read"),
         ("[[[", 2, "not TOML"),
-        ("a = 1", 2, "this is no calibration"),
+        ("a = 1", 2, "this is not a calibration file"),
         ('cwcli_calibration = 1\n["/gps/fix".position]\nlatency_s = { value = nan }', 2, "value is nan; permitted"),
         ('cwcli_calibration = 1\n["/gps/fix".position]\ncolour = { value = 1 }', 2, "colour is unknown; permitted"),
         (

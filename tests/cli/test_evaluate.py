@@ -203,12 +203,12 @@ def test_wrong_sources_and_options(
 
 def test_a_manifest_can_not_lead_out_of_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     entry = {"id": "../../etc", "status": "done"}
-    (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": [entry]}), encoding="utf-8")
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 2, "logs": [entry]}), encoding="utf-8")
     assert run_command_line(["evaluate", str(tmp_path)]) == 3
     assert "not the name of a file" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("format", [2, "1", None], ids=str)
+@pytest.mark.parametrize("format", [1, "2", None], ids=str)
 @pytest.mark.parametrize("command", ["evaluate", "report", "compare", "compare to", "run"])
 def test_a_manifest_of_another_format_is_one_line(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, format: object
@@ -225,7 +225,7 @@ def test_a_manifest_of_another_format_is_one_line(
     }.get(command, [command, other])
     assert run_command_line([*map(str, arguments)]) == (6 if command == "run" else 3)
     assert [line for line in capsys.readouterr().err.splitlines() if line.startswith(("error", "  "))] == [
-        f"error: {other}/manifest.json: a manifest of format {format!r}, and cwcli {__version__} reads format 1",
+        f"error: {other}/manifest.json: a manifest of format {format!r}, and cwcli {__version__} reads format 2",
         "  hint:  use the version of cwcli that wrote it, or do the run again into a new folder",
     ]
     assert sorted(path.name for path in other.iterdir()) == ["manifest.json"]
@@ -245,7 +245,7 @@ def test_logs_that_failed_or_were_not_done_are_told(tmp_path: Path, capsys: pyte
         {"id": "c", "status": "pending"},
         {"id": "d", "status": "done"},
     ]
-    (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": logs}), encoding="utf-8")
+    (tmp_path / "manifest.json").write_text(json.dumps({"format": 2, "logs": logs}), encoding="utf-8")
     code_, found = document(capsys, "evaluate", tmp_path)
     assert code_ == 0
     assert [log["error"] for log in found["logs"]] == [
