@@ -238,8 +238,8 @@ def _metric_rows_by_log(path: Path, is_needed: Callable[[str], bool] | None) -> 
     from pyarrow import parquet
 
     rows: dict[str, dict[str, MetricRow]] = {}
-    source = pa.BufferReader(read_file(path, limit=MAX_BINARY_BYTES))
     try:
+        source = pa.BufferReader(read_file(path, limit=MAX_BINARY_BYTES))
         with parquet.ParquetFile(source) as file:
             if file.metadata.num_rows == 0:
                 _table_from_arrow(file.schema_arrow.empty_table(), path)
