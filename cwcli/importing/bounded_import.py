@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from cwcli.importing.readers import load_kind
 from cwcli.importing.readers.base import FileHead
 from cwcli.importing.run import plan_import, write_import
 from cwcli.importing.tables import AmbiguousError, Answers, Guess
+from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 
 FUNCTION = "cwcli.importing.bounded_import:import_request"
@@ -126,10 +127,13 @@ def import_request(request: dict[str, Any]) -> dict[str, Any]:
     given = request["answers"]
     columns = {(table, quantity): (column, unit) for table, quantity, column, unit in given["columns"]}
     answers = Answers(**{**given, "columns": columns, "dbc": tuple(given["dbc"])})
-    plan = plan_import(request["files"], answers)
-    if request["target"] is not None:
-        write_import(plan, request["target"], force=request["force"])
-        sys.stdout.flush()
+    with ExitStack() as opened:
+        names = dict.fromkeys((*request["files"], *answers.dbc, answers.frame_times))
+        inputs = [opened.enter_context(InputFile.open(name)) for name in names if Path(name).is_file()]
+        plan = plan_import(request["files"], answers)
+        if request["target"] is not None:
+            write_import(plan, request["target"], force=request["force"], inputs=inputs)
+            sys.stdout.flush()
     return {
         "kinds": dict(plan.kinds),
         "tables": [(name, [asdict(guess) for guess in guesses]) for name, guesses in plan.tables],

@@ -32,6 +32,7 @@ from cwcli.importing.speeds import find_headings, find_speed_and_unit, find_velo
 from cwcli.importing.stamps import find_stamps, require_rows_of_one_recording
 from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable, ambiguity_error_of_questions
 from cwcli.importing.units import FACTORS
+from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import OutputChannel
 
@@ -275,11 +276,12 @@ def _ask_for_missing_start_times(meanings: Sequence[Meaning]) -> None:
         )
 
 
-def write_import(plan: ImportPlan, target: str, *, force: bool = False) -> None:
-    """Write the log.
+def write_import(plan: ImportPlan, target: str, *, force: bool = False, inputs: Sequence[InputFile] = ()) -> None:
+    """Write the log, unless an input has changed since it was opened.
 
     Raises:
-        OutputError: It can't be written.
+        InputError: An input has changed.
+        OutputError: The log can't be written.
     """
     from cwcli.logs.write.writer import LogWriter
 
@@ -289,3 +291,5 @@ def write_import(plan: ImportPlan, target: str, *, force: bool = False) -> None:
         for recording in plan.recordings:
             recording.write(log)
         log.add_metadata(METADATA_NAME, {"files": ", ".join(plan.kinds), "mapping": plan.mapping_text()})
+        for each in inputs:
+            each.check_unchanged()

@@ -93,7 +93,7 @@ def test_question_is_one_error(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (["drive.csv"], "no output is named"),
         (["drive.csv", "-o", "log.mcap", "--column", "velocity=v"], "there is no quantity 'velocity'"),
         (["drive.csv", "-o", "log.mcap", "--column", "speed"], "expected QUANTITY=COLUMN"),
-        (["drive.csv", "-o", "log.mcap", "--date-order", "ydm"], "it is none of dmy, mdy and ymd"),
+        (["drive.csv", "-o", "log.mcap", "--date-order", "ydm"], "it must be one of dmy, mdy and ymd"),
         (["drive.csv", "-o", "log.mcap", "--mapping", "nowhere.toml"], "the mapping can't be read"),
     ],
 )
