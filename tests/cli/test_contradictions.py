@@ -98,7 +98,7 @@ def test_a_speed_in_km_h_is_said_first_converted_and_counted(right: Path) -> Non
     summary = _estimate(right, *IN_KMH)
     told = re.match(
         rf"input corrected: (ego_speed \({SPEED}\) is in km/h, not m/s: converted \(log-likelihood ratio (\d+) by "
-        rf"{FIX}, {IMU}; --trust {SPEED} keeps it as it is\))\. With that: consistent",
+        rf"{FIX}, {IMU}; --trust {SPEED} leaves it unchanged\))\. With that: consistent",
         summary["verdict"],
     )
     assert told is not None
