@@ -23,7 +23,7 @@ from pyproj import Transformer
 HORIZON_S, DISTANCE_M = 2.5, 2.5
 
 
-def read(path: Path) -> dict[str, pd.DataFrame]:
+def read_topics(path: Path) -> dict[str, pd.DataFrame]:
     """Return each topic as a table; `t` is the time of the measurement in s."""
     rows: dict[str, list[dict]] = {"fix": [], "speed": [], "heading": [], "other": [], "truth": []}
     with path.open("rb") as file:
@@ -93,7 +93,7 @@ def first_warning_s(ego: pd.DataFrame, other: pd.DataFrame) -> float | None:
     return float(both.t.iloc[hits[0]]) if len(hits) else None
 
 
-tables = read(Path(sys.argv[1]))
+tables = read_topics(Path(sys.argv[1]))
 add_xy(tables)
 ego = tables["fix"]
 for name in ("speed", "heading"):

@@ -48,7 +48,7 @@ def angle(text: str, half: str, halves: str) -> float | None:
 
 
 def nmea(paths: list[Path], tables: Sequence[SourceTable]) -> Tables:
-    """By pynmea2, which checks the checksum and names the fields; the day is not compared."""
+    """Read the sentences by pynmea2, which checks the checksum and names the fields; the day is not compared."""
     found: dict[str, list[tuple[Any, dict[str, float | None]]]] = {}
     time: Any = None
     with paths[0].open(encoding="ascii", errors="replace") as file:
@@ -115,7 +115,7 @@ def _values(kind: str, data: list[str]) -> dict[str, float | None] | None:
 
 
 def ubx(paths: list[Path], tables: Sequence[SourceTable]) -> Tables:
-    """By pyubx2, at each place where a message can begin."""
+    """Read the solutions by pyubx2, at each place where a message can begin."""
     data, at, rows = paths[0].read_bytes(), 0, []
     while (at := data.find(SYNC, at)) >= 0:
         end = at + 8 + int.from_bytes(data[at + 4 : at + 6], "little")
@@ -159,7 +159,7 @@ def with_ubx_checksums(data: bytes) -> bytes:
 
 
 def csv_rows(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
-    """By Python's csv; the layout is what cwcli finds."""
+    """Read the rows by Python's csv; the layout is what cwcli finds."""
     head = decode_head(read_head(paths[0]))
     assert head is not None
     layout = find_layout(head, "")
@@ -173,7 +173,7 @@ def csv_rows(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
 
 
 def gpx(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
-    """By a parser of whole trees; None for points inside of points."""
+    """Read the points by a parser of whole trees; None for points inside of points."""
     try:
         root = ElementTree.parse(paths[0]).getroot()
     except (ElementTree.ParseError, ValueError):
@@ -195,7 +195,7 @@ def _local(element: ElementTree.Element) -> str:
 
 
 def can(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
-    """By python-can and cantools, frame by frame; None where cantools can't decode one."""
+    """Read the signals by python-can and cantools, frame by frame; None where cantools can't decode one."""
     reader = {".asc": python_can.ASCReader, ".blf": python_can.BLFReader, ".log": python_can.CanutilsLogReader}
     text = paths[1].read_bytes()
     try:

@@ -89,7 +89,7 @@ def _counts(decoded: DecodedMessages) -> Counter[str]:
 
 
 def _decoded(codec: Any, name: str, message: bytes) -> Any:
-    """By asn1tools; None where it refuses the message, or takes codes beyond the type's ranges."""
+    """Decode by asn1tools; None where it refuses the message, or takes codes beyond the type's ranges."""
     try:
         said = codec.decode(name, message, check_constraints=True)
     except Exception:  # it raises what it comes upon
