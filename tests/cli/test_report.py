@@ -203,7 +203,7 @@ def test_hostile_text_runs_nothing(annotated: Path, tmp_path: Path, cwcli: Run) 
         {"id": identity, "source": EVIL, "status": "done", "left_out": {EVIL: EVIL, "warn": EVIL}, "error": None},
         {"id": EVIL, "source": EVIL, "status": "failed", "left_out": {}, "error": error},
     ]
-    (out / "manifest.json").write_text(json.dumps({"format": 1, "pipeline": {}, "logs": entries}))
+    (out / "manifest.json").write_text(json.dumps({"format": 2, "pipeline": {}, "logs": entries}))
     done = cwcli("report", out, "-o", "r.html")
     assert done.returncode == 0, done.stderr
     assert b"\x1b" not in done.stderr + done.stdout

@@ -91,7 +91,7 @@ def test_the_tables_are_those_that_are_written(folder: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("section", ["Pipes and JSON", "In CI", "Late brakes", "The lane"])
+@pytest.mark.parametrize("section", ["Pipes and JSON", "In CI", "Late brakes", "A lane departure"])
 def test_the_other_commands_run(folder: Path, section: str) -> None:
     lines = commands(section)
     assert lines

@@ -66,7 +66,7 @@ def recorded(cwcli: Run, intersection: Path, tmp_path: Path) -> Path:
 def annotated(cwcli: Run, recorded: Path, tmp_path: Path) -> Path:
     done = cwcli("estimate", recorded, "-o", tmp_path / "annotated.mcap")
     assert done.returncode == 0
-    assert b"profile is no longer ros2" in b" ".join(done.stderr.split())
+    assert b"does not have the profile ros2" in b" ".join(done.stderr.split())
     return tmp_path / "annotated.mcap"
 
 
