@@ -1,9 +1,9 @@
-"""Kinds of warnings of which the host is not the one who can avoid the collision, or whose vehicle keeps its lane.
+"""Kinds of warnings of collisions that the host cannot avoid, or of vehicles that keep their lanes.
 
 A warning is for the one who can act on it. Who is followed cannot avoid the collision by braking; the follower can, as
-in the first rule of RSS, "do not hit someone from behind" (Shalev-Shwartz, Shammah and Shashua 2017). And two that
-drive parallel, each in its own lane, pass each other: what their predicted paths say of contact comes from the noise of
-their yaw rates.
+in the first rule of RSS, "do not hit someone from behind" (Shalev-Shwartz, Shammah and Shashua 2017). Nor can a host
+that stands: it has already done what a warning asks for. And two that drive parallel, each in its own lane, pass each
+other: what their predicted paths say of contact comes from the noise of their yaw rates.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from cwcli.measures.outlines import Size
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE, X, Y
+from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE, X, Y
 from cwcli.warning.measures import PairStates
 
 MAX_FOLLOWING_ANGLE_RAD = np.radians(30.0)
@@ -33,6 +33,10 @@ MIN_LANE_CLEARANCE_M = 1.0
 Chosen by hand; not fitted."""
 MAX_LANE_SPEED_MPS = 1.0
 """Greatest speed towards the other's line in a lane, m/s: a change of lanes (3.5 m in 4 to 6 s) has 0.9 on average."""
+STANDSTILL_SPEED_MPS = 0.5
+"""Speed in m/s up to which a host stands that does not drive off. Chosen by hand; not fitted."""
+MAX_STANDING_ACCEL_MPS2 = 0.5
+"""Acceleration in m/s^2 above which a host that stands drives off: cars start with 1 m/s^2 and more. Chosen by hand."""
 MAX_LANE_ACCEL_MPS2 = 1.0
 """Greatest lateral acceleration of a vehicle that keeps a straight lane, m/s^2. Chosen by hand; not fitted."""
 
@@ -43,6 +47,7 @@ class WarningKind(IntEnum):
     COLLISION = 0
     FROM_BEHIND = 1
     BESIDE_LANE = 2
+    HOST_STANDS = 3
 
     @property
     def name_in_tables(self) -> str:
@@ -59,6 +64,8 @@ def classify_warnings(states: PairStates) -> npt.NDArray[np.int8]:
     angle_rad = wrap_angle(other[:, HEADING] - host[:, HEADING])
     kinds = np.full(len(host), WarningKind.COLLISION, np.int8)
     kinds[_drives_parallel_at_distance_mask(host, other, left_m, angle_rad, states.sizes)] = WarningKind.BESIDE_LANE
+    stands = (np.abs(host[:, SPEED]) < STANDSTILL_SPEED_MPS) & (host[:, ACCEL] < MAX_STANDING_ACCEL_MPS2)
+    kinds[stands] = WarningKind.HOST_STANDS
     kinds[_follower_mask(host, ahead_m, left_m, angle_rad, states.sizes)] = WarningKind.FROM_BEHIND
     return kinds
 

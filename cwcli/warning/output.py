@@ -192,6 +192,6 @@ _EVENT_DOCS = {
         doc="what the rule compared with its threshold when the warning was raised; NaN: it has no threshold"
     ),
     "age_s": ColumnDoc(doc="age of the remote state when the warning was raised"),
-    "kind": ColumnDoc(doc="collision, from behind or beside lane; see docs/warning.md"),
+    "kind": ColumnDoc(doc="collision, from behind, beside lane or host stands; see docs/warning.md"),
 }
 """Explanations of columns of the table of events."""

@@ -261,7 +261,11 @@ def _join_windows(
 
 def _kinds_by_option(config: WarningConfig) -> tuple[tuple[WarningKind, bool], ...]:
     """Return the kinds that an option turns on, and whether it does."""
-    return (WarningKind.FROM_BEHIND, config.from_behind), (WarningKind.BESIDE_LANE, config.beside_lane)
+    return (
+        (WarningKind.FROM_BEHIND, config.from_behind),
+        (WarningKind.BESIDE_LANE, config.beside_lane),
+        (WarningKind.HOST_STANDS, config.while_standing),
+    )
 
 
 Stacked = TypeVar("Stacked", Measures, Decision)

@@ -141,6 +141,7 @@ class WarningConfig:
         persistence_s: How long the rule's condition must have held before the warning; None: the rule's own.
         from_behind: Warn of a follower in the host's lane, too (rule "cwcli"); the host cannot avoid it.
         beside_lane: Warn of a vehicle that drives parallel in a lane of its own, too (rule "cwcli").
+        while_standing: Warn a host that stands, too (rule "cwcli"); it cannot avoid anything by braking.
         hold_off_s: A condition that has been false this long is over; until then it is the same conflict.
         use: "received": of the remote states only those that had been received by then, as on line. "stamp": all
             whose stamp has passed (no link delay).
@@ -194,6 +195,10 @@ class WarningConfig:
         Option(
             "--beside-lane", "The rule cwcli also warns of vehicles that drive parallel to the host next to its lane."
         ),
+    ] = False
+    while_standing: Annotated[
+        bool,
+        Option("--while-standing", "The rule cwcli also warns while the host stands, when braking avoids nothing."),
     ] = False
     hold_off_s: Annotated[
         float,

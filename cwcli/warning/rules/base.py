@@ -57,8 +57,8 @@ class Rule:
         uses_braking_horizon: Whether it uses the measures to the horizon that braking needs (`Measures.farther`).
         is_symmetric: Whether its decision is the same whichever of the two is the host.
         is_of_collisions: Whether it warns of every collision, and not of some other danger.
-        leaves_out_kinds: Whether it does not warn of followers from behind and of vehicles beside the lane, unless the
-            options ask for these (`warning.kinds`).
+        leaves_out_kinds: Whether it does not warn of followers from behind, of vehicles beside the lane and while the
+            host stands, unless the options ask for these (`warning.kinds`).
     """
 
     summary: str

@@ -18,8 +18,9 @@ hypothesis that the onset goes on (`VehicleTrack.onset_paths`) fulfils 1 and 2, 
 the horizon than the mean path does, the rule warns at once: the hypothesis asks for a derivative that stands out of the
 filter's noise, which is a persistence of its own.
 
-It does not warn of a follower from behind, which the host cannot avoid, or of a vehicle that drives parallel in a lane
-of its own, unless `--from-behind` or `--beside-lane` asks for it (`warning.kinds`).
+It does not warn of a follower from behind or while the host stands, since the host cannot avoid either, or of a vehicle
+that drives parallel in a lane of its own, unless `--from-behind`, `--while-standing` or `--beside-lane` asks for it
+(`warning.kinds`).
 
 A warning stays up until contact is less than half as probable as the threshold.
 """

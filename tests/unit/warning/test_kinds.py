@@ -21,6 +21,7 @@ def _classify(**other: float) -> WarningKind:
     """The kind of a warning of a host at the origin, eastward at 15 m/s (or as `host_*` says)."""
     host = np.zeros((1, 8))
     host[0, 2], host[0, 5] = other.pop("host_speed", 15.0), other.pop("host_yaw_rate", 0.0)
+    host[0, 4] = other.pop("host_accel", 0.0)
     theirs = np.array([[other.get(name, 0.0) for name in ("x", "y", "v", "heading", "a", "w", "j")]])
     return WarningKind(classify_warnings(PairStates(host, theirs, np.zeros(1, np.bool_), (CAR, CAR)))[0])
 
@@ -45,6 +46,22 @@ def _classify(**other: float) -> WarningKind:
         pytest.param({"x": 60.0, "y": 3.8, "v": 8.0, "heading": np.pi, "w": 0.3}, WarningKind.COLLISION, id="turns"),
         pytest.param({"x": 30.0, "y": -3.5, "v": 0.0}, WarningKind.BESIDE_LANE, id="parked in the next lane"),
         pytest.param({"x": 30.0, "v": 15.0, "heading": np.pi}, WarningKind.COLLISION, id="head-on"),
+        pytest.param({"x": 30.0, "v": 15.0, "heading": np.pi, "host_speed": 0.0}, WarningKind.HOST_STANDS, id="stands"),
+        pytest.param(
+            {"x": 5.0, "y": -20.0, "v": 15.0, "heading": 1.6, "host_speed": 0.0, "host_accel": 1.0},
+            WarningKind.COLLISION,
+            id="host drives off",
+        ),
+        pytest.param(
+            {"x": 5.0, "y": -20.0, "v": 15.0, "heading": 1.6, "host_speed": 0.6},
+            WarningKind.COLLISION,
+            id="host creeps",
+        ),
+        pytest.param(
+            {"x": 5.0, "y": -20.0, "v": 15.0, "heading": 1.6, "host_speed": 0.4, "host_accel": -1.0},
+            WarningKind.HOST_STANDS,
+            id="host comes to a stand",
+        ),
     ],
 )
 def test_the_kind_follows_from_the_states_of_both(other: dict[str, float], kind: WarningKind) -> None:
@@ -61,11 +78,11 @@ def test_a_follower_is_counted_and_warned_of_on_request_alone() -> None:
     other = straight("car", x_m=-60.0, speed_mps=30.0, duration_s=2.7)
     found = _warnings(host, other)
     assert len(found.events_table.columns["kind"]) == 0
-    assert found.n_left_out == {WarningKind.FROM_BEHIND: 1, WarningKind.BESIDE_LANE: 0}
+    assert found.n_left_out == {WarningKind.FROM_BEHIND: 1, WarningKind.BESIDE_LANE: 0, WarningKind.HOST_STANDS: 0}
     asked = _warnings(host, other, from_behind=True)
     assert list(np.asarray(asked.events_table.columns["kind"])) == ["from behind"]
     assert seconds(np.asarray(asked.events_table.columns["raised_stamp_ns"])) == [0.3]
-    assert asked.n_left_out == {WarningKind.BESIDE_LANE: 0}
+    assert asked.n_left_out == {WarningKind.BESIDE_LANE: 0, WarningKind.HOST_STANDS: 0}
     assert "collision with car from behind, in" in asked.rows.message.values[0]
 
 
@@ -96,6 +113,18 @@ def test_an_oncoming_car_beside_the_lane_is_counted_and_warned_of_on_request_alo
     assert len(found.events_table.columns["kind"]) == 0
     assert found.n_left_out[WarningKind.BESIDE_LANE] == 1
     assert list(np.asarray(_warnings(host, other, beside_lane=True).events_table.columns["kind"])) == ["beside lane"]
+
+
+def test_a_host_that_stands_is_warned_on_request_alone() -> None:
+    """50 m before the standing host at 10 m/s: 45.5 m apart, so contact is less than 2.5 s ahead after 2.05 s."""
+    host = straight("host", speed_mps=0.0, duration_s=4.0)
+    other = straight("car", x_m=50.0, speed_mps=10.0, heading_rad=np.pi, duration_s=4.0)
+    found = _warnings(host, other)
+    assert len(found.events_table.columns["kind"]) == 0
+    assert found.n_left_out[WarningKind.HOST_STANDS] == 1
+    asked = _warnings(host, other, while_standing=True)
+    assert list(np.asarray(asked.events_table.columns["kind"])) == ["host stands"]
+    assert seconds(np.asarray(asked.events_table.columns["raised_stamp_ns"])) == [2.1]
 
 
 @pytest.mark.parametrize("rule", ["song2016", "ttc", "path-ttc"])
