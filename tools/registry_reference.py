@@ -31,7 +31,8 @@ adds one by an entry point in the group `cwcli.measures`.
 {sections}
 ## Left out
 
-A measure is only here if its definition could be read.
+A measure is only here if its definition could be read. Of those without a map that are often asked for, PICUD, PTTC,
+inverse TTC (looming: `ittc`) and Ozbay's crash index are in; these are not:
 
 - DSS, T2, TTCD, RCRI, TERCRI, WTTR: no definition was found that could be read; the one of DSS that was read exchanges
   the two vehicles.
@@ -39,6 +40,7 @@ A measure is only here if its definition could be read.
   al. 2023 leave undefined.
 - ACI, TCI, P-SMH: they need a causal model, weights or a set of manoeuvres with probabilities; no values are given.
 - PRI: it needs the place of a pedestrian crossing, so a map.
+- Allen's PSD without a collision course: it needs the place of the conflict, so a map. `psd` is on a collision course.
 
 ## Where they peak
 
