@@ -63,7 +63,7 @@ CURVE_STYLES: dict[str, dict[str, Any]] = {
     "left": {"color": "tab:orange", "linewidth": 1.6},
     "right": {"color": "tab:cyan", "linewidth": 1.6},
     "true": {"color": "tab:blue", "linewidth": 3.0, "zorder": 1.9},
-    "detected": {"color": "tab:green", "zorder": 1.8},
+    "detected": {"color": "yellowgreen", "zorder": 1.8},
     "estimated": {"color": "tab:red"},
     "left boundary": {"color": "0.4", "linewidth": 1.6},
     "right boundary": {"color": "0.65", "linewidth": 1.6},
