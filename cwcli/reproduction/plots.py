@@ -68,6 +68,7 @@ CURVE_STYLES: dict[str, dict[str, Any]] = {
     "left boundary": {"color": "0.4", "linewidth": 1.6},
     "right boundary": {"color": "0.65", "linewidth": 1.6},
     "zhang2011": {"color": "tab:blue"},
+    "cwcli": {"color": "tab:red"},
     "camera": {"color": "tab:red", "linestyle": "--"},
     "camera and gyroscope": {"color": "tab:green", "linestyle": "-."},
     "host": {"color": "tab:blue"},
@@ -111,7 +112,7 @@ DETAIL_PLACE = (0.5, 0.45, 0.48, 0.5)
 leave room. Chosen by hand."""
 MARK_COLOURS = ("black", "tab:purple")
 """Colours of the vertical lines: ours, the paper's."""
-MAX_TITLE_CHARACTERS = 72
+MAX_TITLE_CHARACTERS = 90
 """Characters of a title's line that fit above the plot. Chosen by hand."""
 LONG_LABEL_CHARACTERS = 15
 """Labels from this length on, in characters, leave room for three columns in the legend instead of five.
