@@ -127,7 +127,7 @@ def build_report(
     n_misfits = 0
     shown = [candidate for candidate in candidates if candidate.entry.log is not None and budget > 0]
     for index, candidate in enumerate(shown):
-        say(candidate.entry.name)
+        say(f"{candidate.entry.name}, log {index + 1} of {len(shown)}")
         is_open = len(shown) <= MAX_UNFOLDED_LOGS or index == 0
         made = _render_section_and_complete_candidate(
             candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open
