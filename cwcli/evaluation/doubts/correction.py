@@ -16,7 +16,7 @@ ADVICE_WITH_AN_OPTION = "Check that sensor, or mend the recording; {}."
 EVIDENCE_PATTERN = r" \((?P<evidence>[^()]*); (?P<option>--trust \S+ leaves it unchanged)\)\.?$"
 """The end of the recorded sentence: what shows the fault, and the option (`cwcli.estimation.correction`)."""
 RATIO_PATTERN = r"^log-likelihood ratio \S+ by "
-"""What shows the fault, where it is other sources: a number that only `--details` says."""
+"""The beginning of the evidence where other sources show the fault: its number is for `--details` alone."""
 
 
 def find_corrections(evidence: DoubtEvidence) -> Iterator[Finding]:
