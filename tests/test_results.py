@@ -11,7 +11,7 @@ import pytest
 
 from tools.results import __main__ as command
 from tools.results.markers import MARKER, fill_markers, unmarked_numbers
-from tools.results.pages import DOCS, MEASURED_SECTIONS, PAPER_PAGES, page_faults
+from tools.results.pages import DOCS, MEASURED_SECTIONS, PAPER_PAGES, page_faults, picture_faults
 from tools.results.result_file import (
     RESULTS,
     ResultFile,
@@ -74,6 +74,21 @@ def test_a_number_without_a_marker_is_refused(page: str, docs: Path) -> None:
     assert at is not None
     (docs / page).write_text(text[: at.end()] + "\n\nIt takes 3.7 s.\n" + text[at.end() :], encoding="utf-8")
     assert [fault for fault in page_faults(docs) if "no marker: 3.7" in fault]
+
+
+def test_the_pictures_of_the_papers_are_of_the_runs_that_gave_the_numbers(tmp_path: Path) -> None:
+    assert picture_faults() == []
+    shutil.copytree(RESULTS, tmp_path / "results")
+    shutil.copytree(DOCS / "papers" / "figures", tmp_path / "papers" / "figures")
+    pictures = tmp_path / "papers" / "figures"
+    shutil.copy(pictures / "xiang2019" / "fig-7.png", pictures / "xiang2019" / "fig-8.png")
+    (pictures / "song2016" / "fig-9.png").unlink()
+    (pictures / "zhang2011" / "fig-20.png").write_bytes(b"")
+    assert [fault.partition(":")[0] for fault in picture_faults(tmp_path)] == [
+        "papers/figures/song2016/fig-9.png",
+        "papers/figures/xiang2019/fig-8.png",
+        "papers/figures/zhang2011/fig-20.png",
+    ]
 
 
 def result(**values: Value) -> ResultFile:

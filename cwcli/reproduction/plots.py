@@ -62,7 +62,30 @@ def write_plots(
 CURVE_STYLES: dict[str, dict[str, Any]] = {
     "left": {"color": "tab:orange", "linewidth": 1.6},
     "right": {"color": "tab:cyan", "linewidth": 1.6},
-    "true": {"color": "black", "linewidth": 3.0, "zorder": 1.9},
+    "true": {"color": "tab:blue", "linewidth": 3.0, "zorder": 1.9},
+    "detected": {"color": "yellowgreen", "zorder": 1.8},
+    "estimated": {"color": "tab:red"},
+    "left boundary": {"color": "0.4", "linewidth": 1.6},
+    "right boundary": {"color": "0.65", "linewidth": 1.6},
+    "zhang2011": {"color": "tab:blue"},
+    "cwcli": {"color": "tab:red"},
+    "camera": {"color": "tab:red", "linestyle": "--"},
+    "camera and gyroscope": {"color": "tab:green", "linestyle": "-."},
+    "host": {"color": "tab:blue"},
+    "path of host": {"color": "tab:blue"},
+    "lead": {"color": "tab:red"},
+    "path of lead": {"color": "tab:red", "linestyle": "--"},
+    "other": {"color": "tab:red"},
+    "path of other": {"color": "tab:red", "linestyle": "--"},
+    "f(v)": {"color": "tab:blue"},
+    "printed: 1 + 0.000843 v^2": {"color": "black"},
+    "four looks of the lidar": {"color": "tab:blue"},
+    "four looks of the radar": {"color": "tab:orange"},
+    "all eight": {"color": "tab:green"},
+    "lidar, at most as printed": {"color": "tab:blue", "linestyle": ":"},
+    "radar, at most as printed": {"color": "tab:orange", "linestyle": ":"},
+    "printed bound of v_y, 10 %": {"color": "black", "linestyle": ":"},
+    "circle of 40 m, printed": {"color": "tab:orange", "linestyle": ":"},
     "path": {"color": "yellow", "linewidth": 1.8},
     "actual": {"color": "black", "linewidth": 3.0, "zorder": 1.9},
     "measured": {"color": "0.75", "linewidth": 0.7},
@@ -73,7 +96,6 @@ CURVE_STYLES: dict[str, dict[str, Any]] = {
     "constant acceleration": {"color": "tab:orange"},
     "constant jerk": {"color": "tab:green"},
     "our default": {"color": "tab:red", "linestyle": "--"},
-    "detected": {"zorder": 1.8},
     "printed sigma, +-0.15 m": {"color": "black", "linestyle": ":"},
     "printed sigma, +-0.1 m/s": {"color": "black", "linestyle": ":"},
     "car, yaw rate": {"color": "black"},
@@ -84,13 +106,13 @@ CURVE_STYLES: dict[str, dict[str, Any]] = {
     "cwcli, v_y": {"color": "tab:orange", "linestyle": "--"},
 }
 """Label of a curve -> its style in every figure; ours is dashed where it may cover the paper's, and what is true lies
-broad under what is estimated."""
+broad under what is estimated. True is blue, detected green and estimated red, as in figures 7 and 8 of xiang2019."""
 DETAIL_PLACE = (0.5, 0.45, 0.48, 0.5)
 """Left, bottom, width and height of a detail, as shares of the plot: the upper right, where distances under control
 leave room. Chosen by hand."""
 MARK_COLOURS = ("black", "tab:purple")
 """Colours of the vertical lines: ours, the paper's."""
-MAX_TITLE_CHARACTERS = 72
+MAX_TITLE_CHARACTERS = 90
 """Characters of a title's line that fit above the plot. Chosen by hand."""
 LONG_LABEL_CHARACTERS = 15
 """Labels from this length on, in characters, leave room for three columns in the legend instead of five.

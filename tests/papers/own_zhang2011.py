@@ -98,10 +98,10 @@ def static_errors(v_kmh: float, delta: float, mass: float, told_mass: float, *, 
     return np.max(errors, axis=0)
 
 
-def static_errors_of_figure_15() -> Array:
+def static_errors_of_figure_15(steer_rad: float = 0.01) -> Array:
     """Return what `static_errors` returns, for a speed that grows from 60 to 80 km/h by 0.2 m/s^2.
 
-    Both angle and bend go right.
+    The bend goes right, as a positive angle does.
     The gains come from a table of multiples of 10 km/h; the last second is the one that ends at 27.8 s.
     """
 
@@ -109,7 +109,7 @@ def static_errors_of_figure_15() -> Array:
         return min(60 / 3.6 + 0.2 * t, 80 / 3.6)
 
     bank = {kmh: gain(kmh / 3.6, HALF) for kmh in (60.0, 70.0, 80.0, 90.0)}
-    u = np.array([0.01, 0.001])
+    u = np.array([steer_rad, 0.001])
     x = np.concatenate([steady(60 / 3.6, HALF, u[0]), np.zeros(2)])
     state, errors = np.array([0.0, 0.0, x[2], x[3]]), []
     for k in range(1, 279):

@@ -95,6 +95,7 @@ def test_static_errors_of_figure_15() -> None:
     found = {each.what: each.ours for each in simulated_run_part("fig 15").numbers}
     errors = own.static_errors_of_figure_15()
     assert errors[0] == pytest.approx(0.785, abs=0.005)
+    assert own.static_errors_of_figure_15(-0.01)[0] == pytest.approx(1.36, abs=0.005)  # docs/papers/zhang2011-motion.md
     for k, name in enumerate(("v_y", "gamma")):
         assert found[f"zhang2011: static error of {name}"] == pytest.approx(errors[k], abs=0.01)
 

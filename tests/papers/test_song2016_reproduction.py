@@ -88,6 +88,15 @@ def test_the_claimed_classes_of_the_warnings_are_reached(moments: tuple[str, War
     )
 
 
+def test_the_printed_moments_can_be_told_apart_in_the_plot(moments: tuple[str, WarningMoments]) -> None:
+    """The plot is 770 pixels wide, 600 of them within its axes; a diamond is ten pixels wide."""
+    plot = warning_moments_part(*moments).plots[0]
+    assert plot.x_range is not None
+    pixels_per_s = 600.0 / (plot.x_range[1] - plot.x_range[0])
+    printed_s = sorted(curve.printed_x for curve in plot.curves)
+    assert np.diff(printed_s).min() * pixels_per_s > 20.0
+
+
 def test_the_seed_that_is_shown_warns_in_every_family(moments: tuple[str, WarningMoments]) -> None:
     dots = [curve.dot_x for curve in warning_moments_part(*moments).plots[0].curves]
     assert np.isfinite(dots).all()

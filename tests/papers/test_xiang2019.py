@@ -12,7 +12,7 @@ from cwcli.cli.main import run_command_line
 from cwcli.reproduction.classes import DIFFERS, REPRODUCED, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.xiang2019 import report
-from cwcli.reproduction.xiang2019.figures import measured_numbers_of_tables
+from cwcli.reproduction.xiang2019.figures import distance_errors_plot, measured_numbers_of_tables
 from cwcli.reproduction.xiang2019.reproduce import (
     PAPER_FILTER_CONFIG,
     PAPER_TABLE_1_PER_MILLE_M2,
@@ -67,6 +67,14 @@ def test_figure_6_at_long_range_is_the_weighted_mean_of_the_looks():
     weight = np.array([1 / SCENE_NOISE.lidar_m**2, 1 / SCENE_NOISE.range_m**2])
     mean = (weight * [scene.lidar_xy[:, 1].mean(), scene.radar[:, 0].mean()]).sum() / weight.sum()
     assert state[1] == pytest.approx(mean, abs=2e-3)  # the bearing's curvature is left
+
+
+def test_figure_6_has_the_largest_errors_that_the_paper_s_percentages_allow(small):
+    """At most 0.01 m for both together; the lidar alone at most 150 % worse, the radar alone at most 400 %."""
+    plot = distance_errors_plot(small["figure_6"])
+    printed_m = {curve.label: curve.y[0] for curve in plot.curves if "printed" in curve.label}
+    assert printed_m == pytest.approx({"lidar, at most as printed": 0.025, "radar, at most as printed": 0.05})
+    assert plot.level == ("all eight, at most as printed", 0.01)
 
 
 def test_table_1_both_filters_reach_the_papers_ukf(small):

@@ -8,7 +8,7 @@ import pytest
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.reproduction.classes import DIFFERS, FITTED, FOLLOWS, NOT_IN_PAPER, REPRODUCED, Finding
+from cwcli.reproduction.classes import DIFFERS, FITTED, FOLLOWS, NOT_IN_PAPER, REPRODUCED, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.zhang2011.drives import DRIVE_BY_FIGURE, drive_part
@@ -46,9 +46,16 @@ def test_the_worked_example() -> None:
     for speed in (80, 90):
         for source in ("y_L", "e_L"):
             classes = [found[f"eq 17, K_{speed}: {state} from {source}"].reached_class for state in STATE_NAMES]
-            assert classes == [REPRODUCED, REPRODUCED, DIFFERS, DIFFERS]  # printed zeros; a near-deadbeat predictor
+            # Printed zeros, by a reading of R1 that was chosen for them; a near-deadbeat predictor.
+            assert classes == [FITTED, FITTED, DIFFERS, DIFFERS]
         printed = found[f"eq 17, {speed} km/h: largest pole of the predictor of y_L and e_L, gain printed"]
         assert printed.measured.ours < 0.1
+
+
+def test_figure_13_has_the_printed_correction_beside_ours() -> None:
+    ours, printed = worked_example_part().plots[0].curves
+    np.testing.assert_allclose(printed.y, 1.0 + 0.000843 * (printed.x / 3.6) ** 2)
+    np.testing.assert_allclose(np.interp(printed.x, ours.x, ours.y), printed.y, atol=0.002)
 
 
 def test_the_tables_and_the_worked_examples_of_the_search() -> None:
@@ -67,7 +74,16 @@ def test_simulated_runs(figure: str) -> None:
         assert found["fig 16, zhang2011, told half load: static error of v_y"].measured.ours == pytest.approx(
             22.4, abs=0.1
         )
-    assert [len(curve.x) for curve in part.plots[0].curves] == [len(part.plots[0].curves[0].x)] * 6
+    curves = {curve.label: curve for curve in part.plots[0].curves}
+    assert {len(curve.x) for curve in curves.values()} == {len(part.plots[0].curves[0].x)}
+    bound = "printed bound of v_y, 10 %"
+    assert len(curves) == 6 + (figure == "fig 16") and (bound in curves) == (figure == "fig 16")
+    if bound in curves:
+        np.testing.assert_allclose(curves[bound].y, 0.9 * curves["car, v_y"].y)
+        # The paper's bound is of v_y alone (section 4.1).
+        gamma = found["fig 16, zhang2011: static error of gamma"]
+        assert not gamma.expected.is_printed
+        assert gamma.reached_class == WITHIN_OWN_BOUND
 
 
 @pytest.mark.parametrize("start", ["turning", "straight"])

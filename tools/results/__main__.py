@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cwcli
-from tools.results.pages import DOCS, filled_pages, page_faults
+from tools.results.pages import DOCS, filled_pages, page_faults, picture_faults, picture_hashes
 from tools.results.result_file import (
     RESULTS,
     ResultFile,
@@ -37,7 +37,7 @@ def measure(name: str, today: str) -> ResultFile:
         else:
             value, low, high = (_finite(each) for each in found)
             values[key] = Value(value, low, high, _finite(_small_number(small, key)))
-    _draw(name, whole)
+    pictures = _draw(name, whole)
     return ResultFile(
         name,
         study.command,
@@ -46,7 +46,7 @@ def measure(name: str, today: str) -> ResultFile:
         today,
         cwcli.__version__,
         values,
-        whole.more,
+        {**whole.more, "pictures": pictures} if pictures else whole.more,
     )
 
 
@@ -60,10 +60,10 @@ def _finite(value: float) -> float | None:
     return float(f"{value:.6g}") if math.isfinite(value) else None
 
 
-def _draw(name: str, whole: Measured) -> None:
-    """Write the pictures of a paper's page."""
+def _draw(name: str, whole: Measured) -> dict[str, str]:
+    """Write the pictures of a paper's page; returns their hashes by name."""
     if not whole.plots:
-        return
+        return {}
     from cwcli.output import AtomicGroup, make_folder
     from cwcli.reproduction.plots import write_plots
 
@@ -71,6 +71,7 @@ def _draw(name: str, whole: Measured) -> None:
     make_folder(folder, parents=True)
     with AtomicGroup() as together:
         write_plots(whole.plots, str(folder), together, paper=name, file_format="png", force=True)
+    return picture_hashes(folder)
 
 
 def check_small(names: list[str]) -> list[str]:
@@ -126,7 +127,7 @@ def main() -> int:
     for name in sorted(set(arguments.only or STUDIES) - set(names)):
         sys.stderr.write(f"{name}: not run, the development logs are not at hand\n")
     if arguments.check:
-        faults = page_faults() + (check_small(names) if arguments.small else [])
+        faults = page_faults() + picture_faults() + (check_small(names) if arguments.small else [])
         sys.stderr.writelines(f"{fault}\n" for fault in faults)
         sys.stderr.write(f"{len(faults)} numbers differ\n" if faults else "all numbers hold\n")
         return 1 if faults else 0

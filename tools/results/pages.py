@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
@@ -56,6 +57,25 @@ def filled_pages(docs: Path = DOCS, texts: Mapping[Path, str] | None = None) -> 
         path = docs / page
         pages[path] = fill_markers(texts[path] if path in texts else path.read_text(encoding="utf-8"), result)
     return pages
+
+
+def picture_hashes(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of each PNG in a folder, by name."""
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.glob("*.png"))}
+
+
+def picture_faults(docs: Path = DOCS) -> list[str]:
+    """Compare the pictures of the papers' pages with the runs of their numbers: one sentence for each that differs."""
+    faults = []
+    for name in PAPER_PAGES.values():
+        drawn = read_result_file(name, docs / "results").more["pictures"]
+        here = picture_hashes(docs / "papers" / "figures" / name)
+        faults += [
+            f"papers/figures/{name}/{picture}: it is not of the run that gave the page's numbers"
+            for picture in sorted(drawn.keys() | here.keys())
+            if drawn.get(picture) != here.get(picture)
+        ]
+    return faults
 
 
 def page_faults(docs: Path = DOCS) -> list[str]:

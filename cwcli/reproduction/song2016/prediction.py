@@ -113,12 +113,19 @@ def prediction_part(name: str, errors: PredictionErrors) -> StudyPart:
         what = f"{name}: {kind} error: jerk below acceleration below speed"
         measured.append(MeasuredNumber(figure, what, float(is_strictly_increasing(values_m))))
     labels = {family: f"constant {family}" for family in MODEL_BY_FAMILY} | {OUR_METHOD: "our default"}
+    marks = {}
+    if name == "curve":
+        marks = {
+            f"curve {label}, printed": printed_number("song2016", "fig 4", f"curve: half of its curvature is {what} at")
+            for label, what in (("begins", "reached"), ("ends", "left"))
+        }
     plot = Plot(
         figure,
         f"{name}: position error {PREDICTION_HORIZON_S:g} s ahead (first seed)",
         "time of the prediction [s]",
         "error [m]",
         [Curve(labels[method], errors.time_s, values) for method, values in errors.example_m.items()],
+        marks,
     )
     return StudyPart(tuple(measured), (plot,))
 
@@ -158,6 +165,7 @@ def filtered_path_part() -> StudyPart:
         Curve("true", run.truth[:, 0], run.truth[:, 1]),
     ]
     radius_m = run.truth[:, 2] / np.maximum(run.truth[:, 5], 1e-9)
+    curves.append(_printed_circle_curve(run.truth[radius_m.argmin()]))
     in_curve = run.time_s[radius_m < 2.0 * radius_m.min()]
     measured = (
         MeasuredNumber("fig 4", "curve: speed", float(run.truth[:, 2].mean())),
@@ -167,6 +175,15 @@ def filtered_path_part() -> StudyPart:
     )
     title = "curve: the way of the car (first seed)"
     return StudyPart(measured, (Plot("fig 4", title, "east [m]", "north [m]", curves, is_map=True),))
+
+
+def _printed_circle_curve(state: FloatArray) -> Curve:
+    """Return the circle of the printed radius that touches the car's way, to its left, at a state (6,)."""
+    radius_m = printed_number("song2016", "fig 4", "curve: radius")
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    x_m = state[0] + radius_m * (np.cos(angle) - np.sin(state[3]))
+    y_m = state[1] + radius_m * (np.sin(angle) + np.cos(state[3]))
+    return Curve(f"circle of {radius_m:g} m, printed", x_m, y_m)
 
 
 def starts_and_error_function(

@@ -39,6 +39,9 @@ FIGURE_BY_SCENARIO = {"rear-end": "fig 9", "intersection": "fig 11"}
 """Scenario -> the paper's figure of predicted distances."""
 MAP_FIGURE_BY_SCENARIO = {"rear-end": "fig 8", "intersection": "fig 10"}
 """Scenario -> the paper's figure of the paths from above."""
+HALF_WINDOW_S_BY_SCENARIO = {"rear-end": 2.5, "intersection": 1.0}
+"""Scenario -> half of the time that is drawn around the ideal moment, in s, so that the moments, printed 0.4 and 0.08 s
+apart, can be told from each other. Chosen by hand."""
 OUR_METHOD = "cwcli"
 """Key of our default chain with the paper's knowledge among the methods."""
 OUR_METHOD_ON_V2X = "cwcli-v2x"
@@ -153,6 +156,7 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
     found = median_with_interval(moments.warned_s_by_method[OUR_METHOD_ON_V2X])
     measured.append(MeasuredNumber(figure, f"{name}: warning, our default over the V2X link, median", *found))
     seed = typical_seed(moments)
+    half_s = HALF_WINDOW_S_BY_SCENARIO[name]
     plot = Plot(
         figure,
         f"{name}: distance predicted {PREDICTION_HORIZON_S:g} s ahead; dots: warnings (seed {seed}), diamonds: printed",
@@ -173,8 +177,8 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
             "ideal moment, printed": printed_number("song2016", figure, "ideal moment"),
         },
         ("collision", COLLISION_CENTRE_DISTANCE_M),
-        x_range=(moments.ideal_s - 2.5, moments.ideal_s + 2.5),
-        y_range=(0.0, 30.0),
+        x_range=(moments.ideal_s - half_s, moments.ideal_s + half_s),
+        y_range=(0.0, 12.0 * half_s),
     )
     return StudyPart(tuple(measured), (plot, _paths_from_above_plot(name, moments)))
 
@@ -200,7 +204,7 @@ def _paths_from_above_plot(name: str, moments: WarningMoments) -> Plot:
         shown = car.motion.states_at(np.array([0.0, moments.ideal_s]))
         x, y = np.concatenate([_closed_outline_m(state, car.length_m, car.width_m) for state in shown]).T
         curves.append(Curve(vehicle, x, y))
-    title = f"{name}: the two cars at the start and at the ideal moment, and their paths until they collide"
+    title = f"{name}: both cars at the start and at the ideal moment, and their paths until they collide"
     return Plot(MAP_FIGURE_BY_SCENARIO[name], title, "east [m]", "north [m]", curves, is_map=True)
 
 

@@ -49,7 +49,7 @@ MAX_DRIVE_SEEDS = 20
 """The greatest number of seeds of a figure. Chosen by hand; not fitted."""
 FRAME_RATE_HZ = 10.0
 """The paper's frame rate, in Hz (zhang2011, section 2.1)."""
-CURVE_LABELS = {"zhang2011": "zhang2011", "camera and speed": "camera", "with a gyroscope": "and gyroscope"}
+CURVE_LABELS = {"zhang2011": "zhang2011", "camera and speed": "camera", "with a gyroscope": "camera and gyroscope"}
 """Method -> its label in plots."""
 RENDERED_PREFIX = "rendered frames, "
 """The prefix of numbers from rendered frames."""
@@ -150,7 +150,12 @@ def drive_part(
         for name, each in values.items()
         for what, found in each.items()
     ]
-    title = f"{drive.load} load, from {drive.start_kmh:g} km/h at {drive.accel_mps2:g} m/s^2: 2 s of the first seed"
+    speed = (
+        f"from {drive.start_kmh:g} km/h at {drive.accel_mps2:g} m/s^2"
+        if drive.accel_mps2
+        else f"{drive.start_kmh:g} km/h"
+    )
+    title = f"{drive.load} load, {speed}: 2 s of the first seed"
     track_plot = Plot(f"{figure} rendered" if seen else f"{figure}a", title, "x [m]", "y [m]", curves)
     if not seen:
         pictures.append(_track_deviation_plot(figure, title, curves))
@@ -267,6 +272,6 @@ def _road_and_track_curves(truth: LaneDriveTruth, sensed: SensedDrive, run: int)
     half = 0.5 * WINDING_ROAD.lane_width_m
     return [
         Curve("actual", truth.x_m[index, run], truth.y_m[index, run]),
-        Curve("left", centre_x - half * np.sin(along), centre_y + half * np.cos(along)),
-        Curve("right", centre_x + half * np.sin(along), centre_y - half * np.cos(along)),
+        Curve("left boundary", centre_x - half * np.sin(along), centre_y + half * np.cos(along)),
+        Curve("right boundary", centre_x + half * np.sin(along), centre_y - half * np.cos(along)),
     ]

@@ -24,6 +24,7 @@ from cwcli.dynamics.single_track import preview_state_matrices, understeer_gradi
 from cwcli.dynamics.steering import dynamic_steering_correction
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.expectations import printed_number
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
@@ -44,6 +45,8 @@ OBSERVER_SPEEDS_KMH = (80.0, 90.0)
 """Speeds of the two observers in the worked example, in km/h (section 3.2)."""
 SIGNS_TO_PAPER = np.array([-1.0, -1.0, 1.0, 1.0])
 """Factors from our signs of v_y, gamma, y_L and e_L to the paper's."""
+CORRECTION_NUMBER = ("eq 13", "f(v) - 1 over v^2, half load")
+"""Figure and name of the factor of the speed's square in the correction of the steering angle."""
 STATE_NAMES = ("v_y", "gamma", "y_L", "e_L")
 """Names of the four states, in order."""
 PRINTED_STATE_BY_SPEED = {80.0: (-1.417, 0.4008, -3.498, -0.0582), 90.0: (-1.996, 0.418, -3.524, -0.0658)}
@@ -123,7 +126,7 @@ def worked_example_part() -> StudyPart:
     """Compute f(v), figure 13, the printed gains, and the worked example of section 3.2."""
     car = load_vehicle()
     measured = [
-        MeasuredNumber("eq 13", "f(v) - 1 over v^2, half load", understeer_gradient(car) / car.wheelbase_m),
+        MeasuredNumber(*CORRECTION_NUMBER, understeer_gradient(car) / car.wheelbase_m),
         *_observer_gain_numbers(),
         *_blended_print_numbers(),
         *_model_state_numbers(),
@@ -131,9 +134,13 @@ def worked_example_part() -> StudyPart:
     ]
     kmh = np.linspace(0.0, 160.0, 81)
     factor = np.array([float(dynamic_steering_correction(car, v)) for v in kmh * MPS_PER_KMH])
-    plot = Plot(
-        "fig 13", "correction f of the steering angle, half load", "speed [km/h]", "f", [Curve("f(v)", kmh, factor)]
-    )
+    printed_kmh = np.arange(0.0, 161.0, 10.0)
+    printed = 1.0 + printed_number("zhang2011", *CORRECTION_NUMBER) * (printed_kmh * MPS_PER_KMH) ** 2
+    curves = [
+        Curve("f(v)", kmh, factor),
+        Curve("printed: 1 + 0.000843 v^2", printed_kmh, printed, is_points=True),
+    ]
+    plot = Plot("fig 13", "correction f of the steering angle, half load", "speed [km/h]", "f", curves)
     return StudyPart(tuple(measured), (plot,))
 
 

@@ -109,7 +109,14 @@ def simulated_run_part(figure: str, vehicle: Vehicle | None = None) -> StudyPart
         allowed = max(errors["zhang2011"].static_percent[k], EQUAL_STATIC_ERROR_PERCENT)
         what = f"cwcli: static error of {name} above zhang2011's, or above {EQUAL_STATIC_ERROR_PERCENT:g} %"
         measured.append(MeasuredNumber(figure, what, errors["cwcli"].static_percent[k] - allowed))
-    title = f"{settings.load} load, {-settings.steer_rad:g} rad to the right, from {settings.start_kmh:g} km/h"
+    if figure == "fig 16":
+        curves.append(
+            Curve("printed bound of v_y, 10 %", run.time_s, -0.01 * (100.0 - CONVERGED_ERROR_PERCENT) * run.state[:, 0])
+        )
+    speed = f"{settings.start_kmh:g} km/h"
+    if settings.accel_mps2:
+        speed += f" to {settings.end_kmh:g} km/h at {settings.accel_mps2:g} m/s^2"
+    title = f"{settings.load} load, {-settings.steer_rad:g} rad to the right, {speed}"
     return StudyPart(tuple(measured), (Plot(figure, title, "time [s]", "yaw rate [rad/s], v_y [m/s]", curves),))
 
 

@@ -59,6 +59,9 @@ SHOWN_GENERATIONS = (1, 2, 5, 10, 20, 40, 60, 90, 120, 150, 180)
 """Generations at which the convergence is plotted. Chosen by hand; not fitted."""
 MIN_BOUNDARY_GAP_PX = 4.0
 """Both boundaries end where they come nearer to each other, in pixels. Chosen by hand; not fitted."""
+SEEN_STATIONS_M = np.arange(0.0, 61.0, 5.0)
+"""Stations of the road, in m, that tell a bend from a straight: as far as a frame shows the curvature well. Chosen
+by hand."""
 N_CANDIDATE_DRIVES = 20
 """Number of drives among which the bend and the straight of figures 9 and 10 are chosen. Chosen by hand; not fitted."""
 
@@ -115,8 +118,10 @@ def bend_and_straight_part() -> StudyPart:
     """Plot figures 9 and 10: a bend and a straight, followed as in a video until the third phase."""
     n_frames = N_UNSTABLE_FRAMES + 1
     drives = list(iter_set_drives("good", N_CANDIDATE_DRIVES, seed=HELD_OUT_SEED, n_frames=n_frames))
-    bends = [abs(float(np.interp(0.0, drive.knots_m, drive.curvature_1pm))) for drive in drives]
-    chosen = {"fig 9": ("a bend", int(np.argmax(bends))), "fig 10": ("a straight", int(np.argmin(bends)))}
+    seen = [np.interp(SEEN_STATIONS_M, drive.knots_m, drive.curvature_1pm) for drive in drives]
+    bend = int(np.argmax([abs(float(curvature_1pm.mean())) for curvature_1pm in seen]))
+    straight = int(np.argmin([float(np.abs(curvature_1pm).max()) for curvature_1pm in seen]))
+    chosen = {"fig 9": ("a bend", bend), "fig 10": ("a straight", straight)}
     return StudyPart(
         (), tuple(_followed_drive_plot(figure, text, drives[k], k) for figure, (text, k) in chosen.items())
     )
