@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from cwcli.channels.published import REMOTE_STATE
+from cwcli.channels.binding import ROLE_TEXT
+from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.digest.drive_sentences import drive_length_sentence
 from cwcli.digest.stage_sentences import stage_sentence
 from cwcli.evaluation.doubts import find_doubts_in_evidence, find_remarks_in_evidence
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 STAGES_OF_A_STORY = frozenset({"warn", "warn-targets", "warn-lane"})
 """Stages after which the story of the drive, with its warnings, says what happened."""
+NO_EGO_STATE_TEXT = f"no channel holds {ROLE_TEXT[EGO_STATE.role]}"
+"""The reason for leaving a stage out where the car's motion was not estimated, in the words of the channels."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ def _story_sentences(drive: Drive) -> tuple[str, ...]:
 
 def _reason_for_no_warnings(left_out: Mapping[str, str]) -> tuple[str, ...]:
     """Say why a run has no warnings."""
-    reason = left_out.get("warn", "")
+    reason = left_out.get("warn", "").replace(NO_EGO_STATE_TEXT, "the car's motion is not known")
     return (f"No warnings were computed: {reason}.",) if reason else ()
 
 
@@ -106,7 +109,7 @@ def confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
         for name, unit, sigma in evidence.estimate_summary.column_cells("errors", "error of", "unit", "estimated")
         if isinstance(sigma, float) and str(name).startswith(("position", "speed", "heading"))
     ]
-    against = (f"Against the truth the estimate errs by {join_names(errors)}, one sigma.",) if errors else ()
+    against = (f"Compared with the true motion in the log, typical errors are {join_names(errors)}.",) if errors else ()
     return (
         *against,
         *_target_error_sentences(evidence),
@@ -121,4 +124,4 @@ def _target_error_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     if not errors_m:
         return ()
     whose = "the target" if len(errors_m) == 1 else "the worst target"
-    return (f"Against the truth {whose} errs by {format_number(max(errors_m), 2)} m in position, RMS.",)
+    return (f"Compared with its true position in the log, {whose} is {format_number(max(errors_m), 2)} m off (RMS).",)

@@ -103,7 +103,9 @@ def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[
 
 
 def _drop_incomplete_axes(found: dict[str, list[str]]) -> None:
-    """Leave out axes without their companions: `gx` alone, `x` without `y`."""
+    """Leave out axes without their companions: `gx` alone, `x` without `y`; but `gz` alone may be a yaw rate."""
+    inertial = {name for name in found if found[name] and name.startswith(("gyro_", "accel_"))}
+    yaw_rate = found["gyro_z"] if inertial == {"gyro_z"} and not found.get("yaw_rate") else []
     for names in (
         [f"gyro_{axis}" for axis in "xyz"],
         [f"accel_{axis}" for axis in "xyz"],
@@ -115,6 +117,8 @@ def _drop_incomplete_axes(found: dict[str, list[str]]) -> None:
         if 0 < len(present) < len(names):
             for name in present:
                 del found[name]
+    if yaw_rate:
+        found["gyro_z"] = yaw_rate
 
 
 def load_table(table: SourceTable, answers: Answers) -> LoadedTable:

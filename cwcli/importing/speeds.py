@@ -341,18 +341,27 @@ def _angles_to_heading_rad(values: FloatArray, option: str) -> FloatArray:
 
 
 def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
-    """Find a yaw rate, its unit and its sense."""
+    """Find a yaw rate, its unit and its sense; a turn rate about z alone is one where the course turns with it."""
     column = meaning.choose_column_or_ask("yaw_rate")
+    is_lonely = column is None and not meaning.questions and not meaning.candidate_columns("gyro_x")
+    if is_lonely:
+        column = meaning.choose_column_or_ask("gyro_z")
     if column is None:
         return
     values = meaning.unscaled_numbers(column)
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason("yaw_rate", column)
+    unit, confidence, why = meaning.stated_unit_confidence_and_reason("gyro_z" if is_lonely else "yaw_rate", column)
     ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values)
     is_shown = abs(correlation) > MIN_CORRELATION
     if not unit and is_shown:
         fitting = [each for each in ("radps", "degps") if abs(math.log(abs(ratio) * FACTORS["turn rate"][each])) < 0.5]
         if fitting:
             unit, confidence, why = fitting[0], "likely", f"{abs(ratio):.3g} of it make 1 rad/s of the course"
+    if is_lonely and not (is_shown and unit):
+        meaning.notes.append(
+            f"{column!r} is left out: no turn of the course shows its unit and sense (--column "
+            f"yaw_rate='{column}*degps', or '{column}*radps', if left is positive)"
+        )
+        return
     if not unit:
         meaning.add_question(
             f"{column!r}: the unit of the turn rate is not known",

@@ -19,6 +19,7 @@ from cwcli.importing.times import (
     Instants,
     NumberBase,
     TextTimes,
+    can_be_gps_seconds,
     ns_and_validity_of_text_times,
     parse_start_ns,
     possible_date_orders,
@@ -50,6 +51,8 @@ MAX_CHANGES_PER_STEP_BACK = 4
 block, makes three."""
 MAX_GPS_WEEK = 11_000
 """Greatest week since the GPS epoch that is accepted, in the year 2190. Chosen by hand."""
+CLOCK_WORDS = frozenset({"unix", "posix", "epoch", "utc", "gmt", "ros", "system", "sys", "device", "phone"})
+"""Words in a column's name that say that its seconds count from 1970, not from the GPS epoch."""
 DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
 SECOND_PARTS = {"millisecond": 1_000_000, "nanosecond": 1}
@@ -291,11 +294,33 @@ def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, an
     return Candidate(column, "clock", stamp_ns, valid, Guess("time", column, "clock", "assumed", why), question)
 
 
+def _choices_of_number_time(column: str, base: NumberBase, unit: str, *, may_be_gps: bool) -> tuple[str, str] | None:
+    """Return what is not known of numbers of time, with the options that answer it; None where all is known.
+
+    Args:
+        base: As they are meant, as far as the numbers and the header tell.
+        unit: The unit in the header, "" without one.
+        may_be_gps: Seconds since 1970 may as well be seconds since the GPS epoch.
+    """
+    if base.since == "2001" and not base.unit:
+        what = f"{column!r}: the numbers may be seconds since 2001, as Apple counts them, or since 1970"
+        return what, f"--column time='{column}*s-2001', or '{column}*s-1970'"
+    if base.unit == "s" and base.since == "1970" and may_be_gps:
+        what = f"{column!r}: the numbers may be seconds since 1980, as GPS counts them, or since 1970"
+        return what, f"--column time='{column}*s-gps', or '{column}*s-1970'"
+    if base.unit:
+        return None
+    units = " or ".join(f"--column time='{column}*{each}'" for each in ("s", "ms"))
+    if unit:
+        return f"{column!r}: the numbers do not fit the unit {unit}", units
+    return f"{column!r}: the unit of the time is not known", units
+
+
 def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> Candidate:
     where = table.source.name
     given = answers.column_and_unit_for(table.source, "time")
     preset = table.source.presets.get(column)
-    words = split_name(column).words
+    words, unit_text = split_name(column).words, split_name(column).unit_text.lower()
     unit = find_unit(table.source.units.get(column, ""), "time") or unit_of_name(column, "time")
     unit = unit or next(
         (find_unit(word, "time") for word in reversed(words) if len(word) > 3 and find_unit(word, "time")), ""
@@ -308,26 +333,11 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
         read = time_base_of_numbers(instants, wanted, words)
         base = NumberBase(wanted, since or read.since, "given", "as you said")
     guess = Guess("time", column, base.unit, base.confidence, base.why)
-    if base.since == "2001" and not base.unit:
-        what = f"{column!r}: the numbers may be seconds since 2001, as Apple counts them, or since 1970"
-        option = f"--column time='{column}*s-2001', or '{column}*s-1970'"
-        return Candidate(
-            column,
-            "unknown",
-            np.zeros(len(instants.whole), np.int64),
-            instants.valid,
-            guess,
-            Question(where, what, option),
-        )
-    if not base.unit:
-        units = " or ".join(f"--column time='{column}*{each}'" for each in ("s", "ms"))
-        what = (
-            f"{column!r}: the unit of the time is not known"
-            if not unit
-            else f"{column!r}: the numbers do not fit the unit {unit}"
-        )
-        question = Question(where, what, units)
-        return Candidate(column, "unknown", np.zeros(len(instants.whole), np.int64), instants.valid, guess, question)
+    says_epoch = preset is not None or bool(CLOCK_WORDS & {*words, unit_text}) or bool(given and "-" in given[1])
+    asked = _choices_of_number_time(column, base, unit, may_be_gps=not says_epoch and can_be_gps_seconds(instants))
+    if asked is not None:
+        nothing = np.zeros(len(instants.whole), np.int64)
+        return Candidate(column, "unknown", nothing, instants.valid, guess, Question(where, *asked))
     stamp_ns = instants.to_ns(base.unit)
     rest = _nanoseconds_beside(table, column) if base.unit == "s" and not instants.fraction.any() else None
     if rest is not None:

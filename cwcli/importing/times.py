@@ -408,7 +408,7 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
         if unit and each != unit:
             continue
         if FIRST_YEAR_S <= since_s <= LAST_YEAR_S:
-            if says_gps and GPS_NAMES_FROM_S <= since_s <= datetime.now(UTC).timestamp() - GPS_EPOCH_UNIX_S + 86_400:
+            if says_gps and _is_recent_gps_time(since_s):
                 return NumberBase(each, "gps", "likely", "the header says GPS, and the numbers fit GPS time")
             return NumberBase(each, "1970", "certain" if unit else "likely", f"the numbers are {each} since 1970")
     is_of_apple = APPLE_FIRST_S <= middle < FIRST_YEAR_S and unit in {"", "s"}
@@ -436,6 +436,17 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
         since = "week" if _do_words_name_gps_week(words) else "start"
         return NumberBase(fitting[0], since, "likely", f"steps of {step:g} {fitting[0]} are a usual rate")
     return NumberBase("", "start", "", "")
+
+
+def can_be_gps_seconds(instants: Instants) -> bool:
+    """Tell whether numbers, as seconds since the GPS epoch, lie between the first logs of vehicles and today."""
+    values = instants.values()
+    finite = values[np.isfinite(values)]
+    return bool(len(finite)) and _is_recent_gps_time(float(np.median(finite)))
+
+
+def _is_recent_gps_time(since_s: float) -> bool:
+    return GPS_NAMES_FROM_S <= since_s <= datetime.now(UTC).timestamp() - GPS_EPOCH_UNIX_S + 86_400
 
 
 def _do_words_name_gps_week(words: tuple[str, ...]) -> bool:

@@ -17,7 +17,7 @@ from cwcli.signals.role import Role
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
-NO_REMOTE_CHANNEL_TEXT = "no channel holds remote vehicles (BSM or CAM messages)"
+NO_REMOTE_CHANNEL_TEXT = "the log has no messages of other vehicles (BSM or CAM)"
 """The reason for leaving a stage out where no channel binds to the role of remote vehicles."""
 NO_REMOTE_MESSAGE_TEXT = "no message of another vehicle could be used"
 """The reason for leaving a stage out where such a channel exists and gave no state."""

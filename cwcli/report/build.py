@@ -42,6 +42,7 @@ from cwcli.report.section import DetailLevel, SectionOptions, build_log_view
 from cwcli.report.sensors import sensor_remarks_sentence
 from cwcli.report.source import LogEntry, ReportedRun, read_reported_run
 from cwcli.report.system import judge_other_system, other_system_sentences
+from cwcli.report.thumbnail import read_track_path
 from cwcli.report.tiles import TileServer
 from cwcli.report.views import LogView
 from cwcli.text import format_count
@@ -52,8 +53,8 @@ MAX_UNFOLDED_LOGS = 3
 fitted."""
 MAX_LOGS_IN_FULL_DETAIL = 5
 """Greatest number of logs of a run that are first tried in full detail. Chosen by hand; not fitted."""
-OVERVIEW_ROW_BYTES = 900
-"""Space that is reserved for one row of the overview table, in bytes. Estimated by hand."""
+OVERVIEW_ROW_BYTES = 1200
+"""Space that is reserved for one row of the overview table, in bytes, 300 of them for the track. Estimated by hand."""
 LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES = 290, 5_000_000
 """The page of many logs sets aside so many bytes for a row of its overview, and has at most so many bytes. Chosen by
 hand: ten thousand rows, and figures of the worst logs."""
@@ -126,7 +127,7 @@ def build_report(
     n_misfits = 0
     shown = [candidate for candidate in candidates if candidate.entry.log is not None and budget > 0]
     for index, candidate in enumerate(shown):
-        say(candidate.entry.name)
+        say(f"{candidate.entry.name}, log {index + 1} of {len(shown)}")
         is_open = len(shown) <= MAX_UNFOLDED_LOGS or index == 0
         made = _render_section_and_complete_candidate(
             candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open
@@ -138,7 +139,7 @@ def build_report(
             continue
         candidate.anchor = f"log-{index + 1}"
         sections.append(made)
-        budget -= len(made.encode())
+        budget -= len(made.encode()) + len(candidate.track)
         if budget < row_bytes:
             break
     return assemble_run_report(run, candidates, results, sections, renderer)
@@ -253,6 +254,7 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult],
         if entry.error.get("hint"):
             story += f" (hint: {entry.error['hint']})"
     sources: list[SourceInLog] = []
+    track = ""
     if not is_opened and entry.line is not None:
         n_warnings = entry.line.n_warnings
         story = (story or entry.line.text)[:MAX_SHORT_STORY_CHARACTERS]
@@ -263,14 +265,14 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult],
             with Log.open(str(entry.log)) as log:
                 n_warnings = _count_raised_warnings(log)
                 sources = read_ego_sources(entry.id, read_run_records(log).get("estimate", {}))
+                track = read_track_path(log)
         except CwcliError as error:
             story, rank = story or f"{error.what}", 0
             badges.append(Badge("the annotated log can't be read", "bad"))
     if n_warnings or n_doubts:
         rank = min(rank, 2)
-    return LogCandidate(
-        entry, badges, rank, n_warnings, story[:MAX_STORY_CHARACTERS], sources=tuple(sources), n_doubts=n_doubts
-    )
+    shown = story[:MAX_STORY_CHARACTERS]
+    return LogCandidate(entry, badges, rank, n_warnings, shown, track=track, sources=tuple(sources), n_doubts=n_doubts)
 
 
 def _count_raised_warnings(log: Log) -> int:
@@ -309,6 +311,7 @@ def _render_section_and_complete_candidate(
                 if len(made.encode()) <= budget:
                     candidate.badges += view.story.badges
                     candidate.links = view.links
+                    candidate.track = candidate.track or read_track_path(log)
                     return made
     except CwcliError as error:
         candidate.story = candidate.story or error.what

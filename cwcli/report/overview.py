@@ -77,6 +77,7 @@ class LogCandidate:
     story: str = ""
     anchor: str = ""
     links: tuple[tuple[str, str], ...] = ()
+    track: str = ""
     sources: tuple[SourceInLog, ...] = ()
     n_doubts: int = 0
 
@@ -114,7 +115,7 @@ def assemble_run_report(
             format_metric_value(name, known[name].value if name in known else math.nan) for name, _ in columns
         )
         story = each.story or (format_count(each.n_warnings, "warning") if each.n_warnings else "no warning")
-        rows.append(OverviewRow(each.anchor, each.entry.name, tuple(each.badges), story, shown, each.links))
+        rows.append(OverviewRow(each.anchor, each.entry.name, tuple(each.badges), story, shown, each.links, each.track))
     failed = [each for each in candidates if each.rank <= 1]
     left_out = tuple(each.entry.name for each in candidates if not each.anchor and each.entry.log is not None)
     anchors = {each.entry.id: each.anchor for each in candidates if each.anchor}

@@ -33,7 +33,10 @@ GZIP_LEVEL = 9
 
 @dataclass(frozen=True)
 class OverviewRow:
-    """One log of the overview; `anchor` is "" without details; `links` are anchors and descriptions of its parts."""
+    """One log of the overview; `anchor` is "" without details; `links` are anchors and descriptions of its parts.
+
+    `track` is the SVG path of its thumbnail (`cwcli.report.thumbnail`), "" without one.
+    """
 
     anchor: str
     name: str
@@ -41,6 +44,7 @@ class OverviewRow:
     story: str
     values: tuple[str, ...]
     links: tuple[tuple[str, str], ...] = ()
+    track: str = ""
 
 
 @dataclass(frozen=True)

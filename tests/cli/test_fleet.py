@@ -117,7 +117,7 @@ def test_layout_and_manifest(reference: Path) -> None:
     assert list(by_id) == sorted(by_id)
     assert {"a", "alone", "b", "broken", "log-2026"} < set(by_id)
     assert by_id["a"]["stages"] == ["estimate", "predict", "warn"]
-    assert by_id["alone"]["left_out"]["warn"] == "no channel holds remote vehicles (BSM or CAM messages)"
+    assert by_id["alone"]["left_out"]["warn"] == "the log has no messages of other vehicles (BSM or CAM)"
     assert by_id["broken"]["status"] == "failed"
     assert by_id["broken"]["error"]["exit_code"] == 3
     assert by_id["broken"]["error"]["where"] == "logs/broken.mcap"

@@ -10,11 +10,15 @@ import struct
 import sys
 import termios
 import time
+from pathlib import Path
 
 import pytest
 
 from cwcli.cli import progress as progress_module
+from cwcli.cli.main import run_command_line
 from cwcli.cli.progress import Progress
+from cwcli.errors import EXIT_MISSING_SIGNAL
+from tests.cli.conftest import SAMPLES
 from tests.work import count_calls
 
 
@@ -110,3 +114,17 @@ def test_a_narrow_terminal_gets_a_line_that_does_not_wrap(monkeypatch: pytest.Mo
 def test_a_terminal_that_can_not_wipe_a_line_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "dumb")
     assert drawn_on_a_terminal(monkeypatch, show_after_s=0.0) == "end"
+
+
+def test_import_and_export_name_their_step(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps: list[str] = []
+    monkeypatch.setattr(Progress, "begin_step", lambda self, what: steps.append(what))
+    table = tmp_path / "drive.csv"
+    table.write_text("\n".join(["t,lat,lon", *(f"{k / 10},{48 + k * 1e-5:.7f},11" for k in range(50))]))
+    assert run_command_line(["import", str(table), "-o", str(tmp_path / "log.mcap")]) == 0
+    log = str(SAMPLES / "straight.mcap")  # it has no states to export, which is found out later
+    assert run_command_line(["export", log, "-o", str(tmp_path / "ego.tum")]) == EXIT_MISSING_SIGNAL
+    assert steps == [f"import {table}", f"export {log}"]
+    assert "\r" not in "".join(capsys.readouterr())  # nothing is drawn into a pipe

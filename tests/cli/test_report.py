@@ -303,6 +303,10 @@ def test_folder_of_logs_shows_the_failed_one_first(cwcli: Run, tmp_path: Path) -
     assert rows == sorted(rows)
     assert "3 drives: cwcli gave 1 warning in 1 of them; 1 could not be processed." in text
     assert "it is not an MCAP file" in text
+    table = text.partition('class="wide logs"')[2].partition("</table>")[0]
+    tracks = [re.findall(r'<svg class="track".*?<path d="M([^"]+)"', row) for row in table.split("<tr>")[2:]]
+    assert [len(each) for each in tracks] == [0, 1, 1]  # the failed one has none
+    assert len({point.split()[0] for point in tracks[1][0].split("L")}) == 1  # it goes straight north
 
 
 def test_page_of_many_logs_keeps_to_its_size_and_says_what_is_left_out(
@@ -323,6 +327,10 @@ def test_page_of_many_logs_keeps_to_its_size_and_says_what_is_left_out(
     assert 0 < report.n_detailed < 12
     assert len(report.left_out) == 12 - report.n_detailed
     assert f"{len(report.left_out)} of the 12 logs are in the table only" in report.html.decode()
+    assert report.html.count(b'<svg class="track"') == 12
+    monkeypatch.setattr(build, "MAX_LOGS_OPENED", 1)  # of more, those with figures alone have a track
+    report = build.build_report(str(tmp_path))
+    assert report.html.count(b'<svg class="track"') == report.n_detailed > 0
 
 
 def test_ten_minutes_stay_under_six_megabytes(annotated: Path, tmp_path: Path) -> None:

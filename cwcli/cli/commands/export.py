@@ -11,6 +11,7 @@ from cwcli.cli.console import Console, is_terminal, normalise_stdout_name
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, source_of_logs
+from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.errors import UsageError, names_hint
 from cwcli.export.formats import TRACK_FORMATS
@@ -108,15 +109,18 @@ def command(
     bound_array_memory()
     console = Console(quiet=talk.quiet)
     with Log.open(source_of_logs(log, as_one)) as opened:
+        progress = Progress(quiet=talk.quiet)
+        progress.begin_step(f"export {opened.name}")
         if form == ROS_FORMAT:
-            said = _write_ros_log(opened, output, force, console)
+            said = _write_ros_log(opened, output, force, console, progress)
         else:
             if not names:
                 of_all = form in TRACK_FORMATS and load_track_format(form).holds_all_vehicles
                 names = content_names_of_ego_and_others(opened) if of_all else ["ego"]
             for name in names:
                 require_content_in_log(opened, name)
-            encoded, n = _encode_contents_and_count_rows(opened, names, form, vehicle)
+            with progress:
+                encoded, n = _encode_contents_and_count_rows(opened, names, form, vehicle)
             said = {"what": ",".join(names), "rows": n}
             if output == "-" and is_text and is_terminal(sys.stdout):
                 console.print_data(
@@ -130,11 +134,12 @@ def command(
         print_written_files(console, [output])
 
 
-def _write_ros_log(opened: Log, output: str, force: bool, console: Console) -> dict[str, object]:
+def _write_ros_log(opened: Log, output: str, force: bool, console: Console, progress: Progress) -> dict[str, object]:
     """Write a ROS 2 log; returns the content of `--json`."""
     from cwcli.export.ros.convert import write_ros_log
 
-    made = write_ros_log(opened, output, force=force)
+    with progress:
+        made = write_ros_log(opened, output, force=force)
     if made.left_out:
         console.print_note(f"left out, because no ROS message fits: {join_names(list(made.left_out))}")
     for topic, counts in made.left_messages.items():

@@ -8,6 +8,7 @@ from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption
+from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
 from cwcli.cli.text import escape_control_characters, join_names, shorten_and_escape
@@ -121,7 +122,9 @@ def command(
         check_targets([target, own], force=force, inputs=files)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-" and not preview)
     given = _merge_options_and_mapping_file(answers, mapping)
-    report = import_files(files, given, None if preview else target, force=force)
+    with Progress(quiet=talk.quiet) as progress:
+        progress.begin_step(f"import {', '.join(files)}")
+        report = import_files(files, given, None if preview else target, force=force)
     if not preview and beside is not None and beside != mapping:
         write_file(beside, report.mapping_text.encode(), force=force)
     if talk.json:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
-from cwcli.evaluation.doubts.evidence import DoubtEvidence
-from cwcli.text import shorten_and_escape
+from cwcli.evaluation.doubts.evidence import DoubtEvidence, name_sources_in_words
 
 MAX_CONTRADICTIONS = 1
 """Number of contradictions from which the estimate is doubted. Chosen by hand: one is enough to spoil it."""
@@ -16,7 +15,7 @@ def find_contradictions(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each contradiction that the estimator found."""
     found = evidence.estimate_summary.contradictions
     for sentence in found:
-        yield Finding(float(len(found)), f"{shorten_and_escape(sentence).rstrip('.')}.")
+        yield Finding(float(len(found)), name_sources_in_words(sentence))
 
 
 RULE = DoubtRule(

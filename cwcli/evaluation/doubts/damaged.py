@@ -17,10 +17,9 @@ def find_faults(evidence: DoubtEvidence) -> Iterator[Finding]:
     faults = {reason: n for reason, n in evidence.faults.items() if n > 0}
     if faults:
         most = max(faults, key=lambda reason: faults[reason])
+        count = f": {faults[most]}" if faults[most] > 1 else ""
         more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
-        yield Finding(
-            float(sum(faults.values())), f"The file is damaged ({shorten_and_escape(most)}: {faults[most]}{more})."
-        )
+        yield Finding(float(sum(faults.values())), f"The file is damaged ({shorten_and_escape(most)}{count}{more}).")
 
 
 RULE = DoubtRule(

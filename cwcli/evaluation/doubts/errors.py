@@ -25,8 +25,8 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
             size = _error_text(evidence, name)
             yield Finding(
                 nees,
-                f"Against the truth the {shorten_and_escape(name, 40)} errs by {size}{math.sqrt(nees):.1f} times its "
-                "sigma.",
+                f"Compared with the true motion in the log, the {shorten_and_escape(name, 40)} is off by {size}"
+                f"{math.sqrt(nees):.1f} times its own uncertainty.",
                 f"Multiply the covariance of the {shorten_and_escape(name, 40)} by {nees:.2g}.",
             )
 

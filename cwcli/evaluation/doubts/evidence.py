@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
@@ -24,6 +25,10 @@ from cwcli.text import shorten_and_escape
 
 MAX_NAME_CHARACTERS = 60
 """Greatest length of a topic's name in a sentence, in characters; chosen by hand."""
+
+
+SOURCE_PATTERN = r"\b(?:ego_([a-z]+)|imu(?: ([a-z ]+))?) \(([^()]+)\)"
+"""A source in a sentence of the estimator (`cwcli.estimation.contradiction.SourceQuantity`): role, quantity, topic."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,17 @@ def read_evidence(log: Log) -> DoubtEvidence:
         columns = log.columns(EGO_STATE.topic, FLAGGED_KINEMATIC_FIELDS)
         ego = read_vehicle_states(columns, with_covariance=False) if len(columns) else None
     return DoubtEvidence(read_run_records(log), ego, log.start_ns, log.end_ns, log.faults.counts_by_reason())
+
+
+def name_sources_in_words(sentence: str) -> str:
+    """Return a sentence of the estimator with `the speed in /wheel` for `ego_speed (/wheel)`, as a whole sentence."""
+
+    def words(found: re.Match[str]) -> str:
+        quantity = found[1] or found[2] or "IMU"
+        return f"the {'acceleration' if quantity == 'accel' else quantity} in {found[3]}"
+
+    text = re.sub(SOURCE_PATTERN, words, shorten_and_escape(sentence).rstrip("."))
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def source_name(entry: Mapping[str, Any]) -> str:

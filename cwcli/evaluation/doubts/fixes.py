@@ -32,17 +32,17 @@ def find_offsets(evidence: DoubtEvidence) -> Iterator[Finding]:
         at = f" at {max(evidence.seconds_since_start(at_ns), 0.0):.0f} s" if np.isfinite(at_ns) else ""
         yield Finding(
             offset_m / sigma_m,
-            f"The track is {offset_m:.1f} m away from the fixes of {source_name(each).removesuffix(' position')}{at}, "
-            f"{offset_m / sigma_m:.0f} times its sigma.",
+            f"The track is {offset_m:.1f} m away from the measured positions of "
+            f"{source_name(each).removesuffix(' position')}{at}, {offset_m / sigma_m:.0f} times its own uncertainty.",
         )
 
 
 RULE = DoubtRule(
     summary=f"a track that is away from the fixes for {LASTING_S:g} s, by more than {MIN_DOUBTED_OFFSET_M:g} m",
-    short_name="track away from the fixes",
+    short_name="track away from the positions",
     threshold=MAX_SIGMAS,
     unit="sigma",
     source="chosen: chance gives one in 3,000",
-    advice="Check the stamps of the fixes, and the other sources against them.",
+    advice="Check the time stamps of these positions, and the other sensors against them.",
     find=find_offsets,
 )

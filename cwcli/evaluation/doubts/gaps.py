@@ -18,7 +18,10 @@ def find_large_share_of_bridged_states(evidence: DoubtEvidence) -> Iterator[Find
         return
     share = float(np.mean(evidence.ego.flags & np.uint8(StateFlag.BRIDGED) != 0))
     if share > MAX_BRIDGED_SHARE:
-        yield Finding(share, f"{100 * share:.0f} % of the states bridge gaps without a position.")
+        yield Finding(
+            share,
+            f"In {100 * share:.0f} % of the track no position was measured, so it is estimated from the other sensors.",
+        )
 
 
 RULE = DoubtRule(
@@ -27,6 +30,6 @@ RULE = DoubtRule(
     threshold=MAX_BRIDGED_SHARE,
     unit="share",
     source="chosen: as in the verdict of `estimate`",
-    advice="Leave out the states flagged bridged.",
+    advice="Do not use the states flagged bridged.",
     find=find_large_share_of_bridged_states,
 )

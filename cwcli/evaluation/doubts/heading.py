@@ -36,7 +36,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
     if standing_s > MAX_TOTAL_STANDSTILL_S:
         yield Finding(
             standing_s,
-            f"Nothing measures the heading while the car stands ({format_duration(standing_s)}, "
+            f"No sensor measures which way the car points while it stands ({format_duration(standing_s)}, "
             f"{100 * standing_s / all_s:.0f} % of the track).",
         )
 
@@ -47,6 +47,6 @@ RULE = DoubtRule(
     threshold=MAX_TOTAL_STANDSTILL_S,
     unit="s",
     source="chosen: a stop at a sign is shorter",
-    advice="Leave out headings, and paths, at standstill.",
+    advice="Do not use headings and predicted paths while the car stands.",
     find=find_unobserved_heading,
 )

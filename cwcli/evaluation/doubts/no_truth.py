@@ -19,10 +19,14 @@ def find_estimate_without_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield a remark if the ego was estimated and nothing tells its errors."""
     if evidence.ego is not None and not evidence.estimate_summary.column_cells("nees", "error of"):
         choice = next((note for note in evidence.estimate_summary.notes if SEVERAL_TRUTHS in note), "")
-        reason = "The log has several channels of truth" if choice else "No truth of the car was used"
+        reason = (
+            "The log has several channels of true positions"
+            if choice
+            else "The log has no true positions to compare with"
+        )
         options = " or ".join(dict.fromkeys(_TRUTH_OPTION_PATTERN.findall(choice)))
         hint = f"; choose one with {shorten_and_escape(options)}" if options else ""
-        yield Finding(0.0, f"{reason}: how far the estimate errs is not known{hint}.")
+        yield Finding(0.0, f"{reason}, so the size of the errors is not known{hint}.")
 
 
 RULE = DoubtRule(

@@ -29,7 +29,7 @@ def _iter_sources_with_understated_noise(evidence: DoubtEvidence) -> Iterator[Fi
 
 def _iter_finding_if_nis_too_large(name: str, nis: float) -> Iterator[Finding]:
     if TOLERATED_VARIANCE_FACTOR < nis < math.inf:
-        yield Finding(nis, f"{name} scatters by {math.sqrt(nis):.1f} times its sigma (NIS {nis:.1f}).")
+        yield Finding(nis, f"{name} scatters {math.sqrt(nis):.1f} times as much as its uncertainty says.")
 
 
 RULE = DoubtRule(
@@ -38,6 +38,6 @@ RULE = DoubtRule(
     threshold=TOLERATED_VARIANCE_FACTOR,
     unit="",
     source="chosen: as in the verdict of `estimate`",
-    advice="Trust the states less than their covariance says.",
+    advice="Expect greater errors of the states than their covariance says.",
     find=find_understated_noise,
 )

@@ -27,6 +27,6 @@ RULE = DoubtRule(
     threshold=MAX_RESETS,
     unit="",
     source="chosen: no car jumps",
-    advice="Leave out the states flagged after_reset.",
+    advice="Do not use the states flagged after_reset.",
     find=find_resets,
 )

@@ -79,13 +79,13 @@ DOUBTFUL = [
         "contradiction",
         evidence(more={"contradictions": ["ego_speed (/wheel) contradicts ego_position (/fix): 3.6 times the way"]}),
         1.0,
-        "ego_speed (/wheel) contradicts ego_position (/fix): 3.6 times the way.",
+        "The speed in /wheel contradicts the position in /fix: 3.6 times the way.",
     ),
     (
         "correction",
         evidence(more={"corrections": ["ego_speed (/wheel) is in km/h, not m/s: converted"]}),
         1.0,
-        "ego_speed (/wheel) is in km/h, not m/s: converted.",
+        "The speed in /wheel is in km/h, not m/s: converted.",
     ),
     ("speed", evidence(ego=states(speed=-211.0 / 3.6)), 211.0, "The estimate has a speed of 211 km/h at 0 s."),
     ("acceleration", evidence(ego=states(accel=20.0)), 20.0, "The estimate has an acceleration of 20 m/s² at 0 s."),
@@ -103,13 +103,13 @@ DOUBTFUL = [
             ]
         ),
         6.0,
-        "The track is 9.0 m away from the fixes of /fix at 60 s, 6 times its sigma.",
+        "The track is 9.0 m away from the measured positions of /fix at 60 s, 6 times its own uncertainty.",
     ),
     (
         "errors",
         evidence(sections=(nees(["position", 9.0, "OUT"], ["speed", 1.9, "OUT"], ["heading", 4.0, "in"]),)),
         9.0,
-        "Against the truth the position errs by 3.0 times its sigma.",
+        "Compared with the true motion in the log, the position is off by 3.0 times its own uncertainty.",
     ),
     (
         "gated",
@@ -121,13 +121,13 @@ DOUBTFUL = [
         "heading",
         evidence(ego=states(speed=0.1)),
         9.0,
-        "Nothing measures the heading while the car stands (9.0 s, 100 % of the track).",
+        "No sensor measures which way the car points while it stands (9.0 s, 100 % of the track).",
     ),
     (
         "noise",
         evidence(source(nis_per_dof=4.0, nis_inside=False)),
         4.0,
-        "/gps/fix position scatters by 2.0 times its sigma (NIS 4.0).",
+        "/gps/fix position scatters 2.0 times as much as its uncertainty says.",
     ),
     ("resets", evidence(source(resets=2)), 2.0, "/gps/fix position jumped 2 times, and the track with it."),
     (
@@ -146,7 +146,7 @@ DOUBTFUL = [
         "gaps",
         evidence(ego=states(flags=int(StateFlag.BRIDGED))),
         1.0,
-        "100 % of the states bridge gaps without a position.",
+        "In 100 % of the track no position was measured, so it is estimated from the other sensors.",
     ),
     (
         "late",
@@ -228,13 +228,44 @@ def test_error_against_the_truth_is_told_in_its_unit() -> None:
     rows = [["position on one axis", "m", 0.1], ["heading", "deg", 0.704]]
     found = evidence(sections=(nees(["heading", 16.0, "OUT"]), {**errors, "rows": rows}))
     (doubt,) = find_doubts_in_evidence(found)
-    assert doubt.sentence == "Against the truth the heading errs by 0.70 deg, 4.0 times its sigma."
+    assert (
+        doubt.sentence
+        == "Compared with the true motion in the log, the heading is off by 0.70 deg, 4.0 times its own uncertainty."
+    )
 
 
-def test_correction_with_an_option_has_no_second_one() -> None:
-    sentence = "ego_speed (/wheel) repeats one value: 400 rows set aside (at 9.5 s; --trust /wheel leaves it unchanged)"
-    (doubt,) = find_doubts_in_evidence(evidence(more={"corrections": [sentence]}))
-    assert "--as" not in doubt.advice
+@pytest.mark.parametrize(
+    ("recorded", "sentence"),
+    [
+        (
+            "ego_speed (/wheel) repeats one value: 400 rows set aside (at 9.5 s; --trust /wheel leaves it unchanged)",
+            "The speed in /wheel repeats one value: 400 rows set aside (at 9.5 s).",
+        ),
+        (
+            "imu (/wheel) has a gyroscope with the wrong sign: reversed (log-likelihood ratio 156 by /fix, /compass; "
+            "--trust /wheel leaves it unchanged)",
+            "The IMU in /wheel has a gyroscope with the wrong sign: reversed (shown by /fix, /compass).",
+        ),
+    ],
+)
+def test_correction_is_in_common_words_and_has_one_option(recorded: str, sentence: str) -> None:
+    (doubt,) = find_doubts_in_evidence(evidence(more={"corrections": [recorded]}))
+    assert doubt.sentence == sentence
+    assert doubt.advice == "Check that sensor, or mend the recording; --trust /wheel leaves it unchanged."
+
+
+def test_fault_of_a_file_is_counted_if_there_are_several() -> None:
+    (doubt,) = find_doubts_in_evidence(evidence(faults={"file cut short": 1, "chunks lost": 0}))
+    assert doubt.sentence == "The file is damaged (file cut short)."
+
+
+def test_sources_in_a_contradiction_are_in_common_words() -> None:
+    recorded = "imu yaw rate (/imu) contradicts ego_heading (/compass): its sign; imu accel (/imu) agrees with gravity"
+    (doubt,) = find_doubts_in_evidence(evidence(more={"contradictions": [recorded]}))
+    assert doubt.sentence == (
+        "The yaw rate in /imu contradicts the heading in /compass: its sign; the acceleration in /imu agrees with "
+        "gravity."
+    )
 
 
 @pytest.mark.parametrize(

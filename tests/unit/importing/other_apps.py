@@ -282,7 +282,7 @@ APP_CASES = {
     "minus-one": OtherCase(minus_one, P | V),
     "feet-and-knots": OtherCase(feet_and_knots, P | V),
     "two-talkers": OtherCase(two_talkers, P | V),
-    "oxts": OtherCase(oxts_ncom, P | V | {"heading": 0.01}),
+    "oxts": OtherCase(oxts_ncom, P | V | R | {"heading": 0.01, "yaw_rate": 0.01}),
     "oxts-kitti": OtherCase(oxts_kitti, {}, asks="names"),
     "argoverse": OtherCase(argoverse, {"pose": 0.01}),
     "argoverse-1": OtherCase(argoverse_1, {}, asks="2 vehicles"),

@@ -144,6 +144,54 @@ def test_answer_about_a_vehicle(tmp_path: Path) -> None:
     np.testing.assert_allclose(values(made, "/gps/fix", "latitude"), D.lat_deg[1::2], atol=1e-8)
 
 
+GPS_S = [f"{START_S - 315_964_800 + 18 + t:.2f}" for t in D.t_s.tolist()]
+"""The drive's times in seconds since the GPS epoch, 6 January 1980, with the 18 leap seconds of 2023 (IERS)."""
+
+
+@pytest.mark.parametrize("name", ["time", "t", "timestamp", "time [s]"])
+def test_seconds_that_may_count_from_the_gps_epoch_are_asked_about(name: str, tmp_path: Path) -> None:
+    """November 2023 since the GPS epoch is November 2013 since 1970."""
+    path = table(tmp_path, f"{name},lat,lon", [GPS_S, LAT, LON])
+    column = name.partition(" ")[0]
+    with pytest.raises(AmbiguousError, match="since 1980, as GPS counts them, or since 1970") as found:
+        plan(path)
+    assert f"--column time='{name}*s-gps', or '{name}*s-1970'" in str(found.value.hint), column
+    with pytest.raises(AmbiguousError, match="since 1970"):  # the unit alone does not answer
+        plan(path, f"time={name}*s")
+    made = plan(path, f"time={name}*s-gps")
+    assert values(made, "/gps/fix", "header.stamp")[0] == START_S * 10**9
+    made = plan(path, f"time={name}*s-1970")
+    assert values(made, "/gps/fix", "header.stamp")[0] == (START_S - 315_964_800 + 18) * 10**9
+
+
+@pytest.mark.parametrize("name", ["unix_time", "time (UTC)", "epoch", "system_time"])
+def test_seconds_whose_name_says_the_clock_are_not_asked_about(name: str, tmp_path: Path) -> None:
+    made = plan(table(tmp_path, f"{name},lat,lon", [GPS_S, LAT, LON]))
+    assert values(made, "/gps/fix", "header.stamp")[0] == (START_S - 315_964_800 + 18) * 10**9
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_single_turn_rate_is_read_as_the_course_shows(sign: float, unit: str, tmp_path: Path) -> None:
+    rate = sign * (D.yaw_rate_radps if unit == "rad" else np.degrees(D.yaw_rate_radps))
+    made = plan(table(tmp_path, "time,lat,lon,speed_mps,gyro_z", [T, LAT, LON, MPS, digits(rate, 6)]))
+    np.testing.assert_allclose(values(made, "/vehicle/twist", "twist.angular.z"), D.yaw_rate_radps, atol=1e-5)
+    (guess,) = [each for each in made.tables[0][1] if each.column == "gyro_z"]
+    assert guess.quantity == "yaw_rate"
+
+
+def test_single_turn_rate_that_nothing_shows_is_left_out_with_the_option(tmp_path: Path) -> None:
+    straight = digits(np.linspace(48.0, 48.001, N), 8)
+    path = table(tmp_path, "time,lat,lon,gyro_z", [T, straight, ["11.0"] * N, digits(D.yaw_rate_radps, 6)])
+    made = plan(path)
+    assert [channel.topic for _, channel in made.channels] == ["/gps/fix"]
+    assert any("--column yaw_rate='gyro_z*degps'" in note for notes in made.notes.values() for note in notes)
+    given = plan(path, "yaw_rate=gyro_z*degps")
+    np.testing.assert_allclose(
+        values(given, "/imu/data", "angular_velocity.z"), np.radians(D.yaw_rate_radps), atol=1e-6
+    )
+
+
 def test_quantity_that_is_left_out(tmp_path: Path) -> None:
     made = plan(table(tmp_path, "time,lat,lon,speed_mps", [T, LAT, LON, KMH]), "speed=")
     assert [channel.topic for _, channel in made.channels] == ["/gps/fix"]
