@@ -12,8 +12,8 @@ turn went on at its yaw rate for the whole path, so that a car that turned into 
 the host's. In 11 the host stood.
 
 - Ending a turn after a right angle, with what was turned on the last 30 m (`prediction.turn_end`), and leaving out
-  warnings while the host stands (`warning.kinds`): 3 false and 1 true. Seed 2, looked at afterwards: 3 false and 2 true
-  before, 1 false and 2 true after.
+  warnings while the host stands (`warning.kinds`): 3 false and 1 true. Seed 2, whose warnings of before were known:
+  3 false and 2 true before, 1 false and 2 true after.
 - Not taken: a yaw acceleration against the yaw rate counts only until the yaw rate is 0. It would remove one more, of a
   car that straightens out of its turn, but in a bend it delays the warning of a car that cuts in towards the outside
   by as long as its yaw rate takes to reach 0: 0.5 s at 20 m/s on a radius of 200 m and with 0.2 rad/s^2.
