@@ -181,13 +181,13 @@ class _Deferred:
 
         with _lock:
             owner = self.owner
-            found: Any = vars(owner)["__dataclass_fields__"]
+            found: dict[str, Any] | _FieldDescriptions = vars(owner)["__dataclass_fields__"]
             if not isinstance(found, _FieldDescriptions):
                 return found
             annotations = self._own_annotations()
             body = {name: self.body[name] for name in annotations if name in self.body}
             body |= {"__annotations__": annotations, "__module__": owner.__module__, "__doc__": "The fields alone."}
-            alone = dataclasses.dataclass(
+            alone: type[Any] = dataclasses.dataclass(
                 init=False, repr=False, eq=False, match_args=False, kw_only=self._settings.get("kw_only", False)
             )(type(owner.__name__, (), body))
             fields: dict[str, Any] = {}
