@@ -26,7 +26,7 @@ from cwcli.logs.format.chunks import decompress_chunk
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import open_index
 from cwcli.logs.format.records import MCAP_MAGIC, ByteSource, ChunkIndex
-from cwcli.logs.format.summary import find_footer, read_summary_if_present
+from cwcli.logs.format.summary import find_footer_and_its_offset, read_summary_if_present
 from cwcli.logs.read.message_reader import MessageReader
 from cwcli.logs.write.message_merge import INDEX_ENTRY_DTYPE, ChunkPayload
 from cwcli.logs.write.record_writer import RecordWriter
@@ -78,7 +78,7 @@ def streamed(file: InputFile) -> Document:
 
 def _records(file: InputFile, data: ByteSource, at: int, end: int) -> Iterator[Document]:
     while at < end:
-        opcode, start, stop = records.read_record_prefix(data, at, end)
+        opcode, start, stop = records.read_opcode_and_content_range(data, at, end)
         if opcode == records.OPCODE_CHUNK:
             chunk = records.read_chunk(data, start, stop)
             sizes = chunk.data_length, chunk.uncompressed_size
@@ -106,7 +106,7 @@ def _chunk_index(found: ChunkIndex) -> Document:
 
 
 def _header(data: ByteSource, start: int, stop: int) -> Document:
-    profile, library = records.read_header(data, start, stop)
+    profile, library = records.read_profile_and_library(data, start, stop)
     return record("Header", profile=profile, library=library)
 
 
@@ -124,7 +124,7 @@ def _attachment(data: ByteSource, start: int, stop: int) -> Document:
 
 
 def _metadata(data: ByteSource, start: int, stop: int) -> Document:
-    name, values = records.read_metadata(data, start, stop)
+    name, values = records.read_metadata_name_and_entries(data, start, stop)
     return record("Metadata", name=name, metadata=values)
 
 
@@ -171,7 +171,7 @@ def indexed(file: InputFile) -> Document:
             batch.channel_id, batch.sequence, batch.publish_time_ns.view(np.uint64), batch.iter_messages(), strict=True
         )
     ]
-    footer = find_footer(file)
+    footer = find_footer_and_its_offset(file)
     summary = read_summary_if_present(file, *footer, index.header_length, verify=True) if footer else None
     counted = summary.statistics if summary else None
     return {

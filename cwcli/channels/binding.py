@@ -121,7 +121,7 @@ class Binding:
             return (
                 CAN_FRAME_FIELDS
                 if normalise_schema_name(self.schema_name) in CAN_FRAME_SCHEMAS
-                else self.mapping.leaf_fields
+                else self.mapping.leaf_fields_to_load
             )
         entry = find_input_for_role(self.role, self.schema_name)
         return entry.fields.get(self.message_encoding, ()) if entry else ()

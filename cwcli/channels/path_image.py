@@ -156,7 +156,7 @@ def _path_shapes(frames: PathFrames, row: int) -> list[ImageShape]:
     """The shapes drawn on a frame: the 90 % band, both edges of the car's width, and the centre line."""
     lines = frames.path_in_pixels(row)
     thin = line_thickness_px(frames.image_size_px(row)[0])
-    band = lines.band_polygon()
+    band = lines.band_90_percent_polygon_uv_px()
     shapes: list[ImageShape] = []
     if len(band) > 2:
         shapes.append(ImageShape(LINE_LOOP, band, (*PATH_RGB, 0.0), (*PATH_RGB, BAND_OPACITY), 1.0))

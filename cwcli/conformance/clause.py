@@ -209,10 +209,12 @@ def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
     """
     where = f"{name}{CLAUSE_SUFFIX}"
     _check_keys(document, CLAUSE_KEYS, {"title", "source", "repetitions", "numbers", "trials"}, "", where)
-    numbers = {key: _parse_number(key, table, where) for key, table in _table(document, "numbers", where).items()}
+    numbers = {
+        key: _parse_number(key, table, where) for key, table in _table_or_empty(document, "numbers", where).items()
+    }
     tolerances = {
         key: _parse_number(key, table, where, place="tolerances")
-        for key, table in _table(document, "tolerances", where).items()
+        for key, table in _table_or_empty(document, "tolerances", where).items()
     }
     trials = [trial for table in document["trials"] for trial in _parse_trials(table, numbers, where)]
     if not 0 < len(trials) <= MAX_TRIALS:
@@ -261,7 +263,7 @@ def _parse_repetitions(table: Any, where: str) -> tuple[int, int]:
     return n, required
 
 
-def _table(document: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+def _table_or_empty(document: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
     """A table of the document, empty where it is missing."""
     table = document.get(key, {})
     if not isinstance(table, Mapping):
@@ -324,7 +326,7 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
     require_judge_module(str(table["judge"]), where)
     used: dict[tuple[str, str], PublishedNumber] = {}
     for group in ("given", "demands"):
-        for key, number in _table(table, group, where).items():
+        for key, number in _table_or_empty(table, group, where).items():
             if number not in numbers:
                 raise UsageError(
                     f"{title}: {group}.{key} names the number {number!r}, which is not defined",

@@ -33,7 +33,9 @@ def format_digest(results: Sequence[ClauseResult]) -> list[str]:
         if any(result.outcome == outcome for result in results)
     )
     heading = f"{format_count(len(results), 'clause')}: {counts} ({PUBLISHED_WORDS})"
-    return _cut([heading, *_format_rows(rows, MAX_LINES - 2, "clauses")], "`cwcli conform NAME` shows the trials")
+    return _cut_to_digest_size(
+        [heading, *_format_rows(rows, MAX_LINES - 2, "clauses")], "`cwcli conform NAME` shows the trials"
+    )
 
 
 def _digest_of_clause(result: ClauseResult) -> list[str]:
@@ -59,10 +61,10 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
         lines.append(
             f"{format_count(clause.n_unchecked_numbers, 'number')} as commonly stated, not checked in the standard"
         )
-    return _cut(lines, "--details shows repetitions, numbers and sources")
+    return _cut_to_digest_size(lines, "--details shows repetitions, numbers and sources")
 
 
-def _cut(lines: Sequence[str], last: str) -> list[str]:
+def _cut_to_digest_size(lines: Sequence[str], last: str) -> list[str]:
     """The lines, cut to the digest's size, and a last one."""
     cut = [line if len(line) <= MAX_COLUMNS else line[: MAX_COLUMNS - 3] + "..." for line in lines]
     return [*cut[: MAX_LINES - 1], last]
@@ -74,7 +76,7 @@ def _format_rows(rows: Sequence[tuple[str, str, str, str]], n_lines: int, words:
     shown = list(rows[: n_rows if len(rows) <= n_rows else n_rows - 1])
     table = [(words.removesuffix("s"), "outcome", "passed", "margin"), *shown]
     lines = [
-        f"  {_shorten(name):{NAME_COLUMNS}} {outcome:10} {share:>9} {margin:>14}".rstrip()
+        f"  {_shorten_to_column(name):{NAME_COLUMNS}} {outcome:10} {share:>9} {margin:>14}".rstrip()
         for name, outcome, share, margin in table
     ]
     if len(shown) < len(rows):
@@ -84,7 +86,7 @@ def _format_rows(rows: Sequence[tuple[str, str, str, str]], n_lines: int, words:
     return lines
 
 
-def _shorten(name: str) -> str:
+def _shorten_to_column(name: str) -> str:
     """A name that fits its column."""
     if len(name) <= NAME_COLUMNS:
         return name

@@ -35,7 +35,7 @@ details{margin:.5em 0}summary{cursor:pointer}svg{max-width:100%;height:auto}
 def format_html_page(results: Sequence[ClauseResult]) -> str:
     """Format clauses as a page: all verdicts first, then a section for each clause."""
     links = [
-        [f'<a href="#{escape(row[0])}">{escape(row[0])}</a>', _badge(row[1]), *map(escape, row[2:])]
+        [f'<a href="#{escape(row[0])}">{escape(row[0])}</a>', _outcome_badge_html(row[1]), *map(escape, row[2:])]
         for row in clause_rows(results)
     ]
     rule = ", ".join(
@@ -55,9 +55,9 @@ def format_html_page(results: Sequence[ClauseResult]) -> str:
 def _verdict_text(results: Sequence[ClauseResult]) -> str:
     """The verdict of one clause, or how many clauses have each."""
     if len(results) == 1:
-        return _badge(results[0].outcome)
+        return _outcome_badge_html(results[0].outcome)
     counts = {outcome: sum(result.outcome == outcome for result in results) for outcome in COLOURS}
-    return ", ".join(f"{count} {_badge(outcome)}" for outcome, count in counts.items() if count)
+    return ", ".join(f"{count} {_outcome_badge_html(outcome)}" for outcome, count in counts.items() if count)
 
 
 def _clause_section(result: ClauseResult) -> str:
@@ -66,7 +66,7 @@ def _clause_section(result: ClauseResult) -> str:
     settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())
     n_passed = sum(trial.outcome == PASSED for trial in result.driven_trials)
     parts = [
-        f'<h2 id="{escape(clause.name)}">{_badge(result.outcome)} {escape(clause.title)}</h2>',
+        f'<h2 id="{escape(clause.name)}">{_outcome_badge_html(result.outcome)} {escape(clause.title)}</h2>',
         f"<p>{n_passed} of {len(result.driven_trials)} trials pass. Source: {escape(clause.source)}. "
         f"{escape(settings)}; repetitions of each trial: {result.n_repetitions}.</p>",
         f"<p>How the numbers are read: {escape(clause.reading)}</p>" if clause.reading else "",
@@ -79,7 +79,7 @@ def _clause_section(result: ClauseResult) -> str:
     return "\n".join(part for part in parts if part)
 
 
-def _badge(outcome: str) -> str:
+def _outcome_badge_html(outcome: str) -> str:
     """An outcome as a coloured word."""
     return f'<span class="badge" style="background:{COLOURS[outcome]}">{escape(outcome)}</span>'
 
@@ -88,7 +88,10 @@ def _format_table(table: SummaryTable) -> str:
     """A table; outcomes are badges and numbers stand right."""
     outcome = table.columns.index("outcome") if "outcome" in table.columns else -1
     rows = [
-        [_badge(str(cell)) if k == outcome else escape("" if cell is None else str(cell)) for k, cell in enumerate(row)]
+        [
+            _outcome_badge_html(str(cell)) if k == outcome else escape("" if cell is None else str(cell))
+            for k, cell in enumerate(row)
+        ]
         for row in table.rows
     ]
     return _format_rows(table.columns, rows)
@@ -124,14 +127,14 @@ def _margin_picture(trials: Sequence[TrialResult]) -> str:
     zero = place(0.0)
     lines = [
         f'<rect x="{NAME_PX}" y="{HEAD_PX}" width="{zero - NAME_PX:.1f}" height="{height - HEAD_PX}" fill="#fbeaea"/>',
-        *_axis(low, high, place, height),
+        *_margin_axis_svg(low, high, place, height),
         f'<line x1="{zero:.1f}" x2="{zero:.1f}" y1="{HEAD_PX}" y2="{height}" stroke="#c02f2f"/>',
     ]
     for k, trial in enumerate(trials):
         y = HEAD_PX + ROW_PX * (k + 0.5)
         text = f'y="{y + 4:.1f}" font-size="12"'
-        lines.append(f'<text x="0" {text}>{escape(_shorten(trial.trial.name))}</text>')
-        lines += [_mark(place(margin), y, outcome) for margin, outcome in found[trial.trial.name]]
+        lines.append(f'<text x="0" {text}>{escape(_shorten_keeping_end(trial.trial.name))}</text>')
+        lines += [_outcome_mark_svg(place(margin), y, outcome) for margin, outcome in found[trial.trial.name]]
         share = f"{trial.n_passed} of {len(trial.repetitions)}"
         words = trial.margin_text if found[trial.trial.name] else _text_without_margin(trial)
         colour = COLOURS[trial.outcome]
@@ -152,7 +155,7 @@ def _text_without_margin(trial: TrialResult) -> str:
     return "" if worst is None or worst.verdict is None else trial.margin_text or worst.verdict.text
 
 
-def _axis(low: float, high: float, place: Callable[[float], float], height: float) -> list[str]:
+def _margin_axis_svg(low: float, high: float, place: Callable[[float], float], height: float) -> list[str]:
     """Lines and labels of the axis of margins, s."""
     step = next((step for step in TICK_STEPS_S if (high - low) / step <= 7), 10.0 * TICK_STEPS_S[-1])
     ticks = [step * k for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
@@ -164,7 +167,7 @@ def _axis(low: float, high: float, place: Callable[[float], float], height: floa
     return lines
 
 
-def _mark(x: float, y: float, outcome: str) -> str:
+def _outcome_mark_svg(x: float, y: float, outcome: str) -> str:
     """A disc for a repetition that passes, a cross for one that fails, a ring for one that is not valid."""
     colour = COLOURS[outcome]
     if outcome == FAILED:
@@ -174,7 +177,7 @@ def _mark(x: float, y: float, outcome: str) -> str:
     return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{fill}" fill-opacity=".55" stroke="{colour}"/>'
 
 
-def _shorten(name: str, length: int = 46) -> str:
+def _shorten_keeping_end(name: str, length: int = 46) -> str:
     """A name that fits its column; its end tells the trials apart."""
     if len(name) <= length:
         return name

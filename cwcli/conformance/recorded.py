@@ -85,9 +85,9 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
                 hint="check that the log covers the whole trial",
             )
         warnings = _warnings_of_system(with_states, place) if place.system else _own_warnings(with_states, config.rule)
-        encounters = _encounters(real, place, log.start_ns)
+        encounters = _encounter_by_other_vehicle(real, place, log.start_ns)
         trial, encounter = _find_trial(clause, encounters, place)
-        result = _judge(clause, trial, encounter, warnings, config, place)
+        result = _check_and_judge_recorded_trial(clause, trial, encounter, warnings, config, place)
     return ClauseResult(
         clause,
         tuple(TrialResult(each, (result,) if each is trial else (), 1) for each in clause.trials),
@@ -117,7 +117,7 @@ def _warnings_of_system(log: Log, place: LogTrial) -> tuple[RaisedWarning, ...]:
     return tuple(RaisedWarning((raised - log.start_ns) / NS_PER_S) for raised, _ in flag.warning_spans_ns())
 
 
-def _encounters(real: ActualOutcomes, place: LogTrial, start_ns: int) -> dict[str, Encounter]:
+def _encounter_by_other_vehicle(real: ActualOutcomes, place: LogTrial, start_ns: int) -> dict[str, Encounter]:
     """The motion of the host and each other vehicle in the trial's window."""
     if place.lead is not None and place.lead not in real.pairs:
         raise UsageError(f"--lead {place.lead}: no such vehicle", found=tuple(real.pairs), hint="name one of these")
@@ -186,7 +186,7 @@ def _distance_text(encounter: Encounter) -> str:
     return f"{encounter.gap_m[0]:.1f} m ahead, {encounter.other[0, SPEED]:.1f} m/s, at {encounter.time_s[0]:.1f} s"
 
 
-def _judge(
+def _check_and_judge_recorded_trial(
     clause: Clause,
     trial: Trial,
     encounter: Encounter,

@@ -69,7 +69,7 @@ class TrialResult:
     def worst(self) -> Repetition | None:
         """The repetition that is nearest to failing, or fails worst; None without a valid one."""
         valid = [each for each in self.repetitions if each.verdict is not None and not each.breaches]
-        return min(valid, key=_badness, default=None)
+        return min(valid, key=_worst_first_sort_key, default=None)
 
     @property
     def margin_text(self) -> str:
@@ -80,7 +80,7 @@ class TrialResult:
         return f"{worst.verdict.margin:+.2f} {worst.verdict.unit}".rstrip()
 
 
-def _badness(repetition: Repetition) -> tuple[bool, float]:
+def _worst_first_sort_key(repetition: Repetition) -> tuple[bool, float]:
     """Key of a repetition: failed ones first, then by the margin."""
     assert repetition.verdict is not None
     margin = repetition.verdict.margin
@@ -121,7 +121,9 @@ class ClauseResult:
     def worst_trial(self) -> TrialResult | None:
         """The trial that fails worst, or is nearest to failing."""
         known = [trial for trial in self.trials if trial.worst is not None]
-        return min(known, key=lambda trial: (trial.outcome != FAILED, _badness(_worst_of(trial))), default=None)
+        return min(
+            known, key=lambda trial: (trial.outcome != FAILED, _worst_first_sort_key(_worst_of(trial))), default=None
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The result as a document of plain values; what is not finite is None."""

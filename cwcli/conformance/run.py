@@ -117,7 +117,7 @@ def run_clauses(
                 for k, trial in enumerate(clause.trials)
             ),
             len(seeds[name]),
-            _settings(clause, config),
+            _settings_of_clause_run(clause, config),
         )
         for name, clause in clauses.items()
     ]
@@ -249,7 +249,7 @@ def judge_driven_trial(trial: Trial, driven: DrivenTrial, where: str) -> Verdict
         raise UsageError(f"{trial.name}: {error.what}", where=where, found=error.found, hint=error.hint) from error
 
 
-def _settings(clause: Clause, config: ConformConfig) -> dict[str, str]:
+def _settings_of_clause_run(clause: Clause, config: ConformConfig) -> dict[str, str]:
     """How a clause was run, for the output."""
     horizon = {} if config.horizon_s is None else {"horizon": f"{config.horizon_s:g} s"}
     settings = {"rule": config.rule, **horizon, "grade": config.grade or clause.grade}

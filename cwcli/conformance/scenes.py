@@ -76,7 +76,7 @@ class BuiltScene:
     other: str = OTHER_NAME
 
 
-def _document(duration_s: float, **vehicles: Mapping[str, Any]) -> dict[str, Any]:
+def _document_of_vehicles(duration_s: float, **vehicles: Mapping[str, Any]) -> dict[str, Any]:
     """A document of vehicles, with friction that permits full braking."""
     return {"duration_s": duration_s, "friction": 1.2, "vehicles": dict(vehicles)}
 
@@ -86,7 +86,7 @@ def _centre_distance_m(gap_m: float, length_m: float = CAR_SIZE[0]) -> float:
     return gap_m + 0.5 * (CAR_SIZE[0] + length_m)
 
 
-def _impossible(text: str) -> UsageError:
+def _impossible_scene_error(text: str) -> UsageError:
     return UsageError(f"an impossible trial: {text}", hint="check the speeds, the gap and the decelerations")
 
 
@@ -97,7 +97,7 @@ def build_approach(given: Mapping[str, float]) -> BuiltScene:
     """
     host, other = given["host_speed"], given.get("other_speed", 0.0)
     if not host > other:
-        raise _impossible(f"the host ({host:.2f} m/s) does not close in on the other ({other:.2f} m/s)")
+        raise _impossible_scene_error(f"the host ({host:.2f} m/s) does not close in on the other ({other:.2f} m/s)")
     approach_s = given.get("approach_time", APPROACH_S)
     length_m = given.get("other_length", CAR_SIZE[0])
     gap_m = (host - other) * approach_s
@@ -111,14 +111,16 @@ def build_approach(given: Mapping[str, float]) -> BuiltScene:
             "width_m": given.get("other_width", CAR_SIZE[1]),
         },
     }
-    return BuiltScene(_document(approach_s + AFTER_CONTACT_S, **vehicles), 0.0)
+    return BuiltScene(_document_of_vehicles(approach_s + AFTER_CONTACT_S, **vehicles), 0.0)
 
 
 def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
     """The host follows at a constant gap and speed; the lead brakes, and the host does not react."""
     speed, gap_m, deceleration = given["host_speed"], given["gap"], given["deceleration"]
     if deceleration <= 0.0 or gap_m <= 0.0:
-        raise _impossible(f"a gap of {gap_m:g} m and a deceleration of {deceleration:g} m/s^2 must be positive")
+        raise _impossible_scene_error(
+            f"a gap of {gap_m:g} m and a deceleration of {deceleration:g} m/s^2 must be positive"
+        )
     ramp_s = given.get("ramp_time", BRAKE_RAMP_S)
     # contact: the sum of the gap and the lead's way is the host's way; the ramp delays the braking by half of itself
     until_s = 0.5 * ramp_s + math.sqrt(2.0 * gap_m / deceleration)
@@ -134,7 +136,7 @@ def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
         HOST_NAME: {"speed_mps": speed},
         OTHER_NAME: {"speed_mps": speed, "x_m": _centre_distance_m(gap_m), "longitudinal": braking},
     }
-    return BuiltScene(_document(end_s, **vehicles), STEADY_S)
+    return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_S)
 
 
 def build_convoy(given: Mapping[str, float]) -> BuiltScene:
@@ -151,8 +153,8 @@ def build_convoy(given: Mapping[str, float]) -> BuiltScene:
         {"from_s": STEADY_S + reaction_s, "speed_mps": 0, "limit_mps2": deceleration, "jerk_mps3": jerk},
     ]
     if gap_m + 0.5 * speed * reaction_s <= 0.0:
-        raise _impossible("the convoy has no gap")
-    document = _document(float(built.document["duration_s"]) + reaction_s, **vehicles)
+        raise _impossible_scene_error("the convoy has no gap")
+    document = _document_of_vehicles(float(built.document["duration_s"]) + reaction_s, **vehicles)
     return BuiltScene(document, STEADY_S)
 
 
@@ -192,7 +194,9 @@ def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
     """
     host, other, ttc_s = given["host_speed"], given["other_speed"], given["ttc_at_cut_in"]
     if not host > other > 0.0:
-        raise _impossible(f"the host ({host:.2f} m/s) must be faster than the one that cuts in ({other:.2f} m/s)")
+        raise _impossible_scene_error(
+            f"the host ({host:.2f} m/s) must be faster than the one that cuts in ({other:.2f} m/s)"
+        )
     duration_s = given.get("lane_change_time", LANE_CHANGE_S)
     start_s = STEADY_S
     middle_s = start_s + 0.5 * duration_s
@@ -205,7 +209,7 @@ def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
     }
     end_s = max(middle_s + ttc_s, start_s + duration_s + YAW_RAMP_S) + AFTER_CONTACT_S
     vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host}, OTHER_NAME: cutter}
-    return BuiltScene(_document(end_s, **vehicles), start_s)
+    return BuiltScene(_document_of_vehicles(end_s, **vehicles), start_s)
 
 
 def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
@@ -216,7 +220,9 @@ def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
     speed, gap_m, reveal_s = given["host_speed"], given["gap"], given["reveal_ttc"]
     lead_m = _centre_distance_m(gap_m)
     if lead_m + CAR_SIZE[0] >= speed * reveal_s:
-        raise _impossible(f"the lead, {gap_m:g} m ahead, is beyond the standing vehicle when it leaves the lane")
+        raise _impossible_scene_error(
+            f"the lead, {gap_m:g} m ahead, is beyond the standing vehicle when it leaves the lane"
+        )
     duration_s = given.get("lane_change_time", 1.5)
     lead = {
         "speed_mps": speed,
@@ -226,7 +232,7 @@ def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
     standing = {"speed_mps": 0, "x_m": _centre_distance_m(speed * (STEADY_S + reveal_s))}
     end_s = STEADY_S + max(reveal_s, duration_s + YAW_RAMP_S) + AFTER_CONTACT_S
     vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": speed}, "lead": lead, OTHER_NAME: standing}
-    return BuiltScene(_document(end_s, **vehicles), 0.0)
+    return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
 
 
 def build_crossing(given: Mapping[str, float]) -> BuiltScene:
@@ -236,7 +242,7 @@ def build_crossing(given: Mapping[str, float]) -> BuiltScene:
     """
     host, other = given["host_speed"], given["other_speed"]
     if not (host > 0.0 and other > 0.0):
-        raise _impossible("both must move")
+        raise _impossible_scene_error("both must move")
     meet_s = given.get("approach_time", APPROACH_S)
     crosser = {
         "speed_mps": other,
@@ -247,7 +253,7 @@ def build_crossing(given: Mapping[str, float]) -> BuiltScene:
         "width_m": given.get("other_width", CAR_SIZE[1]),
         "turning_radius_m": 1.0,
     }
-    document = _document(meet_s + AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: crosser})
+    document = _document_of_vehicles(meet_s + AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: crosser})
     return BuiltScene(document, 0.0)
 
 
@@ -261,7 +267,9 @@ def build_oncoming(given: Mapping[str, float]) -> BuiltScene:
         "x_m": _centre_distance_m((host + other) * approach_s),
         "y_m": given.get("lateral_offset", 0.0),
     }
-    document = _document(approach_s + AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: oncoming})
+    document = _document_of_vehicles(
+        approach_s + AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: oncoming}
+    )
     return BuiltScene(document, 0.0)
 
 
@@ -287,19 +295,19 @@ def build_turn_across(given: Mapping[str, float]) -> BuiltScene:
     states = TrueMotion(profile, x_m=0.0, y_m=0.0, heading_rad=0.0).states_at(time_s)
     reached = np.flatnonzero(states[:, 1] >= LANE_WIDTH_M)
     if not len(reached):
-        raise _impossible(f"a turn of radius {radius_m:g} m does not reach the other lane")
+        raise _impossible_scene_error(f"a turn of radius {radius_m:g} m does not reach the other lane")
     k = int(reached[0])
     meet_s, meet_x_m = float(time_s[k]), float(states[k, 0])
     oncoming = {"speed_mps": other, "heading_deg": 180.0, "x_m": meet_x_m + other * meet_s, "y_m": LANE_WIDTH_M}
     vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host, "lateral": lateral}, OTHER_NAME: oncoming}
-    return BuiltScene(_document(meet_s + AFTER_CONTACT_S, **vehicles), STEADY_S)
+    return BuiltScene(_document_of_vehicles(meet_s + AFTER_CONTACT_S, **vehicles), STEADY_S)
 
 
 def build_parked_on_both_sides(given: Mapping[str, float]) -> BuiltScene:
     """The host drives straight between two parked vehicles, whose inner sides are `clearance` apart."""
     speed, clearance_m = given["host_speed"], given["clearance"]
     if clearance_m <= CAR_SIZE[1]:
-        raise _impossible(f"the host does not fit between vehicles {clearance_m:g} m apart")
+        raise _impossible_scene_error(f"the host does not fit between vehicles {clearance_m:g} m apart")
     side_m = 0.5 * (clearance_m + CAR_SIZE[1])
     x_m = _centre_distance_m(speed * APPROACH_S)
     parked = {"speed_mps": 0, "x_m": x_m}
@@ -308,7 +316,7 @@ def build_parked_on_both_sides(given: Mapping[str, float]) -> BuiltScene:
         OTHER_NAME: {**parked, "y_m": side_m},
         "right": {**parked, "y_m": -side_m},
     }
-    return BuiltScene(_document(APPROACH_S + 2.0 * AFTER_CONTACT_S, **vehicles), 0.0)
+    return BuiltScene(_document_of_vehicles(APPROACH_S + 2.0 * AFTER_CONTACT_S, **vehicles), 0.0)
 
 
 def build_parked_in_curve(given: Mapping[str, float]) -> BuiltScene:
@@ -325,7 +333,7 @@ def build_parked_in_curve(given: Mapping[str, float]) -> BuiltScene:
     parked = {"speed_mps": 0, "x_m": speed * begin_s + lag_m + ahead_m + 0.5 * CAR_SIZE[0], "y_m": 0.0}
     end_s = begin_s + 2.0 * ahead_m / speed + AFTER_CONTACT_S
     vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": speed, "lateral": lateral}, OTHER_NAME: parked}
-    return BuiltScene(_document(end_s, **vehicles), 0.0)
+    return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
 
 
 def build_following(given: Mapping[str, float]) -> BuiltScene:
@@ -334,7 +342,7 @@ def build_following(given: Mapping[str, float]) -> BuiltScene:
         given["host_speed"], given["gap"], given["deceleration"], given["lower_speed"],
     )  # fmt: skip
     if not 0.0 <= lower < speed:
-        raise _impossible(f"the lower speed ({lower:.2f} m/s) must be below {speed:.2f} m/s")
+        raise _impossible_scene_error(f"the lower speed ({lower:.2f} m/s) must be below {speed:.2f} m/s")
     reaction_s = given.get("reaction_time", 0.0)
 
     def braking(begin_s: float) -> list[dict[str, Any]]:
@@ -342,13 +350,13 @@ def build_following(given: Mapping[str, float]) -> BuiltScene:
         return [{"from_s": 0, "accel_mps2": 0}, {"from_s": begin_s, **change}]
 
     if gap_m <= (speed - lower) * reaction_s:
-        raise _impossible(f"the host runs into the lead within its reaction time of {reaction_s:g} s")
+        raise _impossible_scene_error(f"the host runs into the lead within its reaction time of {reaction_s:g} s")
     end_s = STEADY_S + reaction_s + (speed - lower) / deceleration + 2.0 * BRAKE_RAMP_S + 3.0
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": speed, "longitudinal": braking(STEADY_S + reaction_s)},
         OTHER_NAME: {"speed_mps": speed, "x_m": _centre_distance_m(gap_m), "longitudinal": braking(STEADY_S)},
     }
-    return BuiltScene(_document(end_s, **vehicles), STEADY_S)
+    return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_S)
 
 
 _SHAPE = ("other_length", "other_width")

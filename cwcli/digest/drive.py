@@ -18,7 +18,7 @@ from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.result import NO_GATED_MEASUREMENTS, GatedMeasurements
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.records import (
-    find_collision_warning_record,
+    find_collision_warning_record_and_is_of_targets,
     source_config_from_record,
     warning_config_from_record,
 )
@@ -40,7 +40,7 @@ from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.warning.rows import WarningRows
-from cwcli.warning.types import WarningConfig, median_outline_m
+from cwcli.warning.types import WarningConfig, median_length_and_width_m
 
 if TYPE_CHECKING:
     from cwcli.estimation.measurements import Measurements
@@ -180,7 +180,7 @@ def read_drive(log: Log, *, with_figures: bool = True) -> Drive:
     fields_by_topic = SHOWN_FIELDS_BY_TOPIC if with_figures else STORY_FIELDS_BY_TOPIC
     wanted = {topic: fields for topic, fields in fields_by_topic.items() if topic in there}
     columns = log.load_topics(wanted) if wanted else {}
-    warn, is_of_targets = find_collision_warning_record(records)
+    warn, is_of_targets = find_collision_warning_record_and_is_of_targets(records)
     ego = None
     if EGO_STATE.topic in columns:
         ego = read_vehicle_states(columns[EGO_STATE.topic], with_covariance=with_figures)
@@ -226,14 +226,14 @@ def _split_into_tracks(states: VehicleStates, kind: str) -> list[OtherTrack]:
     """Split states into one track per vehicle."""
     found = []
     for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
-        size = median_outline_m(states.length_m[rows], states.width_m[rows])
+        size = median_length_and_width_m(states.length_m[rows], states.width_m[rows])
         found.append(OtherTrack(vehicle, kind, ActualTrack(states.stamp_ns[rows], states.state[rows, :4]), size))
     return found
 
 
 def ego_length_and_width_m(ego: VehicleStates) -> tuple[float, float]:
     """Return length and width of the ego in m; the warnings' defaults where the states have none."""
-    return median_outline_m(ego.length_m, ego.width_m)
+    return median_length_and_width_m(ego.length_m, ego.width_m)
 
 
 def _read_ego_measurements(

@@ -14,7 +14,7 @@ from cwcli.digest.drive import Drive, OtherTrack, ego_length_and_width_m
 from cwcli.evaluation.conflicts import RealConflict, WarningVerdict, find_real_conflicts, judge_warning
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.gap import MEASURE as GAP
-from cwcli.measures.pair import ActualTrack, Pair, interpolate_track
+from cwcli.measures.pair import ActualTrack, Pair, interpolate_x_y_speed_heading
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
@@ -232,8 +232,8 @@ def _least_gap_m(pair: Pair, begin_ns: int, end_ns: int) -> float:
 def _direction_phrase(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: float) -> str:
     """Describe where the other vehicle comes from, seen from the driver's seat, when the warning is given."""
     stamps = np.array([at_ns], np.int64)
-    own = interpolate_track(host, stamps, max_gap_s)[0]
-    theirs = interpolate_track(other.track, stamps, max_gap_s)[0]
+    own = interpolate_x_y_speed_heading(host, stamps, max_gap_s)[0]
+    theirs = interpolate_x_y_speed_heading(other.track, stamps, max_gap_s)[0]
     if not (np.isfinite(own).all() and np.isfinite(theirs).all()):
         return ""
     bearing = wrap_angle(math.atan2(theirs[1] - own[1], theirs[0] - own[0]) - float(own[3]))

@@ -16,7 +16,7 @@ from cwcli.digest.encounters import DriveEncounters, Encounter
 from cwcli.estimation.online_availability import PARAMETERS_FROM_LOG
 from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE, VERDICT_UNDECIDED
 from cwcli.evaluation.doubts.base import Doubt
-from cwcli.evaluation.records import find_collision_warning_record
+from cwcli.evaluation.records import find_collision_warning_record_and_is_of_targets
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.records import read_configuration
 from cwcli.signals.units import NS_PER_S
@@ -328,7 +328,7 @@ def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str
 
 def _state_knowledge_sentence(drive: Drive) -> str:
     """Say which states the warnings started from; "" if there are none or the record does not say."""
-    record, _ = find_collision_warning_record(drive.records)
+    record, _ = find_collision_warning_record_and_is_of_targets(drive.records)
     states = read_configuration(record).get("states")
     if drive.warnings is None or states is None:
         return ""

@@ -24,7 +24,7 @@ from cwcli.signals.lane_geometry import (
     LINE_END_DIRECTION_SINE,
     centre_arcs_of_lanes,
     distance_to_direction_sine_m,
-    lane_centre_geometry_at_distance,
+    y_direction_curvature_of_lane_centres_at_distance,
 )
 
 REFERENCE_SPEED_MPS = 25.0
@@ -77,7 +77,9 @@ def lane_at_nearer_preview(
     nearest_m = MIN_PREVIEW_M + max(-camera_forward_m, 0.0)
     nearer_m = np.fmax(np.fmin(preview_m * slowness_ratio(speed_mps) ** -1.5, turned_m), nearest_m)
     at_m = np.minimum(nearer_m, preview_m)
-    y_m, direction_rad, curvature_1pm = lane_centre_geometry_at_distance(lanes.lines, at_m, change_1pm2).T
+    y_m, direction_rad, curvature_1pm = y_direction_curvature_of_lane_centres_at_distance(
+        lanes.lines, at_m, change_1pm2
+    ).T
     is_known = np.isfinite(direction_rad)
     near = replace(
         lanes,

@@ -37,52 +37,57 @@ class SourceComparisonCheck(StrEnum):
     SPEED_CHANGE = "speed change"
     ACCEL_BIAS = "accel bias"
 
-    def number_with_sources_exchanged(self, number: float) -> float:
+    def ratio_or_difference_with_sources_exchanged(self, ratio_or_difference: float) -> float:
         """Return the number with the two sources exchanged."""
         if self in (SourceComparisonCheck.WAY, SourceComparisonCheck.TURN, SourceComparisonCheck.SPEED_CHANGE):
-            return math.copysign(math.inf, number) if number == 0.0 else 1.0 / number
-        return -number
+            return (
+                math.copysign(math.inf, ratio_or_difference)
+                if ratio_or_difference == 0.0
+                else 1.0 / ratio_or_difference
+            )
+        return -ratio_or_difference
 
-    def contradiction_text(self, blamed_kind: Kind, other_kind: Kind, number: float) -> str:
+    def contradiction_text(self, blamed_kind: Kind, other_kind: Kind, ratio_or_difference: float) -> str:
         """Return a text on how one source contradicts another.
 
         Args:
             blamed_kind, other_kind: Measured quantity of the blamed source and of the other one.
-            number: Ratio or difference of the first relative to the second.
+            ratio_or_difference: Ratio or difference of the first relative to the second.
         """
         if self is SourceComparisonCheck.WAY:
-            return _distance_contradiction_text(blamed_kind, other_kind, number)
+            return _distance_contradiction_text(blamed_kind, other_kind, ratio_or_difference)
         if self is SourceComparisonCheck.TURN:
-            return _turn_contradiction_text(number)
+            return _turn_contradiction_text(ratio_or_difference)
         if self is SourceComparisonCheck.YAW_RATE_BIAS:
-            return f"its yaw rate is {number:+.2f} rad/s off"
+            return f"its yaw rate is {ratio_or_difference:+.2f} rad/s off"
         if self is SourceComparisonCheck.COURSE:
-            side = "left" if number > 0.0 else "right"
-            return f"it points {abs(math.degrees(number)):.0f} degrees to the {side} of it"
+            side = "left" if ratio_or_difference > 0.0 else "right"
+            return f"it points {abs(math.degrees(ratio_or_difference)):.0f} degrees to the {side} of it"
         if self is SourceComparisonCheck.SPEED_CHANGE:
             axis = "its forward axis shows" if blamed_kind is Kind.ACCEL else "it shows"
-            return f"{axis} {number:.2f} times the change of speed"
-        return f"its forward acceleration is {number:+.2f} m/s^2 off"
+            return f"{axis} {ratio_or_difference:.2f} times the change of speed"
+        return f"its forward acceleration is {ratio_or_difference:+.2f} m/s^2 off"
 
 
-def _turn_contradiction_text(number: float) -> str:
-    if abs(number) < MIN_STATED_TURN_RATIO or not math.isfinite(number):
-        return f"it {'turns' if number else 'does not turn'} where the other one does{' not' * bool(number)}"
-    if -1.6 < number < -0.6:
+def _turn_contradiction_text(turn_ratio: float) -> str:
+    if abs(turn_ratio) < MIN_STATED_TURN_RATIO or not math.isfinite(turn_ratio):
+        return f"it {'turns' if turn_ratio else 'does not turn'} where the other one does{' not' * bool(turn_ratio)}"
+    if -1.6 < turn_ratio < -0.6:
         return "it turns the other way"
-    return f"it turns {number:.2f} times as far"
+    return f"it turns {turn_ratio:.2f} times as far"
 
 
-def _distance_contradiction_text(who: Kind, against: Kind, number: float) -> str:
-    if number < 0.0:
-        return f"it reads {number:.2f} times the way: its sign is wrong"
+def _distance_contradiction_text(who: Kind, against: Kind, distance_ratio: float) -> str:
+    if distance_ratio < 0.0:
+        return f"it reads {distance_ratio:.2f} times the way: its sign is wrong"
     if against is Kind.POSITION:
-        told = f"the car covered {number:.2f} times the distance between the fixes"
+        told = f"the car covered {distance_ratio:.2f} times the distance between the fixes"
     elif who is Kind.POSITION:
-        told = f"the fixes lie {number:.2f} times as far apart as the car went"
+        told = f"the fixes lie {distance_ratio:.2f} times as far apart as the car went"
     else:
-        told = f"its way is {number:.2f} times as long"
+        told = f"its way is {distance_ratio:.2f} times as long"
     unit = next(
-        (name for factor, name in UNITS_PER_MPS.items() if abs(number / factor - 1.0) < UNIT_RATIO_TOLERANCE), ""
+        (name for factor, name in UNITS_PER_MPS.items() if abs(distance_ratio / factor - 1.0) < UNIT_RATIO_TOLERANCE),
+        "",
     )
     return f"{told}, as if {unit} were taken for m/s" if unit and who is not Kind.POSITION else told

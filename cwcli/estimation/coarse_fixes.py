@@ -12,8 +12,8 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
-from cwcli.estimation.repeated_rows import quantisation_step
-from cwcli.signals.columns import FloatArray
+from cwcli.estimation.repeated_rows import quantisation_step_of_changes
+from cwcli.signals.columns import EastNorthRows, StateCovariance
 from cwcli.signals.vehicle_state import X, Y
 
 MIN_COARSE_STEP_M = 0.3
@@ -27,12 +27,12 @@ VARIANCE_IN_SQUARED_STEPS = 1.0 / 12.0 + 1.0 / 8.0
 has the prior probability 1/2."""
 
 
-def coarse_steps_m(fixes_m: FloatArray) -> tuple[float, float]:
+def coarse_steps_m(fixes_m: EastNorthRows) -> tuple[float, float]:
     """Return the step of fixes (n, 2) on each axis, m; 0 where they are not coarse."""
     steps = [0.0, 0.0]
     for k in (0, 1):
         change = np.diff(fixes_m[:, k])
-        step_m = quantisation_step(np.abs(change), MIN_COARSE_STEP_M)
+        step_m = quantisation_step_of_changes(np.abs(change), MIN_COARSE_STEP_M)
         if np.isfinite(step_m) and step_m >= MIN_COARSE_STEP_M:
             bend = np.diff(change)[(change[1:] != 0.0) | (change[:-1] != 0.0)]
             scatter_m = float(np.sqrt(np.square(bend).mean() / 6.0))
@@ -40,7 +40,7 @@ def coarse_steps_m(fixes_m: FloatArray) -> tuple[float, float]:
     return steps[0], steps[1]
 
 
-def covariance_from_coarse_fixes(series: Sequence[SensorSeries]) -> FloatArray:
+def covariance_from_coarse_fixes(series: Sequence[SensorSeries]) -> StateCovariance:
     """Return the covariance (8, 8) that the steps of the finest position source add to all states."""
     added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
     steps = [s.coarse_steps_m for s in series if s.kind is Kind.POSITION and len(s)]

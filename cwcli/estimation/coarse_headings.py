@@ -11,7 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.repeated_rows import quantisation_step
+from cwcli.estimation.repeated_rows import quantisation_step_of_changes
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
@@ -38,7 +38,7 @@ class CoarseHeadings:
     heading_rad: FloatArray
     rows: npt.NDArray[np.intp]
 
-    def note(self, source: str) -> str:
+    def note_for_user(self, source: str) -> str:
         """Return what the user is told."""
         return (
             f"{source}: its headings are rounded to steps of {math.degrees(self.step_rad):.3g} degrees: only the "
@@ -50,7 +50,7 @@ def find_coarse_headings(time_s: FloatArray, heading_rad: FloatArray) -> CoarseH
     """Return the changes of headings (n,) at times (n,) that are rounded to coarse steps; None where they are fine."""
     change_rad = np.diff(heading_rad)
     change_rad = (change_rad + math.pi) % (2.0 * math.pi) - math.pi
-    step_rad = quantisation_step(np.abs(change_rad), MAX_UNCHANGED_RAD)
+    step_rad = quantisation_step_of_changes(np.abs(change_rad), MAX_UNCHANGED_RAD)
     if not math.isfinite(step_rad) or step_rad < MIN_COARSE_STEP_RAD:
         return None
     duration_s = np.diff(time_s)

@@ -11,16 +11,16 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 
 
-def effective_sample_count(values: FloatArray, max_lag: int = 200) -> float:
+def effective_sample_count(correlated_values: FloatArray, max_lag: int = 200) -> float:
     """Return how many independent values a correlated series is worth: n / (1 + 2 sum of its autocorrelations).
 
     The sum stops at the first autocorrelation below 0 (Geyer's initial positive sequence, simplified).
 
     Args:
-        values: Shape (n,).
+        correlated_values: Shape (n,).
     """
-    n = len(values)
-    centred = values - values.mean() if n else values
+    n = len(correlated_values)
+    centred = correlated_values - correlated_values.mean() if n else correlated_values
     power = float(np.einsum("i,i", centred, centred))  # a BLAS product of long columns waits for threads
     if n < 3 or power <= 0.0:
         return float(n)
@@ -116,12 +116,12 @@ def compare_errors_with_truth(
     return rows
 
 
-def _error_count_rms_and_mean(name: str, truth: FloatArray, value: FloatArray) -> tuple[int, float, float]:
+def _error_count_rms_and_mean(quantity: str, truth: FloatArray, estimate: FloatArray) -> tuple[int, float, float]:
     """Return count, one-sigma error and mean error; a position's sigma is per axis."""
-    error = value - truth
-    if name == "heading":
+    error = estimate - truth
+    if quantity == "heading":
         error = wrap_angle(error)
-    if name in ("heading", "yaw_rate"):
+    if quantity in ("heading", "yaw_rate"):
         error = np.degrees(error)
     finite = np.isfinite(error) if error.ndim == 1 else np.isfinite(error).all(axis=1)
     error = error[finite]

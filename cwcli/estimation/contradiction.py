@@ -35,7 +35,7 @@ class SourceQuantity:
     kind: Kind
 
     @property
-    def role(self) -> str:
+    def role_name_for_options(self) -> str:
         """The role, so that it can be named in `--topic` and `--map`."""
         return str(_ROLE_OF_KIND.get(self.kind, Role.IMU))
 
@@ -43,7 +43,7 @@ class SourceQuantity:
         """The role and the topic."""
         if self.kind in RATE_KINDS:
             return f"{Role.IMU} {self.kind.name.lower().replace('_', ' ')} ({self.source})"
-        return f"{self.role} ({self.source})"
+        return f"{self.role_name_for_options} ({self.source})"
 
 
 @dataclass(frozen=True)

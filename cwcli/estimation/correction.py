@@ -36,7 +36,7 @@ class Correction:
         return not self.evidence
 
     @property
-    def sentence(self) -> str:
+    def sentence_on_fault_and_undoing(self) -> str:
         """Sentence on the fault, what was done and how to undo it."""
         if self.is_by_user:
             return f"{self.who} {self.fault}: {self.action}, as --as says"

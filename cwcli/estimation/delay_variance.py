@@ -20,7 +20,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_S
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import StateCovariances, StateRows
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 
 QUANTITIES_BY_STATE = {
@@ -104,7 +104,7 @@ def delay_sigmas_of_best_known_sources(
     return DelaySigmas(found[X], found[SPEED], found[HEADING], clock_sigma_s)
 
 
-def covariance_from_delays(state: FloatArray, sigmas: DelaySigmas) -> FloatArray:
+def covariance_from_delays(state: StateRows, sigmas: DelaySigmas) -> StateCovariances:
     """Return the covariance (m, 8, 8) that the delays add to states (m, 8)."""
     grown = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
     speed, heading = state[:, SPEED], state[:, HEADING]

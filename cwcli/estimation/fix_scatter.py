@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_column
 from cwcli.estimation.passes import SensorSeries
 
 MAX_NOISE_TO_SCATTER_RATIO = 2.0
@@ -34,7 +34,7 @@ receiver under open sky last for minutes and are 1.5 m; 0.7 m/s is twice, and 0.
 noise of the kind in `QUANTITIES`."""
 
 
-def scatter_about_neighbours(s: SensorSeries) -> float:
+def noise_sigma_from_scatter_about_neighbours(s: SensorSeries) -> float:
     """Return one sigma of the white noise of a series on each axis, in its unit, or NaN for fewer than three rows.
 
     For white noise, x[i-1] - 2 x[i] + x[i+1] has six times the variance of a row. An acceleration adds to it, so the
@@ -44,7 +44,7 @@ def scatter_about_neighbours(s: SensorSeries) -> float:
         return math.nan
     x = np.unwrap(s.values[:, :1], axis=0) if s.kind is Kind.HEADING else s.values[:, : s.n_values_per_row]
     second_difference = x[2:] - 2.0 * x[1:-1] + x[:-2]
-    scatter = MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(second_difference).ravel()) / math.sqrt(6.0)
+    scatter = MEDIAN_ABSOLUTE_TO_SIGMA * median_of_finite_column(np.abs(second_difference).ravel()) / math.sqrt(6.0)
     return max(scatter, ROUNDING_SIGMA_IN_STEPS * max(s.coarse_steps_m))
 
 

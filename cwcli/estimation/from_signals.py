@@ -204,12 +204,15 @@ def _pose_to_measurements(pose: PoseSignal) -> list[Measurements]:
 
 
 def _columns_to_measurements(
-    signal: Signal, stamp_ns: Int64Array, log_ns: Int64Array, columns: Mapping[Kind, tuple[FloatArray, FloatArray]]
+    signal: Signal,
+    stamp_ns: Int64Array,
+    log_ns: Int64Array,
+    values_and_variances_by_kind: Mapping[Kind, tuple[FloatArray, FloatArray]],
 ) -> list[Measurements]:
     """Convert columns (values, variances) by kind to measurements; rows without a finite value are left out."""
     found = []
     is_exact = isinstance(signal, PoseSignal | SpeedSignal | RemoteSignal) and signal.is_exact
-    for kind, (values, variances) in columns.items():
+    for kind, (values, variances) in values_and_variances_by_kind.items():
         given = np.isfinite(values)
         if given.any():
             times = stamp_ns[given], log_ns[given]
@@ -219,9 +222,9 @@ def _columns_to_measurements(
     return found
 
 
-def _unpack_symmetric_2x2(packed: FloatArray) -> FloatArray:
+def _unpack_symmetric_2x2(xx_xy_yy: FloatArray) -> FloatArray:
     """Convert (n, 3) columns xx, xy, yy to (n, 2, 2) matrices."""
-    return packed[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    return xx_xy_yy[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
 def ego_output_stamps_ns(measurements: Sequence[Measurements], rate_hz: float, max_bridge_s: float) -> Int64Array:

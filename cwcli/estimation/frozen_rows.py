@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.odd_sensors import MAX_REPEATED_ROW_SHARE, MIN_STUCK_DURATION_S, MIN_STUCK_ROWS, stuck_row_mask
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import EastNorthRows, FloatArray, ValueRows
 
 BoolArray = npt.NDArray[np.bool_]
 MIN_MOVING_SPEED_MPS = 3.0
@@ -50,7 +50,7 @@ class FixMotion:
         return float(np.hypot(*(end - begin))) / (end_s - begin_s)
 
 
-def frozen_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray, fixes: FixMotion) -> BoolArray:
+def frozen_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows, fixes: FixMotion) -> BoolArray:
     """Return a mask (n,) of rows that repeat a value which usually changes.
 
     A speed and a velocity may repeat a zero, and a heading any value, as long as the car stands.
@@ -68,7 +68,7 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray, fixes: F
         if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATED_ROW_SHARE:
             return stuck_row_mask(kind, time_s, values)
         frozen = np.zeros(len(time_s), np.bool_)
-        for begin, end in _true_stretches_of_at_least(zero, MIN_STUCK_ROWS):
+        for begin, end in _begin_and_end_of_true_stretches(zero, MIN_STUCK_ROWS):
             is_long = time_s[end - 1] - time_s[begin] >= MIN_STUCK_DURATION_S
             if is_long and fixes.mean_speed_mps(time_s[begin], time_s[end - 1]) > MIN_MOVING_SPEED_MPS:
                 frozen[begin:end] = True
@@ -84,7 +84,7 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray, fixes: F
     return np.zeros(len(time_s), np.bool_)
 
 
-def _held_fix_mask(time_s: FloatArray, fixes_m: FloatArray) -> BoolArray:
+def _held_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
     """Return a mask (n,) of fixes (n, 2) that repeat the last one for long while the car moved on, as the next shows.
 
     A receiver without satellites may send its last fix again. One that holds the fix of a standing car does so, too,
@@ -92,7 +92,7 @@ def _held_fix_mask(time_s: FloatArray, fixes_m: FloatArray) -> BoolArray:
     """
     held = np.zeros(len(time_s), np.bool_)
     same = (np.diff(fixes_m, axis=0) == 0.0).all(axis=1)
-    for begin, end in _true_stretches_of_at_least(same, MIN_HELD_FIXES):  # rows begin .. end are one fix
+    for begin, end in _begin_and_end_of_true_stretches(same, MIN_HELD_FIXES):  # rows begin .. end are one fix
         if end + 1 < len(time_s) and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             way_m = float(np.hypot(*(fixes_m[end + 1] - fixes_m[begin])))
             held[begin + 1 : end + 1] = way_m > MIN_MOVING_SPEED_MPS * (time_s[end + 1] - time_s[begin])
@@ -102,13 +102,13 @@ def _held_fix_mask(time_s: FloatArray, fixes_m: FloatArray) -> BoolArray:
     return np.zeros(len(time_s), np.bool_) if is_usual else held
 
 
-def _true_stretches_of_at_least(mask: BoolArray, min_rows: int) -> list[tuple[int, int]]:
+def _begin_and_end_of_true_stretches(mask: BoolArray, min_rows: int) -> list[tuple[int, int]]:
     """Return begin and end (exclusive) of the stretches of True in a mask (n,) that have at least so many rows."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     return [(int(b), int(e)) for b, e in zip(edges[::2], edges[1::2], strict=True) if e - b >= min_rows]
 
 
-def _repeated_row_mask(time_s: FloatArray, values: FloatArray, is_fault: Callable[[float, float], bool]) -> BoolArray:
+def _repeated_row_mask(time_s: FloatArray, values: ValueRows, is_fault: Callable[[float, float], bool]) -> BoolArray:
     """Return a mask (n,) of rows that repeat one value for long in stretches that are a fault.
 
     Only where other rows hardly repeat: a coarse signal repeats often.
@@ -120,7 +120,7 @@ def _repeated_row_mask(time_s: FloatArray, values: FloatArray, is_fault: Callabl
     if not same.any():
         return frozen
     long = np.zeros(len(time_s), np.bool_)
-    for begin, end in _true_stretches_of_at_least(same, MIN_STUCK_ROWS):  # rows begin .. end are one number
+    for begin, end in _begin_and_end_of_true_stretches(same, MIN_STUCK_ROWS):  # rows begin .. end are one number
         if time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             long[begin + 1 : end + 1] = True
             if is_fault(time_s[begin], time_s[end]):
@@ -132,7 +132,7 @@ def _repeated_row_mask(time_s: FloatArray, values: FloatArray, is_fault: Callabl
     return frozen
 
 
-def _continues_smoothly_after_repetitions(values: FloatArray, is_long_repetition: BoolArray) -> bool:
+def _continues_smoothly_after_repetitions(values: ValueRows, is_long_repetition: BoolArray) -> bool:
     """Whether a signal (n, d) without noise goes on after its repetitions (n,) as it usually changes.
 
     A simulated sensor without noise repeats its value while the car stands or drives on evenly. One that was stuck
@@ -157,6 +157,6 @@ def _saturated_gyroscope_mask(values: FloatArray) -> BoolArray:
         for limit in (column.max(), column.min()):
             at_end = column == limit
             if MIN_SATURATED_ROWS <= at_end.sum() < 0.5 * len(column):
-                for begin, end in _true_stretches_of_at_least(at_end, MIN_SATURATED_ROWS):
+                for begin, end in _begin_and_end_of_true_stretches(at_end, MIN_SATURATED_ROWS):
                     saturated[begin:end] = True
     return saturated

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.passes import N_MOTION_STATES, FilterStart, SensorSeries
 from cwcli.estimation.start import MIN_DISPLACEMENT_M, find_filter_start
 
@@ -56,26 +56,26 @@ def find_filter_restarts_after_gaps(series: Sequence[SensorSeries], *, causal: b
     return found
 
 
-def _is_yaw_rate_mostly_measured(series: Sequence[SensorSeries], begin: float, end: float) -> bool:
+def _is_yaw_rate_mostly_measured(series: Sequence[SensorSeries], begin_s: float, end_s: float) -> bool:
     """Whether a yaw rate was measured for more than half of the time between two times (s)."""
     for s in series:
         if s.kind is Kind.YAW_RATE:
             time = s.time_s - s.latency_s
-            inside = time[(time > begin) & (time < end)]
-            gap_s = np.diff(np.concatenate(([begin], inside, [end])))
-            if float(gap_s[gap_s > MAX_GYROSCOPE_GAP_S].sum()) < 0.5 * (end - begin):
+            inside = time[(time > begin_s) & (time < end_s)]
+            gap_s = np.diff(np.concatenate(([begin_s], inside, [end_s])))
+            if float(gap_s[gap_s > MAX_GYROSCOPE_GAP_S].sum()) < 0.5 * (end_s - begin_s):
                 return True
     return False
 
 
-def _has_position_changed_between(series: Sequence[SensorSeries], begin: float, end: float) -> bool:
+def _has_position_changed_between(series: Sequence[SensorSeries], begin_s: float, end_s: float) -> bool:
     """Whether the positions before and behind a gap (s) differ by more than their noise."""
     for s in series:
         if s.kind is Kind.POSITION and len(s) > 1:
             time = s.time_s - s.latency_s
-            first = min(int(np.searchsorted(time, end)), len(s) - 1)
-            last = max(int(np.searchsorted(time, begin, side="right")) - 1, 0)
-            sigma = float(np.sqrt(max(median(s.noise[:, 0]), median(s.noise[:, 2]))))
+            first = min(int(np.searchsorted(time, end_s)), len(s) - 1)
+            last = max(int(np.searchsorted(time, begin_s, side="right")) - 1, 0)
+            sigma = float(np.sqrt(max(median_of_finite_column(s.noise[:, 0]), median_of_finite_column(s.noise[:, 2]))))
             if float(np.hypot(*(s.values[first] - s.values[last]))) > max(
                 MIN_DISPLACEMENT_M, MIN_MOVEMENT_SIGMAS * sigma
             ):

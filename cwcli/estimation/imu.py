@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import AccelGyroRows, FloatArray
 
 MIN_GRAVITY_MPS2 = 5.0
 """Least mean specific force that is taken for gravity, m/s^2; chosen as about half of it."""
@@ -72,13 +72,13 @@ class ImuMounting:
         return cls(math.asin(nose_up), math.atan2(float(up[1]), float(up[2])))
 
     @property
-    def up_axis(self) -> FloatArray:
+    def up_unit_vector_in_imu_axes(self) -> FloatArray:
         """Unit vector of the vertical in the IMU's axes, (3,)."""
         level = np.cos(self.nose_up_rad)
         return np.array([np.sin(self.nose_up_rad), level * np.sin(self.left_up_rad), level * np.cos(self.left_up_rad)])
 
     @property
-    def left_axis(self) -> FloatArray:
+    def left_unit_vector_in_imu_axes(self) -> FloatArray:
         """Unit vector of the level left axis in the IMU's axes, (3,)."""
         return np.array([0.0, np.cos(self.left_up_rad), -np.sin(self.left_up_rad)])
 
@@ -110,7 +110,7 @@ class LevelledImu:
 
 
 def level_imu(
-    time_s: FloatArray, values: FloatArray, variance: FloatArray | None, mounting: ImuMounting | None = None
+    time_s: FloatArray, values: AccelGyroRows, variance: FloatArray | None, mounting: ImuMounting | None = None
 ) -> LevelledImu:
     """Level an IMU by the mean direction of gravity and leave out interpolated samples.
 
@@ -126,7 +126,7 @@ def level_imu(
     invented = interpolated_sample_mask(time_s, values)
     known, mounting = mounting, mounting or ImuMounting.from_mean_specific_force(values[:, :3], values[:, 3:])
     # An IMU whose gravity was taken out already, or no accelerometer: trust the mounting.
-    up = np.array([0.0, 0.0, 1.0]) if mounting is None else mounting.up_axis
+    up = np.array([0.0, 0.0, 1.0]) if mounting is None else mounting.up_unit_vector_in_imu_axes
     keep = ~invented
     yaw_rate = values[keep, 3:] @ up
     if variance is None:
@@ -137,7 +137,7 @@ def level_imu(
         yaw_rate,
         _remove_bias_and_yaw_from_pitch_rate(values[keep, 4], yaw_rate)
         if known is None
-        else values[keep, 3:] @ known.left_axis,
+        else values[keep, 3:] @ known.left_unit_vector_in_imu_axes,
         variance[keep, 0],
         variance[keep, 5],
         int(invented.sum()),
@@ -175,20 +175,20 @@ def _remove_turning_from_specific_force(force: FloatArray, gyro: FloatArray) -> 
     return np.asarray(force - yaw_rate[:, None] * slope)
 
 
-def _remove_bias_and_yaw_from_pitch_rate(left: FloatArray, yaw_rate: FloatArray) -> FloatArray:
+def _remove_bias_and_yaw_from_pitch_rate(left_axis_rate_radps: FloatArray, yaw_rate_radps: FloatArray) -> FloatArray:
     """Return the turn rate about the left axis without its bias and without its share of the yaw rate.
 
     Pitching of road and body does not correlate with turning, so the part that does is due to a rolled mount. Least
     squares find it without the accelerometer, whose left axis measures acceleration in bends too.
 
     Args:
-        left: Shape (n,): measured turn rate about the left axis, rad/s.
-        yaw_rate: Shape (n,), rad/s.
+        left_axis_rate_radps: Shape (n,): measured turn rate about the left axis, rad/s.
+        yaw_rate_radps: Shape (n,), rad/s.
     """
-    turning = yaw_rate - np.mean(yaw_rate) if len(yaw_rate) else yaw_rate
+    turning = yaw_rate_radps - np.mean(yaw_rate_radps) if len(yaw_rate_radps) else yaw_rate_radps
     power = float(np.einsum("i,i", turning, turning))
-    share = float(np.einsum("i,i", left, turning)) / power if power > 0.0 else 0.0
-    rest = left - share * yaw_rate
+    share = float(np.einsum("i,i", left_axis_rate_radps, turning)) / power if power > 0.0 else 0.0
+    rest = left_axis_rate_radps - share * yaw_rate_radps
     return rest - np.median(rest) if len(rest) else rest
 
 

@@ -21,7 +21,7 @@ from cwcli.estimation.hypotheses.imu import (
     signed_axis_rotations,
 )
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.source_hypotheses import (
     COST_OF_A_FAULT,
@@ -40,7 +40,7 @@ from cwcli.estimation.step_evidence import (
 )
 from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_between_edges, trapezoidal_integral
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import AccelGyroRows, FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 GRAVITY_NORM_RANGE = (0.8, 1.2)
@@ -124,7 +124,7 @@ class _ImuFault:
 
 
 def find_imu_unit_sign_or_axis_fault(
-    time_s: FloatArray, values: FloatArray, others: Sequence[SensorSeries]
+    time_s: FloatArray, values: AccelGyroRows, others: Sequence[SensorSeries]
 ) -> ImuFinding | None:
     """Return units, signs and axes that clearly explain an IMU better than none, or None.
 
@@ -214,7 +214,7 @@ def _iter_axes_signs_and_units(
 
 
 def _log_likelihood_gains_over_nominal_axis_and_unit(
-    columns: FloatArray,
+    axis_columns: FloatArray,
     units: Sequence[float],
     nominal_axis: int,
     references: Sequence[FloatArray],
@@ -225,7 +225,7 @@ def _log_likelihood_gains_over_nominal_axis_and_unit(
     """Return (signed axis, index of the unit) -> log-likelihood beyond that of the right axis in the right unit.
 
     Args:
-        columns: Shape (n, 3): what the axes show in each step.
+        axis_columns: Shape (n, 3): what the axes show in each step.
         units: Factors to SI units, the first one 1.
         nominal_axis: The axis if nothing is wrong, 1 to 3.
         references: Of each other source what it should be, (n,).
@@ -235,7 +235,7 @@ def _log_likelihood_gains_over_nominal_axis_and_unit(
     used = [reference for reference in references if np.isfinite(reference).sum() >= MIN_COMPARED_STEPS]
 
     def residuals(axis: int, factor: float) -> list[StepResiduals]:
-        column = math.copysign(factor, axis) * columns[:, abs(axis) - 1]
+        column = math.copysign(factor, axis) * axis_columns[:, abs(axis) - 1]
         found = []
         for reference in used:
             difference = column - reference
@@ -243,7 +243,7 @@ def _log_likelihood_gains_over_nominal_axis_and_unit(
                 difference = (difference + math.pi) % (2.0 * math.pi) - math.pi
             else:
                 known = difference[np.isfinite(difference)]
-                difference = difference - (median(known) if len(known) else 0.0)
+                difference = difference - (median_of_finite_column(known) if len(known) else 0.0)
             found.append(StepResiduals(difference, floor))
         return found
 

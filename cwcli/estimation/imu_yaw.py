@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.hypotheses.base import Hypothesis
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
 from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_between_edges
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import AccelGyroRows, FloatArray
 
 MIN_YAW_RAD = math.radians(15.0)
 """Least angle that is corrected: less changes the forward acceleration by 4 % and adds a quarter of the lateral one.
@@ -29,7 +29,7 @@ by hand; not fitted."""
 
 
 def find_imu_yaw_hypothesis_and_evidence(
-    time_s: FloatArray, values: FloatArray, others: Sequence[SensorSeries]
+    time_s: FloatArray, values: AccelGyroRows, others: Sequence[SensorSeries]
 ) -> tuple[Hypothesis, str] | None:
     """Return the turn of a level IMU about the vertical and what shows it, or None.
 
@@ -53,7 +53,10 @@ def find_imu_yaw_hypothesis_and_evidence(
     n = int(rows.sum())
     if n < MIN_STEPS:
         return None
-    f, r = (column[rows] - [median(column[rows, 0]), median(column[rows, 1])] for column in (measured, reference))
+    f, r = (
+        column[rows] - [median_of_finite_column(column[rows, 0]), median_of_finite_column(column[rows, 1])]
+        for column in (measured, reference)
+    )
     power = float(np.square(f).sum()) * float(np.square(r).sum())
     dot, cross = float((f * r).sum()), float((f[:, 1] * r[:, 0] - f[:, 0] * r[:, 1]).sum())
     if np.square(r).sum() < n * MIN_LATERAL_MPS2**2 or math.hypot(dot, cross) < MIN_CORRELATION * math.sqrt(power):

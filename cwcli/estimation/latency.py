@@ -105,7 +105,7 @@ class Latency:
 def mark_latency_beyond_limits(latency: Latency) -> Latency:
     """Return the latency, marked as a contradiction and not corrected where no sensor can be so late."""
     found = latency.status in (LatencyStatus.APPLIED, LatencyStatus.DRIFTS)
-    if not found or LATENCY_RANGE.contains(latency.found_s):
+    if not found or LATENCY_RANGE.contains_or_is_nan(latency.found_s):
         return latency
     return replace(latency, status=LatencyStatus.CONTRADICTS, drift=0.0)
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.latency_evidence import LatencyEvidence
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_S
 from cwcli.lazy_dataclass import dataclass
@@ -128,7 +128,7 @@ def find_delay_against_odometry(
         if abs(move_s) < 1e-3:
             break
     # The median of the squared distance of white noise is 1.386 times its variance on each axis.
-    variance = max(median(residual.real**2 + residual.imag**2) / (2.0 * np.log(2.0)), 1e-8)
+    variance = max(median_of_finite_column(residual.real**2 + residual.imag**2) / (2.0 * np.log(2.0)), 1e-8)
     row_s = np.concatenate([time_s[w] for w in windows])
     level = 0.5 * (residual.real**2 + residual.imag**2) / variance
     slope = -(residual.real * push.real + residual.imag * push.imag) / variance

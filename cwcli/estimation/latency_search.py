@@ -107,7 +107,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
         for s, role, is_reference in zip(series, predetermined, is_reference_of_each_series(series), strict=True)
         if is_reference and role is not None
     ]
-    begin, end = _most_excited_window_s(series, reference)
+    begin, end = _begin_and_end_of_most_excited_window_s(series, reference)
     reference = [gate_outliers(_cut_to_window_and_average_imu(s, begin, end)) for s in reference]
     if any(s.bias_state >= 0 for s in reference):
         parameters = replace(
@@ -216,7 +216,7 @@ class _LatencySearch:
         now, likelihood, noise = coarse.target, [], []
         for latency_s in LATENCY_GRID_S.tolist():
             now = coarse._match_noise_to_innovations(replace(now, latency_s=latency_s))
-            likelihood.append(coarse._log_likelihood(now))
+            likelihood.append(coarse._log_likelihood_of_scored_rows(now))
             noise.append(float(now.noise[0, 0] / coarse.target.noise[0, 0]))
         return _LatencyLikelihoodProfile(np.array(likelihood), np.array(noise))
 
@@ -260,11 +260,11 @@ class _LatencySearch:
         if self.target.kind is not Kind.POSITION or len(self.layout.walk) + 2 > MAX_KERNEL_STATES:
             return None
         search = None
-        least = self._log_likelihood(self.target) + MIN_SLOW_ERROR_LIKELIHOOD_GAIN
+        least = self._log_likelihood_of_scored_rows(self.target) + MIN_SLOW_ERROR_LIKELIHOOD_GAIN
         for time_s in SLOW_ERROR_TIME_CONSTANTS_S:
             for sigma_m in SLOW_ERROR_SIGMAS_M:
                 trial = self._add_slow_error(sigma_m, time_s)
-                if (likelihood := trial._log_likelihood(trial.target)) > least:
+                if (likelihood := trial._log_likelihood_of_scored_rows(trial.target)) > least:
                     least, search = likelihood, trial
         return search
 
@@ -284,7 +284,7 @@ class _LatencySearch:
         )
         return replace(slower, target=slower._match_noise_to_innovations(slower.target))
 
-    def _log_likelihood(self, target: SensorSeries) -> float:
+    def _log_likelihood_of_scored_rows(self, target: SensorSeries) -> float:
         """The log-likelihood of all telling rows."""
         return -float(np.nansum(self._row_negative_log_likelihoods(target)))
 
@@ -321,7 +321,9 @@ class _LatencySearch:
             return None
         straight, found = weighed
         bent = replace(target, noise=straight.noise, latency_s=evidence.likeliest_latency_s)
-        gain = self._log_likelihood(replace(straight, latency_s=found.likeliest_latency_s)) - self._log_likelihood(bent)
+        gain = self._log_likelihood_of_scored_rows(
+            replace(straight, latency_s=found.likeliest_latency_s)
+        ) - self._log_likelihood_of_scored_rows(bent)
         if not (
             gain > LIKELIHOOD_FALL_AT_THREE_SIGMA
             and found.formal_sigma_s < MAX_REPORTED_SIGMA_S
@@ -367,7 +369,7 @@ class _LatencySearch:
         Better by SIGNIFICANT_SIGMAS, and zero is tried, not read off the parabolas, which hold near the latency alone.
         Both halves together: a latency that drifts may be wrong for one of them and still be far better than none.
         """
-        with_zero = -self._log_likelihood(replace(target, latency_s=0.0))
+        with_zero = -self._log_likelihood_of_scored_rows(replace(target, latency_s=0.0))
         return with_zero - evidence.cross_validated_neg_log_likelihood() > LIKELIHOOD_FALL_AT_THREE_SIGMA
 
     def _scored_series(self, target: SensorSeries) -> list[tuple[int, SensorSeries]]:
@@ -400,7 +402,9 @@ class _LatencySearch:
         return replace(self.layout, series=[target, *self.reference])
 
 
-def _most_excited_window_s(series: Sequence[SensorSeries], reference: Sequence[SensorSeries]) -> tuple[float, float]:
+def _begin_and_end_of_most_excited_window_s(
+    series: Sequence[SensorSeries], reference: Sequence[SensorSeries]
+) -> tuple[float, float]:
     """Return the span of at most WINDOW_S in which the reference is most excited."""
     rows = [s for s in reference if len(s) > 1]
     begin = min((float(s.time_s[0]) for s in series if len(s)), default=0.0)

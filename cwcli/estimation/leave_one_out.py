@@ -46,7 +46,7 @@ _MOTIONS_OF_KIND = {
 """The parts of the motion that each kind measures: along the vehicle, and its turning. Fixes measure the way alone."""
 
 
-def misfits(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
+def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
     """Return the quantities whose noise or slow error is larger than usual, or a constant beyond what sensors have."""
     found = {
         SourceQuantity(r.source, r.kind)
@@ -54,13 +54,13 @@ def misfits(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
         if r.n_used
         and (
             (r.noise_origin != "message" and is_noise_beyond_scatter(r.kind, r.sigma, r.scatter))
-            or (r.slow_error.status is ParameterStatus.USED and r.slow_error.sigma > _usual_slow_error(r.kind))
+            or (r.slow_error.status is ParameterStatus.USED and r.slow_error.sigma > _usual_slow_error_of_kind(r.kind))
         )
     }
     return found | {each.who for each in find_values_beyond_sensor_limits(reports)}
 
 
-def _usual_slow_error(kind: Kind) -> float:
+def _usual_slow_error_of_kind(kind: Kind) -> float:
     return MAX_USUAL_GRADE_SIGMA_MPS2 if kind is Kind.ACCEL else MAX_USUAL_SLOW_ERROR_M
 
 
@@ -131,7 +131,7 @@ def find_spoiling_sources(
         reports_without: Estimates without some quantities and returns the reports.
         trusted: Sources that are never left out.
     """
-    if not misfits(reports):
+    if not quantities_with_unusual_noise_or_error(reports):
         return ()
     best: tuple[SourceQuantity, ...] = ()
     best_gain = MIN_GAIN
@@ -141,7 +141,7 @@ def find_spoiling_sources(
         groups = [group for group in groups if _is_whole_source(group, reports)]
     for group in groups:
         found = reports_without(group)
-        if not _agree(found):
+        if not _do_sources_agree_clearly(found):
             continue
         gain = _log_likelihood_of_others(found, group) - _log_likelihood_of_others(reports, group)
         if gain > best_gain:
@@ -149,12 +149,14 @@ def find_spoiling_sources(
     return best
 
 
-def _agree(reports: Sequence[SourceReport]) -> bool:
+def _do_sources_agree_clearly(reports: Sequence[SourceReport]) -> bool:
     """Whether the sources agree clearly: a wrong source is not replaced by errors that just raise no doubt."""
     is_like_scatter = all(
         is_noise_like_scatter(r.kind, r.sigma, r.scatter) for r in reports if r.n_used and r.noise_origin != "message"
     )
-    return is_like_scatter and not misfits(reports) and not find_drifting_fixes(reports, ())
+    return (
+        is_like_scatter and not quantities_with_unusual_noise_or_error(reports) and not find_drifting_fixes(reports, ())
+    )
 
 
 def _is_whole_source(group: Sequence[SourceQuantity], reports: Sequence[SourceReport]) -> bool:

@@ -73,7 +73,7 @@ def _bias_share(report: SourceReport) -> float:
 def is_bias_within_sensor_limits(report: SourceReport) -> bool:
     """Whether a sensor can have the bias that was found; gravity through the mounting is subtracted first."""
     limit = YAW_RATE_BIAS_RANGE if report.kind is Kind.YAW_RATE else ACCEL_BIAS_RANGE
-    return limit.contains(_bias_without_gravity(report))
+    return limit.contains_or_is_nan(_bias_without_gravity(report))
 
 
 def _bias_without_gravity(report: SourceReport) -> float:
@@ -104,7 +104,7 @@ def _iter_texts_on_exceeded_limits(report: SourceReport) -> Iterator[str]:
         yield _exceeded_limit_text("a latency", report.latency.found_s, LATENCY_RANGE)
     if (
         report.kind in WHITE_NOISE_RANGES
-        and not WHITE_NOISE_RANGES[report.kind].contains(report.sigma)
+        and not WHITE_NOISE_RANGES[report.kind].contains_or_is_nan(report.sigma)
         and report.n_used
     ):
         yield _exceeded_limit_text("white noise", report.sigma, WHITE_NOISE_RANGES[report.kind])
@@ -112,7 +112,7 @@ def _iter_texts_on_exceeded_limits(report: SourceReport) -> Iterator[str]:
 
 def _is_used_beyond_limit(parameter: Parameter, limit: ParameterRange) -> bool:
     """Whether a parameter that was found and used lies beyond its limit; given ones are not checked."""
-    return parameter.status is ParameterStatus.USED and not limit.contains(parameter.value)
+    return parameter.status is ParameterStatus.USED and not limit.contains_or_is_nan(parameter.value)
 
 
 def _exceeded_limit_text(name: str, value: float, limit: ParameterRange) -> str:

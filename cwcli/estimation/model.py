@@ -65,7 +65,7 @@ class MotionParameters:
     turn_noise: Mapping[int, float] = field(default_factory=dict)
 
     @property
-    def lookup_key(self) -> tuple[object, ...]:
+    def hashable_key_of_equal_parameters(self) -> tuple[object, ...]:
         """What equal parameters have in common; unlike the parameters themselves it can be looked up."""
         return tuple(tuple(value.items()) if isinstance(value, Mapping) else value for value in vars(self).values())
 

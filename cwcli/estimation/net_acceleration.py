@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from cwcli.estimation.result import SourceReport
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import Int64Array, StateRows
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 from cwcli.signals.vehicle_state import SPEED
 
 
 def reports_without_net_acceleration(
-    reports: Sequence[SourceReport], stamp_ns: Int64Array, state: FloatArray
+    reports: Sequence[SourceReport], stamp_ns: Int64Array, state: StateRows
 ) -> tuple[SourceReport, ...]:
     """Return the reports with mountings that hold gravity alone.
 

@@ -179,7 +179,7 @@ def _match_noise_to_innovations(fit: NoiseFit, result: PassResult) -> NoiseFit:
 
 
 def _refit_manoeuvre_sigma_and_get_likelihood(
-    trials: FilterTrials, layout: StateLayout, fit: NoiseFit, name: str, base: float
+    trials: FilterTrials, layout: StateLayout, fit: NoiseFit, sigma_name: str, likelihood_of_fit: float
 ) -> tuple[NoiseFit, float]:
     """Move one sigma of the motion towards the largest likelihood; returns the fit and its likelihood.
 
@@ -187,37 +187,37 @@ def _refit_manoeuvre_sigma_and_get_likelihood(
         trials: Passes over the window.
         layout: The layout at which the fit began.
         fit: The fit so far.
-        name: Which sigma, one of `MANOEUVRE_SIGMA_LIMITS`.
-        base: Likelihood of `fit`.
+        sigma_name: Which sigma, one of `MANOEUVRE_SIGMA_LIMITS`.
+        likelihood_of_fit: Likelihood of `fit`.
     """
 
     def log_likelihood(parameters: MotionParameters) -> float:
         return trials.log_likelihood(_layout_of_fit(layout, replace(fit, parameters=parameters)))
 
-    parameters, limits = fit.parameters, MANOEUVRE_SIGMA_LIMITS[name]
-    now, first = float(getattr(parameters, name)), float(getattr(layout.parameters, name))
-    sides = [_replace_parameter(parameters, name, now * f) for f in (0.5, 2.0)]
+    parameters, limits = fit.parameters, MANOEUVRE_SIGMA_LIMITS[sigma_name]
+    now, first = float(getattr(parameters, sigma_name)), float(getattr(layout.parameters, sigma_name))
+    sides = [_replace_parameter(parameters, sigma_name, now * f) for f in (0.5, 2.0)]
     left, right = (log_likelihood(side) for side in sides)
-    bend = left - 2.0 * base + right
+    bend = left - 2.0 * likelihood_of_fit + right
     if bend < 0.0:
         move = 0.5 * (left - right) / bend * LOG_SIGMA_STEP
         move = float(np.clip(move, -2.0 * LOG_SIGMA_STEP, 2.0 * LOG_SIGMA_STEP))
     else:
         move = LOG_SIGMA_STEP * (1.0 if right > left else -1.0)
     scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
-    better = _replace_parameter(parameters, name, first * float(np.exp(scale)))
-    options = [(base, parameters), (log_likelihood(better), better), (left, sides[0]), (right, sides[1])]
+    better = _replace_parameter(parameters, sigma_name, first * float(np.exp(scale)))
+    options = [(likelihood_of_fit, parameters), (log_likelihood(better), better), (left, sides[0]), (right, sides[1])]
     reached, best = max(options, key=lambda option: option[0])
-    limited = _set_sigma_within_limits(best, name, float(getattr(best, name)), layout.parameters)
+    limited = _set_sigma_within_limits(best, sigma_name, float(getattr(best, sigma_name)), layout.parameters)
     return replace(fit, parameters=limited), reached
 
 
 def _set_sigma_within_limits(
-    parameters: MotionParameters, name: str, value: float, begin: MotionParameters
+    parameters: MotionParameters, name: str, new_sigma: float, begin: MotionParameters
 ) -> MotionParameters:
     """Return the motion parameters with a new value of one sigma, kept within limits relative to its first value."""
     first = float(getattr(begin, name))
-    limited = float(np.clip(np.log(value / first), *np.log(MANOEUVRE_SIGMA_LIMITS[name])))
+    limited = float(np.clip(np.log(new_sigma / first), *np.log(MANOEUVRE_SIGMA_LIMITS[name])))
     return _replace_parameter(parameters, name, first * float(np.exp(limited)))
 
 
@@ -258,23 +258,25 @@ def _cut_to_busiest_window(series: Sequence[SensorSeries]) -> list[SensorSeries]
     return cut
 
 
-def longest_driven_window_start_s(series: Sequence[SensorSeries], begin: float, end: float, span: float) -> float:
-    """Return where a window of `span` seconds covers the longest way, by the positions."""
+def longest_driven_window_start_s(
+    series: Sequence[SensorSeries], begin_s: float, end_s: float, window_s: float
+) -> float:
+    """Return where a window of `window_s` seconds covers the longest way, by the positions."""
     position = next((s for s in series if s.kind is Kind.POSITION and len(s) > 2), None)
     if position is None:
-        return begin
+        return begin_s
     time = position.time_s - position.latency_s
-    step = max(span / 4, 1e-3)
-    last_start = max(end - span, begin)
-    if last_start - begin <= 4 * len(time) * step:
-        choices = np.arange(begin, last_start + 1e-9, step)
+    step = max(window_s / 4, 1e-3)
+    last_start = max(end_s - window_s, begin_s)
+    if last_start - begin_s <= 4 * len(time) * step:
+        choices = np.arange(begin_s, last_start + 1e-9, step)
     else:  # a pause of years: only windows with fixes in them
-        cell = np.unique(((time - begin) / step).astype(np.int64))
-        index = np.unique(np.clip(cell[:, None] - np.arange(5), 0, int((last_start - begin) / step)))
-        choices = begin + step * index
+        cell = np.unique(((time - begin_s) / step).astype(np.int64))
+        index = np.unique(np.clip(cell[:, None] - np.arange(5), 0, int((last_start - begin_s) / step)))
+        choices = begin_s + step * index
     first = np.clip(np.searchsorted(time, choices), 0, len(time) - 1)
-    middle = np.clip(np.searchsorted(time, choices + span / 2), 0, len(time) - 1)
-    last = np.clip(np.searchsorted(time, choices + span), 0, len(time) - 1)
+    middle = np.clip(np.searchsorted(time, choices + window_s / 2), 0, len(time) - 1)
+    last = np.clip(np.searchsorted(time, choices + window_s), 0, len(time) - 1)
     xy = position.values
     way = np.hypot(*(xy[middle] - xy[first]).T) + np.hypot(*(xy[last] - xy[middle]).T)
     return float(choices[int(way.argmax())])

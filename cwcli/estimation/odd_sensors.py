@@ -9,8 +9,8 @@ from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.imu import IMU, tilt_hypothesis
 from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
-from cwcli.signals.columns import FloatArray
+from cwcli.estimation.median import median_of_finite_column
+from cwcli.signals.columns import AccelGyroRows, FloatArray, ValueRows
 
 GRAVITY_MPS2 = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
@@ -38,7 +38,7 @@ MAX_REPEATED_ROW_SHARE = 0.1
 """Greatest share of repeats in the other rows: a coarse signal repeats more often. Chosen by hand; not fitted."""
 
 
-def find_impossible_imu_values(values: FloatArray) -> list[tuple[Hypothesis, str]]:
+def find_impossible_imu_values(values: AccelGyroRows) -> list[tuple[Hypothesis, str]]:
     """Return faults of an IMU that the size and direction of its values alone show, with what shows each.
 
     Args:
@@ -65,7 +65,7 @@ def find_impossible_imu_values(values: FloatArray) -> list[tuple[Hypothesis, str
     return found
 
 
-def find_tilt_and_evidence(values: FloatArray) -> tuple[Hypothesis, str] | None:
+def find_tilt_and_evidence(values: AccelGyroRows) -> tuple[Hypothesis, str] | None:
     """Return the tilt of an IMU in SI units whose z axis is clearly not vertical, but nearer to it than another axis.
 
     Args:
@@ -91,7 +91,7 @@ def _imu_hypothesis_by_name(name: str) -> Hypothesis:
     return next(each for each in IMU if each.name == name)
 
 
-def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: FloatArray) -> bool:
+def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: ValueRows) -> bool:
     """Whether the first row differs from the second by more than a car can move, while the next rows agree.
 
     Receivers and buses send a zero or their last position before they have measured anything. A filter that starts
@@ -105,11 +105,11 @@ def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: FloatArray
     if kind not in MAX_CHANGE_PER_SECOND or len(time_s) < 2 * N_AGREEING_ROWS:
         return False
     change = np.sqrt(np.square(np.diff(values, axis=0)).sum(axis=1))
-    most = MAX_CHANGE_PER_SECOND[kind] * np.diff(time_s) + MIN_JUMP_IN_MEDIAN_STEPS * median(change)
+    most = MAX_CHANGE_PER_SECOND[kind] * np.diff(time_s) + MIN_JUMP_IN_MEDIAN_STEPS * median_of_finite_column(change)
     return bool(change[0] > most[0] and (change[1:N_AGREEING_ROWS] <= most[1:N_AGREEING_ROWS]).all())
 
 
-def stuck_row_mask(kind: Kind, time_s: FloatArray, values: FloatArray) -> npt.NDArray[np.bool_]:
+def stuck_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows) -> npt.NDArray[np.bool_]:
     """Return a mask (n,) of rows in which a speed or velocity that usually changes repeats a value other than zero.
 
     Args:

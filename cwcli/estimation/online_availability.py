@@ -61,7 +61,7 @@ class OnlineAvailability:
         return tuple(np.quantile(after_s, [0.5, 0.95, 1.0]).tolist()) if self.n_states else (np.nan,) * 3
 
     @property
-    def late_state_notes(self) -> list[str]:
+    def notes_on_late_states(self) -> list[str]:
         """Note on states that are available more than `LATE_S` after their stamps; empty if there are none."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
         late = after_s > MAX_UNREPORTED_DELAY_S

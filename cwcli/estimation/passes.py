@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import lay_steps
@@ -384,7 +384,7 @@ def _max_consecutive_rejections(s: SensorSeries, reset_after: int) -> int:
     if not interval_s > 0.0:
         if len(s) < 2:
             return reset_after
-        interval_s = median(np.diff(s.time_s))
+        interval_s = median_of_finite_column(np.diff(s.time_s))
     return int(np.clip(MAX_REJECTION_TIME_S / max(interval_s, 1e-3), 2, reset_after))
 
 

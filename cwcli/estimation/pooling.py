@@ -95,11 +95,13 @@ def pool_constant_over_drives(constants: Sequence[ConstantOfDrive]) -> Constant:
     return Constant(status, mean, sigma, spread, reduced, len(constants), minutes, of_logs)
 
 
-def _weighted_mean_sigma_and_chi_square(value: np.ndarray, variance: np.ndarray) -> tuple[float, float, float]:
+def _weighted_mean_sigma_and_chi_square(
+    drive_values: np.ndarray, drive_variances: np.ndarray
+) -> tuple[float, float, float]:
     """Return the mean weighted by inverse variance, its sigma, and the chi-square of the values about it."""
-    weight = 1.0 / variance
-    mean = float(weight @ value / weight.sum())
-    return mean, float(weight.sum() ** -0.5), float((value - mean) ** 2 @ weight)
+    weight = 1.0 / drive_variances
+    mean = float(weight @ drive_values / weight.sum())
+    return mean, float(weight.sum() ** -0.5), float((drive_values - mean) ** 2 @ weight)
 
 
 def calibrate_from_drives(drives: Sequence[DriveEvidence], name: str = "") -> Calibration:
@@ -152,7 +154,7 @@ def calibrate_from_drives(drives: Sequence[DriveEvidence], name: str = "") -> Ca
         },
         logs=tuple(drive.log for drive in drives),
         minutes=total_s / SECONDS_PER_MINUTE,
-        evidence=_driving_evidence(drives),
+        evidence=_distance_and_rms_motion_of_drives(drives),
     )
 
 
@@ -281,7 +283,7 @@ def _pool_imu_mountings(drives: Sequence[DriveEvidence]) -> dict[str, dict[str, 
     }
 
 
-def _driving_evidence(drives: Sequence[DriveEvidence]) -> dict[str, float]:
+def _distance_and_rms_motion_of_drives(drives: Sequence[DriveEvidence]) -> dict[str, float]:
     """Return the distance driven and the root mean squares of acceleration and yaw rate, by the keys of
     `EVIDENCE_KEYS`."""
     state = [drive.track.state for drive in drives if len(drive.track.stamp_ns) > 1]

@@ -16,7 +16,7 @@ from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_ma
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, ValueRows
 from cwcli.signals.units import NS_PER_S
 
 NO_KNOWN_MOUNTINGS: Mapping[str, ImuMounting] = {}
@@ -94,7 +94,7 @@ def clean_and_sort_measurements(
         covariance = None if m.covariance is None else m.covariance[finite][order]
         stale = NO_STALE_ROWS if m.is_exact else find_stale_rows(m.kind, time, values)
         if stale.n_rows:
-            notes += stale.notes(m.source, m.kind)
+            notes += stale.notes_for_user(m.source, m.kind)
             time, values = time[~stale.stale_row_mask], values[~stale.stale_row_mask]
             covariance = None if covariance is None else covariance[~stale.stale_row_mask]
         stuck = stuck_row_mask(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
@@ -181,7 +181,7 @@ def prepare_without_looking_ahead(
         mounting = mountings.get(m.source, ImuMounting(0.0, 0.0))
         for kind, values, axis in (
             (Kind.ACCEL, m.values[rows, 0], 0),
-            (Kind.YAW_RATE, m.values[rows, 3:] @ mounting.up_axis, 5),
+            (Kind.YAW_RATE, m.values[rows, 3:] @ mounting.up_unit_vector_in_imu_axes, 5),
         ):
             variance = None if covariance is None else covariance[:, axis : axis + 1, axis : axis + 1]
             series = _build_series_with_noise(m.source, kind, time, values[:, None], variance, looks_ahead=False)
@@ -215,13 +215,13 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
 
 
 def _select_changes_of_coarse_headings_and_note(
-    m: Measurements, time_s: FloatArray, values: FloatArray, covariance: FloatArray | None, notes: list[str]
+    m: Measurements, time_s: FloatArray, values: ValueRows, covariance: FloatArray | None, notes: list[str]
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Return times, values and covariance; of coarse headings those halfway through each change, with a note."""
     coarse = find_coarse_headings(time_s, values[:, 0]) if m.kind is Kind.HEADING and not m.is_exact else None
     if coarse is None:
         return time_s, values, covariance
-    notes.append(coarse.note(m.source))
+    notes.append(coarse.note_for_user(m.source))
     return coarse.time_s, coarse.heading_rad[:, None], None if covariance is None else covariance[coarse.rows]
 
 
@@ -248,7 +248,7 @@ def copied_source(m: Measurements, measurements: Sequence[Measurements]) -> str:
     return ""
 
 
-def _is_unfilled_rate_field(kind: Kind, values: FloatArray) -> bool:
+def _is_unfilled_rate_field(kind: Kind, values: ValueRows) -> bool:
     """Whether a yaw rate or acceleration has one value for the whole log: then its field is not filled."""
     if kind not in RATE_KINDS or len(values) < MIN_ROWS_OF_CONSTANT_FIELD:
         return False
@@ -258,8 +258,8 @@ def _is_unfilled_rate_field(kind: Kind, values: FloatArray) -> bool:
 def _build_series_with_noise(
     source: str,
     kind: Kind,
-    time: FloatArray,
-    values: FloatArray,
+    time_s: FloatArray,
+    values: ValueRows,
     covariance: FloatArray | None,
     *,
     looks_ahead: bool = True,
@@ -269,7 +269,7 @@ def _build_series_with_noise(
     The guess comes from the roughness of the signal. Without `looks_ahead` it is the default, and the interval of the
     rows is unknown.
     """
-    n, width = len(time), values.shape[1]
+    n, width = len(time_s), values.shape[1]
     noise = np.zeros((n, 3))
     said = np.zeros(n, bool)
     if covariance is not None:
@@ -281,7 +281,7 @@ def _build_series_with_noise(
             said = (noise[:, 0] > 0) & (noise[:, 2] > 0) & (determinant > 0) & np.isfinite(noise).all(axis=1)
         else:
             said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0])
-    guess = (_initial_noise_sigma(kind, time, values) if looks_ahead else QUANTITIES[kind].default_sigma) ** 2
+    guess = (_initial_noise_sigma(kind, time_s, values) if looks_ahead else QUANTITIES[kind].default_sigma) ** 2
     noise[~said] = (guess, 0.0, guess)
     if width == 1:
         noise[:, 1:] = 0.0
@@ -292,13 +292,13 @@ def _build_series_with_noise(
     if kind in RATE_KINDS:
         floor = max(floor, MIN_NOISE_TO_ROUGHNESS_RATIO * guess**0.5)
     interval_s = float("nan") if looks_ahead else float("inf")
-    return SensorSeries(source, kind, time, padded, noise, noise_origin=origin, floor=floor, interval_s=interval_s)
+    return SensorSeries(source, kind, time_s, padded, noise, noise_origin=origin, floor=floor, interval_s=interval_s)
 
 
-def _initial_noise_sigma(kind: Kind, time: FloatArray, values: FloatArray) -> float:
+def _initial_noise_sigma(kind: Kind, time_s: FloatArray, values: ValueRows) -> float:
     """Return a starting sigma: an IMU's from its second differences, which the motion hardly touches at its rate."""
     default = QUANTITIES[kind].default_sigma
-    if kind not in RATE_KINDS or len(time) < 200:
+    if kind not in RATE_KINDS or len(time_s) < 200:
         return default
     second = values[2:, 0] - 2.0 * values[1:-1, 0] + values[:-2, 0]
     rough = float(np.median(np.abs(second))) / 0.6745 / np.sqrt(6.0)

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, ValueRows
 
 MIN_REPETITIONS = 10
 """Least number of repeated values that show a pattern. Chosen by hand; not fitted."""
@@ -86,7 +86,7 @@ class StaleRows:
         """Shape (n,): the row holds no new measurement."""
         return self.is_repetition | self.is_interpolated
 
-    def notes(self, source: str, kind: Kind) -> list[str]:
+    def notes_for_user(self, source: str, kind: Kind) -> list[str]:
         """Return what the user is told; empty where there is nothing to tell."""
         name = kind.name.lower().replace("_", " ")
         told = [
@@ -105,7 +105,7 @@ NO_STALE_ROWS = StaleRows(np.zeros(0, np.bool_), np.zeros(0, np.bool_))
 """Result for a source whose rows are not examined."""
 
 
-def find_stale_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> StaleRows:
+def find_stale_rows(kind: Kind, time_s: FloatArray, values: ValueRows) -> StaleRows:
     """Find the rows of a source that hold no new measurement.
 
     Args:
@@ -126,7 +126,7 @@ def find_stale_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> Stale
 
 
 def _repeated_row_mask_and_period_s(
-    kind: Kind, time_s: FloatArray, values: FloatArray
+    kind: Kind, time_s: FloatArray, values: ValueRows
 ) -> tuple[npt.NDArray[np.bool_], float]:
     """Find the rows that repeat the value before them; returns a mask (n,) and the time between two measurements, s."""
     n, none = len(time_s), np.zeros(len(time_s), np.bool_)
@@ -138,7 +138,7 @@ def _repeated_row_mask_and_period_s(
     length = np.diff(first)  # the last run has no change behind it
     change = np.abs(np.diff(values[first], axis=0))
     floor = MIN_RESOLUTION_SHARE * _least_noise_sigma_of_kind(kind)
-    step = np.array([quantisation_step(change[:, k], floor) for k in range(values.shape[1])])
+    step = np.array([quantisation_step_of_changes(change[:, k], floor) for k in range(values.shape[1])])
     per_row = change / length[:, None]
     should_change = (per_row > np.maximum(MIN_CHANGE_PER_ROW * step, floor)).any(axis=1)
     is_held = should_change & (length > 1)
@@ -147,11 +147,11 @@ def _repeated_row_mask_and_period_s(
         return none, float("nan")
     held_s = np.diff(time_s[first])[is_held]
     # Of stamps that are cut to whole seconds most differences are 0; their mean is right all the same.
-    period_s = median(held_s) or float(np.mean(held_s))
+    period_s = median_of_finite_column(held_s) or float(np.mean(held_s))
     if not period_s > 0.0:
         return none, float("nan")
     size = np.append(change.max(axis=1), 0.0)
-    usual = median(size[:-1][is_held])
+    usual = median_of_finite_column(size[:-1][is_held])
     run = np.cumsum(is_new) - 1
     # A car that stands is measured again and again: one row a period stays.
     n_periods = np.floor((time_s - time_s[first][run]) / period_s + REGULAR_TOLERANCE)
@@ -162,16 +162,16 @@ def _repeated_row_mask_and_period_s(
     return ~is_new & ~(begins_period & (is_long & (size <= MAX_JUMP_RATIO * usual))[run]), period_s
 
 
-def quantisation_step(change: FloatArray, floor: float) -> float:
+def quantisation_step_of_changes(value_changes: FloatArray, floor: float) -> float:
     """Return the step of which the small changes (k,) of a column are whole multiples.
 
     It is 0 where there is none, and infinite where too few changes are there to tell.
     """
-    change = change[change > floor]
-    if len(change) < MIN_RESOLVED_CHANGES:
+    value_changes = value_changes[value_changes > floor]
+    if len(value_changes) < MIN_RESOLVED_CHANGES:
         return float("inf")
-    least = float(change.min())
-    steps = change[change < RESOLUTION_STEPS * least] / least
+    least = float(value_changes.min())
+    steps = value_changes[value_changes < RESOLUTION_STEPS * least] / least
     if len(steps) < MIN_RESOLVED_CHANGES:
         return 0.0
     is_whole = np.abs(steps - np.rint(steps)) < RESOLUTION_TOLERANCE
@@ -179,7 +179,7 @@ def quantisation_step(change: FloatArray, floor: float) -> float:
 
 
 def _interpolated_row_mask_and_period_s(
-    kind: Kind, time_s: FloatArray, values: FloatArray
+    kind: Kind, time_s: FloatArray, values: ValueRows
 ) -> tuple[npt.NDArray[np.bool_], float]:
     """Find the rows on straight lines between measurements; returns a mask (n,) and the time between two, s.
 
@@ -194,14 +194,14 @@ def _interpolated_row_mask_and_period_s(
     values = np.unwrap(values, axis=0) if kind is Kind.HEADING else values
     slope = np.diff(values, axis=0) / step_s[:, None]
     bend = np.abs(np.diff(slope, axis=0)).max(axis=1) * np.minimum(step_s[1:], step_s[:-1])
-    knots = np.flatnonzero(bend > max(KNOT_FACTOR * median(bend), 0.25 * tolerance)) + 1
+    knots = np.flatnonzero(bend > max(KNOT_FACTOR * median_of_finite_column(bend), 0.25 * tolerance)) + 1
     if len(knots) < MIN_KNOTS or n < MIN_ROWS_PER_KNOT * len(knots):
         return none
     duration_s = np.diff(time_s[knots])
-    period_s = median(duration_s)
+    period_s = median_of_finite_column(duration_s)
     n_periods = np.maximum(np.rint(duration_s / period_s), 1.0)
     is_regular = np.abs(duration_s / period_s - n_periods) < REGULAR_TOLERANCE
-    if float(is_regular.mean()) < MIN_REGULAR_SHARE or period_s < 1.5 * median(step_s):
+    if float(is_regular.mean()) < MIN_REGULAR_SHARE or period_s < 1.5 * median_of_finite_column(step_s):
         return none
     line = np.clip(np.searchsorted(knots, np.arange(n), side="right") - 1, 0, len(knots) - 2)
     line_slope = np.diff(values[knots], axis=0) / duration_s[:, None]
@@ -210,11 +210,14 @@ def _interpolated_row_mask_and_period_s(
     inside = (np.arange(n) >= knots[0]) & (np.arange(n) <= knots[-1])
     leaves = np.bincount(line[inside], away[inside] > tolerance, len(knots) - 1) > 0
     turns = np.abs(np.diff(line_slope, axis=0)).max(axis=1) * np.minimum(duration_s[1:], duration_s[:-1]) / 8.0
-    if float(leaves.mean()) > 1.0 - MIN_STRAIGHT_SHARE or median(turns) < MIN_BEND_IN_TOLERANCES * tolerance:
+    if (
+        float(leaves.mean()) > 1.0 - MIN_STRAIGHT_SHARE
+        or median_of_finite_column(turns) < MIN_BEND_IN_TOLERANCES * tolerance
+    ):
         return none
     # Where a car stands or drives on evenly a knot does not show: one row a period stays.
     since = (time_s - time_s[begin]) / period_s
-    n_since = np.floor(since + 0.5 * median(step_s) / period_s)
+    n_since = np.floor(since + 0.5 * median_of_finite_column(step_s) / period_s)
     begins_period = np.ones(n, np.bool_)
     begins_period[1:] = (n_since[1:] != n_since[:-1]) | (line[1:] != line[:-1])
     is_knot = np.zeros(n, np.bool_)

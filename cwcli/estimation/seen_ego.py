@@ -70,7 +70,7 @@ def _overlaps_ego_mask(
     dy = y_m - (state[:, Y] + age_s * state[:, SPEED] * sin)
     along, across = dx * cos + dy * sin, dy * cos - dx * sin
     length_m, width_m = (
-        0.5 * ((own or usual) + _replace_missing(theirs, usual))
+        0.5 * ((own or usual) + _replace_non_finite(theirs, usual))
         for own, theirs, usual in zip(
             size_m, (signal.length_m, signal.width_m), (DEFAULT_CAR_LENGTH_M, DEFAULT_CAR_WIDTH_M), strict=True
         )
@@ -79,6 +79,6 @@ def _overlaps_ego_mask(
     return np.asarray(is_told & (np.abs(along) < length_m) & (np.abs(across) < width_m))
 
 
-def _replace_missing(values: FloatArray, default: float) -> FloatArray:
+def _replace_non_finite(values: FloatArray, default: float) -> FloatArray:
     """Replace values that are not finite by a default."""
     return np.where(np.isfinite(values), values, default)

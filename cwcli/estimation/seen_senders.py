@@ -105,9 +105,11 @@ def drop_senders_seen_by_others(
     objects = [_sort_rows_by_log_time(signal, rows[perceived[rows]]) for _, rows in iter_rows_by_id(signal.station)]
     objects = [rows for rows in objects if len(rows)]
     senders = [rows[~perceived[rows]] for _, rows in iter_rows_by_id(signal.station)]
-    ranges = _place_and_time_bounds(x_m, y_m, signal.stamp_ns, objects)
+    ranges = _least_and_greatest_x_y_time_of_groups(x_m, y_m, signal.stamp_ns, objects)
     for said in (rows for rows in senders if len(rows)):
-        for k in _object_indices_near_sender(ranges, _place_and_time_bounds(x_m, y_m, signal.stamp_ns, [said])):
+        for k in _object_indices_near_sender(
+            ranges, _least_and_greatest_x_y_time_of_groups(x_m, y_m, signal.stamp_ns, [said])
+        ):
             at = _compare_object_with_sender(signal, x_m, y_m, said, objects[k])
             is_same, own, is_inside = _sender_and_overlap_masks_with_distance(at, signal.stamp_ns, signal.log_time_ns)
             is_nearer = own < nearest[at.rows]
@@ -131,16 +133,20 @@ def drop_senders_seen_by_others(
     return select_remote_rows(signal, np.flatnonzero(~is_sender)) if n_known else signal, tuple(notes)
 
 
-def _place_and_time_bounds(x_m: FloatArray, y_m: FloatArray, stamp_ns: Int64Array, groups: list[Rows]) -> FloatArray:
+def _least_and_greatest_x_y_time_of_groups(
+    x_m: FloatArray, y_m: FloatArray, stamp_ns: Int64Array, groups: list[Rows]
+) -> FloatArray:
     """Return least and greatest x, y (m) and time (s) of each group of rows, (groups, 3, 2)."""
     time_s = (stamp_ns - stamp_ns[0]) / NS_PER_S
     return np.array([[(each[rows].min(), each[rows].max()) for each in (x_m, y_m, time_s)] for rows in groups])
 
 
-def _object_indices_near_sender(objects: FloatArray, sender: FloatArray) -> list[int]:
+def _object_indices_near_sender(object_bounds: FloatArray, sender_bounds: FloatArray) -> list[int]:
     """Return the indices of the objects that were near the sender at a common time."""
     margin = np.array([MAX_COMPARED_DISTANCE_M, MAX_COMPARED_DISTANCE_M, MAX_MESSAGE_AGE_S])
-    meets = (objects[:, :, 0] <= sender[:, :, 1] + margin) & (sender[:, :, 0] <= objects[:, :, 1] + margin)
+    meets = (object_bounds[:, :, 0] <= sender_bounds[:, :, 1] + margin) & (
+        sender_bounds[:, :, 0] <= object_bounds[:, :, 1] + margin
+    )
     return [int(k) for k in np.flatnonzero(meets.all(axis=1))]
 
 

@@ -27,7 +27,7 @@ class ParameterRange:
     unit: str
     source: str
 
-    def contains(self, value: float) -> bool:
+    def contains_or_is_nan(self, value: float) -> bool:
         """Whether a value lies inside; True for NaN, which means that none was found."""
         return not (value <= self.low or value >= self.high)
 

@@ -144,7 +144,7 @@ def find_sensor_errors(
 
 def may_show_sensor_errors(series: Sequence[SensorSeries]) -> bool:
     """Whether a log is long enough for a search of sensor errors; its noise need not be known yet."""
-    first, last = _search_window_s(series)
+    first, last = _begin_and_end_of_searched_span_s(series)
     return last - first >= MIN_LOG_SPAN_S
 
 
@@ -247,7 +247,7 @@ class _SensorModelTrials:
 
     def __init__(self, base: StateLayout, slack_m: Sequence[float]) -> None:
         """Cut and average the searched window, and drop the rows that the filter rejects without a sensor model."""
-        begin, end = _search_window_s(base.series)
+        begin, end = _begin_and_end_of_searched_span_s(base.series)
         cut = [gate_outliers(average_rows_to_rate(cut_to_window(s, begin, end), AVERAGING_HZ)) for s in base.series]
         self.span_s, self.slack_m = end - begin, slack_m
         self.base = replace(base, series=cut, parameters=replace(base.parameters, side_slip_m=SEARCH_SIDE_SLIP_M))
@@ -398,8 +398,8 @@ def _drop_errors_beyond_limits_and_list_them(
     while found := {
         part: value
         for part in trial.model.modelled_errors
-        if not range_of_sensor_error(part[1], trial.layout.series[part[0]].kind).contains(
-            value := _estimated_value_of_error(trial, part)
+        if not range_of_sensor_error(part[1], trial.layout.series[part[0]].kind).contains_or_is_nan(
+            value := _reported_value_or_sigma_of_error(trial, part)
         )
     }:
         beyond.update(found)
@@ -410,7 +410,7 @@ def _drop_errors_beyond_limits_and_list_them(
     return trial, beyond
 
 
-def _estimated_value_of_error(trial: _SensorModelTrial, part: Part) -> float:
+def _reported_value_or_sigma_of_error(trial: _SensorModelTrial, part: Part) -> float:
     """Of a slow error its sigma, of another its value, as they are reported."""
     i, name = part
     if name == "slow":
@@ -457,7 +457,7 @@ def series_whose_forward_arm_may_be_latency(
     )
 
 
-def _search_window_s(series: Sequence[SensorSeries]) -> tuple[float, float]:
+def _begin_and_end_of_searched_span_s(series: Sequence[SensorSeries]) -> tuple[float, float]:
     """Return the searched span (s): from the first position; of long logs the WINDOW_S with the longest path."""
     positions = [s for s in series if s.kind is Kind.POSITION and len(s)]
     begin = min((float(s.time_s[0] - s.latency_s) for s in positions), default=0.0) - FIRST_POSITION_LEAD_IN_S

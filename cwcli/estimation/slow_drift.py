@@ -17,7 +17,7 @@ from cwcli.estimation.limit_check import quantity_compared_with
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.result import SourceReport
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, StateCovariance
 from cwcli.signals.vehicle_state import X, Y
 
 MAX_LARGEST_IN_SIGMAS = 4.5
@@ -27,7 +27,7 @@ MIN_DRIFT_M = 3.3
 """Least drift on one axis, m: one sigma of what the GPS Standard Positioning Service (2020) promises (8 m in 95 %)."""
 
 
-def largest_slow_error(s: SensorSeries, state: FloatArray) -> float:
+def largest_slow_position_error_m(s: SensorSeries, state: FloatArray) -> float:
     """Return the largest absolute slow error of a position in the states (m, n) of the filter, m; NaN without one."""
     if s.kind is not Kind.POSITION or s.slow_state < 0:
         return float("nan")
@@ -52,7 +52,7 @@ def find_drifting_fixes(reports: Sequence[SourceReport], known: Sequence[Contrad
     return found
 
 
-def covariance_from_drifts(reports: Sequence[SourceReport]) -> FloatArray:
+def covariance_from_drifts(reports: Sequence[SourceReport]) -> StateCovariance:
     """Return the covariance (8, 8) that drifting fixes add to all states: the mean square of a wave of that height.
 
     It is 0 where another position does not drift.

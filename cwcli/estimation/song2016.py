@@ -153,7 +153,7 @@ def estimate_track_with_song2016(
     flags = compute_state_flags(series, result.status, wanted, start=replace(start, time_s=begin), causal=config.causal)
     return Track(
         output_stamp_ns, state, covariance, flags, reports, result.log_likelihood,
-        (*(each.sentence for each in corrections), *notes), corrections=tuple(corrections),
+        (*(each.sentence_on_fault_and_undoing for each in corrections), *notes), corrections=tuple(corrections),
     )  # fmt: skip
 
 
@@ -205,31 +205,31 @@ def trailing_slope(
 
 
 def filtered_states_and_covariances_of_matrix(
-    z: FloatArray,
+    measurement_matrix: FloatArray,
     sigma: Sequence[float],
     *,
     step_s: float = SAMPLING_TIME_S,
-    q: FloatArray | None = None,
+    process_noise: FloatArray | None = None,
     smooth: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Run eq. 8 over a synchronous measurement matrix, as in the paper.
 
     Args:
-        z: Shape (n, 6): x, y, v, heading, a, yaw rate; NaN = not measured at this step.
+        measurement_matrix: Shape (n, 6): x, y, v, heading, a, yaw rate; NaN = not measured at this step.
         sigma: One sigma of each component (root of the diagonal of R, eq. 5).
         step_s: dT.
-        q: Shape (6, 6), default `process_noise`.
+        process_noise: Shape (6, 6), default `process_noise`.
         smooth: Smooth afterwards.
 
     Returns:
         States (n, 6) and covariances (n, 6, 6); the first state is the first vector with covariance R.
     """
-    n = len(z)
+    n = len(measurement_matrix)
     variance: FloatArray = np.square(np.asarray(sigma, dtype=np.float64))
     # Five updates a step (the position is one of width 2), the first vector being the start.
     values = np.zeros((n, len(MEASUREMENT_VECTOR_KINDS), 2))
-    values[:, 0] = z[:, :2]
-    values[:, 1:, 0] = z[:, 2:]
+    values[:, 0] = measurement_matrix[:, :2]
+    values[:, 1:, 0] = measurement_matrix[:, 2:]
     measured = np.isfinite(values).all(axis=2) & (np.arange(n) > 0)[:, None]
     noise = np.zeros((len(MEASUREMENT_VECTOR_KINDS), 3))
     noise[0, [0, 2]] = variance[:2]
@@ -253,8 +253,10 @@ def filtered_states_and_covariances_of_matrix(
         patience=np.ones(len(sensor), np.int32),
         sender=np.full(len(sensor), -1, np.int32),
     )
-    motion = ekf.ProcessModel.song2016(process_noise_covariance(step_s) if q is None else q)
-    result = ekf.run(events, sources, motion, np.array(z[0], dtype=np.float64), np.diag(variance), n, smooth=smooth)
+    motion = ekf.ProcessModel.song2016(process_noise_covariance(step_s) if process_noise is None else process_noise)
+    result = ekf.run(
+        events, sources, motion, np.array(measurement_matrix[0], dtype=np.float64), np.diag(variance), n, smooth=smooth
+    )
     return result.state, result.covariance
 
 
@@ -263,30 +265,30 @@ def _mean_or_nan(values: FloatArray) -> float:
 
 
 def _step_numbers_without_pauses(
-    series: Sequence[SensorSeries], first: int, wanted: Int64Array, step_s: float
+    series: Sequence[SensorSeries], first_step: int, wanted_steps: Int64Array, step_s: float
 ) -> Int64Array:
-    """Return the step numbers from `first` to the last measurement, without long pauses, and the wanted ones."""
+    """Return the step numbers from `first_step` to the last measurement, without long pauses, and the wanted ones."""
     measured = np.concatenate([np.round(s.time_s / step_s).astype(np.int64) for s in series])
-    ends = np.unique(np.append(measured[measured >= first], first))
+    ends = np.unique(np.append(measured[measured >= first_step], first_step))
     apart = np.diff(ends)
     each = np.where(apart * step_s > MAX_PAUSE_S, 1, apart)
     within = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
-    return np.unique(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted]))
+    return np.unique(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted_steps]))
 
 
-def _last_row_of_each_step(s: SensorSeries, step: float) -> SensorSeries:
+def _last_row_of_each_step(s: SensorSeries, step_s: float) -> SensorSeries:
     """Move the stamps, corrected for the latency, to the nearest step; the last row of a step stays."""
-    slot = np.round((s.time_s - s.latency_s) / step).astype(np.int64)
+    slot = np.round((s.time_s - s.latency_s) / step_s).astype(np.int64)
     last = np.append(slot[1:] != slot[:-1], True) if len(slot) else np.zeros(0, bool)
     return replace(
-        s, time_s=slot[last] * step, values=s.values[last], noise=s.noise[last], latency_s=0.0, bias_state=-1
+        s, time_s=slot[last] * step_s, values=s.values[last], noise=s.noise[last], latency_s=0.0, bias_state=-1
     )
 
 
-def _extrapolate_states_in_place(state: FloatArray, dt: FloatArray) -> None:
+def _extrapolate_states_in_place(state: FloatArray, dt_s: FloatArray) -> None:
     """Carry states forward by less than a step with eq. 2 (in place)."""
-    distance = state[:, 2] * dt + 0.5 * state[:, 4] * dt**2
+    distance = state[:, 2] * dt_s + 0.5 * state[:, 4] * dt_s**2
     state[:, 0] += distance * np.cos(state[:, 3])
     state[:, 1] += distance * np.sin(state[:, 3])
-    state[:, 2] += state[:, 4] * dt
-    state[:, 3] += state[:, 5] * dt
+    state[:, 2] += state[:, 4] * dt_s
+    state[:, 3] += state[:, 5] * dt_s

@@ -19,7 +19,7 @@ import numpy as np
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_column
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
 from cwcli.estimation.step_motion import (
@@ -120,7 +120,7 @@ class SourceComparison:
     judgement: Judgement
     number: float
 
-    def involves(self, quantity: SourceQuantity) -> bool:
+    def involves_source(self, quantity: SourceQuantity) -> bool:
         """Whether a source is one of the two."""
         return quantity in (self.one, self.other)
 
@@ -130,7 +130,7 @@ class SourceComparison:
 
     def to_contradiction(self, who: SourceQuantity) -> Contradiction:
         """Return it as a contradiction with one of the two blamed."""
-        number = self.number if who == self.one else self.check.number_with_sources_exchanged(self.number)
+        number = self.number if who == self.one else self.check.ratio_or_difference_with_sources_exchanged(self.number)
         against = self.other_source(who)
         return Contradiction(who, against, self.check.contradiction_text(who.kind, against.kind, number))
 
@@ -156,8 +156,10 @@ class MedianInterval:
         n = len(values)
         if n < MIN_STEPS_OF_ONE_LENGTH:
             return cls()
-        middle = median(values)
-        spread = MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_TO_MEAN_SIGMA_RATIO * median(np.abs(values - middle))
+        middle = median_of_finite_column(values)
+        spread = (
+            MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_TO_MEAN_SIGMA_RATIO * median_of_finite_column(np.abs(values - middle))
+        )
         half = STUDENT_99_QUANTILES[max(size for size in STUDENT_99_QUANTILES if size <= n)] * spread / math.sqrt(n)
         return cls(middle, middle - half, middle + half, n)
 
@@ -167,7 +169,11 @@ class MedianInterval:
             return Judgement.UNKNOWN
         if self.low > limit.high or self.high < limit.low:
             return Judgement.CONTRADICT
-        return Judgement.AGREE if limit.contains(self.low) and limit.contains(self.high) else Judgement.UNKNOWN
+        return (
+            Judgement.AGREE
+            if limit.contains_or_is_nan(self.low) and limit.contains_or_is_nan(self.high)
+            else Judgement.UNKNOWN
+        )
 
 
 @dataclass(frozen=True)
@@ -193,7 +199,11 @@ class StepComparison:
         """Compare a median with a range."""
         half = 0.5 * (interval.high - interval.low)
         return cls(
-            interval.judge_against_range(limit), interval.value, interval.n, half, limit.contains(interval.value)
+            interval.judge_against_range(limit),
+            interval.value,
+            interval.n,
+            half,
+            limit.contains_or_is_nan(interval.value),
         )
 
 
@@ -293,29 +303,37 @@ def reverse_fix_courses_while_reversing(motions: Sequence[StepMotion]) -> list[S
 
 
 def _compare_median_ratio_with_range(
-    one: FloatArray, other: FloatArray, min_other: FloatArray | float, max_other: float, limit: ParameterRange
+    numerators: FloatArray,
+    denominators: FloatArray,
+    min_other: FloatArray | float,
+    max_other: float,
+    limit: ParameterRange,
 ) -> StepComparison:
-    """Compare the median of one / other, over steps in which the other one clearly differs from zero, with a range."""
+    """Compare the median ratio with a range, over steps in which the denominator clearly differs from zero."""
     with np.errstate(invalid="ignore"):
-        rows = (np.abs(other) > min_other) & (np.abs(other) < max_other) & np.isfinite(one)
-    return StepComparison.from_median_interval(MedianInterval.from_values(one[rows] / other[rows]), limit)
+        rows = (np.abs(denominators) > min_other) & (np.abs(denominators) < max_other) & np.isfinite(numerators)
+    return StepComparison.from_median_interval(MedianInterval.from_values(numerators[rows] / denominators[rows]), limit)
 
 
 def _compare_median_ratio_both_ways(
-    one: FloatArray, other: FloatArray, least: Sequence[FloatArray | float], most: float, limit: ParameterRange
+    numerators: FloatArray,
+    denominators: FloatArray,
+    least: Sequence[FloatArray | float],
+    most: float,
+    limit: ParameterRange,
 ) -> StepComparison:
-    """Compare one / other with a range, over steps in which the other clearly moves and those in which the one does.
+    """Compare the ratio with a range, over steps in which the denominator moves and those in which the numerator does.
 
     A sensor that never reacts shows only in steps that are chosen by the other one.
     """
-    forth = _compare_median_ratio_with_range(one, other, least[1], most, limit)
+    forth = _compare_median_ratio_with_range(numerators, denominators, least[1], most, limit)
     back = _compare_median_ratio_with_range(
-        other, one, least[0], most, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", "")
+        denominators, numerators, least[0], most, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", "")
     )
     if math.isnan(back.number) or forth.judgement is back.judgement:
         return forth
     if math.isnan(forth.number):
-        return replace(back, number=SourceComparisonCheck.TURN.number_with_sources_exchanged(back.number))
+        return replace(back, number=SourceComparisonCheck.TURN.ratio_or_difference_with_sources_exchanged(back.number))
     return replace(forth, judgement=Judgement.UNKNOWN, is_possible=forth.is_possible or back.is_possible)
 
 
@@ -368,7 +386,7 @@ def _judge_median_course_difference(one: StepMotion, other: StepMotion, step_s: 
     )
 
 
-def _speed_changes_minus_median(one: StepMotion, other: StepMotion) -> tuple[FloatArray, FloatArray]:
+def _speed_changes_of_both_minus_medians(one: StepMotion, other: StepMotion) -> tuple[FloatArray, FloatArray]:
     """Return the changes of speed of two sources, each without its median over the steps that both have.
 
     The median of an accelerometer's changes is its bias and that of the car. So it is subtracted from both: a car that
@@ -378,7 +396,9 @@ def _speed_changes_minus_median(one: StepMotion, other: StepMotion) -> tuple[Flo
     known = np.isfinite(changes[0]) & np.isfinite(changes[1])
     if not known.any():
         return changes
-    return changes[0] - median(changes[0][known]), changes[1] - median(changes[1][known])
+    return changes[0] - median_of_finite_column(changes[0][known]), changes[1] - median_of_finite_column(
+        changes[1][known]
+    )
 
 
 def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
@@ -386,7 +406,7 @@ def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) ->
         return UNKNOWN_STEP_COMPARISON
     least = [max(MIN_SPEED_CHANGE_MPS, MIN_CHANGE_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
     return _compare_median_ratio_both_ways(
-        *_speed_changes_minus_median(one, other),
+        *_speed_changes_of_both_minus_medians(one, other),
         least,
         math.inf,
         SPEED_CHANGE_RATIO_RANGE,

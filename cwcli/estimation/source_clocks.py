@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.noise import estimate_noise_and_manoeuvres
 from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
@@ -106,8 +106,8 @@ def align_source_clocks_and_note(
     notes = coarse
     for source in [s for s in clocks if s not in trusted]:
         found = [
-            *_shifts_at_own_clock_steps(source, clocks, notes),
-            *_shifts_at_steps_of_log_clock(source, clocks, notes),
+            *_log_times_and_shifts_at_own_clock_steps(source, clocks, notes),
+            *_log_times_and_shifts_at_steps_of_log_clock(source, clocks, notes),
         ]
         if found:
             shifts_s[source] = found
@@ -143,7 +143,7 @@ def _replace_coarse_stamps_and_note(
             is_equal = np.diff(stamp_ns) == 0
             is_coarse = is_equal.mean() >= MIN_EQUAL_STAMP_SHARE and (np.diff(log_ns)[is_equal] > 0).mean() > 0.9
             if is_coarse and len(np.unique(stamp_ns)) > MIN_STEP_ROWS:
-                step_s = median(np.diff(np.unique(stamp_ns))) / NS_PER_S
+                step_s = median_of_finite_column(np.diff(np.unique(stamp_ns))) / NS_PER_S
                 least_ns = int((log_ns - stamp_ns).min())
                 notes[m.source] = (
                     f"{m.source}: its stamps are cut to {step_s:.2g} s; the log times less {least_ns / NS_PER_S:.3f} s "
@@ -184,15 +184,17 @@ def _find_clock_steps(log_ns: Int64Array, stamp_ns: Int64Array, delay_s: FloatAr
     if not len(jumps):
         return []
     stamp_step_s, log_step_s = np.diff(stamp_ns) / NS_PER_S, np.diff(log_ns) / NS_PER_S
-    usual_s = median(log_step_s)
+    usual_s = median_of_finite_column(log_step_s)
     reach = max(MIN_STEP_ROWS, int(np.ceil(MIN_STEP_SPAN_S / max(usual_s, 1e-3))))
     found = []
     for k in jumps.tolist():
         if min(k, len(log_ns) - k) < MIN_STEP_ROWS:
             continue
         before, after = delay_s[max(k - reach, 0) : k], delay_s[k : k + reach]
-        change_s = median(after) - median(before)
-        scatter_s = max(median(np.abs(part - median(part))) for part in (before, after))
+        change_s = median_of_finite_column(after) - median_of_finite_column(before)
+        scatter_s = max(
+            median_of_finite_column(np.abs(part - median_of_finite_column(part))) for part in (before, after)
+        )
         if abs(change_s) < max(MIN_CLOCK_STEP_S, 6.0 * scatter_s):
             continue
         is_of_stamps = abs(stamp_step_s[k - 1] - usual_s) > abs(log_step_s[k - 1] - usual_s)
@@ -200,7 +202,7 @@ def _find_clock_steps(log_ns: Int64Array, stamp_ns: Int64Array, delay_s: FloatAr
     return found
 
 
-def _shifts_at_own_clock_steps(
+def _log_times_and_shifts_at_own_clock_steps(
     source: str, clocks: dict[str, SourceClock], notes: list[str]
 ) -> list[tuple[int, float]]:
     """Return from which log time on the stamps of a source move by how many seconds, for steps that it alone has."""
@@ -208,10 +210,12 @@ def _shifts_at_own_clock_steps(
     own = [step for step in clock.steps if step.is_of_stamps]
     if not own:
         return []
-    pieces_s = [median(clock.delay_s[piece]) for piece in clock.row_slices_between_steps]
-    others_s = [median(other.delay_s) for name, other in clocks.items() if name != source and not other.steps]
+    pieces_s = [median_of_finite_column(clock.delay_s[piece]) for piece in clock.row_slices_between_steps]
+    others_s = [
+        median_of_finite_column(other.delay_s) for name, other in clocks.items() if name != source and not other.steps
+    ]
     if others_s:
-        right_s = min(pieces_s, key=lambda each: abs(each - median(np.array(others_s))))
+        right_s = min(pieces_s, key=lambda each: abs(each - median_of_finite_column(np.array(others_s))))
     else:
         right_s = pieces_s[int(np.argmax([piece.stop - piece.start for piece in clock.row_slices_between_steps]))]
     shifts, so_far_s = [], 0.0
@@ -229,7 +233,7 @@ def _shifts_at_own_clock_steps(
     return shifts
 
 
-def _shifts_at_steps_of_log_clock(
+def _log_times_and_shifts_at_steps_of_log_clock(
     source: str, clocks: dict[str, SourceClock], notes: list[str]
 ) -> list[tuple[int, float]]:
     """Return the shifts of a source whose stamps are made by the log's clock, where that clock steps.
@@ -263,7 +267,7 @@ def _median_delay_after_shifts_s(clock: SourceClock, shifts: Sequence[tuple[int,
     delay_s = clock.delay_s
     for log_ns, shift_s in shifts:
         delay_s = delay_s - shift_s * (clock.log_ns >= log_ns)
-    return median(delay_s)
+    return median_of_finite_column(delay_s)
 
 
 def _offset_from_other_clocks_s(
@@ -315,7 +319,7 @@ def _delay_of_most_sources_s(delays_s: dict[str, float]) -> float:
     """Return the delay (s) on which most sources agree; of as many the one that is nearer to the log times."""
     values_s = np.array(list(delays_s.values()))
     groups = [values_s[np.abs(values_s - each) < MIN_CLOCK_STEP_S] for each in values_s]
-    return median(max(groups, key=lambda group: (len(group), -abs(median(group)))))
+    return median_of_finite_column(max(groups, key=lambda group: (len(group), -abs(median_of_finite_column(group)))))
 
 
 def _shift_stamps(m: Measurements, shifts: Sequence[tuple[int, float]]) -> Measurements:

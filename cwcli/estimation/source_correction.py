@@ -154,14 +154,14 @@ def gain_and_attempt_of_imu_correction(
     accel, yaw_rate = (SourceQuantity(imu.source, kind) for kind in RATE_KINDS)
     by_turns = sources_agreeing_after_correction(comparisons, yaw_rate, MAX_IMU_RATIO_ERROR)
     by_speed = sources_agreeing_after_correction(comparisons, accel, MAX_IMU_RATIO_ERROR)
-    is_contrary = any(c.judgement is Judgement.CONTRADICT and c.involves(yaw_rate) for c in comparisons)
+    is_contrary = any(c.judgement is Judgement.CONTRADICT and c.involves_source(yaw_rate) for c in comparisons)
     if is_contrary or not (by_turns or by_speed):
         return None
     judges = ", ".join(dict.fromkeys(each.source for each in (*by_turns, *by_speed)))
     correction = correction_of_all_rows(imu, hypothesis, f"log-likelihood ratio {found.gain:.0f} by {judges}")
     unused: tuple[SourceQuantity, ...] = ()
     if not found.is_forward_clear or any(
-        c.judgement is Judgement.CONTRADICT and c.involves(accel) for c in comparisons
+        c.judgement is Judgement.CONTRADICT and c.involves_source(accel) for c in comparisons
     ):
         if not found.changes_yaw_rate and not find_impossible_imu_values(imu.values):
             return None

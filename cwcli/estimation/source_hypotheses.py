@@ -139,7 +139,7 @@ def sources_agreeing_after_correction(
         who: The corrected source.
         max_rate_error: Greatest relative difference from 1 of the ratio of turns and of changes of speed.
     """
-    own = [each for each in comparisons if each.involves(who)]
+    own = [each for each in comparisons if each.involves_source(who)]
     if any(each.judgement is Judgement.CONTRADICT for each in own):
         return ()
     agreeing = [

@@ -102,7 +102,7 @@ def judge_sources(
         prepared, notes = prepare(current)
     for _ in range(MAX_CORRECTED_SOURCES):
         voted = leave_out_outvoted_sources(prepared, trusted)
-        if not voted.contradictions and not _any_heading_jumps(prepared):
+        if not voted.contradictions and not _does_any_heading_jump(prepared):
             break
         attempt = correct_one_source(current, prepared, voted.comparisons, prepare, trusted)
         if attempt is None:
@@ -119,7 +119,7 @@ def judge_sources(
     return JudgedSources(voted.prepared, notes, tuple(corrections), voted.contradictions)
 
 
-def _any_heading_jumps(prepared: Sequence[PreparedSeries]) -> bool:
+def _does_any_heading_jump(prepared: Sequence[PreparedSeries]) -> bool:
     return any(
         p.series.kind is Kind.HEADING and has_heading_jumps(p.series.time_s, p.series.values[:, 0]) for p in prepared
     )

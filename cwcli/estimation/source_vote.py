@@ -15,7 +15,7 @@ import numpy as np
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.measurements import RATE_KINDS, Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.odd_sensors import MAX_GRAVITY_IN_ANY_UNIT
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
@@ -113,7 +113,7 @@ def find_contradicting_sources(
             out = (worst.who, worst.against)  # either may be wrong, and the positions are left
         out = tuple(quantity for quantity in out if quantity.source not in trusted)
         found.append(worst.with_left_out(*out))
-        left = [each for each in left if not any(each.involves(quantity) for quantity in (worst.who, *out))]
+        left = [each for each in left if not any(each.involves_source(quantity) for quantity in (worst.who, *out))]
     return found
 
 
@@ -121,7 +121,7 @@ def _contradiction_and_votes_against(
     comparisons: Sequence[SourceComparison], who: SourceQuantity
 ) -> tuple[Contradiction, int]:
     """Return the main contradiction of a source, with allies if it is outvoted, and the votes against it."""
-    contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT and each.involves(who)]
+    contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT and each.involves_source(who)]
     main = min(contrary, key=lambda each: each.other_source(who).kind is not Kind.POSITION)
     votes = _votes_against_minus_votes_for(comparisons, who)
     allies = _sources_agreeing_against(comparisons, who, main.other_source(who), contrary) if votes > 0 else ()
@@ -136,7 +136,11 @@ def without_any_rows(s: SensorSeries) -> SensorSeries:
 def _votes_against_minus_votes_for(comparisons: Sequence[SourceComparison], who: SourceQuantity) -> int:
     """Return the number of other topics that contradict a source minus the number that agree with it."""
     contrary, agreeing = (
-        {each.other_source(who).source for each in comparisons if each.involves(who) and each.judgement is judgement}
+        {
+            each.other_source(who).source
+            for each in comparisons
+            if each.involves_source(who) and each.judgement is judgement
+        }
         - {who.source}
         for judgement in (Judgement.CONTRADICT, Judgement.AGREE)
     )
@@ -155,7 +159,10 @@ def _sources_agreeing_against(
         each
         for each in accusers
         if each.source not in (who.source, against.source)
-        and any(c.involves(each) and c.involves(against) and c.judgement is Judgement.AGREE for c in comparisons)
+        and any(
+            c.involves_source(each) and c.involves_source(against) and c.judgement is Judgement.AGREE
+            for c in comparisons
+        )
     )
 
 
@@ -166,9 +173,9 @@ def find_impossible_fixes(prepared: Sequence[PreparedSeries]) -> list[Contradict
         s = p.series
         if s.kind is not Kind.POSITION or len(s) < MIN_ROWS:
             continue
-        step = max(1, int(np.ceil(FIX_STEP_S / max(median(np.diff(s.time_s)), 1e-3))))
+        step = max(1, int(np.ceil(FIX_STEP_S / max(median_of_finite_column(np.diff(s.time_s)), 1e-3))))
         way_m, duration_s = np.hypot(*(s.values[step:] - s.values[:-step]).T), s.time_s[step:] - s.time_s[:-step]
-        speed_mps = median(way_m / np.maximum(duration_s, 1e-3)) if len(way_m) else 0.0
+        speed_mps = median_of_finite_column(way_m / np.maximum(duration_s, 1e-3)) if len(way_m) else 0.0
         if speed_mps > MAX_CAR_SPEED_MPS:
             what = f"its fixes move at {speed_mps:.3g} m/s: check its unit and its map"
             found.append(Contradiction(quantity_of_series(p), CAR_MOTION_TEXT, what))

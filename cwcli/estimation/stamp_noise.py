@@ -176,7 +176,7 @@ class _StampErrorSearch:
         move = 0.5 * (after - before) / bend if bend > 0.0 else 0.0
         value = STAMP_SIGMA_AT_STEP_ZERO_S * 2.0 ** (best[0] / GRID_STEPS_PER_OCTAVE) * math.exp(unit * move)
         sigma = value * unit / math.sqrt(bend) if bend > 0.0 else math.nan
-        if not STAMP_SIGMA_RANGE.contains(value):
+        if not STAMP_SIGMA_RANGE.contains_or_is_nan(value):
             return self._given_fit_with_contradicted_stamp_error()
         return self._refine_white_noise(best, Parameter(value, sigma, ParameterStatus.USED))
 
@@ -245,7 +245,7 @@ class _StampErrorSearch:
         Points whose numbers are the same, because a limit holds them, share a pass.
         """
         fit = self._noise_fit_at(point, error, white)
-        key = error.value, white, fit.parameters.lookup_key
+        key = error.value, white, fit.parameters.hashable_key_of_equal_parameters
         if key not in self._passes:
             gated = [gate_outliers(s) for s in fit.series]
             result = self._run(gated, fit.parameters)

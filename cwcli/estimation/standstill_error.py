@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import EastNorthRows, FloatArray, StateCovariances, StateRows
 from cwcli.signals.vehicle_state import SPEED, X, Y
 
 MAX_STANDING_SPEED_MPS = 0.1
@@ -48,7 +48,7 @@ class StandstillErrors:
 
 
 def find_standstill_errors(
-    series: Sequence[SensorSeries], output_s: FloatArray, state: FloatArray, covariance: FloatArray
+    series: Sequence[SensorSeries], output_s: FloatArray, state: StateRows, covariance: StateCovariances
 ) -> StandstillErrors:
     """Return the errors in all standstills of a track, by the source of positions that errs least.
 
@@ -66,7 +66,7 @@ def find_standstill_errors(
     return min(found, key=lambda each: each.position_m, default=StandstillErrors())
 
 
-def covariance_from_standstill_errors(state: FloatArray, errors: StandstillErrors) -> FloatArray:
+def covariance_from_standstill_errors(state: StateRows, errors: StandstillErrors) -> StateCovariances:
     """Return the covariance (m, 8, 8) that the errors add to states (m, 8)."""
     added = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
     added[:, X, X] = added[:, Y, Y] = errors.position_m**2
@@ -76,15 +76,15 @@ def covariance_from_standstill_errors(state: FloatArray, errors: StandstillError
 
 
 def _errors_of_one_source(
-    fixes: SensorSeries, output_s: FloatArray, state: FloatArray, covariance: FloatArray
+    fixes: SensorSeries, output_s: FloatArray, state: StateRows, covariance: StateCovariances
 ) -> StandstillErrors:
     time_s = fixes.time_s - fixes.latency_s
     covariance_sum, variance_sum, n, n_states = 0.0, 0.0, 0, 0
     position_sum_m2 = speed_sum_m2ps2 = 0.0
-    for rows in _standstills(time_s, fixes.values[:, :2]):
+    for rows in _iter_standstill_row_slices(time_s, fixes.values[:, :2]):
         mean = fixes.values[rows, :2].mean(axis=0)
         error = fixes.values[rows, :2] - mean
-        step_s = max(median(np.diff(time_s[rows])), MIN_STEP_S)  # stamps may be equal
+        step_s = max(median_of_finite_column(np.diff(time_s[rows])), MIN_STEP_S)  # stamps may be equal
         lag = max(1, round(WANDER_LAG_S / step_s))
         covariance_sum += float((error[lag:] * error[:-lag]).sum())
         variance_sum += float((error[lag:] ** 2).sum())
@@ -102,7 +102,7 @@ def _errors_of_one_source(
     )
 
 
-def _standstills(time_s: FloatArray, fixes_m: FloatArray) -> Iterator[slice]:
+def _iter_standstill_row_slices(time_s: FloatArray, fixes_m: EastNorthRows) -> Iterator[slice]:
     """Yield the rows of each standstill that is long enough: the mean of the fixes before and after hardly differ."""
     n = len(time_s)
     total = np.concatenate((np.zeros((1, 2)), np.cumsum(fixes_m, axis=0)))

@@ -63,7 +63,7 @@ def find_filter_start(series: Sequence[SensorSeries], n_states: int, *, causal: 
         heading -= turned
         heading_sigma = min(np.hypot(heading_sigma, turned_sigma), UNKNOWN_HEADING_SIGMA_RAD)
         speed, speed_sigma = _speed_and_sigma_at(series, begin)
-    x, y, position_sigma = _position_and_sigma_at(series, begin, speed if np.isfinite(heading) else 0.0)
+    x, y, position_sigma = _x_y_and_sigma_at(series, begin, speed if np.isfinite(heading) else 0.0)
     state, sigma = np.zeros(n_states), np.zeros(n_states)
     state[:4] = x, y, speed, heading
     sigma[:6] = position_sigma, position_sigma, speed_sigma, heading_sigma, 2.0, 0.3
@@ -128,17 +128,17 @@ def _heading_candidates(
 
 def _heading_candidate_from_course(
     series: Sequence[SensorSeries],
-    when: float,
-    course: float,
-    course_sigma: float,
+    time_s: float,
+    course_rad: float,
+    course_sigma_rad: float,
     speed_mps: float,
-    speed_sigma: float,
+    speed_sigma_mps: float,
 ) -> tuple[float, float, float, float, float]:
     """Convert a course to a tuple like that of `_earliest_heading_candidate`; a reversing vehicle is turned by half a
     turn."""
-    if _driving_direction_sign_at(series, when) < 0:
-        return when, course + np.pi, course_sigma, -abs(speed_mps), speed_sigma
-    return when, course, course_sigma, speed_mps, speed_sigma
+    if _driving_direction_sign_at(series, time_s) < 0:
+        return time_s, course_rad + np.pi, course_sigma_rad, -abs(speed_mps), speed_sigma_mps
+    return time_s, course_rad, course_sigma_rad, speed_mps, speed_sigma_mps
 
 
 def _heading_candidate_from_first_displacement(s: SensorSeries) -> tuple[float, float, float, float, float] | None:
@@ -199,30 +199,30 @@ def _stamp_error_variance_of_row_m2(s: SensorSeries, i: int) -> float:
     return float(_stamp_error_variances_m2(s)[max(i, known)])
 
 
-def _index_of_last_row_not_after(s: SensorSeries, when: float) -> int:
-    """Return the index of the last row not after `when`, or of the first row."""
-    return max(int(np.searchsorted(s.time_s - s.latency_s, when, side="right")) - 1, 0)
+def _index_of_last_row_not_after(s: SensorSeries, time_s: float) -> int:
+    """Return the index of the last row not after `time_s`, or of the first row."""
+    return max(int(np.searchsorted(s.time_s - s.latency_s, time_s, side="right")) - 1, 0)
 
 
-def _speed_and_sigma_at(series: Sequence[SensorSeries], when: float) -> tuple[float, float]:
+def _speed_and_sigma_at(series: Sequence[SensorSeries], time_s: float) -> tuple[float, float]:
     """Return speed and sigma about a time."""
     for kind in (Kind.SPEED, Kind.VELOCITY):
         for s in series:
             if s.kind is kind and len(s):
-                i = _index_of_last_row_not_after(s, when)
-                late = abs(float(s.time_s[i] - s.latency_s - when))
+                i = _index_of_last_row_not_after(s, time_s)
+                late = abs(float(s.time_s[i] - s.latency_s - time_s))
                 sigma = float(np.sqrt(s.noise[i, 0])) + 2.0 * late + 0.1
                 value = s.values[i, 0] if kind is Kind.SPEED else np.hypot(*s.values[i])
                 return float(value), min(sigma, UNKNOWN_SPEED_SIGMA_MPS)
     for s in series:
         if s.kind is Kind.POSITION and len(s) > 1:
             time = s.time_s - s.latency_s
-            j = min(int(np.searchsorted(time, when + 1.0)) + 1, len(s) - 1)
-            i = _index_of_last_row_not_after(s, when)
+            j = min(int(np.searchsorted(time, time_s + 1.0)) + 1, len(s) - 1)
+            i = _index_of_last_row_not_after(s, time_s)
             if j > i and time[j] > time[i]:
                 span = float(time[j] - time[i])
                 speed = float(np.hypot(*(s.values[j] - s.values[i]))) / span
-                late = abs(float(time[i]) - when)
+                late = abs(float(time[i]) - time_s)
                 sigma = (
                     float(np.sqrt(2.0 * (s.noise[i, 0] + _stamp_error_variance_of_row_m2(s, i)))) / span
                     + 2.0
@@ -232,40 +232,40 @@ def _speed_and_sigma_at(series: Sequence[SensorSeries], when: float) -> tuple[fl
     return 0.0, UNKNOWN_SPEED_SIGMA_MPS
 
 
-def _driving_direction_sign_at(series: Sequence[SensorSeries], when: float) -> float:
+def _driving_direction_sign_at(series: Sequence[SensorSeries], time_s: float) -> float:
     """Return -1 if a speed source says that the vehicle was reversing."""
     for s in series:
         if s.kind is Kind.SPEED and len(s):
-            i = _index_of_last_row_not_after(s, when)
+            i = _index_of_last_row_not_after(s, time_s)
             return -1.0 if s.values[i, 0] < -max(0.3, 3.0 * float(np.sqrt(s.noise[i, 0]))) else 1.0
     return 1.0
 
 
-def _position_and_sigma_at(series: Sequence[SensorSeries], when: float, speed: float) -> tuple[float, float, float]:
+def _x_y_and_sigma_at(series: Sequence[SensorSeries], time_s: float, speed_mps: float) -> tuple[float, float, float]:
     """Return x, y and sigma about a time."""
     best: tuple[float, float, float, float] | None = None
     for s in series:
         if s.kind is Kind.POSITION and len(s):
-            i = _index_of_last_row_not_after(s, when)
-            late = abs(float(s.time_s[i] - s.latency_s - when))
+            i = _index_of_last_row_not_after(s, time_s)
+            late = abs(float(s.time_s[i] - s.latency_s - time_s))
             sigma = float(np.sqrt(max(s.noise[i, 0], s.noise[i, 2]) + _stamp_error_variance_of_row_m2(s, i)))
             if best is None or late < best[0]:
-                reach = late * (abs(speed) + 3.0)
+                reach = late * (abs(speed_mps) + 3.0)
                 best = (late, float(s.values[i, 0]), float(s.values[i, 1]), float(np.hypot(3.0 * sigma, reach)) + 1.0)
     if best is None:
         return 0.0, 0.0, 1e3
     return best[1:]
 
 
-def _turned_angle_and_sigma_rad(series: Sequence[SensorSeries], begin: float, end: float) -> tuple[float, float]:
+def _turned_angle_and_sigma_rad(series: Sequence[SensorSeries], begin_s: float, end_s: float) -> tuple[float, float]:
     """Return the angle turned between two times by the gyroscope, and its sigma; (0, something large) without one."""
-    span = end - begin
+    span = end_s - begin_s
     for s in series:
         if s.kind is Kind.YAW_RATE and len(s) > 1:
             time = s.time_s - s.latency_s
-            inside = (time >= begin) & (time <= end)
+            inside = (time >= begin_s) & (time <= end_s)
             t, w = time[inside], s.values[inside, 0]
-            gap = np.diff(np.concatenate(([begin], t, [end])))
+            gap = np.diff(np.concatenate(([begin_s], t, [end_s])))
             missing = float(gap[gap > MAX_GYROSCOPE_GAP_S].sum())
             if len(t) > 1 and missing < 0.5 * span:
                 sigma = np.hypot(UNMEASURED_TURN_SIGMA_RADPS * missing, GYROSCOPE_BIAS_SIGMA_RADPS * span)
@@ -273,8 +273,8 @@ def _turned_angle_and_sigma_rad(series: Sequence[SensorSeries], begin: float, en
     return 0.0, max(0.3, UNMEASURED_TURN_SIGMA_RADPS * span)
 
 
-def _integrate_by_trapezoids(values: FloatArray, time: FloatArray) -> float:
-    return float((0.5 * (values[1:] + values[:-1]) * np.diff(time)).sum())
+def _integrate_by_trapezoids(values: FloatArray, time_s: FloatArray) -> float:
+    return float((0.5 * (values[1:] + values[:-1]) * np.diff(time_s)).sum())
 
 
 def find_start_with_parameter_states(series: Sequence[SensorSeries], prior: FloatArray, *, causal: bool) -> FilterStart:

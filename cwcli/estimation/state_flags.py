@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import RATE_KINDS, Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.passes import FilterStart, PassResult, SensorSeries
 from cwcli.estimation.start import first_heading_time_s
 from cwcli.kernels.ekf import UpdateStatus
@@ -82,7 +82,7 @@ def compute_state_flags(
         mark(StateFlag.AFTER_RESET, time[begins], time[rows] + SETTLING_TIME_S)
     if causal:
         for s, found in zip(series, status, strict=True):
-            mark(StateFlag.REJECTING, *rejecting_spans_and_their_rows(s, found)[:2])
+            mark(StateFlag.REJECTING, *begins_ends_and_rows_of_rejecting_spans(s, found)[:2])
     mark(StateFlag.BRIDGED, *_begins_and_ends_of_position_gaps_s(series, status, causal=causal))
     return flags
 
@@ -120,7 +120,7 @@ def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> F
     return np.minimum(ends_s, whole_s)
 
 
-def rejecting_spans_and_their_rows(
+def begins_ends_and_rows_of_rejecting_spans(
     s: SensorSeries, status: npt.NDArray[np.int8]
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
     """Find the spans in which a source is rejected, from what is known in them.
@@ -163,7 +163,7 @@ def add_variance_of_rejected_rows(
     grown = covariance
     for s, found, status in zip(series, result.nis, result.status, strict=True):
         states = WIDENED_STATES.get(s.kind)
-        begins, ends, rows = rejecting_spans_and_their_rows(s, status)
+        begins, ends, rows = begins_ends_and_rows_of_rejecting_spans(s, status)
         if states is None or not len(rows):
             continue
         grown = covariance.copy() if grown is covariance else grown
@@ -209,7 +209,7 @@ def _begins_and_ends_of_position_gaps_s(
 
 def _median_step_s(time_s: FloatArray) -> FloatArray:
     """Return the median step of the whole log, (1,), s."""
-    return np.array([median(np.diff(time_s)) if len(time_s) > 1 else 0.0])
+    return np.array([median_of_finite_column(np.diff(time_s)) if len(time_s) > 1 else 0.0])
 
 
 def _recent_median_steps_s(time_s: FloatArray) -> FloatArray:

@@ -37,7 +37,7 @@ def parse_sigma_options(entries: Sequence[str]) -> Sigmas:
     found: dict[str, tuple[float, ...]] = {}
     for entry in entries:
         name, _, text = entry.rpartition("=")
-        sigmas = tuple(_parse_sigma(part) for part in text.split("/"))
+        sigmas = tuple(_parse_sigma_or_nan(part) for part in text.split("/"))
         if not name or len(sigmas) > 2 or not all(0.0 < sigma <= MAX_SIGMA for sigma in sigmas):
             raise UsageError(
                 f"--sigma {entry!r} is not NAME=VALUE with a value above 0",
@@ -49,7 +49,7 @@ def parse_sigma_options(entries: Sequence[str]) -> Sigmas:
     return found
 
 
-def _parse_sigma(text: str) -> float:
+def _parse_sigma_or_nan(text: str) -> float:
     """Parse one sigma; NaN where it is no number."""
     number = text.removesuffix(DEGREES_SUFFIX)
     try:
@@ -59,7 +59,7 @@ def _parse_sigma(text: str) -> float:
     return value if number == text else math.radians(value)
 
 
-def check_sigma_names(sigmas: Sigmas, topics: Sequence[str], *, where: str) -> None:
+def require_known_names_and_sigma_counts(sigmas: Sigmas, topics: Sequence[str], *, where: str) -> None:
     """Check that each name is a role that has a noise, or a topic of the log, and has as many values as it needs.
 
     Raises:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_column
 from cwcli.estimation.step_motion import StepMotion
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
@@ -53,29 +53,31 @@ class StepResiduals:
     floor: float
 
 
-def log_likelihood_gains(none: Sequence[StepResiduals], candidates: Sequence[Sequence[StepResiduals]]) -> list[float]:
+def log_likelihood_gains(
+    uncorrected_residuals: Sequence[StepResiduals], residuals_by_candidate: Sequence[Sequence[StepResiduals]]
+) -> list[float]:
     """Return the log-likelihood of each candidate minus that without a correction, summed over pairs and steps.
 
     Args:
-        none: Residuals of each pair without a correction.
-        candidates: Candidate -> residuals of the same pairs.
+        uncorrected_residuals: Residuals of each pair without a correction.
+        residuals_by_candidate: Candidate -> residuals of the same pairs.
     """
-    gains = [0.0] * len(candidates)
-    for k, own in enumerate(none):
-        columns = [own.values, *(each[k].values for each in candidates)]
+    gains = [0.0] * len(residuals_by_candidate)
+    for k, own in enumerate(uncorrected_residuals):
+        columns = [own.values, *(each[k].values for each in residuals_by_candidate)]
         known = np.isfinite(columns).any(axis=0)
         if int(known.sum()) < MIN_COMPARED_STEPS:
             continue
         columns = [column[known] for column in columns]
         counts = [int(np.isfinite(column).sum()) for column in columns]
         scatter = min(
-            median(np.abs(column[np.isfinite(column)]))
+            median_of_finite_column(np.abs(column[np.isfinite(column)]))
             for column, count in zip(columns, counts, strict=True)
             if 2 * count >= max(counts)
         )
         scale = max(own.floor, MEDIAN_ABSOLUTE_TO_SIGMA * scatter)
         values = [_log_likelihood_of_residuals(column, scale) for column in columns]
-        for i in range(len(candidates)):
+        for i in range(len(residuals_by_candidate)):
             gains[i] += values[i + 1] - values[0]
     return gains
 
@@ -96,7 +98,9 @@ def pair_residuals(one: StepMotion, other: StepMotion) -> list[StepResiduals]:
     if Kind.ACCEL in kinds and len(kinds) == 2:
         change = one.speed_change_mps - other.speed_change_mps
         known = change[np.isfinite(change)]
-        found.append(StepResiduals(change - (median(known) if len(known) else 0.0), MIN_SPEED_CHANGE_SIGMA_MPS))
+        found.append(
+            StepResiduals(change - (median_of_finite_column(known) if len(known) else 0.0), MIN_SPEED_CHANGE_SIGMA_MPS)
+        )
     return found
 
 

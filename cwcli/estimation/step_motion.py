@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.fix_scatter import scatter_about_neighbours
+from cwcli.estimation.fix_scatter import noise_sigma_from_scatter_about_neighbours
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.passes import SensorSeries
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
@@ -104,7 +104,7 @@ def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     if s.kind in (Kind.POSITION, Kind.VELOCITY):
         if s.kind is Kind.POSITION:
             moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
-            chord_sigma_m = math.sqrt(2.0) * np.fmax(scatter_about_neighbours(s), MIN_POSITION_SIGMA_M)
+            chord_sigma_m = math.sqrt(2.0) * np.fmax(noise_sigma_from_scatter_about_neighbours(s), MIN_POSITION_SIGMA_M)
             least_m = max(MIN_CHORD_M, MIN_CHORD_SIGMAS * chord_sigma_m)
         else:
             moved = np.column_stack([means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
@@ -147,7 +147,7 @@ def means_between_edges(time_s: FloatArray, values: FloatArray, edges_s: FloatAr
 def covered_step_mask(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
     """Return a mask (n,) of the steps that lie within the rows and overlap no pause."""
     gap_s = np.diff(time_s)
-    pauses = np.flatnonzero(gap_s > max(MAX_BRIDGED_GAP_S, MAX_BRIDGED_GAP_INTERVALS * median(gap_s)))
+    pauses = np.flatnonzero(gap_s > max(MAX_BRIDGED_GAP_S, MAX_BRIDGED_GAP_INTERVALS * median_of_finite_column(gap_s)))
     n = len(edges_s) - 1
     change = np.zeros(n + 1, np.int64)
     np.add.at(change, np.clip(np.searchsorted(edges_s, time_s[pauses], side="right") - 1, 0, n), 1)

@@ -25,7 +25,7 @@ from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_delays
-from cwcli.estimation.fix_scatter import scatter_about_neighbours
+from cwcli.estimation.fix_scatter import noise_sigma_from_scatter_about_neighbours
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.leave_one_out import (
     can_third_source_judge,
@@ -37,7 +37,7 @@ from cwcli.estimation.leave_one_out import (
 from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
-from cwcli.estimation.median import median
+from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.net_acceleration import reports_without_net_acceleration
 from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
@@ -62,7 +62,7 @@ from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
-from cwcli.estimation.slow_drift import covariance_from_drifts, find_drifting_fixes, largest_slow_error
+from cwcli.estimation.slow_drift import covariance_from_drifts, find_drifting_fixes, largest_slow_position_error_m
 from cwcli.estimation.song2016 import estimate_track_with_song2016
 from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from cwcli.estimation.source_judgement import (
@@ -224,7 +224,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     corrections = (*by_user, *judged.corrections)
     notes = (
         *clock_notes,
-        *(each.sentence for each in corrections),
+        *(each.sentence_on_fault_and_undoing for each in corrections),
         *(f"{each.contradiction_sentence}; {each.consequence_text}" for each in judged.contradictions),
         *judged.notes,
     )
@@ -440,12 +440,12 @@ def _build_source_report(
         nis_bounds=bounds,
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
-        scatter=float("nan") if s.kind in RATE_KINDS else scatter_about_neighbours(s),
+        scatter=float("nan") if s.kind in RATE_KINDS else noise_sigma_from_scatter_about_neighbours(s),
         log_likelihood=float(np.nansum(row_log_likelihoods(s, result.nis[i]))),
         noise_origin=s.noise_origin,
         noise_scale=_noise_variance_ratio(prepared_series.series, s),
         stamp_error=s.stamp_error,
-        interval_s=median(np.diff(s.time_s)) if len(s) > 1 else float("nan"),
+        interval_s=median_of_finite_column(np.diff(s.time_s)) if len(s) > 1 else float("nan"),
         latency=latency,
         latency_to_reference=tuned.latencies_to_reference[i],
         mounting=prepared_series.mounting,
@@ -458,7 +458,7 @@ def _build_source_report(
             found.beyond.get((i, "slow"), float("nan")) if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,
             found.status.get((i, "slow"), ParameterStatus.OFF),
-            largest_slow_error(s, result.state),
+            largest_slow_position_error_m(s, result.state),
         ),
         follows_pitch_rate=i in found.model.pitch_compensated,
     )
@@ -470,13 +470,15 @@ def _noise_variance_ratio(stated: SensorSeries, used: SensorSeries) -> float:
     return float(used.noise[:, 0].mean() / stated.noise[:, 0].mean())
 
 
-def _parameter_at_end(found: FoundSensorModel, part: Part, state: int, result: PassResult, offset: float) -> Parameter:
+def _parameter_at_end(
+    found: FoundSensorModel, part: Part, state_index: int, result: PassResult, offset: float
+) -> Parameter:
     """Return a constant of a source from the last filter state; `offset` is its value at state 0."""
     status = found.status.get(part, ParameterStatus.OFF)
-    if state < 0:
+    if state_index < 0:
         return Parameter(found.beyond.get(part, float("nan")), status=status)
-    sigma = float(np.sqrt(max(result.last_covariance[state, state], 0.0)))
-    return Parameter(offset + float(result.last_state[state]), sigma, status)
+    sigma = float(np.sqrt(max(result.last_covariance[state_index, state_index], 0.0)))
+    return Parameter(offset + float(result.last_state[state_index]), sigma, status)
 
 
 def estimate_tracks(

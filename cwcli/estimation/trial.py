@@ -62,7 +62,7 @@ class _RecentValues(Generic[Key, Value]):
         self._values[key] = known
         return known[0]
 
-    def remember(self, key: Key, value: Value, series: Sequence[SensorSeries]) -> None:
+    def remember_value(self, key: Key, value: Value, series: Sequence[SensorSeries]) -> None:
         """Keep a value; the oldest one goes where there are too many."""
         self._values[key] = value, series
         if len(self._values) > self._n_kept:
@@ -109,7 +109,7 @@ class FilterTrials:
 
     def reuse_pass_of_known_trial(self, trial: StateLayout, known: StateLayout) -> None:
         """Answer a trial with the pass of a known one, because its gate rejected nothing and is all that differs."""
-        self._passes.remember(trial_key(trial), self._find_or_run(known), trial.series)
+        self._passes.remember_value(trial_key(trial), self._find_or_run(known), trial.series)
 
     def _find_or_run(self, trial: StateLayout) -> _TrialPass:
         key = trial_key(trial)
@@ -118,7 +118,7 @@ class FilterTrials:
         start, prepared = self._find_start_and_build_pass_input(trial)
         motion = trial.parameters.to_process_model(trial.walk)
         found = _TrialPass(prepared, prepared.run_filter(start, motion, smooth=False))
-        self._passes.remember(key, found, trial.series)
+        self._passes.remember_value(key, found, trial.series)
         return found
 
     def _find_start_and_build_pass_input(self, trial: StateLayout) -> tuple[FilterStart, PassInput]:
@@ -132,14 +132,19 @@ class FilterTrials:
         prepared = build_pass_input(
             trial.series, start.time_s, np.zeros(0), reset_after=RESET_AFTER, time_order=self._orders.find_value(times)
         )
-        self._orders.remember(times, prepared.time_order, trial.series)
-        self._inputs.remember(key, (start, prepared), trial.series)
+        self._orders.remember_value(times, prepared.time_order, trial.series)
+        self._inputs.remember_value(key, (start, prepared), trial.series)
         return start, prepared
 
 
 def trial_key(trial: StateLayout) -> Hashable:
     """Return what two equal trials have in common; it holds while the arrays of the trial live."""
-    return *_series_keys(trial.series), trial.parameters.lookup_key, trial.walk.tobytes(), trial.prior.tobytes()
+    return (
+        *_series_keys(trial.series),
+        trial.parameters.hashable_key_of_equal_parameters,
+        trial.walk.tobytes(),
+        trial.prior.tobytes(),
+    )
 
 
 def _series_keys(series: Sequence[SensorSeries]) -> tuple[Hashable, ...]:

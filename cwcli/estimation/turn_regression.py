@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_column
 from cwcli.estimation.step_motion import StepMotion
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
@@ -63,7 +63,7 @@ def regressed_turn_ratio(one: StepMotion, other: StepMotion) -> TurnRatio:
         slope = float(np.einsum("i,i", dx, dy)) / power
         rest = np.full(len(x), np.inf)
         rest[rows] = np.abs(dy - slope * dx)
-        scatter = max(MIN_SCATTER_RAD, MEDIAN_ABSOLUTE_TO_SIGMA * median(rest[rows]))
+        scatter = max(MIN_SCATTER_RAD, MEDIAN_ABSOLUTE_TO_SIGMA * median_of_finite_column(rest[rows]))
         sigma = math.sqrt(float(np.square(rest[rows]).sum()) / (n - 2) / power)
         rows &= rest < MAX_RESIDUAL_SIGMAS * scatter
     low, high = slope - N_SIGMAS * sigma, slope + N_SIGMAS * sigma

@@ -64,7 +64,7 @@ def consistency_verdict_sentence(
         contradictions: Sources that can't both be right.
         corrections: Sources that were wrong in a known way. Those that the user asked for are not repeated.
     """
-    corrected = [each.sentence for each in corrections if not each.is_by_user]
+    corrected = [each.sentence_on_fault_and_undoing for each in corrections if not each.is_by_user]
     before = f"input corrected: {'; '.join(corrected)}. With that: " if corrected else ""
     return before + _verdict_on_estimate(
         sources, n_states=n_states, n_flagged=n_flagged, nees=nees, contradictions=contradictions

@@ -9,7 +9,7 @@ from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets_as_states
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.evaluation.conflicts import RealConflict, find_real_conflicts
-from cwcli.evaluation.records import find_collision_warning_record, warning_config_from_record
+from cwcli.evaluation.records import find_collision_warning_record_and_is_of_targets, warning_config_from_record
 from cwcli.evaluation.scored_warnings import NS_PER_H
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
@@ -17,7 +17,7 @@ from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import read_configuration, read_run_records, to_int_or_none
 from cwcli.signals.row_order import iter_track_rows
-from cwcli.warning.types import WarningConfig, median_outline_m
+from cwcli.warning.types import WarningConfig, median_length_and_width_m
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def read_actual_tracks(log: Log, selection: Selection, roles: Iterable[str]) -> 
 
 def find_actual_outcomes(log: Log) -> ActualOutcomes | None:
     """Find pairs and real conflicts from the states of an annotated log; None where states are missing."""
-    record, is_of_targets = find_collision_warning_record(read_run_records(log))
+    record, is_of_targets = find_collision_warning_record_and_is_of_targets(read_run_records(log))
     configuration = read_configuration(record)
     topics = {channel.topic for channel in log.channels}
     if not record:
@@ -89,14 +89,14 @@ def find_actual_outcomes(log: Log) -> ActualOutcomes | None:
     if not len(host):
         return None
     config = warning_config_from_record(record)
-    host_size, host = median_outline_m(host.length_m, host.width_m), host.sort_by_stamp()
+    host_size, host = median_length_and_width_m(host.length_m, host.width_m), host.sort_by_stamp()
     own = ActualTrack(host.stamp_ns, host.state)
     pairs = {
         vehicle: Pair(
             own,
             ActualTrack(others.stamp_ns[rows], others.state[rows]),
             host_size,
-            median_outline_m(others.length_m[rows], others.width_m[rows]),
+            median_length_and_width_m(others.length_m[rows], others.width_m[rows]),
             config.max_gap_s,
         )
         for vehicle, rows in iter_track_rows(others.ids, others.stamp_ns)

@@ -79,16 +79,16 @@ def _are_within(one: RealConflict, other: RealConflict, gap_ns: float) -> bool:
     return one.onset_ns - other.end_ns < gap_ns and other.onset_ns - one.end_ns < gap_ns
 
 
-def _find_conflicts_by_margin(pair: Pair, measure: FloatArray, config: WarningConfig) -> list[RealConflict]:
+def _find_conflicts_by_margin(pair: Pair, margin: FloatArray, config: WarningConfig) -> list[RealConflict]:
     """Find the conflicts of one part of a definition, whose margin (n,) is negative during a conflict."""
     stamp = pair.stamp_ns
-    inside = np.nan_to_num(measure, nan=1.0, posinf=1.0) < 0.0
+    inside = np.nan_to_num(margin, nan=1.0, posinf=1.0) < 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     stretches: list[tuple[int, int, int, int]] = []
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
         last = int(stop) - 1
-        onset = _zero_crossing_ns(stamp, measure, int(first) - 1, int(first), config.max_gap_s)
-        end = _zero_crossing_ns(stamp, measure, last + 1, last, config.max_gap_s)
+        onset = _zero_crossing_ns(stamp, margin, int(first) - 1, int(first), config.max_gap_s)
+        end = _zero_crossing_ns(stamp, margin, last + 1, last, config.max_gap_s)
         if stretches and onset - stretches[-1][1] < config.hold_off_s * NS_PER_S:
             earlier = stretches.pop()
             stretches.append((earlier[0], end, earlier[2], last))
@@ -101,15 +101,21 @@ def _find_conflicts_by_margin(pair: Pair, measure: FloatArray, config: WarningCo
     return out
 
 
-def _zero_crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside: int, max_gap_s: float) -> int:
+def _zero_crossing_ns(
+    stamp_ns: Int64Array, margin: FloatArray, outside_row: int, inside_row: int, max_gap_s: float
+) -> int:
     """Return when the measure crossed 0 between two neighbouring samples; the inner one's stamp if that is unknown."""
-    at = int(stamp_ns[inside])
-    if not 0 <= outside < len(stamp_ns):
+    at = int(stamp_ns[inside_row])
+    if not 0 <= outside_row < len(stamp_ns):
         return at
-    apart_ns = int(stamp_ns[outside]) - at
-    if not np.isfinite(measure[outside]) or not np.isfinite(measure[inside]) or abs(apart_ns) > max_gap_s * NS_PER_S:
+    apart_ns = int(stamp_ns[outside_row]) - at
+    if (
+        not np.isfinite(margin[outside_row])
+        or not np.isfinite(margin[inside_row])
+        or abs(apart_ns) > max_gap_s * NS_PER_S
+    ):
         return at
-    share = measure[inside] / (measure[inside] - measure[outside])
+    share = margin[inside_row] / (margin[inside_row] - margin[outside_row])
     return at + round(float(share) * apart_ns)
 
 

@@ -35,7 +35,7 @@ from cwcli.pipeline.records import Record, map_from_record, parse_json_entry_or_
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, StateRows
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
@@ -85,7 +85,7 @@ def add_metrics(context: EvaluationContext) -> None:
     read = _read_position_and_truth(log, record, context.truth)
     sources = read.by_role
     local_map = map_from_record(record)
-    fixes = _latency_corrected_fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
+    fixes = _stamps_and_positions_of_latency_corrected_fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
     with headline.label_rows_with_states(comparison_label(knowledge_of_estimated_states(read_run_records(log)), TRUTH)):
         found = _add_errors_against_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
     if fixes is not None:
@@ -126,7 +126,7 @@ def _read_position_and_truth(log: Log, record: Record, truth: str) -> SensorSign
     return read_sensor_signals(log, config, command="evaluate", required=(), optional=wanted)
 
 
-def _latency_corrected_fixes(
+def _stamps_and_positions_of_latency_corrected_fixes(
     signals: Sequence[Signal], local_map: LocalMap | None, reports: Sequence[Any]
 ) -> tuple[Int64Array, FloatArray] | None:
     """Return stamps (n,), corrected by the latency that was found, and positions (n, 2) of the fixes."""
@@ -159,18 +159,18 @@ def read_ego_truth(log: Log, record: Record, states: VehicleStates) -> EgoTruth 
     """
     read = _read_position_and_truth(log, record, TRUTH_AUTO)
     local_map = map_from_record(record)
-    fixes = _latency_corrected_fixes(
+    fixes = _stamps_and_positions_of_latency_corrected_fixes(
         read.by_role.get(Role.EGO_POSITION, ()), local_map, parse_json_entry_or_empty(record, "sources", list)
     )
-    found = _truth_in_map(states, read.by_role.get(Role.TRUTH, ()), local_map, fixes, record)
+    found = _truth_in_map_with_signal_and_row_mask(states, read.by_role.get(Role.TRUTH, ()), local_map, fixes, record)
     return None if found is None else found[0]
 
 
-def _truth_in_map(
+def _truth_in_map_with_signal_and_row_mask(
     states: VehicleStates,
     truths: Sequence[Signal],
     local_map: LocalMap | None,
-    fixes: tuple[Int64Array, FloatArray] | None,
+    stamps_and_positions_of_fixes: tuple[Int64Array, FloatArray] | None,
     record: Mapping[str, str],
 ) -> tuple[EgoTruth, PoseSignal | PositionSignal, npt.NDArray[np.bool_]] | None:
     """Return the truth in the span of the states, its signal and the mask of its rows; None without a usable one."""
@@ -184,8 +184,8 @@ def _truth_in_map(
     if len(stamp_ns) < MIN_TRUTH_ROWS:
         return None
     measured_xy = np.full((len(stamp_ns), 2), np.nan)
-    if fixes is not None:
-        measured_xy = resample(*fixes, stamp_ns, max_gap_s=MAX_FIX_GAP_S)
+    if stamps_and_positions_of_fixes is not None:
+        measured_xy = resample(*stamps_and_positions_of_fixes, stamp_ns, max_gap_s=MAX_FIX_GAP_S)
     origin = parse_json_entry_or_empty(record, "configuration", dict).get("truth_origin")
     given = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
     true_xy, _ = place_truth_in_map(signal, inside, local_map, given, measured_xy)
@@ -200,11 +200,11 @@ def _add_errors_against_truth(
     states: VehicleStates,
     truths: Sequence[Signal],
     local_map: LocalMap | None,
-    fixes: tuple[Int64Array, FloatArray] | None,
+    stamps_and_positions_of_fixes: tuple[Int64Array, FloatArray] | None,
     record: Mapping[str, str],
 ) -> EgoTruth | None:
     """Add the errors at the truth's stamps and return the truth; None without a usable one."""
-    found = _truth_in_map(states, truths, local_map, fixes, record)
+    found = _truth_in_map_with_signal_and_row_mask(states, truths, local_map, stamps_and_positions_of_fixes, record)
     if found is None:
         return None
     truth, signal, inside = found
@@ -231,14 +231,14 @@ def _add_errors_against_truth(
 
 
 def _add_motion_errors(
-    headline: HeadlineCollector, signal: PoseSignal, inside: npt.NDArray[np.bool_], state: FloatArray
+    headline: HeadlineCollector, signal: PoseSignal, row_mask: npt.NDArray[np.bool_], state: StateRows
 ) -> None:
-    heading = wrap_angle(state[:, 3] - signal.travel_rad[inside])
-    headline.add_errors("ego.speed_rmse_mps", state[:, 2] - signal.speed_mps[inside])
+    heading = wrap_angle(state[:, 3] - signal.travel_rad[row_mask])
+    headline.add_errors("ego.speed_rmse_mps", state[:, 2] - signal.speed_mps[row_mask])
     headline.add_errors("ego.heading_rmse_deg", np.degrees(heading))
-    headline.add_errors("ego.yaw_rate_rmse_degps", np.degrees(state[:, 5] - signal.yaw_rate_radps[inside]))
+    headline.add_errors("ego.yaw_rate_rmse_degps", np.degrees(state[:, 5] - signal.yaw_rate_radps[row_mask]))
     if signal.accel_mps2 is not None:
-        headline.add_errors("ego.accel_rmse_mps2", state[:, 4] - signal.accel_mps2[inside])
+        headline.add_errors("ego.accel_rmse_mps2", state[:, 4] - signal.accel_mps2[row_mask])
 
 
 def covariances_nearest_in_time(at_ns: Int64Array, states: VehicleStates) -> FloatArray:

@@ -28,11 +28,13 @@ def fix_offsets_to_record_entry(measurements: Sequence[Measurements], ego: Track
     for each in measurements:
         report = next((s for s in ego.sources if s.source == each.source and s.kind is Kind.POSITION), None)
         if each.kind is Kind.POSITION and report is not None:
-            found += _largest_lasting_offset(each, report, ego)
+            found += _largest_lasting_offset_as_document(each, report, ego)
     return {RECORD_KEY: json.dumps(found)}
 
 
-def _largest_lasting_offset(fixes: Measurements, report: SourceReport, ego: Track) -> list[dict[str, object]]:
+def _largest_lasting_offset_as_document(
+    fixes: Measurements, report: SourceReport, ego: Track
+) -> list[dict[str, object]]:
     """Return the offset with its sigma; [] with fewer than three fixes beside states.
 
     The sigma is that of the track and of the fixes' scatter around it, not the one that the fixes state: fixes that
@@ -49,7 +51,9 @@ def _largest_lasting_offset(fixes: Measurements, report: SourceReport, ego: Trac
     stamp_ns, offset, variance = stamp_ns[known], offset[known], there[known, 2]
     if len(stamp_ns) < 3:
         return []
-    distance_m = least_over_window(stamp_ns / NS_PER_S - stamp_ns[0] / NS_PER_S, np.hypot(*offset.T), LASTING_S)
+    distance_m = least_value_in_window_from_each_row(
+        stamp_ns / NS_PER_S - stamp_ns[0] / NS_PER_S, np.hypot(*offset.T), LASTING_S
+    )
     scatter_m = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(offset, 2, axis=0)))) / SECOND_DIFFERENCE_SIGMA
     sigma_m = np.sqrt(np.maximum(variance, 0.0) + scatter_m**2)
     doubted = (distance_m > MIN_DOUBTED_OFFSET_M) & (distance_m > MAX_SIGMAS * sigma_m)
@@ -65,7 +69,7 @@ def _largest_lasting_offset(fixes: Measurements, report: SourceReport, ego: Trac
     ]
 
 
-def least_over_window(time_s: FloatArray, values: FloatArray, window_s: float) -> FloatArray:
+def least_value_in_window_from_each_row(time_s: FloatArray, values: FloatArray, window_s: float) -> FloatArray:
     """Return, for each window that begins at a row and is whole, the least value in it, (n,); 0 where it is not whole.
 
     Args:

@@ -20,7 +20,7 @@ from cwcli.channels.published import OWN_TOPIC_PREFIX, WARNINGS, schema_name_by_
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import IMAGE_SCHEMAS
-from cwcli.logs.read.message_checksums import read_message_checksums
+from cwcli.logs.read.message_checksums import read_log_times_and_crc32_of_messages
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import read_configuration, read_run_records
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings
@@ -153,10 +153,10 @@ def _topics_in_order(before: Log, after: Log) -> list[str]:
 
 def _compare_topic(before: Log, after: Log, topic: str, tolerances: Mapping[str, float]) -> ChannelChange | None:
     """Compare the messages of one topic; None if they are equal within the tolerances."""
-    checksums = [read_message_checksums(log, topic) for log in (before, after)]
+    checksums = [read_log_times_and_crc32_of_messages(log, topic) for log in (before, after)]
     if all(np.array_equal(*each) for each in zip(*checksums, strict=True)):
         return None
-    rows, other_rows, lonely = _pair_messages(checksums[0][0], checksums[1][0])
+    rows, other_rows, lonely = _rows_of_message_pairs_and_unpaired(checksums[0][0], checksums[1][0])
     schemas = {channel.schema_name for log in (before, after) for channel in log.channels if channel.topic == topic}
     if not len(rows) or any(normalise_schema_name(name) in IMAGE_SCHEMAS for name in schemas):
         return _compare_undecoded(topic, checksums, rows, other_rows, lonely)
@@ -167,7 +167,7 @@ def _compare_topic(before: Log, after: Log, topic: str, tolerances: Mapping[str,
     first: tuple[int, str, int] | None = None
     differs = np.zeros(len(rows), np.bool_)
     for name in dict.fromkeys((*early.fields, *late.fields)):
-        mask = _field_differs(early, late, name, rows, other_rows, tolerances)
+        mask = _field_difference_mask(early, late, name, rows, other_rows, tolerances)
         differs |= mask
         if mask.any():
             row = int(np.argmax(mask))
@@ -182,8 +182,11 @@ def _compare_topic(before: Log, after: Log, topic: str, tolerances: Mapping[str,
     if first is None:
         return None
     at_ns, name, row = first
-    values = _value_text(early.fields.get(name), int(rows[row])), _value_text(late.fields.get(name), other_rows[row])
-    largest = _largest_difference(early.fields.get(name), late.fields.get(name), rows, other_rows)
+    values = (
+        _field_text_of_row(early.fields.get(name), int(rows[row])),
+        _field_text_of_row(late.fields.get(name), other_rows[row]),
+    )
+    largest = _largest_number_difference(early.fields.get(name), late.fields.get(name), rows, other_rows)
     return ChannelChange(topic, name, at_ns, *values, n_different, n_before, largest)
 
 
@@ -192,21 +195,21 @@ def _compare_undecoded(
     checksums: Sequence[tuple[Int64Array, npt.NDArray[np.uint32]]],
     rows: npt.NDArray[np.intp],
     other_rows: npt.NDArray[np.intp],
-    lonely: Sequence[tuple[int, bool]],
+    unpaired_messages: Sequence[tuple[int, bool]],
 ) -> ChannelChange:
     """Compare messages that are not decoded by their checksums; one differs."""
     (early_ns, early), (_, late) = checksums
     differs = np.flatnonzero(early[rows] != late[other_rows])
-    n_different = len(differs) + len(lonely)
+    n_different = len(differs) + len(unpaired_messages)
     first_ns = int(early_ns[rows[differs[0]]]) if len(differs) else None
-    if lonely and (first_ns is None or lonely[0][0] <= first_ns):
-        words = ("a message", "") if lonely[0][1] else ("", "a message")
-        return ChannelChange(topic, "", lonely[0][0], *words, n_different, len(early), math.nan)
+    if unpaired_messages and (first_ns is None or unpaired_messages[0][0] <= first_ns):
+        words = ("a message", "") if unpaired_messages[0][1] else ("", "a message")
+        return ChannelChange(topic, "", unpaired_messages[0][0], *words, n_different, len(early), math.nan)
     assert first_ns is not None  # a message differs
     return ChannelChange(topic, "", first_ns, "bytes", "other bytes", n_different, len(early), math.nan)
 
 
-def _pair_messages(
+def _rows_of_message_pairs_and_unpaired(
     early_ns: Int64Array, late_ns: Int64Array
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], list[tuple[int, bool]]]:
     """Pair messages by log time and place among those of that time.
@@ -214,7 +217,7 @@ def _pair_messages(
     Returns:
         Rows of the pairs in both, and the others: log time, and whether they are in the earlier run; in order of time.
     """
-    keys = [np.stack([each, _place_among_equal(each)], axis=1) for each in (early_ns, late_ns)]
+    keys = [np.stack([each, _number_of_equal_times_before(each)], axis=1) for each in (early_ns, late_ns)]
     places = [{(int(time), int(place)): row for row, (time, place) in enumerate(each.tolist())} for each in keys]
     shared = [key for key in places[0] if key in places[1]]
     rows = np.array([places[0][key] for key in shared], np.intp)
@@ -224,67 +227,75 @@ def _pair_messages(
     return rows, others, sorted(lonely)
 
 
-def _place_among_equal(times_ns: Int64Array) -> Int64Array:
+def _number_of_equal_times_before(sorted_times_ns: Int64Array) -> Int64Array:
     """Return the number of equal times before each one, which are neighbours."""
-    starts = np.flatnonzero(np.concatenate([[True], np.diff(times_ns) != 0]))
-    return np.arange(len(times_ns)) - np.repeat(starts, np.diff(np.append(starts, len(times_ns))))
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(sorted_times_ns) != 0]))
+    return np.arange(len(sorted_times_ns)) - np.repeat(starts, np.diff(np.append(starts, len(sorted_times_ns))))
 
 
-def _field_differs(
+def _field_difference_mask(
     early: Columns,
     late: Columns,
-    name: str,
-    rows: npt.NDArray[np.intp],
-    other_rows: npt.NDArray[np.intp],
+    field_name: str,
+    early_rows: npt.NDArray[np.intp],
+    late_rows: npt.NDArray[np.intp],
     tolerances: Mapping[str, float],
 ) -> BoolArray:
     """Return which pairs of messages differ in a field."""
-    one, other = early.fields.get(name), late.fields.get(name)
+    one, other = early.fields.get(field_name), late.fields.get(field_name)
     if one is None or other is None:
-        return np.ones(len(rows), np.bool_)
+        return np.ones(len(early_rows), np.bool_)
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and one.shape[1:] == other.shape[1:]:
-        left, right = one[rows], other[other_rows]
-        if left.dtype.kind in "iub" and right.dtype.kind in "iub" and name not in tolerances:
+        left, right = one[early_rows], other[late_rows]
+        if left.dtype.kind in "iub" and right.dtype.kind in "iub" and field_name not in tolerances:
             apart = np.asarray(left != right)
         else:
-            apart = _numbers_differ(left.astype(float), right.astype(float), tolerances.get(name, 0.0))
-        return np.asarray(apart.reshape(len(rows), -1).any(axis=1)) if len(rows) else np.zeros(0, np.bool_)
+            apart = _number_difference_mask(left.astype(float), right.astype(float), tolerances.get(field_name, 0.0))
+        return np.asarray(apart.reshape(len(early_rows), -1).any(axis=1)) if len(early_rows) else np.zeros(0, np.bool_)
     if isinstance(one, Strings) and isinstance(other, Strings):
         values: dict[str | None, int] = {None: -1}
         codes = [
             np.array([values.setdefault(text, len(values)) for text in each.values] + [-1]) for each in (one, other)
         ]
-        return np.asarray(codes[0][one.codes[rows]] != codes[1][other.codes[other_rows]])
-    texts = [[_value_text(each, int(row)) for row in those] for each, those in ((one, rows), (other, other_rows))]
+        return np.asarray(codes[0][one.codes[early_rows]] != codes[1][other.codes[late_rows]])
+    texts = [
+        [_field_text_of_row(each, int(row)) for row in those] for each, those in ((one, early_rows), (other, late_rows))
+    ]
     return np.array([left != right for left, right in zip(*texts, strict=True)], np.bool_)
 
 
-def _numbers_differ(left: FloatArray, right: FloatArray, tolerance: float) -> BoolArray:
+def _number_difference_mask(early_numbers: FloatArray, late_numbers: FloatArray, tolerance: float) -> BoolArray:
     """Return where numbers differ by more than a tolerance; NaN equals NaN."""
     with np.errstate(invalid="ignore"):
-        is_equal = (np.abs(left - right) <= tolerance) | (left == right)
-    return np.asarray(~is_equal & ~(np.isnan(left) & np.isnan(right)))
+        is_equal = (np.abs(early_numbers - late_numbers) <= tolerance) | (early_numbers == late_numbers)
+    return np.asarray(~is_equal & ~(np.isnan(early_numbers) & np.isnan(late_numbers)))
 
 
-def _value_text(values: Field | None, row: int) -> str:
+def _field_text_of_row(field: Field | None, row: int) -> str:
     """Return the value of a message as text, "" where there is none."""
-    if values is None:
+    if field is None:
         return ""
-    if isinstance(values, Strings):
-        code = int(values.codes[row])
-        return values.values[code] if code >= 0 else ""
-    if isinstance(values, Ragged):
-        return json.dumps(values.values[values.offsets[row] : values.offsets[row + 1]].tolist())
-    return json.dumps(values[row].tolist())
+    if isinstance(field, Strings):
+        code = int(field.codes[row])
+        return field.values[code] if code >= 0 else ""
+    if isinstance(field, Ragged):
+        return json.dumps(field.values[field.offsets[row] : field.offsets[row + 1]].tolist())
+    return json.dumps(field[row].tolist())
 
 
-def _largest_difference(
-    one: Field | None, other: Field | None, rows: npt.NDArray[np.intp], other_rows: npt.NDArray[np.intp]
+def _largest_number_difference(
+    early_field: Field | None,
+    late_field: Field | None,
+    early_rows: npt.NDArray[np.intp],
+    late_rows: npt.NDArray[np.intp],
 ) -> float:
     """Return the largest difference of a field of numbers; NaN for another one."""
-    if not (isinstance(one, np.ndarray) and isinstance(other, np.ndarray)) or one.shape[1:] != other.shape[1:]:
+    if (
+        not (isinstance(early_field, np.ndarray) and isinstance(late_field, np.ndarray))
+        or early_field.shape[1:] != late_field.shape[1:]
+    ):
         return math.nan
-    apart = np.abs(one[rows].astype(float) - other[other_rows].astype(float))
+    apart = np.abs(early_field[early_rows].astype(float) - late_field[late_rows].astype(float))
     known = apart[np.isfinite(apart)]
     return float(known.max()) if len(known) else math.nan
 
@@ -294,7 +305,9 @@ def _compare_settings(before: Log, after: Log) -> Iterator[SettingChange]:
     early, late = read_run_records(before), read_run_records(after)
     for stage in dict.fromkeys((*early, *late)):
         settings = [
-            {"version": json.dumps(record.get("version", "")), **_flatten(read_configuration(record))} if record else {}
+            {"version": json.dumps(record.get("version", "")), **_dotted_name_to_json_text(read_configuration(record))}
+            if record
+            else {}
             for record in (early.get(stage, {}), late.get(stage, {}))
         ]
         for name in dict.fromkeys((*settings[0], *settings[1])):
@@ -303,12 +316,12 @@ def _compare_settings(before: Log, after: Log) -> Iterator[SettingChange]:
                 yield SettingChange(stage, name, *values)
 
 
-def _flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+def _dotted_name_to_json_text(nested_objects: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     """Return dotted name -> value as JSON of the entries of nested objects."""
     found: dict[str, str] = {}
-    for name, value in values.items():
+    for name, value in nested_objects.items():
         if isinstance(value, dict) and value and name not in SELECTION_KEYS:
-            found |= _flatten(value, f"{prefix}{name}.")
+            found |= _dotted_name_to_json_text(value, f"{prefix}{name}.")
         else:
             found[f"{prefix}{name}"] = json.dumps(value, sort_keys=True)
     return found

@@ -90,7 +90,9 @@ def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
         left_out = (
             np.isfinite(track.state[:, k]) & settled & is_covered & ~known if name in PREVIEW_STATES else known[:0]
         )
-        scores = _error_statistics(error[known], np.sqrt(np.abs(track.covariance[known, k, k])))
+        scores = _count_rms_mean_p95_max_and_share_inside_90(
+            error[known], np.sqrt(np.abs(track.covariance[known, k, k]))
+        )
         rows.append((name, scores[0], int(np.count_nonzero(left_out)), *scores[1:]))
     names, n_known, n_left_out, rms, bias, p95, largest, inside = zip(*rows, strict=True)
     columns: dict[str, TableColumn] = {
@@ -149,7 +151,9 @@ def _settled_frame_mask(track: LateralTrack) -> np.ndarray[tuple[int, ...], np.d
     return np.asarray(age_ns >= SETTLING_TIME_S * 1e9, dtype=np.bool_)
 
 
-def _error_statistics(error: FloatArray, sigma: FloatArray) -> tuple[int, float, float, float, float, float]:
+def _count_rms_mean_p95_max_and_share_inside_90(
+    error: FloatArray, sigma: FloatArray
+) -> tuple[int, float, float, float, float, float]:
     if not len(error):
         nan = float("nan")
         return 0, nan, nan, nan, nan, nan

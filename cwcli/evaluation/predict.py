@@ -38,7 +38,7 @@ from cwcli.prediction.outcome import ELLIPSE_90_SQUARED_RADIUS, HorizonErrors, h
 from cwcli.prediction.outcome_history import measure_acting_time_s
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import Discretisation, RolloutSettings
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import EastNorthRows, Int64Array
 from cwcli.signals.row_order import iter_rows_by_id, iter_track_rows
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import PredictConfig
@@ -65,7 +65,7 @@ def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageR
     asked = PathErrorSettings(config.horizon_s, config.step_s, config.discretisation)
     records = []
     for role, states in result.evaluation_inputs.items():
-        records += compute_model_errors(states, asked, read_actual_states(log, config, role))
+        records += model_error_records_by_horizon(states, asked, read_actual_states(log, config, role))
     return result.with_evaluation(
         sections=(_build_prediction_section(records, config.horizon_s),),
         tables={"prediction": _build_prediction_table(records)},
@@ -104,7 +104,7 @@ def add_metrics(context: EvaluationContext) -> None:
             [
                 record
                 for who, each in states.items()
-                for record in compute_model_errors(_read_online_start_states(log, who) or each, asked, each)
+                for record in model_error_records_by_horizon(_read_online_start_states(log, who) or each, asked, each)
             ]
         )
     with headline.label_rows_with_states(comparison_label(knows, outcome)):
@@ -112,7 +112,7 @@ def add_metrics(context: EvaluationContext) -> None:
 
 
 def _add_published_path_errors(
-    headline: HeadlineCollector, who: str, published: AnyPaths, states: VehicleStates
+    headline: HeadlineCollector, vehicle_label: str, published: AnyPaths, states: VehicleStates
 ) -> None:
     """Add the errors of the published paths against the vehicles' own later states."""
     tracks = dict(iter_track_rows(states.ids, states.stamp_ns))
@@ -126,11 +126,11 @@ def _add_published_path_errors(
             path_errors_against_track(paths, stamp_ns, states.stamp_ns[own], states.state[own, :2], MAX_TRACK_GAP_S)
         )
     if found:
-        add_errors_at_horizons(headline, f"prediction.{who}.", found)
+        add_errors_at_horizons(headline, f"prediction.{vehicle_label}.", found)
 
 
 def path_errors_against_track(
-    paths: Paths, start_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
+    paths: Paths, start_ns: Int64Array, stamp_ns: Int64Array, xy: EastNorthRows, max_gap_s: float
 ) -> HorizonErrors:
     """Return the errors of paths that start at `start_ns` (n,) at every step up to the last horizon.
 
@@ -203,16 +203,16 @@ def error_horizons_s(horizon_s: float) -> list[float]:
     return horizons
 
 
-def _read_online_start_states(log: Log, who: str) -> VehicleStates | None:
+def _read_online_start_states(log: Log, vehicle_label: str) -> VehicleStates | None:
     """Read the online states of the ego or the remote vehicles, if the log's paths start from them."""
     used = parse_json_entry_or_empty(read_run_records(log).get("predict", {}), "configuration", dict)
-    topic = (EGO_ONLINE if who == "ego" else REMOTE_ONLINE).topic
+    topic = (EGO_ONLINE if vehicle_label == "ego" else REMOTE_ONLINE).topic
     if used.get("states") != "online" or all(channel.topic != topic for channel in log.channels):
         return None
     return read_vehicle_states(log.columns(topic))
 
 
-def compute_model_errors(
+def model_error_records_by_horizon(
     states: VehicleStates, settings: PathErrorSettings, actual_states: VehicleStates | None = None
 ) -> list[dict[str, Any]]:
     """Compute the errors of every model from the same starts: one record per vehicle, model and horizon.

@@ -26,7 +26,7 @@ def source_config_from_record(record: Record) -> SourceConfig:
     )
 
 
-def find_collision_warning_record(records: Mapping[str, Record]) -> tuple[Record, bool]:
+def find_collision_warning_record_and_is_of_targets(records: Mapping[str, Record]) -> tuple[Record, bool]:
     """Return the record of the collision warnings, and whether they concern tracked targets."""
     of_targets = "warn" not in records and "warn-targets" in records
     return records.get("warn-targets" if of_targets else "warn", {}), of_targets

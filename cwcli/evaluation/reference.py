@@ -12,7 +12,7 @@ from cwcli.evaluation.knowledge import HINDSIGHT, ONLINE, TRUTH, comparison_labe
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import find_metric
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, StateRows
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE
@@ -38,7 +38,7 @@ class EgoMotion:
     yaw_rate_radps: FloatArray
 
     @classmethod
-    def from_states(cls, state: FloatArray) -> EgoMotion:
+    def from_states(cls, state: StateRows) -> EgoMotion:
         """Return the motion of states (n, 8)."""
         return cls(state[:, :2], state[:, HEADING], state[:, SPEED], state[:, YAW_RATE])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.pair import PairEvaluation
 from cwcli.warning.rows import WarningRows
+
+if TYPE_CHECKING:
+    from cwcli.warning.types import EventIdByPairAndEvent
 
 NS_PER_H = 3600 * NS_PER_S
 """Nanoseconds in an hour."""
@@ -166,7 +169,7 @@ def _score_pair(found: FoundWarnings, evaluation: PairEvaluation, actual: Mappin
     host, other, config = found.host, evaluation.other, found.config
     own = actual.get(host.id, ActualTrack(host.stamp_ns, host.state))
     theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
-    pair = Pair(own, theirs, host.outline_m, other.outline_m, config.max_gap_s)
+    pair = Pair(own, theirs, host.length_and_width_m, other.length_and_width_m, config.max_gap_s)
     conflicts = find_real_conflicts(pair, config)
     known_ns = evaluation.known_ns
     verdicts = [
@@ -199,7 +202,7 @@ def _add_verdict_columns(events: Table, verdicts: Sequence[tuple[WarningVerdict,
     return replace(events, columns={**events.columns, **more.columns}, docs={**events.docs, **more.docs})
 
 
-def _build_conflicts_table(pairs: Sequence[ScoredPair], ids: Mapping[tuple[int, int], int], *, host_id: str) -> Table:
+def _build_conflicts_table(pairs: Sequence[ScoredPair], ids: EventIdByPairAndEvent, *, host_id: str) -> Table:
     """Build a table with one row per real conflict: when, how near, and its first event (0: missed)."""
     rows: list[dict[str, Any]] = []
     for at, pair in enumerate(pairs):

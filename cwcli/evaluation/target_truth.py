@@ -13,7 +13,7 @@ from cwcli.metrics.table import MetricRow
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.builders.motion import MAP_FRAME_IDS
 from cwcli.signals.canonical import TargetTruthSignal
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.text import finite_or_none
 from cwcli.tracking.gospa import TargetErrors, TargetMoments, TrackingScores, score_tracks
@@ -90,7 +90,7 @@ def score_tracks_against_truth(
     return TargetTruthScores(truth.source, truth.id.values, scores), tuple(notes)
 
 
-def _differentiate_positions(truth: TargetTruthSignal, xy: FloatArray) -> FloatArray:
+def _differentiate_positions(truth: TargetTruthSignal, xy: EastNorthRows) -> FloatArray:
     """Return the velocities (n, 2) of the targets as central differences; NaN for a target with a single row."""
     out = np.full_like(xy, np.nan)
     for code in np.unique(truth.id.codes):

@@ -22,7 +22,7 @@ from cwcli.metrics.table import MetricRow
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array, LatLonAlt
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import EGO_ID, HEADING, SPEED, X
@@ -118,7 +118,7 @@ def compare_track_with_truth(
     measurements: Sequence[Measurements],
     ego: Track,
     local_map: LocalMap | None,
-    origin: tuple[float, float, float] | None,
+    origin: LatLonAlt | None,
 ) -> TruthErrors | None:
     """Compare the ego's track with the truth, at the truth's stamps; None without a usable truth channel."""
     if not truths or not isinstance(truths[0], PoseSignal | PositionSignal):
@@ -129,10 +129,10 @@ def compare_track_with_truth(
     if len(stamp_ns) < MIN_TRUTH_ROWS:
         return None
     fixes = next(m for m in measurements if m.kind is Kind.POSITION)
-    measured_xy = _interpolate_at(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
+    measured_xy = _interpolate_at_ns(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
     xy, notes = place_truth_in_map(signal, inside, local_map, origin, measured_xy)
     truth: dict[str, FloatArray] = {"position": xy}
-    estimated_xy = _interpolate_at(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_STATE_GAP_S)
+    estimated_xy = _interpolate_at_ns(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_STATE_GAP_S)
     estimated: dict[str, FloatArray] = {"position": estimated_xy}
     measured: dict[str, FloatArray] = {"position": measured_xy}
     if isinstance(signal, PoseSignal):
@@ -146,10 +146,10 @@ def compare_track_with_truth(
             if values is None or not np.isfinite(values[inside]).any():
                 continue
             truth[name] = values[inside]
-            estimated[name] = _interpolate_at(stamp_ns, ego.stamp_ns, ego.state[:, column], MAX_STATE_GAP_S)
+            estimated[name] = _interpolate_at_ns(stamp_ns, ego.stamp_ns, ego.state[:, column], MAX_STATE_GAP_S)
             raw = _first_measured_stamps_and_values(measurements, kind)
             if raw is not None:
-                measured[name] = _interpolate_at(stamp_ns, *raw, MAX_STATE_GAP_S)
+                measured[name] = _interpolate_at_ns(stamp_ns, *raw, MAX_STATE_GAP_S)
     covariance = _covariances_nearest_in_time(stamp_ns, ego)
     rows = tuple(compare_errors_with_truth(truth, measured, estimated))
     known = np.isfinite(estimated_xy - xy).all(axis=1)
@@ -197,8 +197,8 @@ def place_truth_in_map(
     signal: PoseSignal | PositionSignal,
     row_mask: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
     local_map: LocalMap | None,
-    truth_origin: tuple[float, float, float] | None,
-    measured_xy: FloatArray,
+    truth_origin: LatLonAlt | None,
+    measured_xy: EastNorthRows,
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Convert the positions of a truth to the map frame; returns them and notes on how they were placed.
 
@@ -237,7 +237,7 @@ def place_truth_in_map(
     return xyz[:, :2] + offset, (note,)
 
 
-def _interpolate_at(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArray, max_gap_s: float) -> FloatArray:
+def _interpolate_at_ns(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArray, max_gap_s: float) -> FloatArray:
     return resample(stamp_ns, values, at_ns, max_gap_s=max_gap_s)
 
 

@@ -18,7 +18,7 @@ from cwcli.evaluation.knowledge import (
     online_or_hindsight_of_stage_input,
 )
 from cwcli.evaluation.preventable import add_preventable_share
-from cwcli.evaluation.records import find_collision_warning_record
+from cwcli.evaluation.records import find_collision_warning_record_and_is_of_targets
 from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score_warnings
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
@@ -87,7 +87,13 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
     scored = score_warnings(found, actual=actual)
     events, *others = outcome.sections
     rows = tuple(
-        (*row, event["verdict"], event["lead_time_s"], event["closest_distance_m"], _crash_cell(event["least_gap_m"]))
+        (
+            *row,
+            event["verdict"],
+            event["lead_time_s"],
+            event["closest_distance_m"],
+            _has_outline_contact_or_none(event["least_gap_m"]),
+        )
         for row, event in zip(events.rows, scored.events.rows_as_dicts(), strict=True)
     )
     ((_, *counts),) = (row.items() for row in scored.scores.rows_as_dicts())
@@ -110,7 +116,7 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
     return replace(outcome, tables=scored.tables, sections=sections)
 
 
-def _crash_cell(least_gap_m: float) -> bool | None:
+def _has_outline_contact_or_none(least_gap_m: float) -> bool | None:
     """Return whether the outlines touched in the conflict of a warning; None without a conflict."""
     return None if math.isnan(least_gap_m) else least_gap_m <= 0.0
 
@@ -128,7 +134,7 @@ def add_metrics(context: EvaluationContext) -> None:
     rules = _rule_names_from_records(records)
     if LANE_DEPARTURE in rules:
         headline.add_count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))
-    record, _ = find_collision_warning_record(records)
+    record, _ = find_collision_warning_record_and_is_of_targets(records)
     withheld = parse_json_entry_or_empty(record, WITHHELD_KEY, dict)
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
     real = find_actual_outcomes(log) if collision_rules else None
@@ -158,7 +164,7 @@ def add_metrics(context: EvaluationContext) -> None:
 
 def _rule_names_from_records(records: Mapping[str, Record]) -> list[str]:
     """Return the names of the rules that were evaluated."""
-    record, _ = find_collision_warning_record(records)
+    record, _ = find_collision_warning_record_and_is_of_targets(records)
     of_lane = [LANE_DEPARTURE] if "warn-lane" in records else []
     if of_lane and not record:
         return of_lane

@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.events.base import EventKind, Moment, severity_of
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
-from cwcli.measures.pair import ActualTrack, track_derivatives
+from cwcli.measures.pair import ActualTrack, accel_yaw_rate_jerk_of_track
 from cwcli.signals.columns import FloatArray, Int64Array
 
 HARD_BRAKE_MPS2 = 3.92
@@ -24,7 +24,7 @@ NEAR_M = 100.0
 def find_ego_braking(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the ego's hard braking."""
     track = ActualTrack(evidence.stamp_ns, evidence.ego_state)
-    accel_mps2 = track_derivatives(track)[:, 0]
+    accel_mps2 = accel_yaw_rate_jerk_of_track(track)[:, 0]
     yield from _find_braking(evidence.stamp_ns, accel_mps2, (evidence.ego_id,))
 
 

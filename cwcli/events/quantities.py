@@ -45,7 +45,9 @@ def check_names_and_units(comparison: Comparison) -> None:
     known = [(operand, unit) for operand, unit in units if unit is not None]
     for (one, unit), (other, other_unit) in itertools.pairwise(known):
         if unit != other_unit:
-            raise UsageError(f"{_describe(one, unit)} can't be compared with {_describe(other, other_unit)}")
+            raise UsageError(
+                f"{_operand_with_unit(one, unit)} can't be compared with {_operand_with_unit(other, other_unit)}"
+            )
 
 
 def _unit_of(operand: Number | Series) -> str | None:
@@ -65,7 +67,7 @@ def _unit_of(operand: Number | Series) -> str | None:
     raise UsageError(f"there is no quantity {name}", hint=hint)
 
 
-def _describe(operand: Number | Series, unit: str | None) -> str:
+def _operand_with_unit(operand: Number | Series, unit: str | None) -> str:
     """Return an operand with its unit, for messages."""
     if isinstance(operand, Number):
         return f"a number in {unit}" if unit else "a plain number"

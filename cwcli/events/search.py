@@ -147,7 +147,7 @@ def parse_query(text: str) -> Query:
         every = tuple(name for name in names if name not in PARTS_OF_WARNING)
         return Query(text, AndOr(tuple(map(EventName, every)), is_and=False), every, is_all=True)
     node = parse_expression(text, names)
-    for comparison in _comparisons(node):
+    for comparison in _iter_comparisons(node):
         check_names_and_units(comparison)
     return Query(text, node, event_names(node))
 
@@ -167,7 +167,8 @@ def find_in_log(log: Log, query: Query, other_system: OtherSystemTopics | None =
     if query.events is None:
         value_name = _name_of_value(query.node)
         found += [
-            _found_event(key, name, log, EXPRESSION_NAME, each, value_name) for each in _evaluate(evidence, query)
+            _found_event(key, name, log, EXPRESSION_NAME, each, value_name)
+            for each in _iter_moments_where_true(evidence, query)
         ]
     for event in query.events or ():
         if query.is_all and event == "disagreement" and (other_system is None or not other_system.warning):
@@ -225,23 +226,23 @@ def _log_key(log: Log) -> str:
     return hashes[0] if hashes else ""
 
 
-def _comparisons(node: Node) -> Iterator[Comparison]:
+def _iter_comparisons(node: Node) -> Iterator[Comparison]:
     """Yield the comparisons in an expression."""
     if isinstance(node, Comparison):
         yield node
     elif isinstance(node, AndOr):
         for part in node.parts:
-            yield from _comparisons(part)
+            yield from _iter_comparisons(part)
     elif isinstance(node, Near):
-        yield from _comparisons(node.inner)
-        yield from _comparisons(node.anchor)
+        yield from _iter_comparisons(node.inner)
+        yield from _iter_comparisons(node.anchor)
     elif isinstance(node, Lasting | Not):
-        yield from _comparisons(node.inner)
+        yield from _iter_comparisons(node.inner)
 
 
 def _name_of_value(node: Node) -> str:
     """Return the name of the quantity whose value an expression's events have; "" without one."""
-    first = next(_comparisons(node), None)
+    first = next(_iter_comparisons(node), None)
     quantity = next((each for each in first.operands if isinstance(each, Series)), None) if first else None
     return "" if quantity is None else f"{quantity.function} {quantity.name}".strip()
 
@@ -260,9 +261,9 @@ def _names_of_events(node: Node) -> Iterator[str]:
         yield from _names_of_events(node.inner)
 
 
-def _evaluate(evidence: EventEvidence, query: Query) -> Iterator[Moment]:
+def _iter_moments_where_true(evidence: EventEvidence, query: Query) -> Iterator[Moment]:
     """Yield the moments in which an expression holds, for each other vehicle if it is about one."""
-    operands = [operand for each in _comparisons(query.node) for operand in each.operands]
+    operands = [operand for each in _iter_comparisons(query.node) for operand in each.operands]
     moments = {name: list(EVENTS[name].find(evidence)) for name in set(_names_of_events(query.node))}
     about_pairs = any(map(is_of_pair, operands))
     is_of_fields = operands and all(isinstance(each, Number) or each.name.startswith("/") for each in operands)
@@ -293,7 +294,7 @@ class _Evaluation:
                 spans[-1] = spans[-1][0], last
             else:
                 spans.append((first, last))
-        value_of = next(_comparisons(node), None)
+        value_of = next(_iter_comparisons(node), None)
         for first, last in spans:
             value, severity = np.nan, 1.0
             if value_of is not None:

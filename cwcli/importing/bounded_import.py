@@ -22,7 +22,7 @@ from cwcli.importing.tables import AmbiguousError, Answers, Guess
 from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 
-FUNCTION = "cwcli.importing.bounded_import:import_request"
+FUNCTION = "cwcli.importing.bounded_import:import_files_of_request_and_report"
 """The function that the process runs."""
 MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 400_000_000, 20
 """Memory of the process, and more for each byte of the files: a table is held as columns of numbers. Chosen by hand:
@@ -113,7 +113,7 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
         raise InputError("the process that reads it gave no usable answer", where=name) from error
 
 
-def import_request(request: dict[str, Any]) -> dict[str, Any]:
+def import_files_of_request_and_report(request: dict[str, Any]) -> dict[str, Any]:
     """Import the files of a request, in the process of its own; return what a report holds.
 
     Raises:

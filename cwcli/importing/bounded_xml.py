@@ -45,13 +45,13 @@ def iter_xml_events(path: str, kept: Collection[str]) -> Iterator[Event]:
             while block := file.read(READ_BYTES):
                 parser.feed(block)
                 n_quiet_bytes += len(block)
-                for event in _events(parser):
+                for event in _iter_xml_events(parser):
                     n_quiet_bytes = 0
                     yield from tree.iter_passed(event)
                 if n_quiet_bytes > MAX_QUIET_BYTES:
                     raise InputError(f"it has {MAX_QUIET_BYTES:,} bytes without an element", where=path)
             parser.close()
-            for event in _events(parser):
+            for event in _iter_xml_events(parser):
                 yield from tree.iter_passed(event)
     except ElementTree.ParseError as error:
         raise InputError(f"the XML is damaged: {error}", where=path) from error
@@ -102,7 +102,7 @@ class _BoundedTree:
             raise InputError("its elements are nested too deep, or one has too many", where=self._path)
 
 
-def _events(parser: ElementTree.XMLPullParser[ElementTree.Element]) -> Iterator[Event]:
+def _iter_xml_events(parser: ElementTree.XMLPullParser[ElementTree.Element]) -> Iterator[Event]:
     found: Any
     for found in parser.read_events():
         yield found[0], found[1]

@@ -15,6 +15,11 @@ import numpy.typing as npt
 from cwcli.importing.units import is_unit_text
 from cwcli.signals.columns import FloatArray, Int64Array
 
+ArrowArray = Any
+"""A column of a batch: an Arrow array of n cells."""
+UnitConfidenceReason = tuple[str, str, str]
+"""Unit of a column ("" if not known), how sure that is, and why."""
+
 EMPTY_CELLS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "inf", "-inf", "#n/a", "?", "*")
 """Texts that stand for no value, in lower case."""
 NUMBER_PATTERN = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
@@ -36,7 +41,7 @@ N_DECIMALS = 9
 """Number of decimals of a time that are kept: nanoseconds."""
 
 
-def is_text_column(array: Any) -> bool:
+def is_text_column(array: ArrowArray) -> bool:
     """Tell whether a column of a batch holds text."""
     import pyarrow as pa
 
@@ -46,7 +51,7 @@ def is_text_column(array: Any) -> bool:
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
-def trimmed_texts_or_null(array: Any) -> Any:
+def trimmed_texts_or_null(array: ArrowArray) -> ArrowArray:
     """Return the texts of a batch without spaces around them; null where a cell is empty."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -56,7 +61,7 @@ def trimmed_texts_or_null(array: Any) -> Any:
     return pc.if_else(empty, pa.scalar(None, texts.type), texts)
 
 
-def unit_of_cells(array: Any) -> str:
+def unit_behind_every_number_or_empty(array: ArrowArray) -> str:
     """Return the unit that stands behind every number of a batch of texts (`12.5 km/h`), "" without one."""
     import pyarrow.compute as pc
 
@@ -70,14 +75,14 @@ def unit_of_cells(array: Any) -> str:
     return units[0] if len(units) == 1 and is_unit_text(units[0]) else ""
 
 
-def without_unit(array: Any, unit: str) -> Any:
+def texts_without_unit(array: ArrowArray, unit: str) -> ArrowArray:
     """Return texts without the unit behind their numbers."""
     import pyarrow.compute as pc
 
     return pc.replace_substring_regex(array, rf"\s*{re.escape(unit)}\s*$", "")
 
 
-def read_number_cells_and_count_bad(array: Any, decimal: str) -> tuple[FloatArray, int]:
+def read_number_cells_and_count_bad(array: ArrowArray, decimal: str) -> tuple[FloatArray, int]:
     """Return the cells (n,) as numbers, and how many are neither a number nor empty.
 
     Args:
@@ -108,7 +113,7 @@ def read_number_cells_and_count_bad(array: Any, decimal: str) -> tuple[FloatArra
     return _arrow_numbers_to_floats(numbers.cast(pa.float64())), bad
 
 
-def _typed_numbers_and_bad_count(array: Any) -> tuple[FloatArray, int]:
+def _typed_numbers_and_bad_count(array: ArrowArray) -> tuple[FloatArray, int]:
     """Return the cells of an Arrow column that holds no text as numbers, and how many are none."""
     import pyarrow as pa
 
@@ -122,7 +127,7 @@ def _typed_numbers_and_bad_count(array: Any) -> tuple[FloatArray, int]:
     return np.full(len(array), np.nan), len(array)
 
 
-def read_degree_cells_and_count_bad(array: Any, decimal: str) -> tuple[FloatArray, int]:
+def read_degree_cells_and_count_bad(array: ArrowArray, decimal: str) -> tuple[FloatArray, int]:
     """Return latitudes or longitudes (n,) in the file's unit, south and west negative, and how many are none."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -145,7 +150,7 @@ def read_degree_cells_and_count_bad(array: Any, decimal: str) -> tuple[FloatArra
     return number, int(np.count_nonzero(is_given & ~np.isfinite(number)))
 
 
-def _degrees_of_minutes(texts: Any) -> tuple[FloatArray, npt.NDArray[np.object_]]:
+def _degrees_of_minutes(texts: ArrowArray) -> tuple[FloatArray, npt.NDArray[np.object_]]:
     """Return degrees (n,) of texts in degrees, minutes and seconds, and their hemispheres."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -163,7 +168,7 @@ def _degrees_of_minutes(texts: Any) -> tuple[FloatArray, npt.NDArray[np.object_]
 
 
 def read_whole_units_fraction_and_validity(
-    array: Any, decimal: str
+    array: ArrowArray, decimal: str
 ) -> tuple[Int64Array, FloatArray, npt.NDArray[np.bool_]]:
     """Return whole units, the fraction beyond them (0 to 1) and whether there is a number, each (n,).
 
@@ -214,13 +219,13 @@ def _split_floats_into_units_and_fraction(values: FloatArray) -> tuple[Int64Arra
     return whole.astype(np.int64), safe - whole, valid
 
 
-def _arrow_numbers_to_floats(array: Any) -> FloatArray:
+def _arrow_numbers_to_floats(array: ArrowArray) -> FloatArray:
     """Return an Arrow array of numbers as (n,), NaN where null or infinite."""
     values = np.array(array.to_numpy(zero_copy_only=False), dtype=np.float64)
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def distinct_names_and_row_indices(array: Any) -> tuple[list[str], Int64Array]:
+def distinct_names_and_row_indices(array: ArrowArray) -> tuple[list[str], Int64Array]:
     """Return the names in a batch, each once ("" for an empty cell), and the index of the name of each row."""
     import pyarrow as pa
 

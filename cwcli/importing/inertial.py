@@ -8,6 +8,7 @@ where they do not, only its turn rate about the vertical is used.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
+
+if TYPE_CHECKING:
+    from cwcli.importing.cells import UnitConfidenceReason
 
 MAX_GRAVITY_ERROR = 0.2
 """Largest relative deviation of the mean acceleration from 9.81 m/s^2 at which a unit is accepted. Chosen by hand; not
@@ -48,10 +52,10 @@ def find_accelerations_and_turn_rates(meaning: Meaning, track: TrackSpans | None
         track: The way between the positions, or None.
         other: A table with the accelerations of the same device, whose turn rates are in the first one.
     """
-    force = _read_vector(meaning, "accel", track)
-    turn = _read_vector(meaning, "gyro", track)
+    force = _read_si_vector_in_sensor_axes(meaning, "accel", track)
+    turn = _read_si_vector_in_sensor_axes(meaning, "gyro", track)
     if other is not None and force is None and turn is not None:
-        force = _read_vector(other, "accel", track)
+        force = _read_si_vector_in_sensor_axes(other, "accel", track)
         if force is not None:
             force = _accelerations_at_turn_rate_stamps(meaning, other, force)
     if meaning.questions or (force is None and turn is None):
@@ -78,19 +82,23 @@ def acceleration_table_by_turn_rate_table(meanings: Sequence[Meaning]) -> dict[s
     return {gyro.name: accel} if accel.since == gyro.since else {}
 
 
-def _read_vector(meaning: Meaning, name: str, track: TrackSpans | None) -> FloatArray | None:
+def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: TrackSpans | None) -> FloatArray | None:
     """Return accelerations or turn rates in SI and the sensor's axes (n, 3); None without, or behind a question."""
-    columns = _choose_axis_columns(meaning, name)
+    columns = _choose_axis_columns(meaning, accel_or_gyro)
     if columns is None or meaning.questions:
         return None
     values = np.stack([meaning.unscaled_numbers(column) for column in columns], axis=1)
-    if name == "accel":
+    if accel_or_gyro == "accel":
         values = _convert_to_si_and_record_guess(
-            meaning, columns, values, "acceleration", _choose_accel_unit_and_reason(meaning, columns, values)
+            meaning, columns, values, "acceleration", _choose_accel_unit_confidence_and_reason(meaning, columns, values)
         )
     else:
         values = _convert_to_si_and_record_guess(
-            meaning, columns, values, "turn rate", _choose_gyro_unit_and_reason(meaning, columns, values, track)
+            meaning,
+            columns,
+            values,
+            "turn rate",
+            _choose_gyro_unit_confidence_and_reason(meaning, columns, values, track),
         )
     return None if meaning.questions else values
 
@@ -110,7 +118,7 @@ def _choose_axis_columns(meaning: Meaning, name: str) -> list[str] | None:
             whole = [
                 column
                 for column in columns
-                if not {"linear", "user", "calibrated"} & set(meaning.words_of_column_name(column))
+                if not {"linear", "user", "calibrated"} & set(meaning.words_of_column(column))
             ]
             meaning.table.candidates[quantity] = whole or columns
     chosen = [meaning.choose_column_or_ask(quantity) for quantity in quantities]
@@ -118,9 +126,13 @@ def _choose_axis_columns(meaning: Meaning, name: str) -> list[str] | None:
 
 
 def _convert_to_si_and_record_guess(
-    meaning: Meaning, columns: list[str], values: FloatArray, kind: str, said: tuple[str, str, str]
+    meaning: Meaning,
+    columns: list[str],
+    values: FloatArray,
+    kind: str,
+    unit_confidence_and_reason: UnitConfidenceReason,
 ) -> FloatArray:
-    unit, confidence, why = said
+    unit, confidence, why = unit_confidence_and_reason
     if not unit:
         return values
     for quantity, column in zip(
@@ -130,7 +142,9 @@ def _convert_to_si_and_record_guess(
     return values * FACTORS[kind][unit]
 
 
-def _choose_accel_unit_and_reason(meaning: Meaning, columns: list[str], values: FloatArray) -> tuple[str, str, str]:
+def _choose_accel_unit_confidence_and_reason(
+    meaning: Meaning, columns: list[str], values: FloatArray
+) -> UnitConfidenceReason:
     unit, confidence, why = meaning.stated_unit_confidence_and_reason("accel_x", columns[0])
     norm = float(np.nanmedian(np.sqrt((values**2).sum(axis=1))))
     fitting = [
@@ -159,9 +173,9 @@ def _choose_accel_unit_and_reason(meaning: Meaning, columns: list[str], values: 
     return "", "", ""
 
 
-def _choose_gyro_unit_and_reason(
+def _choose_gyro_unit_confidence_and_reason(
     meaning: Meaning, columns: list[str], values: FloatArray, track: TrackSpans | None
-) -> tuple[str, str, str]:
+) -> UnitConfidenceReason:
     unit, confidence, why = meaning.stated_unit_confidence_and_reason("gyro_x", columns[0])
     if unit:
         return unit, confidence, why

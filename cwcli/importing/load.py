@@ -11,14 +11,15 @@ import numpy as np
 from cwcli.errors import DataError
 from cwcli.importing.cells import (
     COMMA_NUMBER_PATTERN,
+    ArrowArray,
     distinct_names_and_row_indices,
     is_text_column,
     read_degree_cells_and_count_bad,
     read_number_cells_and_count_bad,
     read_whole_units_fraction_and_validity,
+    texts_without_unit,
     trimmed_texts_or_null,
-    unit_of_cells,
-    without_unit,
+    unit_behind_every_number_or_empty,
 )
 from cwcli.importing.names import QUANTITIES, quantities_of_name
 from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
@@ -69,7 +70,7 @@ class LoadedTable:
     n_rows: int = 0
 
 
-def candidates_of_table(table: SourceTable, answers: Answers) -> dict[str, list[str]]:
+def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[str, list[str]]:
     """Return the columns that can be each quantity: what the user or the format says, else by their names."""
     found: dict[str, list[str]] = {}
     taken: dict[str, str] = {}
@@ -128,9 +129,9 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         InputError, DataError: As the reader.
         AmbiguousError: The decimal mark is not clear.
     """
-    candidates = candidates_of_table(table, answers)
+    candidates = candidate_columns_by_quantity(table, answers)
     if candidates and "time" not in candidates and "date" not in candidates:
-        candidates |= _columns_of_dates(table)
+        candidates |= _date_columns_as_times_by_quantity(table)
     wanted = list(dict.fromkeys(column for columns in candidates.values() for column in columns))
     loaded = LoadedTable(table, candidates, unused=tuple(name for name in table.columns if name not in wanted))
     if not wanted:
@@ -149,9 +150,13 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         for column in wanted:
             array = batch[column]
             if column not in how and n:
-                cell_units[column] = "" if {"latitude", "longitude"} & set(of_column[column]) else unit_of_cells(array)
+                cell_units[column] = (
+                    ""
+                    if {"latitude", "longitude"} & set(of_column[column])
+                    else unit_behind_every_number_or_empty(array)
+                )
             if cell_units.get(column):
-                array = without_unit(array, cell_units[column])
+                array = texts_without_unit(array, cell_units[column])
             if column not in how and n:
                 decimals[column] = answers.decimal or _decimal_mark_of_column(array, table, column)
                 how[column] = _reading_method_of_column(array, of_column[column])
@@ -166,7 +171,7 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
     return loaded
 
 
-def _columns_of_dates(table: SourceTable) -> dict[str, list[str]]:
+def _date_columns_as_times_by_quantity(table: SourceTable) -> dict[str, list[str]]:
     """Return the columns whose first cells are dates with times of day as the times of a table that names none."""
     batch = next(iter(table.read_batches(table.columns)), {})
     found = []
@@ -188,7 +193,7 @@ def _read_clocks_of_digits(loaded: LoadedTable) -> None:
             del loaded.instants[column]
 
 
-def _reading_method_of_column(array: Any, quantities: list[str]) -> str:
+def _reading_method_of_column(array: ArrowArray, quantities: list[str]) -> str:
     if any(QUANTITIES[quantity].kind == "text" for quantity in quantities) and "date" not in quantities:
         return "texts"
     if quantities[0] in {"time", "date"}:
@@ -200,43 +205,45 @@ def _reading_method_of_column(array: Any, quantities: list[str]) -> str:
     return "places" if any(quantity in {"latitude", "longitude"} for quantity in quantities) else "numbers"
 
 
-def _append_cells_and_count_bad(pieces: list[Any], array: Any, how: str, decimal: str) -> int:
+def _append_cells_and_count_bad(batches: list[Any], array: ArrowArray, reading_method: str, decimal: str) -> int:
     """Append the cells of a batch; returns how many are neither a value nor empty."""
-    if how == "texts":
-        pieces.append(distinct_names_and_row_indices(array))
+    if reading_method == "texts":
+        batches.append(distinct_names_and_row_indices(array))
         return 0
-    if how == "instants":
-        pieces.append(read_whole_units_fraction_and_validity(array, decimal))
+    if reading_method == "instants":
+        batches.append(read_whole_units_fraction_and_validity(array, decimal))
         return 0
-    if how in {"text times", "short dates"}:
-        times = parse_text_times(array) if how == "text times" else parse_short_dates(array)
+    if reading_method in {"text times", "short dates"}:
+        times = parse_text_times(array) if reading_method == "text times" else parse_short_dates(array)
         n = len(array)
-        pieces.append(
+        batches.append(
             times
             or TextTimes(
                 np.full((n, 3), -1, np.int64), np.zeros(n, np.int64), np.full(n, np.nan), np.zeros(n, np.bool_), ""
             )
         )
         return 0
-    values, n_bad = (read_degree_cells_and_count_bad if how == "places" else read_number_cells_and_count_bad)(
-        array, decimal
-    )
-    pieces.append(values)
+    values, n_bad = (
+        read_degree_cells_and_count_bad if reading_method == "places" else read_number_cells_and_count_bad
+    )(array, decimal)
+    batches.append(values)
     return n_bad
 
 
-def _store_finished_column(loaded: LoadedTable, column: str, how: str, pieces: list[Any]) -> None:
-    if how == "texts":
+def _store_finished_column(loaded: LoadedTable, column: str, reading_method: str, batches: list[Any]) -> None:
+    if reading_method == "texts":
         names: dict[str, int] = {}
-        codes = [np.array([names.setdefault(name, len(names)) for name in own], np.int64)[rows] for own, rows in pieces]
+        codes = [
+            np.array([names.setdefault(name, len(names)) for name in own], np.int64)[rows] for own, rows in batches
+        ]
         loaded.codes[column] = np.concatenate([np.zeros(0, np.int64), *codes]), tuple(names)
-    elif how == "instants":
-        parts = [np.concatenate([piece[k] for piece in pieces]) for k in range(3)]
+    elif reading_method == "instants":
+        parts = [np.concatenate([piece[k] for piece in batches]) for k in range(3)]
         loaded.instants[column] = Instants(*parts)
-    elif how in {"text times", "short dates"}:
-        loaded.text_times[column] = join_text_times(pieces)
+    elif reading_method in {"text times", "short dates"}:
+        loaded.text_times[column] = join_text_times(batches)
     else:
-        loaded.numbers[column] = np.concatenate(pieces) if pieces else np.zeros(0)
+        loaded.numbers[column] = np.concatenate(batches) if batches else np.zeros(0)
 
 
 def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Answers) -> None:
@@ -268,7 +275,7 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Ans
         loaded.unused = (*loaded.unused, column)
 
 
-def _count_decimal_marks(texts: Any) -> tuple[int, int, int, int]:
+def _count_commas_points_and_thousands_marks(texts: ArrowArray) -> tuple[int, int, int, int]:
     """Count the texts with a decimal comma, a decimal point, and with a comma or a point before each three digits."""
     import pyarrow.compute as pc
 
@@ -286,7 +293,7 @@ def _ask_about_thousands_separators(batch: Batch, table: SourceTable) -> None:
         AmbiguousError: It may stand before thousands.
     """
     counts = {
-        column: _count_decimal_marks(trimmed_texts_or_null(array))
+        column: _count_commas_points_and_thousands_marks(trimmed_texts_or_null(array))
         for column, array in batch.items()
         if is_text_column(array)
     }
@@ -302,7 +309,7 @@ def _ask_about_thousands_separators(batch: Batch, table: SourceTable) -> None:
             raise ambiguity_error_of_questions([Question(table.name, what, "--decimal . or remove the points")])
 
 
-def _decimal_mark_of_column(array: Any, table: SourceTable, column: str) -> str:
+def _decimal_mark_of_column(array: ArrowArray, table: SourceTable, column: str) -> str:
     """Return the decimal mark of a column by its first cells.
 
     Raises:
@@ -311,7 +318,7 @@ def _decimal_mark_of_column(array: Any, table: SourceTable, column: str) -> str:
     if not is_text_column(array):
         return "."
     texts = trimmed_texts_or_null(array)
-    n_comma, n_point, n_thousands, _ = _count_decimal_marks(texts)
+    n_comma, n_point, n_thousands, _ = _count_commas_points_and_thousands_marks(texts)
     if not n_comma:
         return "."
     if n_point:

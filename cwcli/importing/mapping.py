@@ -83,11 +83,11 @@ def read_mapping(path: str) -> Answers:
             )
     columns: dict[tuple[str, str], tuple[str, str]] = {}
     for table in tables:
-        columns.update(_parse_columns_table(table, path))
+        columns.update(_parse_columns_to_column_and_unit(table, path))
     return Answers(columns, **values)
 
 
-def _parse_columns_table(table: Any, path: str) -> dict[tuple[str, str], tuple[str, str]]:
+def _parse_columns_to_column_and_unit(table: Any, path: str) -> dict[tuple[str, str], tuple[str, str]]:
     if not isinstance(table, dict) or not isinstance(table.get("name"), str):
         raise UsageError("a [[table]] without a name", where=path)
     found = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from cwcli.importing.tables import Answers, Guess, Question
 from cwcli.importing.units import FACTORS, find_unit
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
+
+if TYPE_CHECKING:
+    from cwcli.importing.cells import UnitConfidenceReason
 
 EQUAL_SHARE = 1e-4
 """Largest relative difference of two columns that count as the same quantity. Chosen by hand: rounding of a text
@@ -57,7 +61,7 @@ class Meaning:
         """Return a column of numbers in the file's unit, (n,)."""
         if column in self.table.numbers:
             return self.table.numbers[column][self.rows]
-        return self.table.instants[column].values()[self.rows]
+        return self.table.instants[column].values_or_nan()[self.rows]
 
     def add_question(self, what: str, option: str) -> None:
         """Add a question."""
@@ -78,7 +82,7 @@ class Meaning:
             return None
         if len(columns) > 1:
             first = self.unscaled_numbers(columns[0])
-            if not all(_hold_same_values(first, self.unscaled_numbers(column)) for column in columns[1:]):
+            if not all(_do_columns_hold_same_values(first, self.unscaled_numbers(column)) for column in columns[1:]):
                 self.add_question(
                     f"{_join_column_names(columns)} can each be the {quantity.replace('_', ' ')}",
                     " or ".join(f"--column {quantity}='{column}'" for column in columns[:4]),
@@ -88,7 +92,7 @@ class Meaning:
         self.chosen[quantity] = columns[0]
         return columns[0]
 
-    def stated_unit_confidence_and_reason(self, quantity: str, column: str) -> tuple[str, str, str]:
+    def stated_unit_confidence_and_reason(self, quantity: str, column: str) -> UnitConfidenceReason:
         """Return unit, confidence and reason of a column; the unit is "" where nothing states it."""
         kind = QUANTITIES[quantity].kind
         given = self.answers.column_and_unit_for(self.table.source, quantity)
@@ -116,12 +120,12 @@ class Meaning:
         """Tell whether the user decided about a quantity."""
         return self.answers.column_and_unit_for(self.table.source, quantity) is not None
 
-    def words_of_column_name(self, column: str) -> tuple[str, ...]:
+    def words_of_column(self, column: str) -> tuple[str, ...]:
         """Return the words of a column's name."""
         return split_name(column).words
 
 
-def _hold_same_values(first: FloatArray, second: FloatArray) -> bool:
+def _do_columns_hold_same_values(first: FloatArray, second: FloatArray) -> bool:
     both = np.isfinite(first) & np.isfinite(second)
     if not both.any():
         return False

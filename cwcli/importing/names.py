@@ -274,7 +274,7 @@ def split_name(name: str) -> NamedColumn:
             ([*words, *re.split(r"(?:\W|_)+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
         )
     joined: list[str] = []
-    for word in [part for each in words for part in _strip_number_from_word(each)]:
+    for word in [part for each in words for part in _word_without_number_at_end(each)]:
         pair = (joined[-1], word) if joined else ("", "")
         if pair in _JOINED:
             joined[-1] = _JOINED[pair]
@@ -283,7 +283,7 @@ def split_name(name: str) -> NamedColumn:
     return NamedColumn(tuple(word for word in joined if word), unit)
 
 
-def _strip_number_from_word(word: str) -> list[str]:
+def _word_without_number_at_end(word: str) -> list[str]:
     """Return a word without a number at its end (`speed2`), which tells columns of one quantity apart."""
     numbered = re.fullmatch(r"([^\W\d_]{3,})\d{1,2}", word)
     return [numbered.group(1)] if numbered and word not in {"wgs84", "iso8601"} else [] if word.isdecimal() else [word]

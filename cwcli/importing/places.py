@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from cwcli.errors import DataError
@@ -11,6 +13,9 @@ from cwcli.importing.tables import Guess
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
 from cwcli.text import format_count
+
+if TYPE_CHECKING:
+    from cwcli.importing.cells import UnitConfidenceReason
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
@@ -77,7 +82,9 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
         if not unit:
-            unit, confidence, why = _choose_place_unit_and_reason(meaning, values[quantity], quantity, column)
+            unit, confidence, why = _choose_place_unit_confidence_and_reason(
+                meaning, values[quantity], quantity, column
+            )
             if not unit:
                 return
         values[quantity] = (
@@ -100,15 +107,15 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     meaning.track = spans_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
 
 
-def _choose_place_unit_and_reason(
+def _choose_place_unit_confidence_and_reason(
     meaning: Meaning, values: FloatArray, quantity: str, column: str
-) -> tuple[str, str, str]:
+) -> UnitConfidenceReason:
     size = float(np.nanmax(np.abs(values)))
     limit = MAX_LATITUDE_DEG if quantity == "latitude" else MAX_LONGITUDE_DEG
     if size <= limit:
         return "deg", "certain", "the name, and the range of the values"
     whole = bool(np.nanmax(np.abs(values - np.rint(values))) == 0.0)
-    if whole and size > 1e6 and size * 1e-7 <= limit and "position" in meaning.words_of_column_name(column):
+    if whole and size > 1e6 and size * 1e-7 <= limit and "position" in meaning.words_of_column(column):
         meaning.add_question(  # the names of Garmin's FIT, whose places are semicircles unless a converter changed them
             f"{column!r}: whole numbers up to {size:g} may be semicircles or 1e-7 degrees",
             "--column latitude=NAME*semicircles, or *1e-7deg; longitude alike",
@@ -251,11 +258,15 @@ def _find_local_positions(meaning: Meaning) -> None:
     meaning.track = track_of_points(meaning.stamp_ns[finite], values["x"][finite], values["y"][finite])
 
 
-def _may_be_vectors_not_path(meaning: Meaning, x: str, y: str) -> bool:
+def _may_be_vectors_not_path(meaning: Meaning, x_column: str, y_column: str) -> bool:
     """Tell whether columns called x, y and z, without a unit and beside nothing else, do not look like a path."""
     table = meaning.table.source
-    bare = all(meaning.words_of_column_name(column) == (axis,) for axis, column in zip("xy", (x, y), strict=True))
-    has_unit = meaning.stated_unit_confidence_and_reason("x", x)[0] or meaning.is_decided_by_user("x") or table.presets
+    bare = all(
+        meaning.words_of_column(column) == (axis,) for axis, column in zip("xy", (x_column, y_column), strict=True)
+    )
+    has_unit = (
+        meaning.stated_unit_confidence_and_reason("x", x_column)[0] or meaning.is_decided_by_user("x") or table.presets
+    )
     companions = {"z", "speed", "heading", "course", "quaternion_w"} & set(meaning.table.candidates)
     if not bare or has_unit or companions != {"z"}:
         return False

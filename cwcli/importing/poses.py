@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.importing.inertial import rotation_given_by_user
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import first_rows_of_intervals, track_of_points
-from cwcli.importing.readers.trajectory import quaternions_of_rotations
+from cwcli.importing.readers.trajectory import xyzw_quaternions_of_rotations
 from cwcli.signals.columns import FloatArray
 
 STEP_S = 1.0
@@ -45,7 +45,7 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
             del values[f"quaternion_{axis}"]
         return
     turned = rotation @ body_from_sensor.T
-    world = _world_upright_rotation(turned)
+    world = _rotation_of_world_to_mean_vertical_or_none(turned)
     if world is None:
         meaning.add_question(
             "the body's vertical is along no axis of the world", "--axes FORWARD,UP names the body's axes: x,z or z,-y"
@@ -57,7 +57,7 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
         values["x"], values["y"], values["z"] = place.T
         turned = world @ turned
     if not np.array_equal(body_from_sensor, np.eye(3)) or not np.array_equal(world, np.eye(3)):
-        quaternions = quaternions_of_rotations(turned)
+        quaternions = xyzw_quaternions_of_rotations(turned)
         for k, axis in enumerate("xyzw"):
             values[f"quaternion_{axis}"] = quaternions[:, k]
         meaning.track = track_of_points(meaning.stamp_ns, values["x"], values["y"])
@@ -102,9 +102,9 @@ def _way_directions_in_body(meaning: Meaning, place: FloatArray, rotation: Float
     return np.asarray(np.einsum("nji,nj->ni", rotation[middle[use]], steps[use] / length[use, None]))
 
 
-def _world_upright_rotation(rotation: FloatArray) -> FloatArray | None:
+def _rotation_of_world_to_mean_vertical_or_none(body_rotations: FloatArray) -> FloatArray | None:
     """Return the rotation (3, 3) of the world that makes the mean vertical of the body z; None for a slanted one."""
-    upward = np.nanmean(rotation[:, :, 2], axis=0)
+    upward = np.nanmean(body_rotations[:, :, 2], axis=0)
     upward = upward / max(float(np.linalg.norm(upward)), 1e-9)
     k = int(np.argmax(np.abs(upward)))
     if abs(upward[k]) < UPRIGHT_COS:
@@ -119,11 +119,11 @@ def _world_upright_rotation(rotation: FloatArray) -> FloatArray | None:
     return np.stack([ahead, np.cross(up, ahead), up])
 
 
-def rotations_of_quaternions(quaternion: FloatArray) -> FloatArray:
+def rotations_of_quaternions(xyzw_quaternions: FloatArray) -> FloatArray:
     """Return rotation matrices (n, 3, 3) of quaternions x, y, z, w (n, 4) of any length; NaN for zero ones."""
-    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
+    length = np.linalg.norm(xyzw_quaternions, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        x, y, z, w = (quaternion / np.where(length > 0, length, np.nan)).T
+        x, y, z, w = (xyzw_quaternions / np.where(length > 0, length, np.nan)).T
     rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],

@@ -134,7 +134,7 @@ def _split_gnss_speed(meaning: Meaning) -> None:
     of_receiver = [
         column
         for column in columns
-        if {"gps", "gnss", "sog", "gspeed", "ground"} & set(meaning.words_of_column_name(column))
+        if {"gps", "gnss", "sog", "gspeed", "ground"} & set(meaning.words_of_column(column))
     ]
     others = [column for column in columns if column not in of_receiver]
     if of_receiver and len(others) == 1:
@@ -179,9 +179,9 @@ def _is_course_of_receiver(meaning: Meaning) -> bool:
         return False
     if "latitude" not in meaning.values or not meaning.candidate_columns("speed") or meaning.table.source.presets:
         return False
-    if all({"gps", "gnss"} & set(meaning.words_of_column_name(name)) for name in meaning.candidate_columns("heading")):
+    if all({"gps", "gnss"} & set(meaning.words_of_column(name)) for name in meaning.candidate_columns("heading")):
         return True
-    words = {word for column in meaning.table.source.columns for word in meaning.words_of_column_name(column)}
+    words = {word for column in meaning.table.source.columns for word in meaning.words_of_column(column)}
     return not words & {"roll", "pitch", "yaw", "acc", "accel", "gyro", "ax", "yawrate", "qw", "acceleration"}
 
 
@@ -201,7 +201,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
     senses = [sense] if sense else ["cw-north", "ccw-east"]
     options = [f"{u}-{s}" for u in units for s in senses]
     default = f"{units[0]}-cw-north" if len(units) == 1 else ""
-    words = set(meaning.words_of_column_name(column))
+    words = set(meaning.words_of_column(column))
     if not sense and not words & COMPASS_WORDS:
         default = ""
     fits = (

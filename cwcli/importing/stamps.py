@@ -260,7 +260,7 @@ def _date_parts_candidate(table: LoadedTable, answers: Answers) -> Candidate | N
     """Return the time of six columns that hold year, month, day, hour, minute and second."""
     columns = [next(iter(table.candidates.get(part, ())), None) for part in DATE_PARTS]
     names = [column for column in columns if column is not None]
-    numbers = {**{name: instants.values() for name, instants in table.instants.items()}, **table.numbers}
+    numbers = {**{name: instants.values_or_nan() for name, instants in table.instants.items()}, **table.numbers}
     if len(names) < len(DATE_PARTS) or any(name not in numbers for name in names):
         return None
     parts = np.stack([numbers[name] for name in names], axis=1)
@@ -339,7 +339,9 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
         nothing = np.zeros(len(instants.whole), np.int64)
         return Candidate(column, "unknown", nothing, instants.valid, guess, Question(where, *asked))
     stamp_ns = instants.to_ns(base.unit)
-    rest = _nanoseconds_beside(table, column) if base.unit == "s" and not instants.fraction.any() else None
+    rest = (
+        _nanosecond_column_of_second_column(table, column) if base.unit == "s" and not instants.fraction.any() else None
+    )
     if rest is not None:
         stamp_ns = stamp_ns + table.instants[rest].to_ns("ns")
         guess = replace(guess, why=f"{guess.why}, with the nanoseconds in {rest!r}")
@@ -372,7 +374,7 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     return Candidate(column, "start" if not start_ns else "1970", stamps, instants.valid, guess)
 
 
-def _nanoseconds_beside(table: LoadedTable, column: str) -> str | None:
+def _nanosecond_column_of_second_column(table: LoadedTable, column: str) -> str | None:
     """Return the column of the nanoseconds beside a column of whole seconds (`stamp.sec`, `stamp.nanosec`)."""
     prefix = column.rstrip("abcdefghijklmnopqrstuvwxyz")
     for name, other in table.instants.items():

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -21,6 +21,9 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_from_gps_ns
 from cwcli.signals.units import NS_PER_S
+
+if TYPE_CHECKING:
+    from cwcli.importing.cells import ArrowArray
 
 BoolArray = npt.NDArray[np.bool_]
 MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
@@ -107,7 +110,7 @@ class Instants:
         ns: Int64Array = whole * factor + np.rint(np.where(self.valid, self.fraction, 0.0) * factor).astype(np.int64)
         return ns
 
-    def values(self) -> FloatArray:
+    def values_or_nan(self) -> FloatArray:
         """Return the numbers as doubles (n,), NaN where there is none."""
         return np.where(self.valid, self.whole + self.fraction, np.nan)
 
@@ -143,7 +146,7 @@ class TextTimes:
         return bool(self.ns_of_day.any())
 
 
-def _with_month_numbers(texts: Any) -> tuple[Any, bool]:
+def _with_month_numbers(texts: ArrowArray) -> tuple[Any, bool]:
     """Return texts with numbers in place of the names of months, and whether there were any."""
     import pyarrow.compute as pc
 
@@ -179,7 +182,7 @@ def is_clock_of_digits(instants: Instants) -> bool:
     return bool((np.abs(steps[at_minute]) > MIN_STEP_AT_MINUTE).all() and np.abs(steps[~at_minute]).max() < 60)
 
 
-def parse_short_dates(array: Any) -> TextTimes | None:
+def parse_short_dates(array: ArrowArray) -> TextTimes | None:
     """Parse dates of six digits; None where a text is none."""
     import pyarrow.compute as pc
 
@@ -189,7 +192,7 @@ def parse_short_dates(array: Any) -> TextTimes | None:
     return None if found.null_count else _text_times_of_regex_match(found)
 
 
-def parse_text_times(array: Any) -> TextTimes | None:
+def parse_text_times(array: ArrowArray) -> TextTimes | None:
     """Parse the texts of a batch; None where most are neither a date nor a time of day.
 
     Args:
@@ -318,13 +321,13 @@ def ns_and_validity_of_text_times(times: TextTimes, order: str, zone: str) -> tu
         valid &= (first + safe[2] - 1).astype("M8[M]") == first.astype("M8[M]")  # no 31st of February
         days = np.minimum(first.astype(np.int64) + safe[2] - 1, MAX_STAMP_NS // (86_400 * NS_PER_S) + 1)
     else:
-        days = _midnights_before_each_row(times.ns_of_day, valid)
+        days = _count_midnights_before_each_row(times.ns_of_day, valid)
     local_ns = days * 86_400 * NS_PER_S + times.ns_of_day
     offset_s = np.where(np.isnan(times.offset_s), _offsets_of_zone(zone, local_ns, valid), times.offset_s)
     return local_ns - np.rint(offset_s).astype(np.int64) * NS_PER_S, valid
 
 
-def _midnights_before_each_row(ns_of_day: Int64Array, valid: BoolArray) -> Int64Array:
+def _count_midnights_before_each_row(ns_of_day: Int64Array, valid: BoolArray) -> Int64Array:
     """Return the number of midnights before each row (n,)."""
     steps = np.diff(np.where(valid, ns_of_day, 0), prepend=ns_of_day[:1] if len(ns_of_day) else [])
     return np.cumsum(steps < -12 * 3600 * NS_PER_S).astype(np.int64)
@@ -399,7 +402,7 @@ class NumberBase:
 
 def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> NumberBase:
     """Return how numbers of time are meant, by their size, the header's unit and words, and the rate of the rows."""
-    values = instants.values()
+    values = instants.values_or_nan()
     finite = values[np.isfinite(values)]
     middle = float(np.median(np.abs(finite))) if len(finite) else 0.0
     says_gps = any(word in {"gps", "gnss", "tow", "itow", "towms", "sow"} for word in words)

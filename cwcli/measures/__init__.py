@@ -6,13 +6,13 @@ docs/measures.md take them from here.
 
 from __future__ import annotations
 
-from cwcli.measures.base import Measure, check_measure_values, is_column_named_by_measure
+from cwcli.measures.base import Measure, is_column_named_by_measure, require_one_value_per_stamp_or_one
 from cwcli.registry import Plugin, Registry, accept_dataclass_of
 
 
 def _accept_plugin_measure(entry: object, plugin: Plugin) -> Measure:
     """Check a plug-in's measure, guard its function, and return it; its column must be named after it."""
-    measure = accept_dataclass_of(Measure, {"compute": check_measure_values})(entry, plugin)
+    measure = accept_dataclass_of(Measure, {"compute": require_one_value_per_stamp_or_one})(entry, plugin)
     if not is_column_named_by_measure(plugin.name, measure.column):
         raise plugin.plugin_error(f"calls its column {measure.column}, not by its own name and a unit")
     return measure

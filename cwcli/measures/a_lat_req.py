@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Mps2AtStamps, Pair
 from cwcli.measures.ttc import MEASURE as TTC
-from cwcli.signals.columns import FloatArray
 
 
-def required_lateral_acceleration(pair: Pair) -> FloatArray:
+def required_lateral_acceleration(pair: Pair) -> Mps2AtStamps:
     """Required lateral acceleration (m/s^2) at each stamp, (n,); infinity where the outlines touch."""
     at, near = pair.other_in_host_axes, pair.near_rows
     ttc = pair.evaluate_measure(TTC)[near]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Mps2AtStamps, Pair
 
 
-def required_longitudinal_acceleration(pair: Pair) -> FloatArray:
+def required_longitudinal_acceleration(pair: Pair) -> Mps2AtStamps:
     """Required longitudinal acceleration (m/s^2) at each stamp, (n,), at most 0; -inf in contact while closing."""
     at = pair.other_in_host_axes
     closing = np.minimum(at.vx_mps, 0.0)

@@ -7,11 +7,10 @@ import numpy as np
 from cwcli.measures.a_lat_req import MEASURE as A_LAT_REQ
 from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Mps2AtStamps, Pair
 
 
-def required_acceleration(pair: Pair) -> FloatArray:
+def required_acceleration(pair: Pair) -> Mps2AtStamps:
     """Required acceleration (m/s^2) at each stamp, (n,)."""
     return np.hypot(pair.evaluate_measure(A_LONG_REQ), pair.evaluate_measure(A_LAT_REQ))
 

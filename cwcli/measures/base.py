@@ -103,7 +103,7 @@ def is_column_named_by_measure(name: str, column: str) -> bool:
     return stem == name.replace("-", "_")
 
 
-def check_measure_values(values: FloatArray, pair: Pair) -> FloatArray:
+def require_one_value_per_stamp_or_one(values: FloatArray, pair: Pair) -> FloatArray:
     """Check the values that a plug-in's measure computed for a pair, and return them.
 
     Raises:

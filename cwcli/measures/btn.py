@@ -5,11 +5,10 @@ from __future__ import annotations
 from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
 from cwcli.measures.base import Measure
 from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, RatiosAtStamps
 
 
-def brake_threat_number(pair: Pair) -> FloatArray:
+def brake_threat_number(pair: Pair) -> RatiosAtStamps:
     """Brake threat number at each stamp, (n,): 1 needs all the braking that the car can do."""
     return -pair.evaluate_measure(A_LONG_REQ) / CAR_BRAKING_LIMIT_MPS2
 

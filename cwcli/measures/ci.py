@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, PairNumber
 from cwcli.measures.pet import encroachment_lag_and_states
-from cwcli.signals.columns import FloatArray
 
 VEHICLE_MASS_KG = 1500.0
 """The assumed mass of each vehicle, kg: messages carry none. Chosen: a passenger car's."""
@@ -15,7 +14,7 @@ ENERGY_WEIGHT, PET_DECAY_1PS = 1.0, 1.0
 """Share of the energy that counts, and how fast it fades with PET, 1/s. Chosen by hand; not fitted."""
 
 
-def conflict_index_of_pair_kj(pair: Pair) -> FloatArray:
+def conflict_index_of_pair_kj(pair: Pair) -> PairNumber:
     """Conflict index of the pair, (), kJ."""
     pet_s, own, theirs = encroachment_lag_and_states(pair)
     if np.isnan(pet_s):

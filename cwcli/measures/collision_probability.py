@@ -91,7 +91,7 @@ def collision_probability(
         host_width=host.size[1],
         other_length=other.size[0],
         other_width=other.size[1],
-        lines=np.concatenate([lines_through_errors(n) for n in LATTICE_GENERATORS]),
+        lines=np.concatenate([cosine_sine_and_errors_of_lines(n) for n in LATTICE_GENERATORS]),
         n_lines=np.array([*LATTICE_GENERATORS], np.intp),
         enough_below=np.array(MAX_VARIANCE_SHARES_OF_FEW_LINES),
         ends=np.ascontiguousarray(ends, np.intp),
@@ -118,15 +118,15 @@ def is_touch_improbable(
 
 
 @cache
-def lines_through_errors(n: int) -> FloatArray:
+def cosine_sine_and_errors_of_lines(n_lines: int) -> FloatArray:
     """Lines in the host's axes, (n, 4): cosine and sine of each one's direction, and the two errors independent of it.
 
     The second half mirrors the first, so that left and right are alike.
     """
-    half = n // 2
+    half = n_lines // 2
     k = np.arange(half)
-    u, v = ((k * step % half + 0.5) / half for step in (LATTICE_GENERATORS[n], LATTICE_GENERATORS[n] ** 2))
-    angle = np.pi * (k + 0.5) / n
+    u, v = ((k * step % half + 0.5) / half for step in (LATTICE_GENERATORS[n_lines], LATTICE_GENERATORS[n_lines] ** 2))
+    angle = np.pi * (k + 0.5) / n_lines
     ahead, left = np.sqrt(-2.0 * np.log(u)) * np.array([np.cos(2.0 * np.pi * v), np.sin(2.0 * np.pi * v)])
     ahead = (ahead - ahead.mean()) / ahead.std()  # their covariance is one, as it is of what they stand for
     left = left / np.sqrt(np.mean(left**2))

@@ -38,8 +38,8 @@ class EdgeProjections:
         (length, width), (their_length, their_width) = pair.host_size, pair.other_size
         cosine, sine = np.abs(at.cos_turn), np.abs(at.sin_turn)
         return cls(
-            project_on_edges(at.x_m, at.y_m, at.cos_turn, at.sin_turn),
-            project_on_edges(at.vx_mps, at.vy_mps, at.cos_turn, at.sin_turn),
+            project_vectors_on_four_edge_directions(at.x_m, at.y_m, at.cos_turn, at.sin_turn),
+            project_vectors_on_four_edge_directions(at.vx_mps, at.vy_mps, at.cos_turn, at.sin_turn),
             np.stack(
                 [
                     at.reach_x_m,
@@ -59,17 +59,19 @@ class EdgeProjections:
     def with_motion(self, x_m: FloatArray, y_m: FloatArray, vx_mps: FloatArray, vy_mps: FloatArray) -> EdgeProjections:
         """The projections of another position and velocity of the other in the host's axes, (m,) or (k, m)."""
         return EdgeProjections(
-            project_on_edges(x_m, y_m, self.cos_turn, self.sin_turn),
-            project_on_edges(vx_mps, vy_mps, self.cos_turn, self.sin_turn),
+            project_vectors_on_four_edge_directions(x_m, y_m, self.cos_turn, self.sin_turn),
+            project_vectors_on_four_edge_directions(vx_mps, vy_mps, self.cos_turn, self.sin_turn),
             self.reach_m,
             self.cos_turn,
             self.sin_turn,
         )
 
 
-def project_on_edges(x: FloatArray, y: FloatArray, cos_turn: FloatArray, sin_turn: FloatArray) -> FloatArray:
+def project_vectors_on_four_edge_directions(
+    along_m: FloatArray, left_m: FloatArray, cos_turn: FloatArray, sin_turn: FloatArray
+) -> FloatArray:
     """Project a vector in the host's axes on the four edge directions, (4, m)."""
-    return np.stack([x, y, x * cos_turn + y * sin_turn, y * cos_turn - x * sin_turn])
+    return np.stack([along_m, left_m, along_m * cos_turn + left_m * sin_turn, left_m * cos_turn - along_m * sin_turn])
 
 
 def straight_contact_time_s(at: EdgeProjections) -> FloatArray:
@@ -85,7 +87,7 @@ def straight_contact_time_s(at: EdgeProjections) -> FloatArray:
 def accelerated_contact_time_s(at: EdgeProjections, ax_mps2: FloatArray, ay_mps2: FloatArray) -> FloatArray:
     """Seconds until contact at constant relative acceleration along the host's axes, (m,): infinity if never."""
     ax_mps2, ay_mps2 = np.broadcast_arrays(ax_mps2, ay_mps2)
-    bend = project_on_edges(ax_mps2, ay_mps2, at.cos_turn, at.sin_turn)
+    bend = project_vectors_on_four_edge_directions(ax_mps2, ay_mps2, at.cos_turn, at.sin_turn)
     bend = np.where(np.abs(bend) < 1e-9, 0.0, bend)
     sign = np.where(bend < 0.0, -1.0, 1.0)
     bend, speed, centre = sign * bend, sign * at.speed_mps, sign * at.centre_m

@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, PairNumber
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.normal_distribution import normal_cdf
 
@@ -16,7 +16,7 @@ MIN_AVAILABLE_BRAKING_MPS2, MAX_AVAILABLE_BRAKING_MPS2 = 4.23, 12.68
 """The normal distribution of the available braking is truncated to these limits, m/s^2 (same source)."""
 
 
-def crash_potential_index_of_pair(pair: Pair) -> FloatArray:
+def crash_potential_index_of_pair(pair: Pair) -> PairNumber:
     """Crash potential index of the pair, (), over moments with both positions; without a vehicle ahead it counts 0."""
     known = ~np.isnan(pair.distance_m)
     if not known.any():

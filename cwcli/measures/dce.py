@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from cwcli.measures.base import Measure
 from cwcli.measures.encounter import time_and_distance_of_closest_encounter
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import MetresAtStamps, Pair
 
 
-def distance_of_closest_encounter(pair: Pair) -> FloatArray:
+def distance_of_closest_encounter(pair: Pair) -> MetresAtStamps:
     """Distance (m) of the outlines at their closest encounter, computed at each stamp, (n,)."""
     _, distance_m = time_and_distance_of_closest_encounter(pair)
     return pair.expand_to_all_rows(distance_m)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import MetresAtStamps, Pair
 
 
-def centre_distance(pair: Pair) -> FloatArray:
+def centre_distance(pair: Pair) -> MetresAtStamps:
     """Distance (m) of the centres at each stamp, (n,)."""
     return pair.distance_m
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.gap import MEASURE as GAP
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Mps2AtStamps, Pair
 from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 
-def deceleration_to_avoid_crash(pair: Pair) -> FloatArray:
+def deceleration_to_avoid_crash(pair: Pair) -> Mps2AtStamps:
     """Deceleration (m/s^2) that avoids a crash at each stamp, (n,); NaN off a collision course, infinity in contact."""
     near = pair.near_rows
     gap, ttc, closing = (

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Mps2AtStamps, Pair
 
 SAFETY_TIME_S = 2.0
 """The safety time behind a vehicle ahead, s: the two seconds of driving schools."""
 
 
-def deceleration_to_safety_time(pair: Pair) -> FloatArray:
+def deceleration_to_safety_time(pair: Pair) -> Mps2AtStamps:
     """Deceleration (m/s^2) that keeps the safety time, at each stamp, (n,); infinity where it is lost already."""
     at = pair.other_in_host_axes
     left_m = at.headway_if_straight_ahead_m - np.maximum(at.vx_mps + at.host_speed_mps, 0.0) * SAFETY_TIME_S

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, PairNumber
 from cwcli.measures.pet import host_encroachment_duration_s
-from cwcli.signals.columns import FloatArray
 
 
-def encroachment_time_of_pair_s(pair: Pair) -> FloatArray:
+def encroachment_time_of_pair_s(pair: Pair) -> PairNumber:
     """Encroachment time (s) of the pair, (), at its narrowest encroachment."""
     return np.array(host_encroachment_duration_s(pair))
 

@@ -111,7 +111,7 @@ def _extremes_of_encounter(
             value, stamp_ns = float(stretch.evaluate_measure(measure)), -1
         else:
             series = values[name][rows]
-            worst = _row_of_most_critical(series, measure)
+            worst = _row_of_most_critical_or_minus_1(series, measure)
             value, stamp_ns = np.nan, -1
             if worst >= 0:
                 value, stamp_ns = float(series[worst]), int(pair.stamp_ns[near[rows[worst]]])
@@ -156,7 +156,7 @@ def _can_have_sigma(extreme: ExtremeValue, measures: Mapping[str, Measure]) -> b
     return extreme.stamp_ns >= 0 and is_smooth and bool(np.isfinite(extreme.value))
 
 
-def _row_of_most_critical(series: FloatArray, measure: Measure) -> int:
+def _row_of_most_critical_or_minus_1(series: FloatArray, measure: Measure) -> int:
     """Row of the most critical value; -1 if all are NaN."""
     known = np.flatnonzero(~np.isnan(series))
     if not len(known):

@@ -7,22 +7,21 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, PairNumber
 from cwcli.measures.ttc import MEASURE as TTC
-from cwcli.signals.columns import FloatArray
 
 EXPOSURE_TTC_S = 2.0
 """Greatest time to collision, s, that counts as exposure (TET and TIT). Chosen by hand; not fitted."""
 
 
-def time_exposed_to_short_ttc_of_pair_s(pair: Pair) -> FloatArray:
+def time_exposed_to_short_ttc_of_pair_s(pair: Pair) -> PairNumber:
     """Time (s) that the pair spends with a time to collision of at most 2 s, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
     return np.array(pair.stamp_weights_s[pair.evaluate_measure(TTC) <= EXPOSURE_TTC_S].sum())
 
 
-def total_time_integrated_ttc_of_pair_s2(pair: Pair) -> FloatArray:
+def total_time_integrated_ttc_of_pair_s2(pair: Pair) -> PairNumber:
     """Integral of the pair over time of how far the time to collision is below 2 s, s^2, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)

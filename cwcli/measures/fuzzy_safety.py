@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, RatiosAtStamps
 from cwcli.signals.columns import FloatArray
 
 RESPONSE_TIME_S = 0.75
@@ -53,14 +53,14 @@ def _unsafe_share_of_gap(gap_m: FloatArray, safe_m: FloatArray, unsafe_m: FloatA
     return np.where(gap_m > safe_m, 0.0, np.where(gap_m < unsafe_m, 1.0, share))
 
 
-def proactive_fuzzy_safety(pair: Pair) -> FloatArray:
+def proactive_fuzzy_safety(pair: Pair) -> RatiosAtStamps:
     """Proactive fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe): if the vehicle ahead brakes."""
     at = pair.other_in_host_axes
     ahead = at.vx_mps + at.host_speed_mps
     return pair.expand_to_all_rows(proactive_unsafety_of_gap(at.headway_if_straight_ahead_m, at.host_speed_mps, ahead))
 
 
-def critical_fuzzy_safety(pair: Pair) -> FloatArray:
+def critical_fuzzy_safety(pair: Pair) -> RatiosAtStamps:
     """Critical fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe): if the vehicle ahead keeps its speed."""
     at = pair.other_in_host_axes
     ahead = at.vx_mps + at.host_speed_mps

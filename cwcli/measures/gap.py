@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from cwcli.measures.base import Measure
 from cwcli.measures.outlines import signed_outline_distance_m
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import MetresAtStamps, Pair
 
 
-def gap_of_outlines(pair: Pair) -> FloatArray:
+def gap_of_outlines(pair: Pair) -> MetresAtStamps:
     """Distance (m) of the outlines at each stamp, (n,); NaN beyond 200 m of centre distance."""
     at = pair.relative_motion
     found = signed_outline_distance_m(

@@ -6,11 +6,10 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.crossing import StraightCrossing
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 
-def gap_time(pair: Pair) -> FloatArray:
+def gap_time(pair: Pair) -> SecondsAtStamps:
     """Time (s) between both arrivals at the crossing, at each stamp, (n,); NaN where no crossing is ahead."""
     at = StraightCrossing(pair)
     return pair.expand_to_all_rows(

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import MetresAtStamps, Pair
 
 
-def headway_to_vehicle_ahead(pair: Pair) -> FloatArray:
+def headway_to_vehicle_ahead(pair: Pair) -> MetresAtStamps:
     """Gap (m) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
     return pair.expand_to_all_rows(pair.other_in_host_axes.headway_if_straight_ahead_m)
 

@@ -6,15 +6,14 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.drac import closing_speed_of_centres_mps
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Mps2AtStamps, Pair
 from cwcli.measures.ttc import MEASURE as TTC
-from cwcli.signals.columns import FloatArray
 
 REACTION_TIME_S = 1.0
 """The driver's reaction time, s (SUMO device.ssm)."""
 
 
-def modified_deceleration_to_avoid_crash(pair: Pair) -> FloatArray:
+def modified_deceleration_to_avoid_crash(pair: Pair) -> Mps2AtStamps:
     """Deceleration (m/s^2) that avoids a crash after the reaction at each stamp, (n,); infinity if it is too late."""
     ttc = pair.evaluate_measure(TTC)[pair.near_rows]
     closing = closing_speed_of_centres_mps(pair)

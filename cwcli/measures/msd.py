@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from cwcli.measures.base import Measure
 from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import MetresAtStamps, Pair
 
 
-def host_minimum_stopping_distance_m(pair: Pair) -> FloatArray:
+def host_minimum_stopping_distance_m(pair: Pair) -> MetresAtStamps:
     """Distance (m) in which the host can stop, at each stamp, (n,)."""
     speed = pair.other_in_host_axes.host_speed_mps
     return pair.expand_to_all_rows(speed**2 / (2.0 * CAR_BRAKING_LIMIT_MPS2))

@@ -6,11 +6,10 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 
-def modified_time_to_collision(pair: Pair) -> FloatArray:
+def modified_time_to_collision(pair: Pair) -> SecondsAtStamps:
     """Time to collision (s) at constant accelerations, at each stamp, (n,); NaN if there is none."""
     at = pair.other_in_host_axes
     ax, ay = at.other_accel_mps2

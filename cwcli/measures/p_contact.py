@@ -11,7 +11,7 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.collision_probability import UncertainPaths, collision_probability, is_touch_improbable
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, RatiosAtStamps
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 2.5
@@ -28,7 +28,7 @@ STANDSTILL_SPEED_MPS = 1e-9
 """Speed in m/s below which a vehicle stands; smaller values are rounding."""
 
 
-def contact_probability_within_horizon(pair: Pair) -> FloatArray:
+def contact_probability_within_horizon(pair: Pair) -> RatiosAtStamps:
     """Probability of contact within the horizon at each stamp, (n,); NaN where a covariance is not known."""
     near = pair.near_rows
     found = np.full(len(near), np.nan)
@@ -39,7 +39,7 @@ def contact_probability_within_horizon(pair: Pair) -> FloatArray:
         rows = slice(first, first + MOMENTS_PER_BATCH)
         covariances = (each[:, :N_PATH_STATES, :N_PATH_STATES] for each in pair.state_covariances(near[rows]))
         (x, y, heading, spread), (to_x, to_y, to_heading, to_spread) = (
-            propagate_paths(state[rows], covariance)
+            propagate_to_x_y_heading_and_xy_covariance(state[rows], covariance)
             for state, covariance in zip((own, theirs), covariances, strict=True)
         )
         dx, dy = to_x - x, to_y - y
@@ -56,7 +56,9 @@ def contact_probability_within_horizon(pair: Pair) -> FloatArray:
     return pair.expand_to_all_rows(found)
 
 
-def propagate_paths(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def propagate_to_x_y_heading_and_xy_covariance(
+    state: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Propagate states (m, 6) and covariances (m, 6, 6) to paths: x, y, heading, (m, q), and xx, xy, yy, (m, q, 3)."""
     x, y, speed, heading, accel, yaw_rate = (column[:, None] for column in state.T)
     with np.errstate(divide="ignore", invalid="ignore"):

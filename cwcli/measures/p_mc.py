@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, RatiosAtStamps
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 3.0
@@ -23,7 +23,7 @@ MAX_ACCEL_SIGMAS = 4.0
 """Greatest acceleration, in sigmas, that a contact may need; pairs that need more are left out. Chosen by hand."""
 
 
-def share_of_sampled_manoeuvres_touching(pair: Pair) -> FloatArray:
+def share_of_sampled_manoeuvres_touching(pair: Pair) -> RatiosAtStamps:
     """Share of the sampled manoeuvres that touch the other within the horizon, at each stamp, (n,)."""
     at = pair.other_in_host_axes
     found = np.zeros(len(at.x_m))

@@ -18,6 +18,21 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import N_STATES
 
+SecondsAtStamps = FloatArray
+"""A time in s at each stamp of the host, shape (n,)."""
+MetresAtStamps = FloatArray
+"""A distance in m at each stamp of the host, shape (n,)."""
+Mps2AtStamps = FloatArray
+"""An acceleration in m/s^2 at each stamp of the host, shape (n,)."""
+RatiosAtStamps = FloatArray
+"""A number without a unit at each stamp of the host, shape (n,)."""
+PairNumber = FloatArray
+"""One number for a whole pair, an array of shape ()."""
+EastNorthSpeedHeadingRows = FloatArray
+"""Place east and north (m), speed (m/s) and heading (rad), shape (n, 4)."""
+AccelYawRateJerkRows = FloatArray
+"""Acceleration (m/s^2), yaw rate (rad/s) and jerk (m/s^3), shape (n, 3)."""
+
 Direction = tuple[FloatArray, FloatArray]
 """Cosine and sine of headings."""
 MAX_OUTLINE_RANGE_M = 200.0
@@ -98,7 +113,9 @@ class Pair:
         track = ActualTrack(self.stamp_ns[first:last], self.host.state[first:last])
         return replace(self, host=track, known_other=None)
 
-    def with_states(self, host: ActualTrack, others: FloatArray, other_motion: FloatArray) -> Pair:
+    def with_states(
+        self, host: ActualTrack, others: EastNorthSpeedHeadingRows, other_motion: AccelYawRateJerkRows
+    ) -> Pair:
         """The pair with another host track, and the other's states (n, 4) and derivatives (n, 3) at its stamps."""
         return replace(self, host=host, known_other=(others, other_motion))
 
@@ -116,23 +133,25 @@ class Pair:
         return np.asarray(0.5 * (np.concatenate([apart[:1], apart]) + np.concatenate([apart, apart[-1:]])))
 
     @cached_property
-    def other_states(self) -> FloatArray:
+    def other_states(self) -> EastNorthSpeedHeadingRows:
         """The other's x, y, speed, heading at the host's stamps, (n, 4); NaN where its track has no data."""
         if self.known_other is not None:
             return self.known_other[0]
-        return interpolate_track(self.other, self.stamp_ns, self.max_gap_s)
+        return interpolate_x_y_speed_heading(self.other, self.stamp_ns, self.max_gap_s)
 
     @cached_property
     def host_accel_yaw_rate_jerk(self) -> FloatArray:
         """The host's accel_mps2, yaw_rate_radps and jerk_mps3, (n, 3)."""
-        return track_derivatives(self.host)
+        return accel_yaw_rate_jerk_of_track(self.host)
 
     @cached_property
-    def other_derivatives(self) -> FloatArray:
+    def other_derivatives(self) -> AccelYawRateJerkRows:
         """The other's accel_mps2, yaw_rate_radps and jerk_mps3 at the host's stamps, (n, 3); NaN without data."""
         if self.known_other is not None:
             return self.known_other[1]
-        return interpolate_track(self.other, self.stamp_ns, self.max_gap_s, track_derivatives(self.other))
+        return interpolate_x_y_speed_heading(
+            self.other, self.stamp_ns, self.max_gap_s, accel_yaw_rate_jerk_of_track(self.other)
+        )
 
     def state_covariances(self, rows: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Covariances (m, 8, 8) of the host's states in some rows and of the other's newest then; NaN if not known."""
@@ -239,7 +258,7 @@ class OtherInHostAxes:
         return np.where(self.is_straight_ahead, np.maximum(self.x_m - self.reach_x_m, 0.0), np.nan)
 
 
-def track_derivatives(track: ActualTrack) -> FloatArray:
+def accel_yaw_rate_jerk_of_track(track: ActualTrack) -> AccelYawRateJerkRows:
     """Acceleration, yaw rate and jerk of a track, (n, 3): its own, else the slopes of its speed and heading."""
     known = track.state[:, 4:7]
     missing = 3 - known.shape[1]
@@ -257,9 +276,9 @@ def track_derivatives(track: ActualTrack) -> FloatArray:
     return out
 
 
-def interpolate_track(
+def interpolate_x_y_speed_heading(
     track: ActualTrack, at_ns: Int64Array, max_gap_s: float, values: FloatArray | None = None
-) -> FloatArray:
+) -> EastNorthSpeedHeadingRows:
     """Interpolate x, y, speed, heading at times, (n, 4); NaN outside the track and inside gaps above `max_gap_s`.
 
     States that are not finite are left out.

@@ -11,7 +11,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.base import Measure
 from cwcli.measures.crossing import MIN_CROSSING_SINE
 from cwcli.measures.outlines import outline_separation_m
-from cwcli.measures.pair import Pair, interpolate_track
+from cwcli.measures.pair import Pair, PairNumber, interpolate_x_y_speed_heading
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
@@ -23,13 +23,13 @@ FINE_STEP_S, N_REFINED_STEPS = 0.01, 2
 """The least lag is refined in steps of 0.01 s over 2 grid steps around it: a grid step may hide a contact."""
 
 
-def post_encroachment_time_of_pair_s(pair: Pair) -> FloatArray:
+def post_encroachment_time_of_pair_s(pair: Pair) -> PairNumber:
     """The smallest lag (s) at which one's outline overlaps the other's that much later, (): 0 for a collision."""
     found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
     if not len(found):
         return np.array(np.nan)
     mine, other = found.astype(int)
-    return np.array(_refine_lag_s(pair, mine, other) if mine != other else 0.0)
+    return np.array(_refine_least_lag_s(pair, mine, other) if mine != other else 0.0)
 
 
 def encroachment_lag_and_states(pair: Pair) -> tuple[float, FloatArray, FloatArray]:
@@ -55,7 +55,7 @@ def host_encroachment_duration_s(pair: Pair) -> float:
     last, poses = round(MAX_LAG_S / GRID_STEP_S), pair.evaluate_measure(_POSES_ON_GRID)
     inside = np.zeros(len(own), dtype=bool)
     for lag in range(-last, last + 1):
-        rows, _ = _overlapping_rows_at_lag(poses, lag, pair)
+        rows, _ = _host_and_other_rows_overlapping_at_lag(poses, lag, pair)
         inside[rows] = True
     outside = np.flatnonzero(~inside)
     before, after = outside[outside < mine], outside[outside > mine]
@@ -79,7 +79,7 @@ def _states_of_both_on_time_grid(pair: Pair) -> FloatArray:
     first, last = max(int(host[0]), int(other[0])), min(int(host[-1]), int(other[-1]))
     at_ns = np.arange(first, last + 1, round(GRID_STEP_S * NS_PER_S))
     return np.concatenate(
-        [interpolate_track(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other)], axis=1
+        [interpolate_x_y_speed_heading(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other)], axis=1
     )
 
 
@@ -96,31 +96,31 @@ def _grid_rows_of_least_lag(pair: Pair) -> FloatArray:
     n_lags = min(round(MAX_LAG_S / GRID_STEP_S), n - 1) + 1 if n > 1 else 0
     for lag in range(n_lags):
         for signed in dict.fromkeys((lag, -lag)):
-            mine, them = _overlapping_rows_at_lag(poses, signed, pair)
+            mine, them = _host_and_other_rows_overlapping_at_lag(poses, signed, pair)
             if len(mine):
                 return np.array([mine[0], them[0]], np.float64)
     return np.zeros(0)
 
 
-def _refine_lag_s(pair: Pair, mine: int, other: int) -> float:
+def _refine_least_lag_s(pair: Pair, host_row: int, other_row: int) -> float:
     """Refine the least lag around two rows of the grid, s."""
     first_ns = max(int(pair.host.stamp_ns[0]), int(pair.other.stamp_ns[0]))
     n = round(N_REFINED_STEPS * GRID_STEP_S / FINE_STEP_S)
     fine_s = np.arange(-n, n + 1) * FINE_STEP_S
     tracks = []
-    for track, row in ((pair.host, mine), (pair.other, other)):
+    for track, row in ((pair.host, host_row), (pair.other, other_row)):
         at_ns = first_ns + np.rint((row * GRID_STEP_S + fine_s) * NS_PER_S).astype(np.int64)
-        tracks.append(interpolate_track(track, at_ns, pair.max_gap_s))
+        tracks.append(interpolate_x_y_speed_heading(track, at_ns, pair.max_gap_s))
     own, theirs = tracks
     i, j = (each.ravel() for each in np.meshgrid(np.arange(len(fine_s)), np.arange(len(fine_s)), indexing="ij"))
-    lag_s = np.abs((mine - other) * GRID_STEP_S + fine_s[i] - fine_s[j])
-    i, j, lag_s = (each[lag_s <= abs(mine - other) * GRID_STEP_S] for each in (i, j, lag_s))
+    lag_s = np.abs((host_row - other_row) * GRID_STEP_S + fine_s[i] - fine_s[j])
+    i, j, lag_s = (each[lag_s <= abs(host_row - other_row) * GRID_STEP_S] for each in (i, j, lag_s))
     dx, dy = (theirs[j, k] - own[i, k] for k in (0, 1))
     known = np.isfinite(dx * dy)
     margin = outline_separation_m(
         dx[known], dy[known], own[i[known], 3], theirs[j[known], 3], pair.host_size, pair.other_size
     )
-    return float(lag_s[known][margin <= 0.0].min(initial=abs(mine - other) * GRID_STEP_S))
+    return float(lag_s[known][margin <= 0.0].min(initial=abs(host_row - other_row) * GRID_STEP_S))
 
 
 _STATES_ON_GRID, _POSES_ON_GRID, _GRID_ROWS_OF_LEAST_LAG = (
@@ -131,7 +131,7 @@ _STATES_ON_GRID, _POSES_ON_GRID, _GRID_ROWS_OF_LEAST_LAG = (
 """The shared quantities, which `Pair.value` computes once per pair."""
 
 
-def _overlapping_rows_at_lag(
+def _host_and_other_rows_overlapping_at_lag(
     poses: FloatArray, lag: int, pair: Pair
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Grid rows of the host, and of the other `lag` steps later, whose outlines overlap on all edge directions."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import MetresAtStamps, Pair
 
 BRAKING_MPS2 = 3.3
 """Deceleration of both, m/s^2, of Uno et al. 2002."""
@@ -14,7 +13,7 @@ REACTION_S = 1.0
 """Reaction time of the host, s, of Uno et al. 2002."""
 
 
-def gap_after_urgent_braking(pair: Pair) -> FloatArray:
+def gap_after_urgent_braking(pair: Pair) -> MetresAtStamps:
     """Gap (m) to a vehicle straight ahead after both have stopped, at each stamp, (n,); negative: they touch before."""
     at = pair.other_in_host_axes
     own, theirs = np.maximum(at.host_speed_mps, 0.0), np.maximum(at.vx_mps + at.host_speed_mps, 0.0)

@@ -6,11 +6,10 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.crossing import StraightCrossing
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 
-def predicted_post_encroachment_time(pair: Pair) -> FloatArray:
+def predicted_post_encroachment_time(pair: Pair) -> SecondsAtStamps:
     """Predicted post-encroachment time (s) at each stamp, (n,); 0 where both would be in the area at once."""
     at = StraightCrossing(pair)
     gap = np.maximum(at.host_entry_s - at.other_exit_s, at.other_entry_s - at.host_exit_s)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.outlines import outline_separation_by_directions_m
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 HORIZON_S = 5.0
 """Time ahead within which overlaps are searched, s. Chosen by hand; not fitted."""
@@ -14,7 +13,7 @@ STEP_S = 0.1
 """Step of the paths, s. Chosen by hand."""
 
 
-def first_overlap_time_s(pair: Pair) -> FloatArray:
+def first_overlap_time_s(pair: Pair) -> SecondsAtStamps:
     """Time (s) of the first overlap in the rows `near`, (m,), linear between the steps; NaN if beyond `HORIZON_S`."""
     at, own_m, their_m = pair.other_in_host_axes, pair.host_size, pair.other_size
     found = np.full(len(at.x_m), np.nan)

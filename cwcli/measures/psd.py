@@ -6,12 +6,11 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.msd import MEASURE as MSD
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, RatiosAtStamps
 from cwcli.measures.ttc import MEASURE as TTC
-from cwcli.signals.columns import FloatArray
 
 
-def proportion_of_stopping_distance(pair: Pair) -> FloatArray:
+def proportion_of_stopping_distance(pair: Pair) -> RatiosAtStamps:
     """Proportion of stopping distance at each stamp, (n,); NaN off a collision course or at standstill."""
     way_m = pair.evaluate_measure(TTC)[pair.near_rows] * np.abs(pair.other_in_host_axes.host_speed_mps)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 
-def potential_time_to_collision(pair: Pair) -> FloatArray:
+def potential_time_to_collision(pair: Pair) -> SecondsAtStamps:
     """Time to collision (s) with a vehicle straight ahead at its deceleration, at each stamp, (n,); NaN if it has none.
 
     The gap d and its rate d' close at d + d' t - b t^2 / 2 = 0 with the deceleration b of the vehicle ahead, so

@@ -6,11 +6,10 @@ import numpy as np
 
 from cwcli.measures import safe_distance
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import MetresAtStamps, Pair
 
 
-def rss_longitudinal_margin(pair: Pair) -> FloatArray:
+def rss_longitudinal_margin(pair: Pair) -> MetresAtStamps:
     """Longitudinal gap (m) beyond the safe one of RSS at each stamp, (n,), for whoever drives behind or for both."""
     at = pair.other_in_host_axes
     gap = np.maximum(np.abs(at.x_m) - at.reach_x_m, 0.0)

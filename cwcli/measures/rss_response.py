@@ -6,13 +6,12 @@ import numpy as np
 
 from cwcli.measures import safe_distance
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Mps2AtStamps, Pair
 from cwcli.measures.rss_lat import MEASURE as RSS_LAT
 from cwcli.measures.rss_long import MEASURE as RSS_LONG
-from cwcli.signals.columns import FloatArray
 
 
-def rss_required_host_braking_mps2(pair: Pair) -> FloatArray:
+def rss_required_host_braking_mps2(pair: Pair) -> Mps2AtStamps:
     """Braking (m/s^2) that RSS demands of the host at each stamp, (n,): 0 where one of both distances is safe."""
     at, near = pair.other_in_host_axes, pair.near_rows
     along, across = pair.evaluate_measure(RSS_LONG)[near], pair.evaluate_measure(RSS_LAT)[near]

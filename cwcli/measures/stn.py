@@ -5,11 +5,10 @@ from __future__ import annotations
 from cwcli.measures.a_lat_req import MEASURE as A_LAT_REQ
 from cwcli.measures.base import Measure
 from cwcli.measures.limits import CAR_LATERAL_LIMIT_MPS2
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, RatiosAtStamps
 
 
-def steer_threat_number(pair: Pair) -> FloatArray:
+def steer_threat_number(pair: Pair) -> RatiosAtStamps:
     """Steer threat number at each stamp, (n,): 1 needs all the lateral acceleration that the car can do."""
     return pair.evaluate_measure(A_LAT_REQ) / CAR_LATERAL_LIMIT_MPS2
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 
-def time_headway(pair: Pair) -> FloatArray:
+def time_headway(pair: Pair) -> SecondsAtStamps:
     """Time headway (s) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
     at = pair.other_in_host_axes
     with np.errstate(divide="ignore", invalid="ignore"):

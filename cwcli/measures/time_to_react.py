@@ -16,7 +16,7 @@ import numpy.typing as npt
 from cwcli.measures.base import Measure
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s, straight_contact_time_s
 from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2, CAR_LATERAL_LIMIT_MPS2
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, SecondsAtStamps
 from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
@@ -27,7 +27,7 @@ AvoidanceCheck = Callable[[EdgeProjections, FloatArray], BoolArray]
 """A function: pair at the manoeuvre's begin and the host's speed, (m,) -> whether contact is avoided, (m,)."""
 
 
-def latest_start_of_manoeuvre_s(manoeuvre: tuple[AvoidanceCheck, ...], pair: Pair) -> FloatArray:
+def latest_start_of_manoeuvre_s(manoeuvre: tuple[AvoidanceCheck, ...], pair: Pair) -> SecondsAtStamps:
     """Latest start (s) of the best manoeuvre at each stamp, (n,); NaN off a collision course or if none helps."""
     near = pair.near_rows
     ttc = pair.evaluate_measure(TTC)[near]
@@ -86,22 +86,22 @@ def _steering_right_avoids_contact(start: EdgeProjections, host_mps: FloatArray)
     return np.isinf(accelerated_contact_time_s(start, zero, zero + CAR_LATERAL_LIMIT_MPS2))
 
 
-def time_to_brake(pair: Pair) -> FloatArray:
+def time_to_brake(pair: Pair) -> SecondsAtStamps:
     """Time (s) left to avoid contact by braking, at each stamp, (n,)."""
     return latest_start_of_manoeuvre_s((_braking_avoids_contact,), pair)
 
 
-def time_to_kick_down(pair: Pair) -> FloatArray:
+def time_to_kick_down(pair: Pair) -> SecondsAtStamps:
     """Time (s) left to avoid contact by accelerating, at each stamp, (n,)."""
     return latest_start_of_manoeuvre_s((_accelerating_avoids_contact,), pair)
 
 
-def time_to_steer(pair: Pair) -> FloatArray:
+def time_to_steer(pair: Pair) -> SecondsAtStamps:
     """Time (s) left to avoid contact by steering to one side, at each stamp, (n,)."""
     return latest_start_of_manoeuvre_s((_steering_left_avoids_contact, _steering_right_avoids_contact), pair)
 
 
-def time_to_react(pair: Pair) -> FloatArray:
+def time_to_react(pair: Pair) -> SecondsAtStamps:
     """Time (s) left to avoid contact by any manoeuvre, at each stamp, (n,)."""
     return np.fmax(np.fmax(pair.evaluate_measure(TTB), pair.evaluate_measure(TTK)), pair.evaluate_measure(TTS))
 

@@ -6,11 +6,10 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.contact import EdgeProjections, straight_contact_time_s
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 
-def time_to_collision(pair: Pair) -> FloatArray:
+def time_to_collision(pair: Pair) -> SecondsAtStamps:
     """Time to collision (s) at each stamp, (n,); NaN off a collision course, and beyond 200 m of centre distance."""
     found = straight_contact_time_s(EdgeProjections.from_pair(pair))
     return pair.expand_to_all_rows(np.where(found < np.inf, found, np.nan))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
+from cwcli.measures.pair import Pair, SecondsAtStamps
 from cwcli.measures.predicted import first_overlap_time_s
-from cwcli.signals.columns import FloatArray
 
 
-def time_to_predicted_collision(pair: Pair) -> FloatArray:
+def time_to_predicted_collision(pair: Pair) -> SecondsAtStamps:
     """Time to collision (s) along paths of constant speed and yaw rate, at each stamp, (n,); NaN if there is none."""
     return pair.expand_to_all_rows(first_overlap_time_s(pair))
 

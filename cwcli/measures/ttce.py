@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from cwcli.measures.base import Measure
 from cwcli.measures.encounter import time_and_distance_of_closest_encounter
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 
-def time_to_closest_encounter(pair: Pair) -> FloatArray:
+def time_to_closest_encounter(pair: Pair) -> SecondsAtStamps:
     """Time to the closest encounter (s) at each stamp, (n,)."""
     time_s, _ = time_and_distance_of_closest_encounter(pair)
     return pair.expand_to_all_rows(time_s)

@@ -36,7 +36,9 @@ def sigmas_of_measures(
     for is_host, covariance in zip((True, False), covariances, strict=True):
         slopes = {name: np.zeros((rows, n)) for name in measures}
         for column in range(n):
-            ends = [_shift_state(pair, is_host, column, sign * DIFFERENCE_STEPS[column]) for sign in (-1.0, 1.0)]
+            ends = [
+                _pair_with_shifted_state(pair, is_host, column, sign * DIFFERENCE_STEPS[column]) for sign in (-1.0, 1.0)
+            ]
             for name, measure in measures.items():
                 low, high = (end.evaluate_measure(measure) for end in ends)
                 with np.errstate(invalid="ignore"):
@@ -46,7 +48,7 @@ def sigmas_of_measures(
     return {name: np.where(value >= 0.0, np.sqrt(np.maximum(value, 0.0)), np.nan) for name, value in total.items()}
 
 
-def _shift_state(pair: Pair, is_host: bool, column: int, step: float) -> Pair:
+def _pair_with_shifted_state(pair: Pair, is_host: bool, column: int, step: float) -> Pair:
     """The pair with one quantity of one vehicle's states changed by a step."""
     host, others, own, theirs = (
         pair.host.state,
@@ -57,14 +59,14 @@ def _shift_state(pair: Pair, is_host: bool, column: int, step: float) -> Pair:
     states, motions = ([host, others], [own, theirs])
     which = 0 if is_host else 1
     if column < 4:
-        states[which] = _shift_column(states[which], column, step)
+        states[which] = _copy_with_shifted_column(states[which], column, step)
     else:
-        motions[which] = _shift_column(motions[which], column - 4, step)
+        motions[which] = _copy_with_shifted_column(motions[which], column - 4, step)
     track = ActualTrack(pair.stamp_ns, np.concatenate([states[0][:, :4], motions[0]], axis=1))
     return pair.with_states(track, states[1], motions[1])
 
 
-def _shift_column(values: FloatArray, column: int, step: float) -> FloatArray:
+def _copy_with_shifted_column(values: FloatArray, column: int, step: float) -> FloatArray:
     """A copy of the values with a step added to one column."""
     out = values.copy()
     out[:, column] += step

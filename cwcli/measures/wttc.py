@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FloatArray
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 WORST_ACCEL_MPS2 = 11.5
 """Largest acceleration of each vehicle in any direction (CommonRoad vehicle 2, see `limits.CAR_BRAKING_LIMIT_MPS2`)."""
@@ -14,7 +13,7 @@ N_TIME_STEPS = 24
 """Number of steps of the iteration that solves for the time. Chosen by hand."""
 
 
-def worst_time_to_collision(pair: Pair) -> FloatArray:
+def worst_time_to_collision(pair: Pair) -> SecondsAtStamps:
     """Worst time to collision (s) at each stamp, (n,).
 
     It solves |r + v t| = R + A t^2 / 2. Each step goes as far as would be safe if the centres closed with all of their

@@ -105,7 +105,7 @@ def _change_of_metric(name: str, early: LogMetrics, late: LogMetrics, tolerance:
     if not math.isfinite(before):
         return None
     scale = 1.0 if metric.is_share else abs(metric.target if metric.better == "near" else before)
-    worsening = _worsening(metric, before, after)
+    worsening = _worsening_in_metric_unit(metric, before, after)
     if abs(worsening) <= tolerance * scale:
         return None
     relative = worsening / abs(before) if before else math.copysign(MAX_WORSENING, worsening)
@@ -114,7 +114,7 @@ def _change_of_metric(name: str, early: LogMetrics, late: LogMetrics, tolerance:
     return LogMetricChange(name, metric.unit, before, after, direction, relative)
 
 
-def _worsening(metric: Metric, before: float, after: float) -> float:
+def _worsening_in_metric_unit(metric: Metric, before: float, after: float) -> float:
     """Return by how much a metric got worse, in its unit; negative: better."""
     if metric.better == "near":
         return abs(after - metric.target) - abs(before - metric.target)

@@ -51,8 +51,8 @@ from cwcli.prediction.outcome_history import (
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.plan import PathPlan
 from cwcli.prediction.rollout import DEFAULT_SETTINGS, RolloutSettings
-from cwcli.prediction.scales import scale_covariance_in_place, scale_knots_s
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.prediction.scales import LogScales, scale_covariance_in_place, scale_knots_s
+from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 ELLIPSE_LEVELS = np.array([0.5, 0.9])
@@ -88,10 +88,10 @@ class ScaleAdaptation:
 def scale_covariance_by_outcomes(
     paths: Paths,
     stamp_ns: Int64Array,
-    position_m: FloatArray,
+    position_m: EastNorthRows,
     calibration: ScaleAdaptation | None = None,
     outcome: ActualPositions | None = None,
-    begin: FloatArray | None = None,
+    begin_log_scale: LogScales | None = None,
 ) -> Paths:
     """Scale the covariance of one vehicle's paths by its own earlier outcomes.
 
@@ -101,23 +101,23 @@ def scale_covariance_by_outcomes(
         position_m: Shape (n, 2): where the vehicle was at its stamps: the outcomes.
         calibration: None: the default.
         outcome: `outcomes` of the same starts; None: they are looked up.
-        begin: Shape (sets, n, k, 2): the logarithms of the scales without a record, by knot of `knots_s` and level;
+        begin_log_scale: Shape (sets, n, k, 2): log scales without a record, by knot of `knots_s` and level;
             None: zeros.
     """
-    log_scale = log_variance_scale_from_outcomes(paths, stamp_ns, position_m, calibration, outcome, begin)
+    log_scale = log_variance_scale_from_outcomes(paths, stamp_ns, position_m, calibration, outcome, begin_log_scale)
     return scale_covariance_in_place(
         replace(paths, position_covariance_m2=paths.position_covariance_m2.copy()), log_scale, True
     )
 
 
-def _fleet_log_distance_quantiles(knots: FloatArray) -> FloatArray:
+def _fleet_log_distance_quantiles(knots_s: FloatArray) -> FloatArray:
     """Quantiles of the log squared distance at k knots and the fleet's l levels, (k, l); normal at a path's start."""
     normal = np.log(-2.0 * np.log1p(-QUANTILE_LEVELS))
     fleet = np.concatenate([normal[None], load_fleet_prior().log_squared])
-    return np.stack([np.interp(knots, [0.0, *HORIZON_KNOTS_S], column) for column in fleet.T], axis=1)
+    return np.stack([np.interp(knots_s, [0.0, *HORIZON_KNOTS_S], column) for column in fleet.T], axis=1)
 
 
-def initial_log_scale(model: str, horizon_s: float) -> FloatArray:
+def initial_log_scale_at_knots(model: str, horizon_s: float) -> LogScales:
     """The logarithms of the scales without any outcome at `knots_s`, shape (k, 2)."""
     knots = scale_knots_s(horizon_s)
     if not (model in MODELS and MODELS[model].learns):
@@ -128,30 +128,30 @@ def initial_log_scale(model: str, horizon_s: float) -> FloatArray:
     )
 
 
-def log_scale_from_other_vehicles(track: StateHistory, squared: FloatArray, knots: FloatArray) -> FloatArray:
+def log_scale_from_other_vehicles(track: StateHistory, squared_distance: FloatArray, knots_s: FloatArray) -> LogScales:
     """The logarithms of the scales that the log's other vehicles and the fleet suggest at each row, (n, k, 2).
 
     Args:
         track: All vehicles of the log, n rows.
-        squared: Shape (n, k): squared Mahalanobis distances of the outcomes before any scale; NaN where unknown.
-        knots: Shape (k,): see `knots_s`.
+        squared_distance: Shape (n, k): Mahalanobis distances before any scale; NaN where unknown.
+        knots_s: Shape (k,): see `knots_s`.
     """
-    known_ns, index, step_s = outcome_known_times_ns(track, knots), track.vehicle_indices(), track.step_s()
+    known_ns, index, step_s = outcome_known_times_ns(track, knots_s), track.vehicle_indices(), track.step_s()
     by_now = np.argsort(track.known_ns, kind="stable")
     edges = LOG_FIRST_CELL + LOG_CELL_WIDTH * np.arange(N_LOG_CELLS + 1)
-    out = np.empty((*squared.shape, len(ELLIPSE_LEVELS)))
-    for k, quantiles in enumerate(_fleet_log_distance_quantiles(knots)):
+    out = np.empty((*squared_distance.shape, len(ELLIPSE_LEVELS)))
+    for k, quantiles in enumerate(_fleet_log_distance_quantiles(knots_s)):
         shares = np.interp(
             edges,
             [quantiles[0] - LOG_TAIL_WIDTH, *quantiles, quantiles[-1] + LOG_TAIL_WIDTH],
             [0.0, *QUANTILE_LEVELS, 1.0],
         )
-        rows = np.flatnonzero(np.isfinite(squared[:, k]) & (known_ns[:, k] < NEVER_NS))
+        rows = np.flatnonzero(np.isfinite(squared_distance[:, k]) & (known_ns[:, k] < NEVER_NS))
         rows = rows[np.argsort(known_ns[rows, k], kind="stable")]
-        cell = (np.log(np.maximum(squared[rows, k], 1e-300)) - LOG_FIRST_CELL) / LOG_CELL_WIDTH
+        cell = (np.log(np.maximum(squared_distance[rows, k], 1e-300)) - LOG_FIRST_CELL) / LOG_CELL_WIDTH
         found = stream_quantiles(
             np.clip(cell, 0, N_LOG_CELLS - 1).astype(np.intp),
-            step_s[rows] / knots[k],
+            step_s[rows] / knots_s[k],
             index[rows],
             np.searchsorted(known_ns[rows, k], track.known_ns[by_now], side="right"),
             index[by_now],
@@ -163,7 +163,7 @@ def log_scale_from_other_vehicles(track: StateHistory, squared: FloatArray, knot
 
 
 def actual_positions_at_knots(
-    horizon_s: float, stamp_ns: Int64Array, position_m: FloatArray, calibration: ScaleAdaptation | None = None
+    horizon_s: float, stamp_ns: Int64Array, position_m: EastNorthRows, calibration: ScaleAdaptation | None = None
 ) -> ActualPositions:
     """The vehicle's actual positions at the knots of paths of `horizon_s`, the same for every model; see
     `ActualPositions`."""
@@ -174,20 +174,20 @@ def actual_positions_at_knots(
 def log_variance_scale_from_outcomes(
     paths: Paths,
     stamp_ns: Int64Array,
-    position_m: FloatArray,
+    position_m: EastNorthRows,
     calibration: ScaleAdaptation | None = None,
     outcome: ActualPositions | None = None,
-    begin: FloatArray | None = None,
-) -> FloatArray:
-    """The logarithms of the factors s^2 on the variance of each path, (n, k, 2); equal to `begin` until an outcome.
+    begin_log_scale: LogScales | None = None,
+) -> LogScales:
+    """The logarithms of the factors s^2 on the variance of each path, (n, k, 2); `begin_log_scale` until an outcome.
 
     The arguments are those of `calibrated`.
     """
     settings = calibration or ScaleAdaptation()
     n, knots = len(stamp_ns), scale_knots_s(float(paths.time_s[-1]))
     squared = squared_mahalanobis_distances(paths, stamp_ns, position_m, settings, outcome)
-    begin = np.zeros((*squared.shape, len(ELLIPSE_LEVELS))) if begin is None else begin
-    return _adapt_log_scale(squared, begin, stamp_ns, knots, settings).reshape(
+    begin_log_scale = np.zeros((*squared.shape, len(ELLIPSE_LEVELS))) if begin_log_scale is None else begin_log_scale
+    return _adapt_log_scale(squared, begin_log_scale, stamp_ns, knots, settings).reshape(
         len(squared) * n, len(knots), len(ELLIPSE_LEVELS)
     )
 
@@ -195,7 +195,7 @@ def log_variance_scale_from_outcomes(
 def squared_mahalanobis_distances(
     paths: Paths,
     stamp_ns: Int64Array,
-    position_m: FloatArray,
+    position_m: EastNorthRows,
     settings: ScaleAdaptation,
     outcome: ActualPositions | None = None,
 ) -> FloatArray:
@@ -217,16 +217,20 @@ def squared_mahalanobis_distances(
 
 
 def _adapt_log_scale(
-    squared: FloatArray, begin: FloatArray, stamp_ns: Int64Array, knots: FloatArray, settings: ScaleAdaptation
-) -> FloatArray:
-    """Adapt the log scales `begin` (sets, n, k, 2) to the vehicle's own squared distances (sets, n, k)."""
+    squared_distance: FloatArray,
+    begin_log_scale: LogScales,
+    stamp_ns: Int64Array,
+    knots_s: FloatArray,
+    settings: ScaleAdaptation,
+) -> LogScales:
+    """Adapt the log scales `begin_log_scale` (sets, n, k, 2) to the vehicle's own squared distances (sets, n, k)."""
     if len(stamp_ns) < 2:
-        return begin
-    excess = np.log(np.maximum(squared, 1e-300))[..., None] - np.log(ELLIPSE_SQUARED_RADII) - begin
-    is_known = np.isfinite(squared)
+        return begin_log_scale
+    excess = np.log(np.maximum(squared_distance, 1e-300))[..., None] - np.log(ELLIPSE_SQUARED_RADII) - begin_log_scale
+    is_known = np.isfinite(squared_distance)
     step_s = np.minimum(np.diff(stamp_ns, prepend=stamp_ns[0]) / NS_PER_S, settings.max_gap_s)
     out = np.empty_like(excess)
-    for k, knot_s in enumerate(knots.tolist()):
+    for k, knot_s in enumerate(knots_s.tolist()):
         # for each start: the first start whose outcome is not yet known
         n_known = np.searchsorted(stamp_ns + round(knot_s * NS_PER_S), stamp_ns, side="right")
         known = np.ascontiguousarray(is_known[..., k])
@@ -240,7 +244,7 @@ def _adapt_log_scale(
                 bound=float(np.log(settings.limit)),
                 miss_share=1.0 - share,
             )
-    return np.asarray(out + begin)
+    return np.asarray(out + begin_log_scale)
 
 
 def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings = DEFAULT_SETTINGS) -> PathPlan:
@@ -255,9 +259,9 @@ def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings
     plan = PathPlan(model, settings, starts.state, starts.covariance, acting_s)
     horizon_s, adaptation = float(plan.time_s[-1]), ScaleAdaptation()
     knots = scale_knots_s(horizon_s)
-    log_scale = np.tile(initial_log_scale(model, horizon_s), (len(plan), 1, 1))
+    log_scale = np.tile(initial_log_scale_at_knots(model, horizon_s), (len(plan), 1, 1))
     tracks = state_histories_by_vehicle(replace(starts, covariance=None))
-    squared = [_unscaled_squared_distances(plan, track, adaptation) for track in tracks]
+    squared = [_squared_outcome_distances_before_scaling(plan, track, adaptation) for track in tracks]
     if learns and len(tracks) > 1:
         every = concatenate_histories(tracks)
         log_scale[every.rows] = log_scale_from_other_vehicles(every, np.concatenate(squared), knots)
@@ -272,7 +276,9 @@ def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings
     return replace(plan, log_scale=log_scale)
 
 
-def _unscaled_squared_distances(plan: PathPlan, track: StateHistory, settings: ScaleAdaptation) -> FloatArray:
+def _squared_outcome_distances_before_scaling(
+    plan: PathPlan, track: StateHistory, settings: ScaleAdaptation
+) -> FloatArray:
     """Squared distances of one vehicle's outcomes before any scale, (n, k)."""
     points = indices_of_needed_points(plan.time_s, scale_knots_s(float(plan.time_s[-1])).tolist())
     judged = plan.take(track.rows, points=points)
@@ -281,7 +287,7 @@ def _unscaled_squared_distances(plan: PathPlan, track: StateHistory, settings: S
 
 def initial_log_scale_of_each_row(
     model: str, starts: PathStarts, acting_s: FloatArray, settings: RolloutSettings
-) -> FloatArray:
+) -> LogScales:
     """The log scales with which the ellipses of a model that learns begin at each row, (n, k, 2).
 
     The arguments are those of `plan_vehicle_paths`; `acting_s` comes from `outcome_history.measure_acting_time_s`.
@@ -289,10 +295,12 @@ def initial_log_scale_of_each_row(
     plan = PathPlan(model, settings, starts.state, starts.covariance, acting_s)
     horizon_s = float(plan.time_s[-1])
     knots = scale_knots_s(horizon_s)
-    out = np.tile(initial_log_scale(model, horizon_s), (len(plan), 1, 1))
+    out = np.tile(initial_log_scale_at_knots(model, horizon_s), (len(plan), 1, 1))
     tracks = state_histories_by_vehicle(replace(starts, covariance=None))
     if len(tracks) > 1:
         every = concatenate_histories(tracks)
-        squared = np.concatenate([_unscaled_squared_distances(plan, track, ScaleAdaptation()) for track in tracks])
+        squared = np.concatenate(
+            [_squared_outcome_distances_before_scaling(plan, track, ScaleAdaptation()) for track in tracks]
+        )
         out[every.rows] = log_scale_from_other_vehicles(every, squared, knots)
     return out

@@ -15,8 +15,11 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.vehicle_state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
+
+DerivativeTrust = FloatArray
+"""Trust in acceleration, jerk, yaw rate and yaw acceleration, 0 to 1, shape (n, 4)."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class DriverPrior:
     cross_share: float = 0.7
     creep_speed_mps: float = 1.0
 
-    def trust_in_derivatives(self, state: FloatArray, covariance: FloatArray | None) -> FloatArray:
+    def trust_in_derivatives(self, state: StateRows, covariance: StateCovariances | None) -> DerivativeTrust:
         """g = s^2 / (s^2 + P), the posterior mean's share of a measured derivative under the prior N(0, s^2).
 
         Args:
@@ -74,14 +77,14 @@ class DriverPrior:
         noise = np.maximum(covariance[:, columns, columns], 0.0)
         return np.asarray(sigma**2 / (sigma**2 + noise), dtype=np.float64)
 
-    def along_accel_sigma_mps2(self, state: FloatArray, trust: FloatArray) -> FloatArray:
+    def along_accel_sigma_mps2(self, state: StateRows, trust: DerivativeTrust) -> FloatArray:
         """Sigma of the longitudinal acceleration that the driver adds, shape (n,)."""
         accel = trust[:, 0] * state[:, ACCEL]
         coming = trust[:, 1] * state[:, JERK] * self.jerk_time_s
         creep = np.minimum(np.abs(state[:, SPEED]) / self.creep_speed_mps, 1.0)
         return np.asarray(np.sqrt(self.along_floor_mps2**2 + self.along_share**2 * (accel**2 + coming**2)) * creep)
 
-    def cross_accel_sigma_mps2(self, state: FloatArray, trust: FloatArray) -> FloatArray:
+    def cross_accel_sigma_mps2(self, state: StateRows, trust: DerivativeTrust) -> FloatArray:
         """Sigma of the lateral acceleration that the driver adds, shape (n,)."""
         speed = np.abs(state[:, SPEED])
         lateral = speed * trust[:, 2] * state[:, YAW_RATE]

@@ -20,7 +20,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, interpolate_acting_time_s
 from cwcli.prediction.models.base import Model, Responses
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, StateRows
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 
 GAUSS_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
@@ -77,59 +77,61 @@ class _DiscretisedModel:
         acted = None if self.acting_s is None else self.acting_s[rows]
         return _DiscretisedModel(self.model, self.prior, self.time_s, self.is_paper, hold_s, self.points, acted)
 
-    def select_points(self, values: FloatArray) -> FloatArray:
+    def select_columns_of_asked_points(self, values: FloatArray) -> FloatArray:
         """Those columns of values (..., k) whose points are asked for."""
         return values if self.points is None else values[..., self.points]
 
-    def responses_at(self, moving: FloatArray) -> Responses:
+    def responses_at(self, moving_s: FloatArray) -> Responses:
         """The responses at times of shape (1 or m, ...)."""
         if self.is_paper:
-            return _paper_responses(self.model, moving, self.time_s)
+            return _paper_responses(self.model, moving_s, self.time_s)
         if self.acting_s is not None:
-            none = np.zeros_like(moving)
+            none = np.zeros_like(moving_s)
             return Responses(
-                interpolate_acting_time_s(self.acting_s[:, 0], moving),
+                interpolate_acting_time_s(self.acting_s[:, 0], moving_s),
                 none,
-                interpolate_acting_time_s(self.acting_s[:, 1], moving),
+                interpolate_acting_time_s(self.acting_s[:, 1], moving_s),
                 none,
             )
         if self.hold_s is None:
-            return self.model.responses(moving, self.prior)
-        shape = (-1,) + (1,) * (moving.ndim - 1)
-        jerk_s, yaw_s = (np.minimum(moving, self.hold_s[:, i].reshape(shape)) for i in (0, 1))
-        free = self.model.responses(moving, self.prior)
+            return self.model.responses(moving_s, self.prior)
+        shape = (-1,) + (1,) * (moving_s.ndim - 1)
+        jerk_s, yaw_s = (np.minimum(moving_s, self.hold_s[:, i].reshape(shape)) for i in (0, 1))
+        free = self.model.responses(moving_s, self.prior)
         jerk, yaw = (self.model.responses(acting, self.prior) for acting in (jerk_s, yaw_s))
         # after the hold the rate's share in acceleration (yaw rate) stays: it grows linearly from there
         return Responses(
             free.speed_to_accel,
-            jerk.speed_to_jerk + jerk_s * (moving - jerk_s),
+            jerk.speed_to_jerk + jerk_s * (moving_s - jerk_s),
             free.heading_to_yaw_rate,
-            yaw.heading_to_yaw_accel + yaw_s * (moving - yaw_s),
+            yaw.heading_to_yaw_accel + yaw_s * (moving_s - yaw_s),
         )
 
-    def quadrature_nodes(self, moving: FloatArray, width: FloatArray) -> tuple[Responses, FloatArray]:
+    def responses_and_weights_at_quadrature_nodes(
+        self, moving_s: FloatArray, step_width_s: FloatArray
+    ) -> tuple[Responses, FloatArray]:
         """Responses at the quadrature nodes of each step, and the nodes' weights, (1 or m, k - 1, nodes)."""
         if self.is_paper:
-            return _paper_responses_of_steps(self.model, width, self.time_s), width
-        return self.responses_at(moving[:, :-1, None] + width * GAUSS_NODES), width * GAUSS_WEIGHTS
+            return _paper_responses_of_steps(self.model, step_width_s, self.time_s), step_width_s
+        return self.responses_at(moving_s[:, :-1, None] + step_width_s * GAUSS_NODES), step_width_s * GAUSS_WEIGHTS
 
 
 def integrate_paths(
     model: Model,
-    state: FloatArray,
+    state: StateRows,
     time_s: FloatArray,
     prior: DriverPrior,
     discretisation: str,
-    points: npt.NDArray[np.intp] | None = None,
+    kept_point_indices: npt.NDArray[np.intp] | None = None,
     acting_s: FloatArray | None = None,
 ) -> IntegratedPaths:
     """The path of m starts, shape (m, 8), over the times (k,), which start at 0 and have a common step.
 
-    With `points` the integral holds these of the times only: the same numbers as without. `acting_s`: see
+    With `kept_point_indices` the integral holds these of the times only: the same numbers as without. `acting_s`: see
     `_DiscretisedModel`.
     """
     hold_s = None if model.hold is None else model.hold(state, prior)
-    motion = _DiscretisedModel(model, prior, time_s, discretisation == "paper", hold_s, points, acting_s)
+    motion = _DiscretisedModel(model, prior, time_s, discretisation == "paper", hold_s, kept_point_indices, acting_s)
     grid = motion.responses_at(time_s[None, :])
     stop_s = _stop_times_s(motion, state, _speed_at_times_mps(state, grid))
     stops = np.isfinite(stop_s)
@@ -147,36 +149,42 @@ def integrate_paths(
     return _merge_stopping_and_going(stops, stopping, going)
 
 
-def _speed_at_times_mps(state: FloatArray, at: Responses) -> FloatArray:
+def _speed_at_times_mps(state: StateRows, at: Responses) -> FloatArray:
     """v(t), shape (m, ...) for responses of shape (1 or m, ...)."""
-    return _value_after_responses(state, (SPEED, ACCEL, JERK), at.speed_to_accel, at.speed_to_jerk)
+    return _speed_or_heading_after_responses(state, (SPEED, ACCEL, JERK), at.speed_to_accel, at.speed_to_jerk)
 
 
-def _heading_at_times_rad(state: FloatArray, at: Responses) -> FloatArray:
+def _heading_at_times_rad(state: StateRows, at: Responses) -> FloatArray:
     """phi(t), shape (m, ...) for responses of shape (1 or m, ...)."""
-    return _value_after_responses(
+    return _speed_or_heading_after_responses(
         state, (HEADING, YAW_RATE, YAW_ACCEL), at.heading_to_yaw_rate, at.heading_to_yaw_accel
     )
 
 
-def _value_after_responses(
-    state: FloatArray, columns: tuple[int, int, int], first: FloatArray, second: FloatArray
+def _speed_or_heading_after_responses(
+    state: StateRows,
+    value_and_derivative_columns: tuple[int, int, int],
+    first_derivative_response: FloatArray,
+    second_derivative_response: FloatArray,
 ) -> FloatArray:
     """Speed or heading from its start value and the responses to its first and second derivative, (m, ...)."""
-    start, rate, rate2 = (_state_column(state, column, first.ndim) for column in columns)
-    out = np.asarray(rate * first)
+    start, rate, rate2 = (
+        _state_column_for_broadcast(state, column, first_derivative_response.ndim)
+        for column in value_and_derivative_columns
+    )
+    out = np.asarray(rate * first_derivative_response)
     out += start
-    if second.any():
-        out += rate2 * second
+    if second_derivative_response.any():
+        out += rate2 * second_derivative_response
     return out
 
 
-def _state_column(state: FloatArray, index: int, ndim: int) -> FloatArray:
+def _state_column_for_broadcast(state: StateRows, index: int, ndim: int) -> FloatArray:
     """A column of the states (m, 8), shaped to broadcast with responses of `ndim` dimensions."""
     return state[:, index].reshape((-1,) + (1,) * max(ndim - 1, 1))
 
 
-def _stop_times_s(motion: _DiscretisedModel, state: FloatArray, speed_mps: FloatArray) -> FloatArray:
+def _stop_times_s(motion: _DiscretisedModel, state: StateRows, speed_mps: FloatArray) -> FloatArray:
     """When each car comes to a stop, shape (m,); infinity if it doesn't. A car that stands and doesn't start: 0.
 
     `speed` is the free one on the grid, (m, k).
@@ -202,18 +210,18 @@ def _stop_times_s(motion: _DiscretisedModel, state: FloatArray, speed_mps: Float
 
 
 def _bisect_stop_times_s(
-    motion: _DiscretisedModel, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray
+    motion: _DiscretisedModel, state: StateRows, direction: FloatArray, low_s: FloatArray, high_s: FloatArray
 ) -> FloatArray:
-    """The time between `low` and `high` (each (m,)) at which direction * v falls below 0; `high` if it does not."""
+    """The time from `low_s` to `high_s`, (m,) each, at which direction * v falls below 0; `high_s` if it does not."""
     for _ in range(N_BISECTIONS):
-        middle = 0.5 * (low + high)
+        middle = 0.5 * (low_s + high_s)
         moving = direction * _speed_at_times_mps(state, motion.responses_at(middle[:, None]))[:, 0] >= 0.0
-        low, high = np.where(moving, middle, low), np.where(moving, high, middle)
-    return 0.5 * (low + high)
+        low_s, high_s = np.where(moving, middle, low_s), np.where(moving, high_s, middle)
+    return 0.5 * (low_s + high_s)
 
 
 def _interpolate_stop_times_s(
-    motion: _DiscretisedModel, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray
+    motion: _DiscretisedModel, state: StateRows, direction: FloatArray, low_s: FloatArray, high_s: FloatArray
 ) -> FloatArray:
     """The time as of `_bisect_stop_times_s` for a speed that is linear between knots, as a measured acting time makes
     it."""
@@ -222,33 +230,33 @@ def _interpolate_stop_times_s(
         return np.asarray(direction * _speed_at_times_mps(state, motion.responses_at(time_s[:, None]))[:, 0])
 
     for knot_s in HORIZON_KNOTS_S.tolist():
-        inside = (low < knot_s) & (knot_s < high)
+        inside = (low_s < knot_s) & (knot_s < high_s)
         if inside.any():
             moving = ahead_mps(np.full(len(state), knot_s)) >= 0.0
-            low, high = np.where(inside & moving, knot_s, low), np.where(inside & ~moving, knot_s, high)
-    before, after = np.maximum(ahead_mps(low), 0.0), np.minimum(ahead_mps(high), 0.0)
-    return np.asarray(low + (high - low) * before / np.maximum(before - after, STANDSTILL_SPEED_MPS))
+            low_s, high_s = np.where(inside & moving, knot_s, low_s), np.where(inside & ~moving, knot_s, high_s)
+    before, after = np.maximum(ahead_mps(low_s), 0.0), np.minimum(ahead_mps(high_s), 0.0)
+    return np.asarray(low_s + (high_s - low_s) * before / np.maximum(before - after, STANDSTILL_SPEED_MPS))
 
 
-def _integrate_stopping_paths(motion: _DiscretisedModel, state: FloatArray, stop_s: FloatArray) -> IntegratedPaths:
+def _integrate_stopping_paths(motion: _DiscretisedModel, state: StateRows, stop_s: FloatArray) -> IntegratedPaths:
     """Integrate the paths of cars that stop at `stop_s` (m,) and stay there."""
     time_s = motion.time_s
     moving = np.minimum(time_s[None, :], stop_s[:, None])
     path = _integrate_steps(motion, state, moving, motion.responses_at(moving))
-    speed = np.where(motion.select_points(time_s)[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
+    speed = np.where(motion.select_columns_of_asked_points(time_s)[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
     return IntegratedPaths(path.x_m, path.y_m, path.heading_rad, speed, path.moving_s, path.jacobian)
 
 
 def _integrate_steps(
-    motion: _DiscretisedModel, state: FloatArray, moving: FloatArray, grid: Responses
+    motion: _DiscretisedModel, state: StateRows, moving_s: FloatArray, grid: Responses
 ) -> IntegratedPaths:
-    """Integrate position and Jacobian over the steps of the times `moving`, shape (1 or m, k)."""
+    """Integrate position and Jacobian over the steps of the times `moving_s`, shape (1 or m, k)."""
     uses = motion.model.uses
-    at, weight = motion.quadrature_nodes(moving, np.diff(moving, axis=1)[..., None])
+    at, weight = motion.responses_and_weights_at_quadrature_nodes(moving_s, np.diff(moving_s, axis=1)[..., None])
     heading = _heading_at_times_rad(state, at) if any(uses[2:]) else state[:, HEADING, None, None]
-    points = np.arange(moving.shape[1]) if motion.points is None else motion.points
-    moving = motion.select_points(moving)
-    grid = grid if motion.points is None else Responses(*(motion.select_points(each) for each in grid))
+    points = np.arange(moving_s.shape[1]) if motion.points is None else motion.points
+    moving_s = motion.select_columns_of_asked_points(moving_s)
+    grid = grid if motion.points is None else Responses(*(motion.select_columns_of_asked_points(each) for each in grid))
     m, k = len(state), len(points)
     jacobian = kernel.quadrature(
         state, cosine=np.cos(heading), sine=np.sin(heading), weight=weight, responses=at, uses=uses, points=points
@@ -260,7 +268,7 @@ def _integrate_steps(
         y_m=state[:, Y, None] + dy,
         heading_rad=np.broadcast_to(_heading_at_times_rad(state, grid), (m, k)),
         speed_mps=np.broadcast_to(_speed_at_times_mps(state, grid), (m, k)),
-        moving_s=np.broadcast_to(moving, (m, k)),
+        moving_s=np.broadcast_to(moving_s, (m, k)),
         jacobian=jacobian,
     )
 

@@ -111,20 +111,21 @@ def predict_paths_from_observer(
         here, ahead = road_curvature_here_and_ahead(track, reach_m)
         road = v * (
             here[:, None]
-            + (ahead - here)[:, None] * np.clip(_cumulative_trapezoid(v, config.step_s) / reach_m[:, None], 0.0, 1.0)
+            + (ahead - here)[:, None]
+            * np.clip(_running_integral_along_rows(v, config.step_s) / reach_m[:, None], 0.0, 1.0)
         )
         forgets = np.exp(-t / config.adapt_s)
         turning = road + (yaw_rate - road[:, :1]) * forgets
         lever = steady_lateral_speed_per_yaw_rate_m(vehicle, v)
         sideways = lateral + lever * turning - lever[:, :1] * yaw_rate
     known = np.where(np.isfinite(lateral + v[:, :1]), 0.0, np.nan)
-    heading = _cumulative_trapezoid(turning, config.step_s) + known
+    heading = _running_integral_along_rows(turning, config.step_s) + known
     cos, sin = np.cos(heading), np.sin(heading)
     forward = np.broadcast_to(v, heading.shape)
     return Paths(
         time_s=t,
-        x_m=_cumulative_trapezoid(forward * cos - sideways * sin, config.step_s) + known,
-        y_m=_cumulative_trapezoid(forward * sin + sideways * cos, config.step_s) + known,
+        x_m=_running_integral_along_rows(forward * cos - sideways * sin, config.step_s) + known,
+        y_m=_running_integral_along_rows(forward * sin + sideways * cos, config.step_s) + known,
         heading_rad=heading,
         speed_mps=np.hypot(forward, sideways),
         position_covariance_m2=_position_covariance(track, vehicle, t, heading, v, config),
@@ -223,7 +224,7 @@ def transform_paths_to_body(paths: Paths) -> Paths:
     )
 
 
-def dead_reckon_poses(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
+def dead_reckon_x_y_heading(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate the observed motion to x, y and heading, shape (n,) each, from (0, 0, 0) at the first frame.
 
     Where there is no state, the car is taken to go straight on.
@@ -244,7 +245,7 @@ def _mean_with_previous(values: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (values + before))
 
 
-def _cumulative_trapezoid(rate: FloatArray, step_s: float) -> FloatArray:
+def _running_integral_along_rows(rate: FloatArray, step_s: float) -> FloatArray:
     """Integrate along the rows by the trapezoidal rule, from 0, (n, k)."""
     whole = np.cumsum(0.5 * step_s * (rate[:, 1:] + rate[:, :-1]), axis=1)
     return np.concatenate([np.zeros((len(rate), 1)), whole], axis=1)
@@ -265,7 +266,7 @@ def _position_covariance(
     is_given = np.isfinite(given).reshape(n, -1).all(axis=1)
     start = np.where(np.asarray(is_given)[:, None, None], given, assumed)
     lever = steady_lateral_speed_per_yaw_rate_m(vehicle, speed_mps)
-    turned, bent = _yaw_rate_error_integrals(time_s, config)
+    turned, bent = _first_and_second_integral_of_yaw_rate_error(time_s, config)
     to_gamma = speed_mps * bent + lever * (turned - time_s)  # how far gamma's error carries the car sideways
     to_lateral = np.broadcast_to(time_s, to_gamma.shape)
     across = (
@@ -276,7 +277,7 @@ def _position_covariance(
     if config.model != "zhang2011":
         across = across + (config.curvature_sigma_1pm * speed_mps**2 * (0.5 * time_s**2 - bent)) ** 2
     # White noise behind the yaw rate: the integral of the squared answer to an impulse.
-    swing = _yaw_rate_error_integrals(time_s, LateralPathConfig(adapt_s=config.adapt_s))[1]
+    swing = _first_and_second_integral_of_yaw_rate_error(time_s, LateralPathConfig(adapt_s=config.adapt_s))[1]
     grown = np.concatenate([[0.0], np.cumsum(0.5 * config.step_s * (swing[1:] ** 2 + swing[:-1] ** 2))])
     across = across + 2.0 * config.unrest_mps2**2 / config.adapt_s * grown
     along = (config.speed_sigma_mps * time_s) ** 2 + (0.5 * config.accel_sigma_mps2 * time_s**2) ** 2
@@ -292,7 +293,9 @@ def _position_covariance(
     )
 
 
-def _yaw_rate_error_integrals(time_s: FloatArray, config: LateralPathConfig) -> tuple[FloatArray, FloatArray]:
+def _first_and_second_integral_of_yaw_rate_error(
+    time_s: FloatArray, config: LateralPathConfig
+) -> tuple[FloatArray, FloatArray]:
     """First and second integral over the times t (k,) of a unit yaw rate error that decays with `adapt_s`."""
     if config.model == "zhang2011":
         return time_s, 0.5 * time_s**2

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.dynamics.samples import LateralTrack
-from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, dead_reckon_poses
+from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, dead_reckon_x_y_heading
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance
@@ -53,7 +53,7 @@ def _dead_reckoning_variance_m2(paths: Paths, track: LateralTrack) -> FloatArray
 
 def sigma_factors_from_driven_track(paths: Paths, track: LateralTrack) -> FloatArray:
     """One factor on sigma for each point of the horizon, shape (k,); near 1 where the record is short."""
-    x, y, heading = dead_reckon_poses(track)
+    x, y, heading = dead_reckon_x_y_heading(track)
     known = np.asarray(np.isfinite(track.state[:, 0]))
     pose = np.where(known[:, None], np.column_stack([x, y]), np.nan)
     cos, sin = np.cos(heading), np.sin(heading)

@@ -9,7 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.calibrate import actual_positions_at_knots, initial_log_scale, scale_covariance_by_outcomes
+from cwcli.prediction.calibrate import (
+    actual_positions_at_knots,
+    initial_log_scale_at_knots,
+    scale_covariance_by_outcomes,
+)
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (
     ELLIPSE_50_SQUARED_RADIUS,
@@ -22,7 +26,7 @@ from cwcli.prediction.outcome import (
 )
 from cwcli.prediction.paths import stack_paths
 from cwcli.prediction.rollout import Discretisation, RolloutSettings, roll_out_paths
-from cwcli.prediction.scales import scale_knots_s
+from cwcli.prediction.scales import LogScales, scale_knots_s
 from cwcli.signals.columns import FloatArray, Int64Array
 
 BASELINE_MODEL = "cv"
@@ -95,7 +99,9 @@ def compare_models_at_horizons(
         )
         if calibrate:
             begins = [_initial_log_scales(name, float(time_s[-1]), n, starts.log_scale) for name in some]
-            paths = scale_covariance_by_outcomes(paths, stamp_ns, state[:, :2], outcome=outcome, begin=np.stack(begins))
+            paths = scale_covariance_by_outcomes(
+                paths, stamp_ns, state[:, :2], outcome=outcome, begin_log_scale=np.stack(begins)
+            )
         starts_ns = np.tile(stamp_ns, len(some))
         together = horizon_errors(
             paths, starts_ns, track_ns, track_xy, horizons_s, max_gap_s, repeat_for_path_sets(actual, len(some))
@@ -109,11 +115,11 @@ def _is_in_paper(model: str) -> bool:
     return model not in MODELS or MODELS[model].in_paper
 
 
-def _initial_log_scales(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> FloatArray:
+def _initial_log_scales(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> LogScales:
     """The log scales with which a model's ellipses begin: the learned ones, or its own for all n starts, (n, k, 2)."""
     if learned is not None and MODELS[model].learns:
         return learned
-    return np.tile(initial_log_scale(model, horizon_s), (n, 1, 1))
+    return np.tile(initial_log_scale_at_knots(model, horizon_s), (n, 1, 1))
 
 
 def horizon_error_table(errors: Mapping[str, HorizonErrors]) -> dict[str, FloatArray | Int64Array | list[str]]:
@@ -167,24 +173,26 @@ _TABLE_COLUMNS = (
 """Names of the columns of `horizon_error_table` after the model, in order."""
 
 
-def _table_rows_at_horizon(errors: Sequence[HorizonErrors], baseline: HorizonErrors, column: int) -> list[list[float]]:
+def _table_rows_at_horizon(
+    errors: Sequence[HorizonErrors], baseline: HorizonErrors, horizon_index: int
+) -> list[list[float]]:
     """The table's rows at one horizon for models whose outcomes are known for the same starts."""
-    known = errors[0].is_known[:, column]
+    known = errors[0].is_known[:, horizon_index]
     n = np.count_nonzero(known)
-    horizon_s = float(errors[0].horizon_s[column])
+    horizon_s = float(errors[0].horizon_s[horizon_index])
     if n == 0:
         return [[horizon_s, 0.0, *([np.nan] * (len(_TABLE_COLUMNS) - 2))] for _ in errors]
-    distance = np.stack([error.distance_m[known, column] for error in errors])
-    along = np.stack([error.along_m[known, column] for error in errors])
-    cross = np.stack([error.cross_m[known, column] for error in errors])
-    squared = np.stack([error.mahalanobis2[known, column] for error in errors])
+    distance = np.stack([error.distance_m[known, horizon_index] for error in errors])
+    along = np.stack([error.along_m[known, horizon_index] for error in errors])
+    cross = np.stack([error.cross_m[known, horizon_index] for error in errors])
+    squared = np.stack([error.mahalanobis2[known, horizon_index] for error in errors])
     has_ellipse = np.isfinite(squared)
-    core = np.stack([error.core_mahalanobis2[known, column] for error in errors])
+    core = np.stack([error.core_mahalanobis2[known, horizon_index] for error in errors])
     inside_50, inside_90 = (
         has_ellipse & (core <= ELLIPSE_50_SQUARED_RADIUS),
         has_ellipse & (squared <= ELLIPSE_90_SQUARED_RADIUS),
     )
-    base = baseline.distance_m[known & baseline.is_known[:, column], column]
+    base = baseline.distance_m[known & baseline.is_known[:, horizon_index], horizon_index]
     base_mean = float(_mean_of_each_row(base[None])[0]) if len(base) else np.nan
     mean = _mean_of_each_row(distance)
     ordered = np.sort(distance, axis=1)

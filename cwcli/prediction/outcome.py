@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.kernels.paths import on_track
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import FloatArray, Int64Array, select_table_rows
+from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array, select_table_rows
 from cwcli.signals.units import NS_PER_S
 
 ELLIPSE_50_SQUARED_RADIUS = 2.0 * np.log(2.0)
@@ -53,7 +53,7 @@ def horizon_errors(
     paths: Paths,
     start_stamp_ns: Int64Array,
     track_stamp_ns: Int64Array,
-    track_xy: FloatArray,
+    track_xy: EastNorthRows,
     horizons_s: Sequence[float],
     max_gap_s: float = 0.5,
     actual: ActualPositions | None = None,
@@ -102,16 +102,25 @@ def horizon_errors(
     )
 
 
-def _squared_mahalanobis(x: FloatArray, y: FloatArray, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
+def _squared_mahalanobis(
+    error_x: FloatArray,
+    error_y: FloatArray,
+    covariance_xx: FloatArray,
+    covariance_xy: FloatArray,
+    covariance_yy: FloatArray,
+) -> FloatArray:
     """Squared Mahalanobis distances of errors (x, y) under the covariance xx, xy, yy, elementwise."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray((yy * x**2 - 2.0 * xy * x * y + xx * y**2) / (xx * yy - xy**2))
+        return np.asarray(
+            (covariance_yy * error_x**2 - 2.0 * covariance_xy * error_x * error_y + covariance_xx * error_y**2)
+            / (covariance_xx * covariance_yy - covariance_xy**2)
+        )
 
 
 def actual_positions(
     start_stamp_ns: Int64Array,
     track_stamp_ns: Int64Array,
-    track_xy: FloatArray,
+    track_xy: EastNorthRows,
     horizons_s: Sequence[float],
     max_gap_s: float = 0.5,
 ) -> ActualPositions:
@@ -122,7 +131,7 @@ def actual_positions(
     """
     horizon = np.asarray(horizons_s, dtype=np.float64)
     at_ns = start_stamp_ns[:, None] + np.rint(horizon * NS_PER_S).astype(np.int64)[None, :]
-    return _interpolate_track(at_ns, track_stamp_ns, track_xy, max_gap_s)
+    return _track_xy_and_is_known_at(at_ns, track_stamp_ns, track_xy, max_gap_s)
 
 
 def repeat_for_path_sets(actual: ActualPositions, sets: int) -> ActualPositions:
@@ -131,13 +140,13 @@ def repeat_for_path_sets(actual: ActualPositions, sets: int) -> ActualPositions:
     return np.tile(found, (sets, 1, 1)), np.tile(is_known, (sets, 1))
 
 
-def _interpolate_track(
-    at_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
+def _track_xy_and_is_known_at(
+    at_ns: Int64Array, stamp_ns: Int64Array, track_xy_m: EastNorthRows, max_gap_s: float
 ) -> tuple[FloatArray, BoolArray]:
     """Track position at the given times (n, h), shape (n, h, 2), NaN where unknown; and where it is known."""
     if len(stamp_ns) < 2:
         return np.full((*at_ns.shape, 2), np.nan), np.zeros(at_ns.shape, dtype=bool)
-    return on_track(at_ns, stamp_ns, xy, max_gap_s * NS_PER_S)
+    return on_track(at_ns, stamp_ns, track_xy_m, max_gap_s * NS_PER_S)
 
 
 def indices_of_needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:

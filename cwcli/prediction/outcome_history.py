@@ -30,10 +30,13 @@ from cwcli.kernels import record as kernel
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, FleetPrior, acting_time_from_displacement_share_s, load_fleet_prior
 from cwcli.prediction.outcome import actual_positions
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, StateRows
 from cwcli.signals.packed_covariances import Covariances, variances_of_states
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
+
+PartShares = FloatArray
+"""Shares or gains of the parts of acceleration and yaw rate, by axis and knot, shape (n, 2, k, 3)."""
 
 CLEARNESS_SIGMAS = 5.0
 """Size of a derivative, in stated sigmas, at which its clearness is one half. Chosen: filters on real drives are too
@@ -93,7 +96,7 @@ class StateHistory:
         rows: Shape (n,): their rows in the input.
         stamp_ns, known_ns: Shape (n,): per vehicle strictly increasing, and non-decreasing.
         state: Shape (n, 8).
-        clear: Shape (n, 2): see `derivative_clarity_weights`.
+        clear: Shape (n, 2): see `how_clearly_derivatives_exceed_noise`.
         first: First row of each vehicle; the vehicles follow each other.
     """
 
@@ -134,7 +137,7 @@ def concatenate_histories(tracks: Sequence[StateHistory]) -> StateHistory:
     )
 
 
-def derivative_clarity_weights(state: FloatArray, covariance: Covariances | None) -> FloatArray:
+def how_clearly_derivatives_exceed_noise(state: StateRows, covariance: Covariances | None) -> FloatArray:
     """How clearly acceleration and yaw rate exceed their stated noise, 0 to 1, shape (n, 2)."""
     if covariance is None:
         return np.ones((len(state), 2))
@@ -149,7 +152,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
     """The history of each vehicle; rows whose state is not finite are left out, and vehicles without other rows too."""
     stamp_ns, known_ns, state = starts.stamp_ns, starts.known_ns, starts.state
     is_finite = np.isfinite(state[:, : YAW_RATE + 1]).all(axis=1)
-    clear = derivative_clarity_weights(state, starts.covariance)
+    clear = how_clearly_derivatives_exceed_noise(state, starts.covariance)
     tracks = []
     for one in np.unique(starts.vehicle):
         rows = np.flatnonzero((starts.vehicle == one) & is_finite)
@@ -161,7 +164,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
     return tracks
 
 
-def split_derivatives_into_parts(track: StateHistory) -> FloatArray:
+def shares_of_derivatives_by_part(track: StateHistory) -> PartShares:
     """Divide acceleration and yaw rate into `fleet.PARTS`, by knot, shape (n, 2, k, 3): shares that add up to 1.
 
     Unclear is what may be noise. Lasting is what is clear and was as large on average over the last h/2, for a horizon
@@ -182,7 +185,7 @@ def split_derivatives_into_parts(track: StateHistory) -> FloatArray:
     return out
 
 
-def promised_displacement_m(state: FloatArray) -> FloatArray:
+def displacement_beyond_constant_velocity_m(state: StateRows) -> FloatArray:
     """Displacement (m) that acceleration and yaw rate would add to constant velocity by each knot, shape (n, 2, k).
 
     A car that stops stays there.
@@ -246,34 +249,34 @@ def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -
         prior: None: the fleet's.
     """
     chosen = prior or load_fleet_prior()
-    clear = derivative_clarity_weights(starts.state, starts.covariance)
-    share = np.einsum("nai,aki->nak", _parts_without_history(clear), chosen.gain)
+    clear = how_clearly_derivatives_exceed_noise(starts.state, starts.covariance)
+    share = np.einsum("nai,aki->nak", _part_shares_without_history(clear), chosen.gain)
     tracks = state_histories_by_vehicle(starts)
     if tracks:
         track = concatenate_histories(tracks)
-        parts = split_derivatives_into_parts(track)
-        share[track.rows] = np.einsum("naki,naki->nak", parts, measure_gains_of_parts(track, parts, chosen))
+        parts = shares_of_derivatives_by_part(track)
+        share[track.rows] = np.einsum("naki,naki->nak", parts, gain_of_each_part_from_outcomes(track, parts, chosen))
     return acting_time_from_displacement_share_s(np.clip(share, 0.0, 1.0))
 
 
-def _parts_without_history(clear: FloatArray) -> FloatArray:
+def _part_shares_without_history(clear_share: FloatArray) -> FloatArray:
     """The parts (n, 2, 3) of states without a history: all that is clear counts as lasting."""
-    return np.stack([1.0 - clear, clear, np.zeros_like(clear)], axis=-1)
+    return np.stack([1.0 - clear_share, clear_share, np.zeros_like(clear_share)], axis=-1)
 
 
-def measure_gains_of_parts(track: StateHistory, parts: FloatArray, prior: FleetPrior) -> FloatArray:
+def gain_of_each_part_from_outcomes(track: StateHistory, part_shares: PartShares, prior: FleetPrior) -> PartShares:
     """Measure the gain of each part, by axis and knot, for each state of each vehicle, (n, 2, k, 3).
 
     Args:
         track: All vehicles of the log whose outcomes count for each other.
-        parts: Shape (n, 2, k, 3): `parts_of` it.
+        part_shares: Shape (n, 2, k, 3): `parts_of` it.
         prior: The gains without any outcome.
     """
     known_row = rows_of_known_outcomes(track)
     known_ns = np.append(track.known_ns, NEVER_NS)[known_row]
     return kernel.gains(
-        parts,
-        promised_displacement_m(track.state),
+        part_shares,
+        displacement_beyond_constant_velocity_m(track.state),
         actual_displacement_m(track),
         step_s=track.step_s(),
         knots_s=HORIZON_KNOTS_S,

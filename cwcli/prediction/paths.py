@@ -35,16 +35,16 @@ class Paths:
     def __len__(self) -> int:
         return len(self.x_m)
 
-    def select_points(self, points: npt.NDArray[np.intp]) -> Paths:
+    def select_points(self, point_indices: npt.NDArray[np.intp]) -> Paths:
         """The paths at some of their times."""
         return Paths(
-            self.time_s[points],
-            self.x_m[:, points],
-            self.y_m[:, points],
-            self.heading_rad[:, points],
-            self.speed_mps[:, points],
-            self.position_covariance_m2[:, points],
-            None if self.core_factor is None else self.core_factor[:, points],
+            self.time_s[point_indices],
+            self.x_m[:, point_indices],
+            self.y_m[:, point_indices],
+            self.heading_rad[:, point_indices],
+            self.speed_mps[:, point_indices],
+            self.position_covariance_m2[:, point_indices],
+            None if self.core_factor is None else self.core_factor[:, point_indices],
         )
 
     def take(self, rows: npt.NDArray[np.intp]) -> Paths:

@@ -6,8 +6,8 @@ import numpy as np
 
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.lateral import dead_reckon_poses
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.prediction.lateral import dead_reckon_x_y_heading
+from cwcli.signals.columns import FloatArray, Int64Array, StateRows
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import HEADING, MAP_FRAME, X, Y
 
@@ -41,7 +41,7 @@ class VehiclePoses:
 
 def dead_reckoned_poses(track: LateralTrack) -> VehiclePoses:
     """Integrate the observed motion from the car's first state, which is the origin; NaN at frames without a state."""
-    x_m, y_m, yaw_rad = dead_reckon_poses(track)
+    x_m, y_m, yaw_rad = dead_reckon_x_y_heading(track)
     has_state = np.isfinite(track.state[:, 0])
     first = int(np.argmax(has_state))
     dx, dy = x_m - x_m[first], y_m - y_m[first]
@@ -50,7 +50,7 @@ def dead_reckoned_poses(track: LateralTrack) -> VehiclePoses:
     return VehiclePoses("the observed motion", ODOM_FRAME, track.stamp_ns, xy_m, xy_m, yaw_rad - yaw_rad[first])
 
 
-def body_poses_from_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> VehiclePoses:
+def body_poses_from_states(stamp_ns: Int64Array, state: StateRows, track: LateralTrack) -> VehiclePoses:
     """Build the poses from the ego's estimated track; the yaw is the course less the observed side slip.
 
     Args:

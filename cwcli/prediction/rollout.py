@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.driver import DriverPrior, displacement_variance_s4, fading_accel_displacement_s2
+from cwcli.prediction.driver import DerivativeTrust, DriverPrior, displacement_variance_s4, fading_accel_displacement_s2
 from cwcli.prediction.integrate import IntegratedPaths, integrate_paths
 from cwcli.prediction.models import HYPOTHESES, MODELS
 from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.vehicle_state import ACCEL, DERIVATIVE_INDICES, SPEED, YAW_RATE
 
@@ -78,7 +78,7 @@ def path_time_grid_s(horizon_s: float, step_s: float) -> FloatArray:
 
 def roll_out_paths(
     model: str,
-    state: FloatArray,
+    state: StateRows,
     covariance: Covariances | None,
     settings: RolloutSettings = DEFAULT_SETTINGS,
     *,
@@ -110,7 +110,7 @@ def roll_out_paths(
     """
     chosen = _require_model(model, settings.discretisation)
     prior, time_s = settings.used_prior, settings.time_s
-    _check_shapes(state, covariance)
+    _require_8_states_and_matching_covariances(state, covariance)
     kept_s = time_s if points is None else time_s[points]
     n, k = len(state), len(kept_s)
     x, y, heading, speed = (np.empty((n, k)) for _ in range(4))
@@ -136,10 +136,12 @@ def roll_out_paths(
     return Paths(kept_s, x, y, heading, speed, position_covariance)
 
 
-def path_jacobian(model: str, state: FloatArray, settings: RolloutSettings = DEFAULT_SETTINGS) -> FloatArray:
+def jacobian_of_path_xy_to_start_state(
+    model: str, state: StateRows, settings: RolloutSettings = DEFAULT_SETTINGS
+) -> FloatArray:
     """Derivative of every predicted (x, y) with respect to the start state, shape (n, k, 2, 8)."""
     chosen, prior = _require_model(model, settings.discretisation), settings.used_prior
-    _check_shapes(state, None)
+    _require_8_states_and_matching_covariances(state, None)
     trust = chosen.trust(state, None, prior) * np.array(chosen.uses)
     path = integrate_paths(
         chosen, _scale_derivatives_by_trust(state, trust), settings.time_s, prior, settings.discretisation
@@ -167,7 +169,7 @@ def _require_model(name: str, discretisation: Discretisation) -> Model:
     return model
 
 
-def _check_shapes(state: FloatArray, covariance: Covariances | None) -> None:
+def _require_8_states_and_matching_covariances(state: StateRows, covariance: Covariances | None) -> None:
     """Raise a `ValueError` unless states are (n, 8) and covariances (n, 8, 8)."""
     if state.ndim != 2 or state.shape[1] != 8:
         raise ValueError(f"state has shape {state.shape}, not (n, 8)")
@@ -175,14 +177,14 @@ def _check_shapes(state: FloatArray, covariance: Covariances | None) -> None:
         raise ValueError(f"covariance has shape {covariance.shape}, not ({len(state)}, 8, 8)")
 
 
-def _scale_derivatives_by_trust(state: FloatArray, trust: FloatArray) -> FloatArray:
+def _scale_derivatives_by_trust(state: StateRows, trust: DerivativeTrust) -> FloatArray:
     """Multiply each derivative of the states by its trust (n, 4); one with trust 0 becomes 0, even if it is NaN."""
     out = state.copy()
     out[:, DERIVATIVE_INDICES] = np.where(trust == 0.0, 0.0, state[:, DERIVATIVE_INDICES] * trust)
     return out
 
 
-def _scale_covariance_by_trust(covariance: FloatArray, trust: FloatArray) -> FloatArray:
+def _scale_covariance_by_trust(covariance: StateCovariances, trust: DerivativeTrust) -> FloatArray:
     """Scale the derivatives' variances by their trust g (the posterior's g P); correlations stay; (n, 8, 8)."""
     scale = np.ones(covariance.shape[:2])
     scale[:, DERIVATIVE_INDICES] = np.sqrt(trust)
@@ -190,7 +192,7 @@ def _scale_covariance_by_trust(covariance: FloatArray, trust: FloatArray) -> Flo
     return np.where(both == 0.0, 0.0, covariance * both)
 
 
-def _propagate_position_covariance(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+def _propagate_position_covariance(jacobian: FloatArray, covariance: StateCovariances) -> FloatArray:
     """Position covariances J P J' along the paths as xx, xy, yy, (n, k, 3), from Jacobians (2, n, k, 8)."""
     to_x, to_y = jacobian
     by_x = np.matmul(to_x, covariance)
@@ -222,7 +224,7 @@ def _tabulate_driver_variance(model: Model, horizon_s: float, prior: DriverPrior
     """Tabulate the driver's displacement variance of a model over the horizon."""
     time_s = np.linspace(0.0, horizon_s, N_DRIVER_VARIANCE_POINTS)
     out = model.responses(time_s, prior)
-    along, cross = (_cumulative_trapezoid(r, time_s) for r in (out.speed_to_accel, out.heading_to_yaw_rate))
+    along, cross = (_running_integral_by_trapezoids(r, time_s) for r in (out.speed_to_accel, out.heading_to_yaw_rate))
     if model.learns:  # the part that its gains leave out did not follow on earlier drives
         along, cross = (
             fading_accel_displacement_s2(time_s, prior.accel_time_s),
@@ -237,7 +239,7 @@ def _tabulate_driver_variance(model: Model, horizon_s: float, prior: DriverPrior
     )
 
 
-def _cumulative_trapezoid(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _running_integral_by_trapezoids(values: FloatArray, time_s: FloatArray) -> FloatArray:
     """Trapezoidal running integral from 0, shape (k,)."""
     steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time_s)
     return np.concatenate([[0.0], np.cumsum(steps)])
@@ -246,8 +248,8 @@ def _cumulative_trapezoid(values: FloatArray, time_s: FloatArray) -> FloatArray:
 def _driver_position_covariance(
     path: IntegratedPaths,
     start: FloatArray,
-    covariance: FloatArray | None,
-    trust: FloatArray,
+    covariance: StateCovariances | None,
+    trust: DerivativeTrust,
     driver: _DriverDisplacementVariance,
     prior: DriverPrior,
 ) -> FloatArray:

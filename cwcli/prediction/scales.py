@@ -12,6 +12,9 @@ from cwcli.prediction.rollout import ROWS_PER_BATCH
 from cwcli.prediction.row_products import multiply_rows_reproducibly
 from cwcli.signals.columns import FloatArray
 
+LogScales = FloatArray
+"""Logarithms of the scales of the ellipses at the knots, shape (..., k, 2): of the core and of the whole."""
+
 
 def scale_knots_s(horizon_s: float) -> FloatArray:
     """Times (s) at which the scale of paths of this horizon is measured, shape (k,): the knots up to the path's end."""
@@ -20,14 +23,14 @@ def scale_knots_s(horizon_s: float) -> FloatArray:
     )
 
 
-def interpolate_log_scale(log_scale: FloatArray, time_s: FloatArray) -> FloatArray:
+def interpolate_log_scale(log_scale: LogScales, time_s: FloatArray) -> FloatArray:
     """Interpolate the log scale from the knots (n, k) to the times of the paths, (n, times)."""
     knots = np.concatenate([[0.0], scale_knots_s(float(time_s[-1]))])
     hats = np.stack([np.interp(time_s, knots, row) for row in np.eye(len(knots))[1:]])
     return multiply_rows_reproducibly(log_scale, hats)
 
 
-def scale_covariance_in_place(paths: Paths, log_scale: FloatArray, has_core: bool) -> Paths:
+def scale_covariance_in_place(paths: Paths, log_scale: LogScales, has_core: bool) -> Paths:
     """Scale the covariance of the paths in place; with `has_core` the result has the factor for the 50 % ellipse."""
     core_factor = np.empty(paths.x_m.shape) if has_core else None
     for first in range(0, len(paths), ROWS_PER_BATCH):

@@ -12,7 +12,7 @@ from cwcli.digest.encounters import Encounter, NearestApproach
 from cwcli.measures.distance import MEASURE as DISTANCE
 from cwcli.measures.drac import MEASURE as DRAC
 from cwcli.measures.gap import MEASURE as GAP
-from cwcli.measures.pair import ActualTrack, Pair, interpolate_track
+from cwcli.measures.pair import ActualTrack, Pair, interpolate_x_y_speed_heading
 from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.prediction.paths import Paths
 from cwcli.report.decimate import min_max_row_indices, simplified_track_row_indices
@@ -90,7 +90,7 @@ def predicted_paths_figure(
         return None
     at = np.array([encounter.raised_ns], np.int64)
     ego = ActualTrack(drive.ego.stamp_ns, drive.ego.state)
-    own = interpolate_track(ego, at, drive.warning_config.max_gap_s)[0]
+    own = interpolate_x_y_speed_heading(ego, at, drive.warning_config.max_gap_s)[0]
     if not np.isfinite(own).all():
         return None
     view = _DriverView(own)
@@ -196,7 +196,7 @@ def _driven_path_traces(
     if encounter.verdict is not None and encounter.verdict.closest_ns >= 0:
         moments.append((encounter.verdict.closest_ns, "at the nearest approach", 0.25))
     for at_ns, when, alpha in moments:
-        state = interpolate_track(track, np.array([at_ns], np.int64), drive.warning_config.max_gap_s)[0]
+        state = interpolate_x_y_speed_heading(track, np.array([at_ns], np.int64), drive.warning_config.max_gap_s)[0]
         if np.isfinite(state).all():
             x, y = view.plotly_coordinates(_outline_corners(state, size_m))
             shape = polygon_trace(x, y, f"{name} {when}", colour, alpha=alpha)

@@ -87,13 +87,13 @@ def build_event_page(
     head = f"{format_count(len(found), 'event')} in {format_count(len(paths), 'searched log')}, the most severe first."
     if len(shown) < len(found):
         head += f" The first {len(shown)} are shown; `-o` writes the table of all."
-    cards = "".join(_card(each, figures[each.id], clip_addresses.get(each.id, "")) for each in shown)
+    cards = "".join(_event_card_html(each, figures[each.id], clip_addresses.get(each.id, "")) for each in shown)
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"/>'
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\"/>"
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
-        f"<title>cwcli find: {_text(title)}</title><style>{_STYLE}</style></head><body>\n"
-        f"<h1>{_text(title)}</h1><p>{_text(head)}</p>"
+        f"<title>cwcli find: {_escape_for_html(title)}</title><style>{_STYLE}</style></head><body>\n"
+        f"<h1>{_escape_for_html(title)}</h1><p>{_escape_for_html(head)}</p>"
         f'<p><small>In the figures <b style="color:{EGO_COLOUR}">the ego is blue</b> and <b style="color:'
         f'{WARNING_COLOUR}">the other vehicle is orange</b>. Thick lines and grey areas are the event. North is up.'
         f"</small></p>\n{cards}</body></html>\n"
@@ -106,20 +106,20 @@ def addresses_of_clips(clips: Mapping[str, str], page: str | Path) -> dict[str, 
     return {id: quote(os.path.relpath(path, folder)) for id, path in clips.items()}
 
 
-def _text(text: str) -> str:
+def _escape_for_html(text: str) -> str:
     """Return text for HTML: escaped, invisible characters spelled out."""
     return escape(escape_control_characters(text))
 
 
-def _card(event: FoundEvent, figures: str, clip: str) -> str:
+def _event_card_html(event: FoundEvent, figures: str, clip: str) -> str:
     """Return the card of one event."""
     log = Path(event.log.rstrip("/")).name or event.log
     when = f"{event.start_s:.2f} s after the log's start, for {event.duration_s:.2f} s"
     link = f' · <a href="{escape(clip)}">open the clip</a>' if clip else ""
     return (
-        f'<article id="{event.id}"><h2>{_text(event.event)}: {_text(event.words)}</h2>'
-        f"<p>{_text(log)}, {when} · severity {format_number(event.moment.severity, 3)} of 10{link}</p>"
-        f"<p><small>{_text(', '.join(event.moment.actors))} · {event.id}</small></p>"
+        f'<article id="{event.id}"><h2>{_escape_for_html(event.event)}: {_escape_for_html(event.words)}</h2>'
+        f"<p>{_escape_for_html(log)}, {when} · severity {format_number(event.moment.severity, 3)} of 10{link}</p>"
+        f"<p><small>{_escape_for_html(', '.join(event.moment.actors))} · {event.id}</small></p>"
         f'<div class="figures">{figures}</div></article>\n'
     )
 
@@ -131,9 +131,9 @@ def _draw_events_of_log(
     try:
         with open_log(path) as log:
             evidence = EventEvidence(log)
-            return {each.id: _figures(_read_scene(evidence, each, margin_s)) for each in events}
+            return {each.id: _map_and_strips_html(_read_scene(evidence, each, margin_s)) for each in events}
     except CwcliError as error:
-        return {each.id: f"<p><small>Not drawn: {_text(error.what)}.</small></p>" for each in events}
+        return {each.id: f"<p><small>Not drawn: {_escape_for_html(error.what)}.</small></p>" for each in events}
 
 
 def _read_scene(evidence: EventEvidence, event: FoundEvent, margin_s: float) -> _Scene:
@@ -155,20 +155,20 @@ def _read_scene(evidence: EventEvidence, event: FoundEvent, margin_s: float) -> 
     return _Scene(time_s, is_inside, evidence.ego_state[rows, :3], pair.other_states[rows, :3], pair.distance_m[rows])
 
 
-def _figures(scene: _Scene) -> str:
+def _map_and_strips_html(scene: _Scene) -> str:
     """Return map and strips of an event."""
     if not len(scene.time_s):
         return "<p><small>Not drawn: the log holds no states at that time.</small></p>"
     speeds = [(scene.ego[:, 2], EGO_COLOUR)]
     if scene.other is not None:
         speeds.append((scene.other[:, 2], WARNING_COLOUR))
-    strips = _strip(scene, "speed [m/s]", speeds)
+    strips = _strip_svg(scene, "speed [m/s]", speeds)
     if scene.distance_m is not None:
-        strips += "<br/>" + _strip(scene, "distance of the centres [m]", [(scene.distance_m, "#333333")])
-    return f"{_map(scene)}<div>{strips}</div>"
+        strips += "<br/>" + _strip_svg(scene, "distance of the centres [m]", [(scene.distance_m, "#333333")])
+    return f"{_map_svg(scene)}<div>{strips}</div>"
 
 
-def _map(scene: _Scene) -> str:
+def _map_svg(scene: _Scene) -> str:
     """Return the map of an event as SVG, with equal scales."""
     tracks = [(scene.ego[:, :2], EGO_COLOUR)]
     if scene.other is not None:
@@ -183,18 +183,18 @@ def _map(scene: _Scene) -> str:
     parts = []
     for xy, colour in tracks:
         px = (xy - 0.5 * (low + high)) * (scale, -scale) + 0.5 * MAP_PX
-        parts.append(_line(px, colour, 1.5))
-        parts.append(_line(np.where(scene.is_inside[:, None], px, np.nan), colour, 4.5))
+        parts.append(_line_svg(px, colour, 1.5))
+        parts.append(_line_svg(np.where(scene.is_inside[:, None], px, np.nan), colour, 4.5))
         at = px[np.isfinite(px).all(axis=1)][-1:]
         parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}"/>' for x, y in at]
     bar_m = max((each for each in SCALE_BARS_M if each <= extent_m / 3.0), default=SCALE_BARS_M[0])
     y = MAP_PX - EDGE_PX
     parts.append(f'<path d="M{EDGE_PX} {y}h{bar_m * scale:.1f}" stroke="#555" stroke-width="2"/>')
     parts.append(f'<text x="{EDGE_PX}" y="{y - 4}">{bar_m} m</text>')
-    return _svg(MAP_PX, MAP_PX, "map of the event; dots are the ends of the tracks", "".join(parts))
+    return _drawing_svg(MAP_PX, MAP_PX, "map of the event; dots are the ends of the tracks", "".join(parts))
 
 
-def _strip(scene: _Scene, title: str, lines: Sequence[tuple[FloatArray, str]]) -> str:
+def _strip_svg(scene: _Scene, title: str, lines: Sequence[tuple[FloatArray, str]]) -> str:
     """Return values over time as SVG: title, greatest and least value, and the times of both ends."""
     values = np.concatenate([each for each, _ in lines])
     values = values[np.isfinite(values)]
@@ -216,21 +216,21 @@ def _strip(scene: _Scene, title: str, lines: Sequence[tuple[FloatArray, str]]) -
         )
     for each, colour in lines:
         y = bottom - (each - low) / max(high - low, 1e-9) * (bottom - top)
-        parts.append(_line(np.column_stack([x_of(scene.time_s), y]), colour, 2.0))
+        parts.append(_line_svg(np.column_stack([x_of(scene.time_s), y]), colour, 2.0))
     parts.append(f'<text x="{left}" y="12">{title}; time from the event\'s start [s]</text>')
     for y_px, value in ((top + 8, high), (bottom, low)):
         parts.append(f'<text x="{left - 4}" y="{y_px}" text-anchor="end">{round(value):d}</text>')
     parts.append(f'<text x="{left}" y="{STRIP_HEIGHT_PX - 3}">{begin:.1f}</text>')
     parts.append(f'<text x="{right}" y="{STRIP_HEIGHT_PX - 3}" text-anchor="end">{end:.1f}</text>')
-    return _svg(STRIP_WIDTH_PX, STRIP_HEIGHT_PX, f"{title} over time", "".join(parts))
+    return _drawing_svg(STRIP_WIDTH_PX, STRIP_HEIGHT_PX, f"{title} over time", "".join(parts))
 
 
-def _svg(width_px: int, height_px: int, label: str, content: str) -> str:
+def _drawing_svg(width_px: int, height_px: int, label: str, content: str) -> str:
     """Return a drawing."""
     return f'<svg width="{width_px}" height="{height_px}" role="img" aria-label="{label}">{content}</svg>'
 
 
-def _line(px: FloatArray, colour: str, width_px: float) -> str:
+def _line_svg(px: FloatArray, colour: str, width_px: float) -> str:
     """Return a line through points (n, 2), interrupted where one is not known."""
     known = np.asarray(np.isfinite(px).all(axis=1))
     starts = known & ~np.concatenate([[False], known[:-1]])

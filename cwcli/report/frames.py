@@ -78,7 +78,7 @@ def _iter_nearest_frames(log: Log, topic: str, wanted_ns: list[int]) -> Iterator
     if first is None:
         return
     if first.format.lower() in CODEC_OF_VIDEO_FORMAT:
-        decoded = decode_frames(_iter_with_first(first, frames), size_of=None, where=f"{log.name}: {topic}")
+        decoded = decode_frames(_iter_with_first(first, frames), wanted_size_of=None, where=f"{log.name}: {topic}")
         for wanted, picture in _iter_nearest_items(((each.stamp_ns, each) for each in decoded), wanted_ns):
             yield wanted, picture
         return

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.digest.drive import Drive, OtherTrack
 from cwcli.digest.encounters import DriveEncounters
 from cwcli.estimation.measurements import Kind
-from cwcli.measures.pair import ActualTrack, interpolate_track
+from cwcli.measures.pair import ActualTrack, interpolate_x_y_speed_heading
 from cwcli.report.decimate import first_row_per_grid_cell, simplified_track_row_indices
 from cwcli.report.drawing import (
     EGO_COLOUR,
@@ -223,7 +223,7 @@ def _warning_traces(drive: Drive, drive_encounters: DriveEncounters, ego: Actual
     if not shown:
         return []
     word = "warning " if len(shown) <= MAX_SPELLED_OUT_WARNINGS else ""
-    raised = interpolate_track(ego, np.array([each.raised_ns for each in shown], np.int64), gap_s)
+    raised = interpolate_x_y_speed_heading(ego, np.array([each.raised_ns for each in shown], np.int64), gap_s)
     traces = [
         {
             **marker_trace(
@@ -245,7 +245,8 @@ def _warning_traces(drive: Drive, drive_encounters: DriveEncounters, ego: Actual
     ]
     others = [(each, each.other) for each in shown if each.other is not None]
     at_warning = [
-        interpolate_track(other.track, np.array([each.raised_ns], np.int64), gap_s)[0] for each, other in others
+        interpolate_x_y_speed_heading(other.track, np.array([each.raised_ns], np.int64), gap_s)[0]
+        for each, other in others
     ]
     if at_warning:
         there = np.array(at_warning)
@@ -262,7 +263,7 @@ def _warning_traces(drive: Drive, drive_encounters: DriveEncounters, ego: Actual
         )
     nearest_ns = [each.verdict.closest_ns for each, _ in others if each.verdict and each.verdict.closest_ns >= 0]
     if nearest_ns:
-        nearest = interpolate_track(ego, np.array(nearest_ns, np.int64), gap_s)
+        nearest = interpolate_x_y_speed_heading(ego, np.array(nearest_ns, np.int64), gap_s)
         traces.append(
             marker_trace(
                 rounded_json_numbers(nearest[:, 0], 2),

@@ -40,7 +40,7 @@ def apply_low_pass_filter(values: FloatArray, step_s: float = FILTER_STEP_S) -> 
     return out
 
 
-def latch_heading_at_standstill(heading_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
+def heading_as_reported_frozen_at_standstill(heading_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
     """Return headings (n,) in rad as senders report them at these speeds (n,): frozen at standstill."""
     out = heading_rad.copy()
     is_latched = False

@@ -20,6 +20,11 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_FACTORS_BY_KIND, FieldMapping, Term
 from cwcli.signals.quality import BoolArray
 
+DbcMessage = Any
+"""A message of a DBC file, as cantools describes it."""
+DbcSignal = Any
+"""A signal of a DBC file, as cantools describes it."""
+
 MAX_FRAME_BYTES = 64
 """The largest number of data bytes in a frame (CAN FD)."""
 Octets = npt.NDArray[np.uint8]
@@ -81,7 +86,7 @@ def decode_can_signals_and_add_units(columns: Columns, mapping: FieldMapping) ->
     """
     names = {term.path.partition(".")[0] for term in mapping.terms}
     if len(names) > 1:
-        raise _mapping_error(
+        raise _error_about_mapping(
             columns, mapping, f"{' and '.join(sorted(names))} are different CAN messages: one --map for each"
         )
     message = _find_dbc_message(columns, mapping, names.pop())
@@ -89,7 +94,7 @@ def decode_can_signals_and_add_units(columns: Columns, mapping: FieldMapping) ->
     taken = [*signals, *(_find_multiplexer_signal(message, signal) for signal in signals if signal.multiplexer_ids)]
     for signal in taken:
         if signal.length > MAX_SIGNAL_BITS or (signal.is_float and signal.length not in FLOAT_TYPES_BY_BITS):
-            raise _mapping_error(
+            raise _error_about_mapping(
                 columns, mapping, f"the signal {signal.name} has {signal.length} bits, which is not read"
             )
     identifier, is_extended = read_numbers(columns, "id"), read_numbers(columns, "is_extended")
@@ -124,9 +129,9 @@ def decode_can_signals_and_add_units(columns: Columns, mapping: FieldMapping) ->
     return DecodedFrames(made, aside, counts, notes), replace(mapping, terms=terms)
 
 
-def _find_dbc_message(columns: Columns, mapping: FieldMapping, name: str) -> Any:
+def _find_dbc_message(columns: Columns, mapping: FieldMapping, name: str) -> DbcMessage:
     if not mapping.files:
-        raise _mapping_error(columns, mapping, "CAN frames need the file that describes them", "--dbc FILE")
+        raise _error_about_mapping(columns, mapping, "CAN frames need the file that describes them", "--dbc FILE")
     known: list[str] = []
     for file in mapping.files:
         for message in _load_dbc_file(file).messages:
@@ -134,7 +139,7 @@ def _find_dbc_message(columns: Columns, mapping: FieldMapping, name: str) -> Any
                 return message
             known.append(message.name)
     where = ", ".join(mapping.files)
-    raise _mapping_error(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
+    raise _error_about_mapping(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
 
 
 def list_dbc_signal_names(files: Sequence[str]) -> list[str]:
@@ -202,13 +207,13 @@ def _require_bounded_dbc(data: bytes, text: str) -> None:
         raise ValueError(what)
 
 
-def _find_dbc_signal(columns: Columns, mapping: FieldMapping, message: Any, term: Term) -> Any:
+def _find_dbc_signal(columns: Columns, mapping: FieldMapping, message: DbcMessage, term: Term) -> DbcSignal:
     name = term.path.partition(".")[2]
     for signal in message.signals:
         if signal.name == name:
             return signal
     known = ", ".join(signal.name for signal in message.signals)
-    raise _mapping_error(
+    raise _error_about_mapping(
         columns, mapping, f"the message {message.name} has no signal {name or '(none)'}", f"signals: {known}"
     )
 
@@ -230,7 +235,7 @@ def _frame_bytes_and_lengths(columns: Columns) -> tuple[Octets, FloatArray]:
     return out, np.where(np.isnan(length), counts, np.minimum(length, counts))
 
 
-def _bit_positions(signal: Any) -> list[int]:
+def _bit_positions_of_signal(signal: DbcSignal) -> list[int]:
     """Return the positions of a signal's bits, most significant first: 8 * byte + bit, the bit counted from the least
     significant."""
     if signal.byte_order == "little_endian":
@@ -243,12 +248,12 @@ def _bit_positions(signal: Any) -> list[int]:
 
 
 def _count_bytes_needed(signals: Sequence[Any]) -> int:
-    return max(max(_bit_positions(signal)) for signal in signals) // 8 + 1
+    return max(max(_bit_positions_of_signal(signal)) for signal in signals) // 8 + 1
 
 
-def _raw_signal_values(octets: Octets, signal: Any) -> Any:
+def _raw_signal_values(octets: Octets, signal: DbcSignal) -> Any:
     """Return the raw numbers of a signal, (n,)."""
-    bits = np.unpackbits(octets, axis=1, bitorder="little")[:, _bit_positions(signal)].astype(np.uint64)
+    bits = np.unpackbits(octets, axis=1, bitorder="little")[:, _bit_positions_of_signal(signal)].astype(np.uint64)
     raw = np.zeros(len(octets), np.uint64)
     for column in bits.T:
         raw = (raw << np.uint64(1)) | column
@@ -261,7 +266,7 @@ def _raw_signal_values(octets: Octets, signal: Any) -> Any:
     return (raw << shift).view(np.int64) >> np.int64(64 - signal.length)
 
 
-def _find_multiplexer_signal(message: Any, signal: Any) -> Any:
+def _find_multiplexer_signal(message: DbcMessage, signal: DbcSignal) -> DbcSignal:
     """Return the signal that says whether a multiplexed one is in a frame."""
     selector = next(each for each in message.signals if each.name == signal.multiplexer_signal)
     if selector.multiplexer_ids:
@@ -270,7 +275,7 @@ def _find_multiplexer_signal(message: Any, signal: Any) -> Any:
 
 
 def _decode_physical_values(
-    octets: Octets, message: Any, signals: Sequence[Any]
+    octets: Octets, message: DbcMessage, signals: Sequence[Any]
 ) -> tuple[list[FloatArray], BoolArray, dict[str, BoolArray]]:
     """Decode physical values; return them, which frames hold all signals, and by reason which frames have no value."""
     n = len(octets)
@@ -310,7 +315,7 @@ def _terms_with_dbc_units(
             continue
         if name not in UNIT_FACTORS_BY_KIND[kind]:
             what = f"the unit of {term.path} is {unit!r}, which is not one of {kind}"
-            raise _mapping_error(
+            raise _error_about_mapping(
                 columns, mapping, what, f"give one: {term.path}* and one of {', '.join(UNIT_FACTORS_BY_KIND[kind])}"
             )
         terms.append(replace(term, factor=term.factor * UNIT_FACTORS_BY_KIND[kind][name]))
@@ -318,11 +323,11 @@ def _terms_with_dbc_units(
     return tuple(terms), tuple(notes)
 
 
-def _mapping_error(columns: Columns, mapping: FieldMapping, what: str, hint: str = "") -> UsageError:
-    return UsageError(f"--map {mapping.role}={mapping.text}: {what}", where=columns.topic, hint=hint)
+def _error_about_mapping(columns: Columns, mapping: FieldMapping, fault: str, hint: str = "") -> UsageError:
+    return UsageError(f"--map {mapping.role}={mapping.text}: {fault}", where=columns.topic, hint=hint)
 
 
-def load_dbc_messages(files: Sequence[str]) -> list[Any]:
+def load_dbc_messages(files: Sequence[str]) -> list[DbcMessage]:
     """Return the messages of DBC files, in the order of the files, as cantools describes them.
 
     Raises:
@@ -331,7 +336,7 @@ def load_dbc_messages(files: Sequence[str]) -> list[Any]:
     return [message for file in files for message in _load_dbc_file(file).messages]
 
 
-def decode_all_signals(octets: Octets, n_octets: FloatArray | Int64Array, message: Any) -> dict[str, FloatArray]:
+def decode_all_signals(octets: Octets, n_octets: FloatArray | Int64Array, message: DbcMessage) -> dict[str, FloatArray]:
     """Return the physical values of each signal of a message, NaN in frames that do not hold it.
 
     Args:

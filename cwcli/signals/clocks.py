@@ -1,7 +1,7 @@
 """Clocks: from the stamps that messages carry to one increasing time per row, with every repair counted.
 
 Before any channel is looked at, the few messages of the log that were logged far from all others (a clock that was not
-set yet, a broken record) are taken out: `log_time_span_without_strays`.
+set yet, a broken record) are taken out: `first_and_last_log_time_without_strays`.
 
 The rules, in order, for the rows of one sender (docs/signals.md has the table):
 
@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FirstAndLastNs, FloatArray, Int64Array
 from cwcli.signals.quality import S_PER_NS, BoolArray, Gap, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
@@ -141,7 +141,7 @@ def repair_and_order_times(
     return Timeline(rows=rows, stamp_ns=stamps)
 
 
-def log_time_span_without_strays(log_time_ns: Sequence[Int64Array]) -> tuple[int, int]:
+def first_and_last_log_time_without_strays(log_time_ns: Sequence[Int64Array]) -> FirstAndLastNs:
     """Return the first and last log time (ns) of a log without its strays.
 
     A stray is a message before or after all others, alone or with a few more, and far away: see
@@ -350,8 +350,8 @@ def _stack_value_columns(values: Sequence[FloatArray], n_rows: int) -> FloatArra
     return np.concatenate(columns, axis=1).astype(np.float64)
 
 
-def _equal_rows_mask(a: FloatArray, b: FloatArray) -> BoolArray:
-    same: BoolArray = np.all((a == b) | (np.isnan(a) & np.isnan(b)), axis=1)
+def _equal_rows_mask(first_rows: FloatArray, second_rows: FloatArray) -> BoolArray:
+    same: BoolArray = np.all((first_rows == second_rows) | (np.isnan(first_rows) & np.isnan(second_rows)), axis=1)
     return same
 
 

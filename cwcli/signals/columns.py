@@ -18,6 +18,28 @@ from cwcli.lazy_dataclass import dataclass
 Int64Array = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
 NumericArray = npt.NDArray[np.generic]
+StateRows = FloatArray
+"""Vehicle states, shape (n, 8), in the order of `vehicle_state.STATE_NAMES`."""
+StateCovariances = FloatArray
+"""Covariances of vehicle states, shape (n, 8, 8)."""
+StateCovariance = FloatArray
+"""One covariance of a vehicle state, shape (8, 8)."""
+ValueRows = FloatArray
+"""Values of one quantity, shape (n, d): one row per sample, one column per component."""
+AccelGyroRows = FloatArray
+"""Samples of an IMU, shape (n, 6): specific force along x, y, z and turn rates about them."""
+EastNorthRows = FloatArray
+"""Places or displacements on the map, shape (n, 2): east and north, m."""
+StampsNsAndIsGiven = tuple[Int64Array, npt.NDArray[np.bool_]]
+"""Stamps in ns since 1970 and whether each message has a usable one, (n,) each."""
+LatLonAltColumns = tuple[FloatArray, FloatArray, FloatArray]
+"""Latitude and longitude in degrees and altitude in m above the ellipsoid, (n,) each."""
+EastNorthUpColumns = tuple[FloatArray, FloatArray, FloatArray]
+"""Places on the map in m to the east, north and up, (n,) each."""
+LatLonAlt = tuple[float, float, float]
+"""Latitude and longitude in degrees and altitude in m above the ellipsoid."""
+FirstAndLastNs = tuple[int, int]
+"""The first and the last time of a span, ns since 1970."""
 T = TypeVar("T")
 
 
@@ -80,7 +102,7 @@ def encode_strings(rows: Iterable[str]) -> Strings:
     return Strings(codes=codes, values=tuple(index))
 
 
-def number_by_first_appearance(keys: NumericArray) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.intp]]:
+def key_numbers_and_rows_of_first_appearance(keys: NumericArray) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.intp]]:
     """Number the distinct keys of n rows, m in all, in order of first appearance.
 
     Returns:
@@ -212,13 +234,15 @@ def select_table_rows(table: T, rows: npt.NDArray[np.generic] | slice, *, shared
         rows: Numbers of rows, a mask (n,), or a slice.
         shared: Names of the columns that do not hold one value per row.
     """
-    columns = {name: column if name in shared else _select(column, rows) for name, column in vars(table).items()}
+    columns = {
+        name: column if name in shared else _select_rows_if_column(column, rows) for name, column in vars(table).items()
+    }
     kind: Any = type(table)
     selected: T = kind(**columns)
     return selected
 
 
-def _select(column: Any, rows: Any) -> Any:
+def _select_rows_if_column(column: Any, rows: Any) -> Any:
     if isinstance(column, np.ndarray):
         return column[rows]
     return column.select_rows(rows) if hasattr(column, "select_rows") else column

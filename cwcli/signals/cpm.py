@@ -17,7 +17,7 @@ from cwcli.signals.etsi import UNTRUSTED_POSITION_REASON
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
-from cwcli.signals.v2x_elements import decode_element, decode_enumeration
+from cwcli.signals.v2x_elements import decode_codes_to_values, decode_enumeration
 from cwcli.signals.v2x_tables import load_message_table, ros_leaf_path, ros_presence_paths
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_timestamp_its
 
@@ -79,7 +79,7 @@ LEAF_FIELDS = (
 
 def read_ros_objects(columns: Columns) -> Objects:
     """Read the objects of a ROS channel; a leaf that is there more or less often than the times is not used."""
-    counts, rows = perceived.count_objects(columns, ROS_OBJECT_PATHS["delta_time_ms"])
+    counts, rows = perceived.object_counts_and_message_of_each_object(columns, ROS_OBJECT_PATHS["delta_time_ms"])
     if not len(rows):
         return ()
     values = {name: read_numbers(columns, *paths)[rows] for name, paths in ROS_SENDER_PATHS.items()}
@@ -104,7 +104,7 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     A confidence of "out of range" takes its value away, and that of a position the object.
     """
     raw = {name: read_numbers(columns, name) for name in ELEMENTS}
-    value = {name: decode_element(element, raw[name], ledger) for name, element in ELEMENTS.items()}
+    value = {name: decode_codes_to_values(element, raw[name], ledger) for name, element in ELEMENTS.items()}
     untrusted = np.zeros(len(columns), np.bool_)
     for name in ("east_95_m", "north_95_m", "semi_major_m", "semi_minor_m"):
         untrusted |= np.isin(raw[name], ELEMENTS[name].out_of_range)
@@ -177,20 +177,22 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     )
 
 
-def _velocity_and_sigmas(value: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _velocity_and_sigmas(
+    values_by_quantity: dict[str, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return east and north velocity (m/s) and the sigmas of speed (m/s) and direction (rad), (m,) each, from either
     form."""
-    polar = np.deg2rad(value["direction_deg"])
-    is_polar = np.isfinite(value["speed_mps"] + polar)
-    east = np.where(is_polar, value["speed_mps"] * np.cos(polar), value["east_mps"])
-    north = np.where(is_polar, value["speed_mps"] * np.sin(polar), value["north_mps"])
+    polar = np.deg2rad(values_by_quantity["direction_deg"])
+    is_polar = np.isfinite(values_by_quantity["speed_mps"] + polar)
+    east = np.where(is_polar, values_by_quantity["speed_mps"] * np.cos(polar), values_by_quantity["east_mps"])
+    north = np.where(is_polar, values_by_quantity["speed_mps"] * np.sin(polar), values_by_quantity["north_mps"])
     speed = np.hypot(east, north)
     with np.errstate(divide="ignore", invalid="ignore"):
         cos, sin = east / speed, north / speed
-        along = np.hypot(cos * value["east_95_mps"], sin * value["north_95_mps"])
-        across = np.hypot(sin * value["east_95_mps"], cos * value["north_95_mps"]) / speed
-    speed_95 = np.where(is_polar, value["speed_95_mps"], along)
-    direction_95 = np.where(is_polar, np.deg2rad(value["direction_95_deg"]), across)
+        along = np.hypot(cos * values_by_quantity["east_95_mps"], sin * values_by_quantity["north_95_mps"])
+        across = np.hypot(sin * values_by_quantity["east_95_mps"], cos * values_by_quantity["north_95_mps"]) / speed
+    speed_95 = np.where(is_polar, values_by_quantity["speed_95_mps"], along)
+    direction_95 = np.where(is_polar, np.deg2rad(values_by_quantity["direction_95_deg"]), across)
     return east, north, speed_95 / SIGMAS_PER_95_PERCENT, direction_95 / SIGMAS_PER_95_PERCENT
 
 

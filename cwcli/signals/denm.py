@@ -14,7 +14,7 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, empty_remote_rows
-from cwcli.signals.v2x_elements import decode_element, decode_enumeration, decode_identifier_codes
+from cwcli.signals.v2x_elements import decode_codes_to_values, decode_enumeration, decode_identifier_codes
 from cwcli.signals.v2x_tables import (
     load_message_table,
     ros_leaf_fields_of_components,
@@ -71,7 +71,7 @@ LEAF_FIELDS = ros_leaf_fields_of_components(DENM_PATHS)
 """The leaf fields of the ROS message that are read."""
 
 
-def read_ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_ros_events_and_unreadable_mask(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the events of a ROS channel; invalid codes are counted where the channel is decoded."""
     return events_from_codes(_read_codes(columns), columns.log_time_ns), np.zeros(len(columns), np.bool_)
 
@@ -105,8 +105,8 @@ def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Ro
         ),
         cause=raw["cause"],
         sub_cause=raw["sub_cause"],
-        latitude_deg=decode_element(_TABLE.elements["latitude_deg"], raw["latitude_deg"]),
-        longitude_deg=decode_element(_TABLE.elements["longitude_deg"], raw["longitude_deg"]),
+        latitude_deg=decode_codes_to_values(_TABLE.elements["latitude_deg"], raw["latitude_deg"]),
+        longitude_deg=decode_codes_to_values(_TABLE.elements["longitude_deg"], raw["longitude_deg"]),
         relevance_m=decode_enumeration(RELEVANCE_DISTANCE_M_BY_CODE, raw["relevance"]),
     )
 
@@ -145,7 +145,7 @@ def format_event_counts_notice(events: RoadEvents) -> str:
 def _set_all_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
     raw = _read_codes(columns, ledger)
     for name in _PLACE_QUANTITIES:
-        decode_element(_TABLE.elements[name], raw[name], ledger)
+        decode_codes_to_values(_TABLE.elements[name], raw[name], ledger)
     ledger.count_repaired(np.isnan(raw["reference_time_ms"]), NO_TIME_REASON)
     said = format_event_counts_notice(events_from_codes(raw, columns.log_time_ns))
     if said:
@@ -154,5 +154,5 @@ def _set_all_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
     return empty_remote_rows(len(columns))
 
 
-ROS_DENM = V2xCodec(unknown_senders, _set_all_messages_aside, events=read_ros_events)
+ROS_DENM = V2xCodec(unknown_senders, _set_all_messages_aside, events=read_ros_events_and_unreadable_mask)
 """The codec of a ROS channel of DENMs."""

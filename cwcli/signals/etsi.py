@@ -17,7 +17,7 @@ from cwcli.signals.covariances import (
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
-from cwcli.signals.v2x_elements import decode_element, decode_enumeration, read_station_ids
+from cwcli.signals.v2x_elements import decode_codes_to_values, decode_enumeration, read_station_ids
 from cwcli.signals.v2x_tables import (
     load_message_table,
     ros_leaf_fields_of_components,
@@ -87,7 +87,7 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
         Decoded rows.
     """
     raw = {name: read_numbers(columns, *leaves) for name, leaves in _LEAF_PATHS.items() if name != "station"}
-    value = {name: decode_element(element, raw[name], ledger) for name, element in ELEMENTS.items()}
+    value = {name: decode_codes_to_values(element, raw[name], ledger) for name, element in ELEMENTS.items()}
     read_station_ids(columns, *STATION_ID_PATHS, ledger=ledger)
 
     for name, confidence in (

@@ -147,7 +147,7 @@ def meets_condition(value: object, condition: Condition) -> bool | None:
     return _compare_with_number(value, condition.sign, asked)
 
 
-def _compare_with_number(value: object, sign: str, asked: float) -> bool | None:
+def _compare_with_number(value: object, sign: str, number: float) -> bool | None:
     if isinstance(value, str):
         spelled = value.strip()
         if not _NUMBER_PATTERN.fullmatch(spelled):
@@ -155,7 +155,7 @@ def _compare_with_number(value: object, sign: str, asked: float) -> bool | None:
         value = float(spelled)
     if not isinstance(value, int | float):  # a list, or an object
         return None
-    return COMPARISONS_BY_SIGN[sign](value, asked)
+    return COMPARISONS_BY_SIGN[sign](value, number)
 
 
 def _truth_value_or_none(value: object) -> bool | None:
@@ -178,41 +178,41 @@ class _Parser:
         begin = self.at
         path: list[str | int | Condition] = [self._parse_field_name()]
         while True:
-            kind, token = self._peek_token()
+            kind, token = self._peek_token_kind_and_text()
             if kind == "sign":
                 break
             if token == ".":
-                self._take_token()
+                self._take_token_kind_and_text()
                 path.append(self._parse_field_name())
             elif token == "[":
-                self._take_token()
+                self._take_token_kind_and_text()
                 path.append(self._parse_index_or_condition())
             else:
                 raise self.syntax_error(f"`.`, `[` or one of {' '.join(COMPARISONS_BY_SIGN)}")
             self.n_steps += 1
             if self.n_steps > MAX_CONDITION_STEPS:
                 raise UsageError(f"the condition has more than {MAX_CONDITION_STEPS} steps: {self.text[:40]}...")
-        _, sign = self._take_token()
+        _, sign = self._take_token_kind_and_text()
         value = self._parse_value(sign)
         return Condition(tuple(path), sign, value, self.text[begin : self.at].strip())
 
     def _parse_index_or_condition(self) -> int | Condition:
-        kind, token = self._peek_token()
+        kind, token = self._peek_token_kind_and_text()
         if kind == "index":
-            self._take_token()
+            self._take_token_kind_and_text()
             chosen: int | Condition = int(token)
         else:
             chosen = self.parse_condition()
-        if self._peek_token()[1] != "]":
+        if self._peek_token_kind_and_text()[1] != "]":
             raise self.syntax_error("`]`")
-        self._take_token()
+        self._take_token_kind_and_text()
         return chosen
 
     def _parse_field_name(self) -> str:
-        kind, token = self._peek_token()
+        kind, token = self._peek_token_kind_and_text()
         if kind != "name":
             raise self.syntax_error("the name of a field")
-        self._take_token()
+        self._take_token_kind_and_text()
         return token
 
     def _parse_value(self, sign: str) -> Value:
@@ -233,13 +233,13 @@ class _Parser:
             raise self.syntax_error(f"a number behind `{sign}`")
         return value
 
-    def _peek_token(self) -> tuple[str, str]:
+    def _peek_token_kind_and_text(self) -> tuple[str, str]:
         match = _TOKEN_PATTERN.match(self.text, self.at)
         if match is None or match.lastgroup is None:
             return "end", ""
         return match.lastgroup, match[match.lastgroup]
 
-    def _take_token(self) -> tuple[str, str]:
+    def _take_token_kind_and_text(self) -> tuple[str, str]:
         match = _TOKEN_PATTERN.match(self.text, self.at)
         assert match is not None and match.lastgroup is not None
         self.at = match.end()

@@ -14,7 +14,7 @@ import numpy as np
 
 from cwcli.errors import UsageError
 from cwcli.kernels.geodesy import TangentPlane
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import EastNorthUpColumns, FloatArray, LatLonAlt, LatLonAltColumns
 
 
 class LocalMap:
@@ -48,9 +48,7 @@ class LocalMap:
     def _tangent_plane(self) -> TangentPlane:
         return TangentPlane(self.origin_lat_deg, self.origin_lon_deg, self.origin_alt_m)
 
-    def map_from_wgs84(
-        self, lat_deg: FloatArray, lon_deg: FloatArray, alt_m: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def map_from_wgs84(self, lat_deg: FloatArray, lon_deg: FloatArray, alt_m: FloatArray) -> EastNorthUpColumns:
         """Place WGS84 positions on the map.
 
         Args:
@@ -66,9 +64,7 @@ class LocalMap:
         )
         return x_m, y_m, np.where(has_alt, z_m, np.nan)
 
-    def wgs84_from_map(
-        self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def wgs84_from_map(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> LatLonAltColumns:
         """The inverse of `map_from_wgs84`.
 
         Args:
@@ -82,17 +78,27 @@ class LocalMap:
         return lat_deg, lon_deg, np.where(has_z, alt_m, np.nan)
 
     def _transform_points(
-        self, a: FloatArray, b: FloatArray, c: FloatArray, *, inverse: bool
+        self,
+        first_coordinate: FloatArray,
+        second_coordinate: FloatArray,
+        third_coordinate: FloatArray,
+        *,
+        inverse: bool,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        a, b, c = (np.array(values, dtype=np.float64) for values in np.broadcast_arrays(a, b, c))
-        is_finite = np.isfinite(a) & np.isfinite(b)
+        first_coordinate, second_coordinate, third_coordinate = (
+            np.array(values, dtype=np.float64)
+            for values in np.broadcast_arrays(first_coordinate, second_coordinate, third_coordinate)
+        )
+        is_finite = np.isfinite(first_coordinate) & np.isfinite(second_coordinate)
         transform = self._tangent_plane.inverse if inverse else self._tangent_plane.forward
-        result = transform(a.reshape(-1), b.reshape(-1), c.reshape(-1)).reshape(3, *a.shape)
+        result = transform(
+            first_coordinate.reshape(-1), second_coordinate.reshape(-1), third_coordinate.reshape(-1)
+        ).reshape(3, *first_coordinate.shape)
         first, second, third = (np.where(is_finite, values, np.nan) for values in result)
         return first, second, third
 
 
-def parse_truth_origin(text: str) -> tuple[float, float, float]:
+def parse_truth_origin(text: str) -> LatLonAlt:
     """Parse `LAT,LON,ALT` in degrees and metres.
 
     Raises:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, StampsNsAndIsGiven
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 
@@ -35,9 +35,9 @@ WEEK_ROLLOVER_REASON = "GPS week rolled over, moved by 1024 weeks"
 """The reason for a repair: a stamp is moved by whole rollovers of the week number."""
 
 
-def utc_ns_from_gps_weeks(
+def utc_ns_and_is_time_from_gps_weeks(
     ledger: RowLedger, week: FloatArray, time_of_week_ms: FloatArray, is_wanted: BoolArray
-) -> tuple[Int64Array, BoolArray]:
+) -> StampsNsAndIsGiven:
     """Return UTC (ns) of GPS weeks and times of week, with the week number's rollover undone.
 
     Args:
@@ -66,9 +66,9 @@ def utc_ns_from_gps_ns(gps_ns: Int64Array) -> Int64Array:
     return utc_ns
 
 
-def utc_ns_from_date(
+def utc_ns_and_is_time_from_date(
     year: FloatArray, month: FloatArray, day: FloatArray, seconds_of_day: FloatArray, nano: FloatArray
-) -> tuple[Int64Array, BoolArray]:
+) -> StampsNsAndIsGiven:
     """Return UTC (ns) of a calendar date, whole seconds of the day, and a fraction that may be negative.
 
     Args:

@@ -64,7 +64,7 @@ _CALIBRATION_PATHS = ("width", "height", "distortion_model", "d", "k", "r", "p",
 """The leaf paths of a camera's calibration."""
 
 
-def _foxglove_schemas(*names: str) -> tuple[str, ...]:
+def _schema_names_of_foxglove_messages(*names: str) -> tuple[str, ...]:
     """Return the schemas of foxglove messages in protobuf and JSON, and in CDR."""
     return tuple(f"{package}{name}" for package in ("foxglove.", "foxglove_msgs/") for name in names)
 
@@ -164,7 +164,7 @@ SCHEMAS_BY_RADIO_FORMAT: dict[str, str] = {
 
 _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     "sensor_msgs/NavSatFix": _fix_inputs(ros_leaf_fields("status.status", *_FIX_PATHS)),
-    **dict.fromkeys(_foxglove_schemas("LocationFix"), _fix_inputs(foxglove_leaf_fields(*_FIX_PATHS))),
+    **dict.fromkeys(_schema_names_of_foxglove_messages("LocationFix"), _fix_inputs(foxglove_leaf_fields(*_FIX_PATHS))),
     "sensor_msgs/Imu": _imu_inputs(),
     "geometry_msgs/TwistStamped": _twist_inputs(ros_leaf_fields(*_TWIST_PATHS)),
     "geometry_msgs/TwistWithCovarianceStamped": _twist_inputs(
@@ -190,7 +190,9 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     # a localisation publishes it beside its odometry
     "geometry_msgs/PoseWithCovarianceStamped": _pose_inputs(ros_leaf_fields(*_POSE_COVARIANCE_PATHS), after=1),
     "nav_msgs/Odometry": _odometry_inputs(),
-    **dict.fromkeys(_foxglove_schemas("PoseInFrame"), _pose_inputs(foxglove_leaf_fields(*_POSE_PATHS))),
+    **dict.fromkeys(
+        _schema_names_of_foxglove_messages("PoseInFrame"), _pose_inputs(foxglove_leaf_fields(*_POSE_PATHS))
+    ),
     **dict.fromkeys(
         ("autoware_vehicle_msgs/VelocityReport", "autoware_auto_vehicle_msgs/VelocityReport"),
         inputs_of_message(
@@ -241,7 +243,7 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     **dict.fromkeys(
         (
             *("sensor_msgs/CompressedImage", "sensor_msgs/Image"),
-            *_foxglove_schemas("CompressedImage", "RawImage", "CompressedVideo"),
+            *_schema_names_of_foxglove_messages("CompressedImage", "RawImage", "CompressedVideo"),
         ),
         (Input(Role.CAMERA, {}, None),),  # streamed frame by frame
     ),
@@ -249,7 +251,7 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
         ros_leaf_fields(*_CALIBRATION_PATHS), camera_info="camera.build_camera_info"
     ),
     **dict.fromkeys(
-        _foxglove_schemas("CameraCalibration"),
+        _schema_names_of_foxglove_messages("CameraCalibration"),
         inputs_of_message(foxglove_leaf_fields(*_CALIBRATION_PATHS), camera_info="camera.build_camera_info"),
     ),
     **RECEIVER_INPUTS,

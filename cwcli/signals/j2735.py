@@ -20,7 +20,7 @@ from cwcli.signals.leaf_fields import accepted_text_mask, numbers_to_bit_flags, 
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
-from cwcli.signals.v2x_elements import decode_element, validate_decoded
+from cwcli.signals.v2x_elements import decode_codes_to_values, nan_unless_a_code_could_express
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
 
@@ -159,17 +159,20 @@ def read_carma_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents,
     )
 
 
-def _decode_event_place(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    return {name: decode_element(ELEMENTS[name], raw) if name in ELEMENTS else raw for name, raw in value.items()}
+def _decode_event_place(raw_by_quantity: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    return {
+        name: decode_codes_to_values(ELEMENTS[name], raw) if name in ELEMENTS else raw
+        for name, raw in raw_by_quantity.items()
+    }
 
 
 def _make_flag_events_and_unreadable(
-    columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, value: dict[str, FloatArray]
+    columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, values_by_quantity: dict[str, FloatArray]
 ) -> tuple[RoadEvents, BoolArray]:
     """Build one event for each flag, at its message's time (log time where it has none) and place (degrees)."""
-    stamp_ns, has_time = stamp_and_validity_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
+    stamp_ns, has_time = stamp_and_validity_from_dsecond(values_by_quantity["dsecond_ms"], columns.log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, columns.log_time_ns)
-    place = value["latitude_deg"], value["longitude_deg"]
+    place = values_by_quantity["latitude_deg"], values_by_quantity["longitude_deg"]
     codes, is_unread = flags
     return bsm_flags.events_from_flag_bits(codes, station, stamp_ns, columns.log_time_ns, *place), is_unread
 
@@ -185,48 +188,49 @@ def _decode_ode_units(columns: Columns, ledger: RowLedger, prefix: str) -> Remot
 
 def _decode_raw_codes(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
     value = {
-        name: decode_element(element, read_numbers(columns, paths[name]), ledger) for name, element in ELEMENTS.items()
+        name: decode_codes_to_values(element, read_numbers(columns, paths[name]), ledger)
+        for name, element in ELEMENTS.items()
     }
     value["dsecond_ms"] = read_numbers(columns, paths["dsecond_ms"])
     return _make_remote_rows(columns, ledger, value, paths, prefix)
 
 
-def _validate_decoded_values(value: dict[str, FloatArray], ledger: RowLedger) -> dict[str, FloatArray]:
+def _validate_decoded_values(values_by_quantity: dict[str, FloatArray], ledger: RowLedger) -> dict[str, FloatArray]:
     """Return decoded values with cwcli's signs; those outside the standard's range become NaN and are counted."""
     return {
-        name: validate_decoded(ELEMENTS[name], array, ledger) if name in ELEMENTS else array
-        for name, array in value.items()
+        name: nan_unless_a_code_could_express(ELEMENTS[name], array, ledger) if name in ELEMENTS else array
+        for name, array in values_by_quantity.items()
     }
 
 
 def _make_remote_rows(
-    columns: Columns, ledger: RowLedger, value: dict[str, FloatArray], paths: dict[str, str], prefix: str
+    columns: Columns, ledger: RowLedger, values_by_quantity: dict[str, FloatArray], paths: dict[str, str], prefix: str
 ) -> RemoteRows:
     """Build the canonical rows from values in degrees and metres with cwcli's signs."""
     n_rows = len(columns)
     nothing = np.full(n_rows, np.nan)
     count = read_numbers(columns, paths["count"])
-    stamp_ns, has_time = stamp_and_validity_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
-    yaw_unfilled = _is_unfilled_yaw_rate(value, _read_stations(columns, paths["station"])) & ledger.keep
+    stamp_ns, has_time = stamp_and_validity_from_dsecond(values_by_quantity["dsecond_ms"], columns.log_time_ns)
+    yaw_unfilled = _unfilled_yaw_rate_mask(values_by_quantity, _read_stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
         ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that counts as not measured")
-    speed_mps = value["speed_mps"]
+    speed_mps = values_by_quantity["speed_mps"]
     return RemoteRows(
         stamp_ns=message_time_or_log_time(ledger, stamp_ns, has_time),
-        latitude_deg=value["latitude_deg"],
-        longitude_deg=value["longitude_deg"],
-        altitude_m=value["altitude_m"],
-        speed_mps=np.where(_is_reverse_gear(columns, paths["transmission"], prefix), -speed_mps, speed_mps),
-        heading_rad=heading_from_compass_deg(value["heading_compass_deg"]),
-        accel_mps2=value["accel_mps2"],
-        lateral_accel_mps2=value["lateral_accel_mps2"],
-        yaw_rate_radps=np.deg2rad(np.where(yaw_unfilled, np.nan, value["yaw_rate_degps"])),
-        length_m=value["length_m"],
-        width_m=value["width_m"],
+        latitude_deg=values_by_quantity["latitude_deg"],
+        longitude_deg=values_by_quantity["longitude_deg"],
+        altitude_m=values_by_quantity["altitude_m"],
+        speed_mps=np.where(_reverse_gear_mask(columns, paths["transmission"], prefix), -speed_mps, speed_mps),
+        heading_rad=heading_from_compass_deg(values_by_quantity["heading_compass_deg"]),
+        accel_mps2=values_by_quantity["accel_mps2"],
+        lateral_accel_mps2=values_by_quantity["lateral_accel_mps2"],
+        yaw_rate_radps=np.deg2rad(np.where(yaw_unfilled, np.nan, values_by_quantity["yaw_rate_degps"])),
+        length_m=values_by_quantity["length_m"],
+        width_m=values_by_quantity["width_m"],
         position_covariance_m2=covariance_from_ellipse(
-            np.maximum(value["semi_major_m"], MIN_SEMI_AXIS_M),
-            np.maximum(value["semi_minor_m"], MIN_SEMI_AXIS_M),
-            value["semi_major_compass_deg"],
+            np.maximum(values_by_quantity["semi_major_m"], MIN_SEMI_AXIS_M),
+            np.maximum(values_by_quantity["semi_minor_m"], MIN_SEMI_AXIS_M),
+            values_by_quantity["semi_major_compass_deg"],
         ),
         speed_sigma_mps=nothing,
         heading_sigma_rad=nothing,
@@ -248,14 +252,14 @@ def _read_stations(columns: Columns, *paths: str) -> Strings:
     return read_texts(columns, *paths) or absent_strings(len(columns))
 
 
-def _is_unfilled_yaw_rate(value: dict[str, FloatArray], station: Strings) -> BoolArray:
+def _unfilled_yaw_rate_mask(values_by_quantity: dict[str, FloatArray], station: Strings) -> BoolArray:
     """Return where a yaw rate of 0 means that it is not measured.
 
     J2735 has no code for an unavailable yaw rate, and senders without a gyroscope send 0: a station that never sends
     anything else, or a message that has no acceleration either.
     """
-    is_zero = value["yaw_rate_degps"] == 0.0
-    has_no_accel = np.isnan(value["accel_mps2"]) & np.isnan(value["lateral_accel_mps2"])
+    is_zero = values_by_quantity["yaw_rate_degps"] == 0.0
+    has_no_accel = np.isnan(values_by_quantity["accel_mps2"]) & np.isnan(values_by_quantity["lateral_accel_mps2"])
     n_other = np.bincount(station.codes + 1, weights=~is_zero, minlength=len(station.values) + 1)
     n_zero = np.bincount(station.codes + 1, weights=is_zero, minlength=len(station.values) + 1)
     never_fills = (n_other == 0) & (n_zero > 1)
@@ -263,7 +267,7 @@ def _is_unfilled_yaw_rate(value: dict[str, FloatArray], station: Strings) -> Boo
     return unfilled
 
 
-def _is_reverse_gear(columns: Columns, path: str, prefix: str) -> BoolArray:
+def _reverse_gear_mask(columns: Columns, path: str, prefix: str) -> BoolArray:
     """Return where the gear is reverse: as a name, as the number 3, or as an object with that name."""
     is_named = accepted_text_mask(read_texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS_CODE))
     as_object = read_texts(columns, *(prefix + leaf for leaf in REVERSE_GEAR_OBJECT_PATHS))

@@ -40,6 +40,15 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
+ArcCoefficients = FloatArray
+"""Coefficients of arcs on the road, shape (..., 3), as for `lateral_positions_of_arcs_m`."""
+LeftRightArcs = FloatArray
+"""Coefficients of the left and the right line of each lane, shape (n, 2, 3)."""
+FarNearBendSpiral = FloatArray
+"""Image curves x = far + near h + bend / h + spiral / h^2, shape (..., 4), with h in rows below the horizon."""
+YDirectionCurvature = FloatArray
+"""Place to the left (m), direction (rad) and curvature (1/m) at a distance ahead, shape (..., 3)."""
+
 LINE_END_DIRECTION_SINE = 0.97
 """The sine of the direction (1) at which a drawn line ends, because it turns back there; chosen by hand."""
 MIN_INNER_RADIUS_SHARE = 0.2
@@ -55,7 +64,7 @@ class Pinhole(NamedTuple):
     focal_length_ratio: float
 
 
-def arc_parameters_of_parallel_line(
+def far_near_bend_spiral_of_parallel_line(
     far_px: float, near: float, bend_px2: float, spiral_px3: float, pinhole: Pinhole
 ) -> tuple[float, float, float, float]:
     """Return far, near, bend and spiral of the parallel line with this `near`, from those of the line through y = 0.
@@ -76,30 +85,39 @@ def arc_parameters_of_parallel_line(
     return pinhole.centre_px + pinhole.focal_px * start / own_cosine, near, bend, spiral
 
 
-def image_columns_of_arcs(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: FloatArray) -> FloatArray:
+def image_columns_of_arcs(
+    far_near_bend_spiral: FarNearBendSpiral,
+    rows_below_horizon: FloatArray,
+    centre_column: FloatArray,
+    focal_px: FloatArray,
+) -> FloatArray:
     """Return the image columns (px) of arcs, each given by the polynomial that touches it beside the camera.
 
     Args:
-        roads: Shape (..., 4): far, near, bend, spiral of x = far + near h + bend / h + spiral / h^2.
-        h: Rows below the horizon, of a shape that goes together with (...), as those of the others.
-        centre, focal: Column of the principal point, and fx; NaN: not known, then the polynomial itself.
+        far_near_bend_spiral: Shape (..., 4): far, near, bend, spiral of x = far + near h + bend / h + spiral / h^2.
+        rows_below_horizon: Rows below the horizon, of a shape that goes together with (...), as those of the others.
+        centre_column, focal_px: Column of the principal point, and fx; NaN: not known, then the polynomial itself.
 
     Returns:
         NaN at and above the horizon, and where a line has turned back.
     """
-    far, near, bend, spiral = np.moveaxis(roads, -1, 0)
-    h = np.where(h > 0.0, h, np.nan)
+    far, near, bend, spiral = np.moveaxis(far_near_bend_spiral, -1, 0)
+    rows_below_horizon = np.where(rows_below_horizon > 0.0, rows_below_horizon, np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
-        slope = (far - centre) / focal
+        slope = (far - centre_column) / focal_px
         cosine = 1.0 / np.sqrt(1.0 + slope * slope)
-        start, rate, growth = slope * cosine, 2.0 * bend * cosine**3 / focal, 3.0 * spiral * cosine**3 / focal
-        more = growth / h**2
-        sine = start + rate / h + more
+        start, rate, growth = slope * cosine, 2.0 * bend * cosine**3 / focal_px, 3.0 * spiral * cosine**3 / focal_px
+        more = growth / rows_below_horizon**2
+        sine = start + rate / rows_below_horizon + more
         middle = 1.0 - (0.5 * (start + sine)) ** 2
         chord = (start + sine) / (cosine + np.sqrt(1.0 - sine * sine))
-        arc = centre + near * h + focal * (chord - more / (6.0 * middle**1.5))
-        arc = np.where(1.0 / h < _smallest_positive_root_at_sine(start, rate, growth), arc, np.nan)
-        return np.where(np.isfinite(focal + centre), arc, far + near * h + (bend + spiral / h) / h)
+        arc = centre_column + near * rows_below_horizon + focal_px * (chord - more / (6.0 * middle**1.5))
+        arc = np.where(1.0 / rows_below_horizon < _smallest_positive_root_at_sine(start, rate, growth), arc, np.nan)
+        return np.where(
+            np.isfinite(focal_px + centre_column),
+            arc,
+            far + near * rows_below_horizon + (bend + spiral / rows_below_horizon) / rows_below_horizon,
+        )
 
 
 def _smallest_positive_root_at_sine(
@@ -116,7 +134,7 @@ def _smallest_positive_root_at_sine(
 
 
 def lateral_positions_of_arcs_m(
-    arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatArray | float = 0.0
+    arc_coefficients: ArcCoefficients, x_m: FloatArray, change_1pm2: FloatArray | float = 0.0
 ) -> FloatArray:
     """Return the lateral positions (m) of arcs on the road, each given by the polynomial that touches it beside the
     camera.
@@ -139,11 +157,11 @@ def lateral_positions_of_arcs_m(
     return np.asarray(np.where(x_m == 0.0, y0, places_m))
 
 
-def curvature_change_ratios_to_centre_line(arc_coefficients: FloatArray) -> FloatArray:
+def curvature_change_ratios_to_centre_line(arc_coefficients: ArcCoefficients) -> FloatArray:
     """Return the ratios (...) of each line's change of curvature to that of the parallel line through y = 0.
 
-    Both as x^3 / 6 counts them; the other way round than `arc_parameters_of_parallel_line`, from K y = K_own y / (1 +
-    K_own y).
+    Both as x^3 / 6 counts them; the other way round than `far_near_bend_spiral_of_parallel_line`, from
+    K y = K_own y / (1 + K_own y).
 
     Args:
         arc_coefficients: Shape (..., 3), as for `lateral_positions_of_arcs_m`.
@@ -155,7 +173,7 @@ def curvature_change_ratios_to_centre_line(arc_coefficients: FloatArray) -> Floa
     return np.asarray((tighter * np.sqrt(1.0 - start * start) / cosine) ** 3)
 
 
-def middle_line_of_parallel_arcs(arc_coefficients: FloatArray) -> FloatArray:
+def middle_line_of_parallel_arcs(arc_coefficients: ArcCoefficients) -> ArcCoefficients:
     """Return the lines (n, 3) in the middle between parallel ones, with the same coefficients.
 
     Args:
@@ -171,7 +189,9 @@ def middle_line_of_parallel_arcs(arc_coefficients: FloatArray) -> FloatArray:
     return np.column_stack([middle, start / own_cosine, (rate / tighter).mean(axis=1) / own_cosine**3])
 
 
-def arc_geometry_at_distance(arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
+def y_direction_curvature_of_arcs_at_distance(
+    arc_coefficients: ArcCoefficients, x_m: FloatArray, change_1pm2: FloatArray
+) -> YDirectionCurvature:
     """Return y (m), direction (rad) and curvature (1/m) of arcs at a distance ahead, shape (..., 3).
 
     NaN behind the camera, and where an arc has turned back.
@@ -180,7 +200,7 @@ def arc_geometry_at_distance(arc_coefficients: FloatArray, x_m: FloatArray, chan
         arc_coefficients, x_m, change_1pm2: As for `lateral_positions_of_arcs_m`.
     """
     places_m = lateral_positions_of_arcs_m(arc_coefficients, x_m, change_1pm2)
-    start, rate, growth = _direction_sine_coefficients(arc_coefficients, change_1pm2)
+    start, rate, growth = _direction_sine_polynomial_coefficients(arc_coefficients, change_1pm2)
     ahead = rate + 2.0 * growth * x_m
     sine = start + (rate + growth * x_m) * x_m
     with np.errstate(invalid="ignore"):
@@ -188,29 +208,33 @@ def arc_geometry_at_distance(arc_coefficients: FloatArray, x_m: FloatArray, chan
     return np.where(np.isnan(places_m)[..., None], np.nan, made)
 
 
-def lane_centre_geometry_at_distance(lines: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
+def y_direction_curvature_of_lane_centres_at_distance(
+    left_and_right_arcs: LeftRightArcs, x_m: FloatArray, change_1pm2: FloatArray
+) -> YDirectionCurvature:
     """Return y (m), direction (rad) and curvature (1/m) of each lane's centre at a distance ahead, shape (n, 3).
 
     Where one line alone is known, direction and curvature are its own, and y is NaN; so are all three where the lane
     has turned back.
 
     Args:
-        lines: Shape (n, 2, 3), as for `lateral_positions_of_arcs_m`; NaN for a line that is not known.
+        left_and_right_arcs: Shape (n, 2, 3), as for `lateral_positions_of_arcs_m`; NaN for a line that is not known.
         x_m, change_1pm2: As for `lateral_positions_of_arcs_m`; shape (n,).
     """
-    made = arc_geometry_at_distance(centre_arcs_of_lanes(lines), x_m, change_1pm2)
-    made[np.isnan(lines.sum(axis=(1, 2))), 0] = np.nan
+    made = y_direction_curvature_of_arcs_at_distance(centre_arcs_of_lanes(left_and_right_arcs), x_m, change_1pm2)
+    made[np.isnan(left_and_right_arcs.sum(axis=(1, 2))), 0] = np.nan
     return made
 
 
-def centre_arcs_of_lanes(lines: FloatArray) -> FloatArray:
-    """Return the line (n, 3) in the middle between both lines of each lane, or the only known one; `lines` as for
-    `lane_centre_geometry_at_distance`."""
-    centre, only = middle_line_of_parallel_arcs(lines), np.where(np.isnan(lines[:, 0]), lines[:, 1], lines[:, 0])
+def centre_arcs_of_lanes(left_and_right_arcs: LeftRightArcs) -> ArcCoefficients:
+    """Return the line (n, 3) in the middle between both lines of each lane, or the only known one."""
+    centre, only = (
+        middle_line_of_parallel_arcs(left_and_right_arcs),
+        np.where(np.isnan(left_and_right_arcs[:, 0]), left_and_right_arcs[:, 1], left_and_right_arcs[:, 0]),
+    )
     return np.where(np.isnan(centre[:, :1]), only, centre)
 
 
-def distance_to_direction_sine_m(arc_coefficients: FloatArray, sine: float, change_1pm2: FloatArray) -> FloatArray:
+def distance_to_direction_sine_m(arc_coefficients: ArcCoefficients, sine: float, change_1pm2: FloatArray) -> FloatArray:
     """Return how far ahead (m) the sine of each line's direction first reaches `sine` to either side, (n,), else inf.
 
     Args:
@@ -218,11 +242,13 @@ def distance_to_direction_sine_m(arc_coefficients: FloatArray, sine: float, chan
         sine: Positive, below 1. A line that points farther aside beside the camera has turned at 0.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        return _smallest_positive_root_at_sine(*_direction_sine_coefficients(arc_coefficients, change_1pm2), sine)
+        return _smallest_positive_root_at_sine(
+            *_direction_sine_polynomial_coefficients(arc_coefficients, change_1pm2), sine
+        )
 
 
-def _direction_sine_coefficients(
-    arc_coefficients: FloatArray, change_1pm2: FloatArray
+def _direction_sine_polynomial_coefficients(
+    arc_coefficients: ArcCoefficients, change_1pm2: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return s_0, K and K' / 2 of each line, shape (...) each: its direction's sine is s_0 + K x + K' x^2 / 2."""
     _, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)

@@ -15,7 +15,17 @@ import numpy.typing as npt
 from cwcli.errors import DataError
 from cwcli.kernels.message_scan import intern_spans
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings, encode_strings
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    FloatArray,
+    Int64Array,
+    NumericArray,
+    Ragged,
+    StampsNsAndIsGiven,
+    Strings,
+    encode_strings,
+)
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import parse_float_or_nan
@@ -226,7 +236,7 @@ def read_frame_id(columns: Columns, *paths: str) -> str:
     return field.values[int(named[0])].lstrip("/") if len(named) else ""
 
 
-def read_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
+def read_stamps(columns: Columns) -> StampsNsAndIsGiven:
     """Read the messages' own time (`header.stamp`, `timestamp`).
 
     Returns:
@@ -235,7 +245,7 @@ def read_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     """
     text = columns.fields.get("timestamp")
     if isinstance(text, Strings):
-        return parse_iso_times(text)
+        return parse_iso_times_ns_and_is_read(text)
     seconds, has_seconds = read_integers(columns, *_SECONDS_PATHS)
     nanoseconds, _ = read_integers(columns, *_NANOSECONDS_PATHS)
     max_s = MAX_STAMP_NS // NS_PER_S
@@ -245,7 +255,7 @@ def read_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     return stamp_ns, in_range & (stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS)
 
 
-def parse_iso_times(field: Strings) -> tuple[Int64Array, BoolArray]:
+def parse_iso_times_ns_and_is_read(field: Strings) -> StampsNsAndIsGiven:
     """Parse ISO 8601 times in UTC (`2018-05-01T16:04:10.894Z`, or ending in `[UTC]` or `+00:00`) into ns since 1970.
 
     Returns:

@@ -8,7 +8,15 @@ import numpy as np
 
 from cwcli.errors import UsageError
 from cwcli.signals.clocks import MAX_STAMP_NS
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    FloatArray,
+    NumericArray,
+    Ragged,
+    StampsNsAndIsGiven,
+    Strings,
+)
 from cwcli.signals.leaf_fields import find_field, read_numbers, read_stamps
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, FieldMapping, Term
 from cwcli.signals.quality import BoolArray
@@ -45,7 +53,7 @@ def apply_mapping_and_tell_if_stamped(columns: Columns, mapping: FieldMapping) -
         with np.errstate(invalid="ignore"):
             fields = {"quaternion.z": np.sin(half), "quaternion.w": np.cos(half)}
         fields |= {f"quaternion.{axis}": 0.0 * half for axis in "xy"}
-    stamp_ns, has_stamp = _read_mapped_stamps(columns, mapping)
+    stamp_ns, has_stamp = _read_mapped_stamps_ns_and_is_given(columns, mapping)
     is_stamped = bool(has_stamp.any()) or bool(mapping.stamp)
     if is_stamped:
         whole, rest = np.divmod(np.where(has_stamp, stamp_ns, 0), NS_PER_S)
@@ -77,7 +85,7 @@ def add_quantities_of_channel(
         UsageError: A field is not there, or holds no numbers.
     """
     values = read_mapped_values(columns, part)
-    stamp_ns, has_stamp = _read_mapped_stamps(columns, part)
+    stamp_ns, has_stamp = _read_mapped_stamps_ns_and_is_given(columns, part)
     own_ns, own_has = read_stamps(mapped)
     is_by_stamp = is_stamped and bool(has_stamp.any())
     their_ns = np.where(has_stamp, stamp_ns, columns.log_time_ns) if is_by_stamp else columns.log_time_ns
@@ -104,7 +112,7 @@ def _read_term_values(columns: Columns, mapping: FieldMapping, term: Term) -> Fl
     if isinstance(field, Ragged) or (isinstance(field, np.ndarray) and field.ndim == 2):
         if term.index is None:
             raise _no_numbers_error(columns, mapping, term)
-        values = _element_of_each_sequence(field, term.index)
+        values = _element_of_each_sequence_or_nan(field, term.index)
     elif term.index is not None and len(columns):
         raise _no_numbers_error(columns, mapping, term)
     else:
@@ -115,7 +123,7 @@ def _read_term_values(columns: Columns, mapping: FieldMapping, term: Term) -> Fl
         return term.factor * values + term.offset
 
 
-def _element_of_each_sequence(field: Ragged | NumericArray, index: int) -> FloatArray:
+def _element_of_each_sequence_or_nan(field: Ragged | NumericArray, index: int) -> FloatArray:
     """Return an element of each sequence, NaN where the sequence is shorter."""
     if not isinstance(field, Ragged):
         n, width = field.shape
@@ -126,7 +134,7 @@ def _element_of_each_sequence(field: Ragged | NumericArray, index: int) -> Float
     return out
 
 
-def _read_mapped_stamps(columns: Columns, mapping: FieldMapping) -> tuple[Int64Array, BoolArray]:
+def _read_mapped_stamps_ns_and_is_given(columns: Columns, mapping: FieldMapping) -> StampsNsAndIsGiven:
     if not mapping.stamp:
         return read_stamps(columns)
     for whole, rest in SECONDS_AND_NANOSECONDS_NAMES:

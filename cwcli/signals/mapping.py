@@ -150,7 +150,7 @@ class FieldMapping:
         return len(self.terms) + sum(len(part.terms) for part in self.parts)
 
     @property
-    def leaf_fields(self) -> tuple[str, ...]:
+    def leaf_fields_to_load(self) -> tuple[str, ...]:
         """Return the leaf fields to load."""
         times = ("sec", "nanosec", "secs", "nsecs", "nsec")
         own = (self.stamp, *(f"{self.stamp}.{name}" for name in times)) if self.stamp else _USUAL_STAMP_FIELDS
@@ -232,7 +232,7 @@ def _parse_channel_mapping(role: str, text: str, quantities: MappedQuantities, f
     said, at, stamp_text = rest.partition("@")
     stamp = re.fullmatch(_STAMP_PATTERN, stamp_text)
     if not topic or (at and not stamp):
-        raise _malformed_mapping_error(role, text, stamp_text or topic)
+        raise _error_about_malformed_mapping(role, text, stamp_text or topic)
     given, kinds = said.strip().lstrip(",").split(","), tuple(quantities.fields.values())[first_quantity:]
     if len(given) > len(kinds):
         wanted = ", ".join(tuple(quantities.fields)[first_quantity:])
@@ -247,33 +247,35 @@ def _parse_channel_mapping(role: str, text: str, quantities: MappedQuantities, f
 def _parse_term(role: str, text: str, part: str, kind: str) -> Term:
     found = re.fullmatch(_TERM_PATTERN, part)
     if found is None or (found["unit"] and not found["offset"]):
-        raise _malformed_mapping_error(role, text, part)
+        raise _error_about_malformed_mapping(role, text, part)
     factor = -1.0 if found["sign"] else 1.0
     for sign, word in re.findall(_SCALE_PATTERN, found["scales"]):
-        value = _parse_number_or_unit(role, text, word, kind)
+        value = _parse_number_or_factor_of_unit(role, text, word, kind)
         if value == 0.0:
-            raise _malformed_mapping_error(role, text, part)
+            raise _error_about_malformed_mapping(role, text, part)
         factor = factor * value if sign == "*" else factor / value
     offset = float(found["offset"] or 0.0) * (
-        _parse_number_or_unit(role, text, found["unit"], kind) if found["unit"] else 1.0
+        _parse_number_or_factor_of_unit(role, text, found["unit"], kind) if found["unit"] else 1.0
     )
     if not (math.isfinite(factor) and math.isfinite(offset)):
-        raise _malformed_mapping_error(role, text, part)
+        raise _error_about_malformed_mapping(role, text, part)
     index = None if found["index"] is None else int(found["index"])
     return Term(found["path"], index, factor, offset, bool(found["scales"]))
 
 
-def _parse_number_or_unit(role: str, text: str, word: str, kind: str) -> float:
+def _parse_number_or_factor_of_unit(role: str, text: str, quantity: str, kind: str) -> float:
     """Return a number, or the factor of a unit of this kind."""
-    if word[0].isdigit() or word[0] == ".":
-        return float(word)
-    if word not in UNIT_FACTORS_BY_KIND[kind]:
+    if quantity[0].isdigit() or quantity[0] == ".":
+        return float(quantity)
+    if quantity not in UNIT_FACTORS_BY_KIND[kind]:
         known = ", ".join(UNIT_FACTORS_BY_KIND[kind])
-        raise UsageError(f"--map {role}={text}: {word} is not a unit of {kind}", hint=f"units: {known}, or a number")
-    return UNIT_FACTORS_BY_KIND[kind][word]
+        raise UsageError(
+            f"--map {role}={text}: {quantity} is not a unit of {kind}", hint=f"units: {known}, or a number"
+        )
+    return UNIT_FACTORS_BY_KIND[kind][quantity]
 
 
-def _malformed_mapping_error(role: str, text: str, part: str) -> UsageError:
+def _error_about_malformed_mapping(role: str, text: str, part: str) -> UsageError:
     return UsageError(
         f"--map {role}={text}: {part!r} can't be read",
         hint="for example --map ego_speed=/topic:field.path*0.2778, with -field, /3.6, *kmh, +1.5 or @stamp",

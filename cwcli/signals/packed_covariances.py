@@ -94,24 +94,29 @@ class PackedCovariances:
     def __getitem__(self, key: Any) -> FloatArray:
         rows, *inside = key if isinstance(key, tuple) else (key,)
         if isinstance(rows, int | np.integer):
-            dense = self.select_rows([rows]).to_dense()[0]
+            dense = self.select_rows([rows]).to_dense_n_k_k()[0]
             return np.asarray(dense[tuple(inside)]) if inside else dense
         if len(inside) == 2 and all(isinstance(each, int | np.integer) for each in inside):
-            return self.element_of_each(int(inside[0]), int(inside[1]))[rows]
-        dense = self.select_rows(rows).to_dense()
+            return self.element_of_each_covariance(int(inside[0]), int(inside[1]))[rows]
+        dense = self.select_rows(rows).to_dense_n_k_k()
         return np.asarray(dense[(slice(None), *inside)]) if inside else dense
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
-        return np.asarray(self.to_dense(), dtype)
+        return np.asarray(self.to_dense_n_k_k(), dtype)
 
-    def element_of_each(self, a: int, b: int) -> FloatArray:
+    def element_of_each_covariance(self, row_index: int, column_index: int) -> FloatArray:
         """Return one element of each covariance, shape (n,)."""
         k = self.sigma.shape[1]
-        a, b = sorted((a % k, b % k))
-        product = self.sigma[:, a].astype(np.float64) * self.sigma[:, b]
-        return product if a == b else product * self.correlation[:, a * k - a * (a + 1) // 2 + b - a - 1]
+        row_index, column_index = sorted((row_index % k, column_index % k))
+        product = self.sigma[:, row_index].astype(np.float64) * self.sigma[:, column_index]
+        return (
+            product
+            if row_index == column_index
+            else product
+            * self.correlation[:, row_index * k - row_index * (row_index + 1) // 2 + column_index - row_index - 1]
+        )
 
-    def to_dense(self) -> FloatArray:
+    def to_dense_n_k_k(self) -> FloatArray:
         """Return the covariances as an array (n, k, k)."""
         return _covariance_matrices(self.sigma, self.correlation)
 

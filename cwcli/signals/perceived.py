@@ -18,7 +18,7 @@ from cwcli.signals.columns import (
     Int64Array,
     Strings,
     absent_strings,
-    number_by_first_appearance,
+    key_numbers_and_rows_of_first_appearance,
 )
 from cwcli.signals.elements import find_ragged_field
 from cwcli.signals.leaf_fields import read_numbers
@@ -38,7 +38,7 @@ OBJECT_ID_ELEMENT = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
 
 
-def count_objects(columns: Columns, path: str) -> tuple[Int64Array, Int64Array]:
+def object_counts_and_message_of_each_object(columns: Columns, path: str) -> tuple[Int64Array, Int64Array]:
     """Count the objects of each message (n,) by a leaf that every object has, and return the message of each object
     (m,)."""
     leaf = find_ragged_field(columns, path)
@@ -66,7 +66,7 @@ def identify_objects(columns: Columns) -> Senders:
     names = (*sender.values, "unknown")
     numbered = np.flatnonzero(np.isfinite(number))
     key = sender.codes[numbered] * (OBJECT_ID_ELEMENT.high + 1) + number[numbered].astype(np.int64)
-    object_codes, first = number_by_first_appearance(key)
+    object_codes, first = key_numbers_and_rows_of_first_appearance(key)
     codes = np.full(n, -1, np.int32)
     codes[numbered] = object_codes
     told = zip(sender.codes[numbered[first]].tolist(), number[numbered[first]].tolist(), strict=True)

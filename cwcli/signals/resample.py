@@ -112,7 +112,7 @@ class Series:
     stamp_ns: Int64Array
     values: FloatArray
 
-    def value_at_time(self, stamp_ns: int) -> float:
+    def linear_value_at_time_or_nan(self, stamp_ns: int) -> float:
         """Return the value at a time, linear between two samples that are both near; NaN elsewhere."""
         if not len(self.stamp_ns):
             return float("nan")

@@ -15,7 +15,7 @@ from cwcli.signals.columns import (
     Int64Array,
     Strings,
     encode_strings,
-    number_by_first_appearance,
+    key_numbers_and_rows_of_first_appearance,
     select_table_rows,
 )
 from cwcli.signals.units import NS_PER_S
@@ -88,7 +88,7 @@ def _join_strings(parts: Sequence[Strings]) -> Strings:
         codes.append(np.array([*code_of, -1], np.int32)[part.codes])
     joined, names = np.concatenate(codes), tuple(index)
     used = np.flatnonzero(joined >= 0)
-    number, first = number_by_first_appearance(joined[used])
+    number, first = key_numbers_and_rows_of_first_appearance(joined[used])
     values = tuple(names[code] for code in joined[used[first]].tolist())
     joined[used] = number
     return Strings(joined, values)

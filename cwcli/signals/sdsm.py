@@ -17,7 +17,7 @@ from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
 from cwcli.signals.leaf_fields import read_numbers, read_texts
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
-from cwcli.signals.v2x_elements import decode_element, validate_decoded
+from cwcli.signals.v2x_elements import decode_codes_to_values, nan_unless_a_code_could_express
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
 
@@ -50,7 +50,7 @@ MAX_FLAG_FIELD_VALUE = 2.0**32 - 1.0
 """The largest value of a presence field of 32 bits."""
 
 
-def presence_fields_and_bits(*, is_carma: bool) -> list[tuple[str, str, int]]:
+def presence_quantities_paths_and_bits(*, is_carma: bool) -> list[tuple[str, str, int]]:
     """Return the presence fields: quantity, path, and the bit that is set when the value is there."""
     columns = ("ros_flags", "carma_flags") if is_carma else ("ros_flags",)
     return [bit for column in columns for bit in parse_presence_bits(_TABLE.columns[column])]
@@ -58,7 +58,7 @@ def presence_fields_and_bits(*, is_carma: bool) -> list[tuple[str, str, int]]:
 
 LEAF_FIELDS = (
     *ROS_PATHS.values(),
-    *dict.fromkeys(path for _, path, _ in presence_fields_and_bits(is_carma=True)),
+    *dict.fromkeys(path for _, path, _ in presence_quantities_paths_and_bits(is_carma=True)),
     *_TABLE.columns["carma_unavailable"].values(),
     _OBJECT_TYPE_PATH,
 )
@@ -77,7 +77,7 @@ def read_carma_objects(columns: Columns) -> Objects:
 
 
 def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
-    counts, rows = perceived.count_objects(columns, ROS_PATHS["delta_time_ms"])
+    counts, rows = perceived.object_counts_and_message_of_each_object(columns, ROS_PATHS["delta_time_ms"])
     if not len(rows):
         return ()
 
@@ -87,7 +87,7 @@ def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
         return read_numbers(columns, path)[rows]
 
     value = {name: read_leaf(path) for name, path in ROS_PATHS.items() if name != "station"}
-    for name, path, bit in presence_fields_and_bits(is_carma=is_carma):
+    for name, path, bit in presence_quantities_paths_and_bits(is_carma=is_carma):
         flags = np.clip(np.nan_to_num(read_leaf(path)), 0.0, MAX_FLAG_FIELD_VALUE).astype(np.int64)
         value[name] = np.where((flags & bit) != 0, value[name], np.nan)
     is_vehicle = read_leaf(_OBJECT_TYPE_PATH) == 0
@@ -103,45 +103,53 @@ def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
 
 def decode_object_codes(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode objects, one a row, whose quantities are codes."""
-    value = {name: decode_element(element, read_numbers(columns, name), ledger) for name, element in ELEMENTS.items()}
+    value = {
+        name: decode_codes_to_values(element, read_numbers(columns, name), ledger) for name, element in ELEMENTS.items()
+    }
     return _make_object_rows(columns, ledger, value)
 
 
 def decode_objects_in_physical_units(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode objects, one a row, whose quantities are in units, with J3224's signs and ranges."""
-    value = {name: validate_decoded(element, read_numbers(columns, name), ledger) for name, element in ELEMENTS.items()}
+    value = {
+        name: nan_unless_a_code_could_express(element, read_numbers(columns, name), ledger)
+        for name, element in ELEMENTS.items()
+    }
     return _make_object_rows(columns, ledger, value)
 
 
-def _make_object_rows(columns: Columns, ledger: RowLedger, value: dict[str, FloatArray]) -> RemoteRows:
+def _make_object_rows(columns: Columns, ledger: RowLedger, values_by_quantity: dict[str, FloatArray]) -> RemoteRows:
     sigma = {
-        name: _bounds_of_codes(bounds, read_numbers(columns, name)) / SIGMAS_PER_95_PERCENT
+        name: _bound_of_each_code_or_nan(bounds, read_numbers(columns, name)) / SIGMAS_PER_95_PERCENT
         for name, (_, bounds) in CONFIDENCE_BOUNDS_BY_QUANTITY.items()
     }
     latitude, longitude = perceived.shift_wgs84_positions(
-        value["latitude_deg"], value["longitude_deg"], value["east_m"], value["north_m"]
+        values_by_quantity["latitude_deg"],
+        values_by_quantity["longitude_deg"],
+        values_by_quantity["east_m"],
+        values_by_quantity["north_m"],
     )
     stamp_ns, has_time = stamp_and_validity_from_dsecond(read_numbers(columns, "dsecond_ms"), columns.log_time_ns)
     own_m2 = sigma["position_confidence"] ** 2
     return perceived.make_object_rows(
         ledger,
         message_time_or_log_time(ledger, stamp_ns, has_time),
-        value["delta_time_ms"],
+        values_by_quantity["delta_time_ms"],
         latitude_deg=latitude,
         longitude_deg=longitude,
-        altitude_m=value["altitude_m"],
-        speed_mps=value["speed_mps"],
-        heading_rad=heading_from_compass_deg(value["heading_compass_deg"]),
-        accel_mps2=value["accel_mps2"],
-        lateral_accel_mps2=value["lateral_accel_mps2"],
-        yaw_rate_radps=np.deg2rad(value["yaw_rate_degps"]),
-        length_m=value["length_m"],
-        width_m=value["width_m"],
+        altitude_m=values_by_quantity["altitude_m"],
+        speed_mps=values_by_quantity["speed_mps"],
+        heading_rad=heading_from_compass_deg(values_by_quantity["heading_compass_deg"]),
+        accel_mps2=values_by_quantity["accel_mps2"],
+        lateral_accel_mps2=values_by_quantity["lateral_accel_mps2"],
+        yaw_rate_radps=np.deg2rad(values_by_quantity["yaw_rate_degps"]),
+        length_m=values_by_quantity["length_m"],
+        width_m=values_by_quantity["width_m"],
         position_covariance_m2=perceived.add_position_covariances(
             covariance_from_ellipse(
-                np.maximum(value["semi_major_m"], MIN_SEMI_AXIS_M),
-                np.maximum(value["semi_minor_m"], MIN_SEMI_AXIS_M),
-                value["semi_major_compass_deg"],
+                np.maximum(values_by_quantity["semi_major_m"], MIN_SEMI_AXIS_M),
+                np.maximum(values_by_quantity["semi_minor_m"], MIN_SEMI_AXIS_M),
+                values_by_quantity["semi_major_compass_deg"],
             ),
             np.stack([own_m2, 0.0 * own_m2, own_m2], axis=1),
         ),
@@ -152,7 +160,7 @@ def _make_object_rows(columns: Columns, ledger: RowLedger, value: dict[str, Floa
     )
 
 
-def _bounds_of_codes(bounds: tuple[float, ...], code: FloatArray) -> FloatArray:
+def _bound_of_each_code_or_nan(bounds: tuple[float, ...], code: FloatArray) -> FloatArray:
     """Return the bound of each code, NaN for 0 and for an unknown code."""
     table = np.array([np.nan, *bounds])
     is_known = (code >= 0) & (code < len(table))

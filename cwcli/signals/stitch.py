@@ -201,40 +201,42 @@ def _iter_pair_blocks(counts: Int64Array) -> Iterator[slice]:
         start = stop
 
 
-def _squared_pair_distances(last: _EndMessages, first: _EndMessages) -> FloatArray:
+def _squared_pair_distances(last_messages: _EndMessages, first_messages: _EndMessages) -> FloatArray:
     """Return the squared distance between where each id would be and the one that begins, (pairs,); inf for no pair.
 
     The motion during the pause is that of the last message, with its acceleration and yaw rate. Without a speed or a
     heading at both ends nothing says where it leads.
     """
-    pause_s = (first.stamp_ns - last.stamp_ns) / NS_PER_S
-    accel, yaw_rate = np.nan_to_num(last.accel_mps2), np.nan_to_num(last.yaw_rate_radps)
-    speed = last.speed_mps + accel * pause_s
-    speed = np.where(speed * np.sign(last.speed_mps) >= 0.0, speed, 0.0)  # it stops, and does not turn back
-    mean_speed = 0.5 * (last.speed_mps + speed)
+    pause_s = (first_messages.stamp_ns - last_messages.stamp_ns) / NS_PER_S
+    accel, yaw_rate = np.nan_to_num(last_messages.accel_mps2), np.nan_to_num(last_messages.yaw_rate_radps)
+    speed = last_messages.speed_mps + accel * pause_s
+    speed = np.where(speed * np.sign(last_messages.speed_mps) >= 0.0, speed, 0.0)  # it stops, and does not turn back
+    mean_speed = 0.5 * (last_messages.speed_mps + speed)
     turned = yaw_rate * pause_s
-    heading = last.heading_rad + 0.5 * turned
-    east, north = first.x_m - last.x_m, first.y_m - last.y_m
+    heading = last_messages.heading_rad + 0.5 * turned
+    east, north = first_messages.x_m - last_messages.x_m, first_messages.y_m - last_messages.y_m
     along = east * np.cos(heading) + north * np.sin(heading) - mean_speed * pause_s
     across = north * np.cos(heading) - east * np.sin(heading)
-    said_m2 = last.variance_m2 + first.variance_m2
-    speed_change, along_m = _manoeuvre_speed_and_position_sigmas(last.accel_mps2, pause_s)
-    turning, across_m = _manoeuvre_speed_and_position_sigmas(last.yaw_rate_radps, pause_s)
+    said_m2 = last_messages.variance_m2 + first_messages.variance_m2
+    speed_change, along_m = _manoeuvre_speed_and_position_sigmas(last_messages.accel_mps2, pause_s)
+    turning, across_m = _manoeuvre_speed_and_position_sigmas(last_messages.yaw_rate_radps, pause_s)
     speed_variance = 2.0 * REPORTED_SPEED_SIGMA_MPS**2 + speed_change**2
     heading_variance = (
         2.0 * REPORTED_HEADING_SIGMA_RAD**2 + (turning / np.maximum(np.abs(mean_speed), MIN_SPEED_FOR_HEADING_MPS)) ** 2
     )
     across_m = np.hypot(across_m, mean_speed * pause_s * REPORTED_HEADING_SIGMA_RAD)
-    heading_error = wrap_angle(first.heading_rad - last.heading_rad - turned)
-    is_slow = np.minimum(np.abs(mean_speed), np.abs(first.speed_mps)) < MIN_SPEED_FOR_HEADING_MPS
+    heading_error = wrap_angle(first_messages.heading_rad - last_messages.heading_rad - turned)
+    is_slow = np.minimum(np.abs(mean_speed), np.abs(first_messages.speed_mps)) < MIN_SPEED_FOR_HEADING_MPS
     squared = (
         along**2 / (said_m2 + along_m**2)
         + across**2 / (said_m2 + across_m**2)
-        + (first.speed_mps - speed) ** 2 / speed_variance
+        + (first_messages.speed_mps - speed) ** 2 / speed_variance
         + np.where(is_slow, 0.0, heading_error**2 / heading_variance)
     )
     can_follow = (pause_s > 0.0) & (pause_s <= MAX_ID_CHANGE_PAUSE_S) & np.isfinite(squared)
-    can_follow &= _same_size_mask(last.length_m, first.length_m) & _same_size_mask(last.width_m, first.width_m)
+    can_follow &= _same_size_mask(last_messages.length_m, first_messages.length_m) & _same_size_mask(
+        last_messages.width_m, first_messages.width_m
+    )
     return np.where(can_follow, squared, np.inf)
 
 
@@ -258,23 +260,23 @@ def _same_size_mask(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
     return ~differs
 
 
-def _choose_followers_and_count_unclear(found: _Candidates, n: int) -> tuple[Int64Array, int]:
+def _choose_followers_and_count_unclear(found: _Candidates, n_ids: int) -> tuple[Int64Array, int]:
     """Return the follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
 
     The likeliest pairing of all that ended with all that began, where to be alone costs what can't rival a candidate. A
     pair counts where the likeliest pairing without it is less likely by the stated margin.
     """
-    follower = np.full(n, -1, np.int64)
+    follower = np.full(n_ids, -1, np.int64)
     is_good = found.distance <= MAX_SQUARED_DISTANCE
-    has_ended, has_begun = np.zeros((2, n), np.bool_)
+    has_ended, has_begun = np.zeros((2, n_ids), np.bool_)
     has_ended[found.ended[is_good]] = has_begun[found.began[is_good]] = True
     counts = has_ended[found.ended] & has_begun[found.began]
     ended, began, distance = found.ended[counts], found.began[counts], found.distance[counts]
-    is_alone = (np.bincount(ended, minlength=n)[ended] == 1) & (np.bincount(began, minlength=n)[began] == 1)
+    is_alone = (np.bincount(ended, minlength=n_ids)[ended] == 1) & (np.bincount(began, minlength=n_ids)[began] == 1)
     is_clear = is_alone & (distance <= MAX_SQUARED_DISTANCE)  # to be alone costs as much more as it takes
     follower[ended[is_clear]] = began[is_clear]
     ended, began, distance = ended[~is_alone], began[~is_alone], distance[~is_alone]
-    for pairs in _pair_indices_by_connected_group(ended, began, n):
+    for pairs in _pair_indices_by_connected_group(ended, began, n_ids):
         rows, row = np.unique(ended[pairs], return_inverse=True)
         columns, column = np.unique(began[pairs], return_inverse=True)
         cost = np.full((len(rows), len(columns)), np.inf)

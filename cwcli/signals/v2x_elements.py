@@ -15,39 +15,41 @@ STATION_ID_ELEMENT = load_elements("etsi")["StationID"]
 """The data element of ETSI's station id (TS 102 894-2)."""
 
 
-def decode_element(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+def decode_codes_to_values(element: Element, codes: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
     """Convert codes to values.
 
     Args:
         element: The row of the table.
-        raw: Shape (n,), codes; NaN where the message has none.
+        codes: Shape (n,), codes; NaN where the message has none.
         ledger: Books codes that the standard does not know.
 
     Returns:
         Shape (n,), `sign * unit * raw`; NaN for the unavailable and out-of-range codes and those outside the range.
     """
-    is_special = np.isin(raw, element.unavailable + element.out_of_range)
-    in_range = (raw >= element.low) & (raw <= element.high) & ~is_special
+    is_special = np.isin(codes, element.unavailable + element.out_of_range)
+    in_range = (codes >= element.low) & (codes <= element.high) & ~is_special
     if ledger is not None:
         ledger.count_repaired(
-            ~np.isnan(raw) & ~in_range & ~is_special, f"{element.element} outside its range, left out"
+            ~np.isnan(codes) & ~in_range & ~is_special, f"{element.element} outside its range, left out"
         )
-    return np.where(in_range, element.sign * element.unit * raw, np.nan)
+    return np.where(in_range, element.sign * element.unit * codes, np.nan)
 
 
-def validate_decoded(element: Element, decoded_values: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+def nan_unless_a_code_could_express(
+    element: Element, decoded_values: FloatArray, ledger: RowLedger | None = None
+) -> FloatArray:
     """Validate values (n,) that are already in units: apply the standard's sign, and leave out what no code could
     express."""
     with np.errstate(over="ignore"):
         code = np.rint(decoded_values / element.unit)
-    decoded = decode_element(element, code, ledger)
+    decoded = decode_codes_to_values(element, code, ledger)
     return np.where(np.isfinite(decoded), element.sign * decoded_values, np.nan)
 
 
-def decode_identifier_codes(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+def decode_identifier_codes(element: Element, codes: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
     """Convert codes that name something (a cause, a station): fractional codes are out of range, too."""
-    is_whole = np.isfinite(raw) & (raw == np.floor(raw))
-    return decode_element(element, np.where(is_whole | np.isnan(raw), raw, element.high + 1.0), ledger)
+    is_whole = np.isfinite(codes) & (codes == np.floor(codes))
+    return decode_codes_to_values(element, np.where(is_whole | np.isnan(codes), codes, element.high + 1.0), ledger)
 
 
 def decode_enumeration(values_by_code: Mapping[int, float], code: FloatArray) -> FloatArray:

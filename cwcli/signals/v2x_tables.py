@@ -73,9 +73,9 @@ def load_message_table(message: str, standard: str) -> MessageTable:
         for name in encodings:
             if row["quantity"].startswith("@"):
                 path = row[name] or path
-                containers[name][row["quantity"]] = _resolve_container(path, containers[name])
+                containers[name][row["quantity"]] = _replace_container_names(path, containers[name])
             elif row[name]:
-                columns[name][row["quantity"]] = _resolve_container(row[name], containers[name])
+                columns[name][row["quantity"]] = _replace_container_names(row[name], containers[name])
     return MessageTable(elements, columns)
 
 
@@ -103,7 +103,7 @@ def _read_rows(name: str) -> list[dict[str, str]]:
     return [dict(zip(head, row + [""] * (len(head) - len(row)), strict=True)) for row in rows]
 
 
-def _resolve_container(text: str, containers: Mapping[str, str]) -> str:
+def _replace_container_names(text: str, containers: Mapping[str, str]) -> str:
     return re.sub(r"@\w+", lambda match: containers[match[0]], text)
 
 

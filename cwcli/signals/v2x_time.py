@@ -51,7 +51,7 @@ def stamp_and_validity_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Ar
     has_time = (dsecond_ms >= 0) & (dsecond_ms <= MAX_DSECOND_MS)
     log_ms = log_time_ns // NS_PER_MS
     ahead_ms = np.where(has_time, dsecond_ms, 0).astype(np.int64) - log_ms % MS_PER_MINUTE
-    return (log_ms + _wrap_to_half_modulus(ahead_ms, MS_PER_MINUTE)) * NS_PER_MS, has_time
+    return (log_ms + _wrap_difference_to_half_modulus_ms(ahead_ms, MS_PER_MINUTE)) * NS_PER_MS, has_time
 
 
 def stamp_and_validity_from_generation_delta_time(
@@ -70,7 +70,7 @@ def stamp_and_validity_from_generation_delta_time(
     log_ms = log_time_ns // NS_PER_MS
     its_ms = its_ms_from_unix_ns(log_time_ns)
     ahead_ms = np.where(has_time, delta_ms, 0).astype(np.int64) - its_ms % GENERATION_TIME_MODULUS_MS
-    return (log_ms + _wrap_to_half_modulus(ahead_ms, GENERATION_TIME_MODULUS_MS)) * NS_PER_MS, has_time
+    return (log_ms + _wrap_difference_to_half_modulus_ms(ahead_ms, GENERATION_TIME_MODULUS_MS)) * NS_PER_MS, has_time
 
 
 def stamp_and_validity_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
@@ -107,7 +107,7 @@ def message_time_or_log_time(ledger: RowLedger, stamp_ns: Int64Array, has_time: 
     return np.where(has_time & ~disagrees, stamp_ns, log_ns)
 
 
-def _wrap_to_half_modulus(difference_ms: Int64Array, modulus_ms: int) -> Int64Array:
+def _wrap_difference_to_half_modulus_ms(difference_ms: Int64Array, modulus_ms: int) -> Int64Array:
     """Add whole turns so that the difference lies in [-modulus / 2, modulus / 2)."""
     half = modulus_ms // 2
     return (difference_ms + half) % modulus_ms - half

@@ -208,7 +208,9 @@ def _replay_warnings_and_note(
             continue
         other = by_id[str(event["other_id"])]
         encounter = replay_warning(recorded[host.id], recorded[other.id], warning_ns, span)
-        one = PublishedReplay(len(replayed) + 1, warning_ns, other.id, host.outline_m, other.outline_m, encounter)
+        one = PublishedReplay(
+            len(replayed) + 1, warning_ns, other.id, host.length_and_width_m, other.length_and_width_m, encounter
+        )
         replayed.append(one)
         busy_until_ns = one.stamp_ns(float(encounter.outcome.time_s[-1]))
     notes = []

@@ -41,7 +41,7 @@ from cwcli.estimation.result import Track
 from cwcli.estimation.seen_ego import drop_ego_seen_by_others
 from cwcli.estimation.seen_senders import drop_senders_seen_by_others
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
-from cwcli.estimation.stated_noise import Sigmas, apply_stated_noise, check_sigma_names
+from cwcli.estimation.stated_noise import Sigmas, apply_stated_noise, require_known_names_and_sigma_counts
 from cwcli.estimation.summary import (
     TrackSummary,
     build_estimate_table,
@@ -344,7 +344,7 @@ def _check_topics_of_options(estimator: EstimatorConfig, log: Log) -> None:
         UsageError: There is no such topic.
     """
     known = [channel.topic for channel in log.channels]
-    check_sigma_names(estimator.sigmas, known, where=log.name)
+    require_known_names_and_sigma_counts(estimator.sigmas, known, where=log.name)
     for option, names in (
         ("--latency", () if isinstance(estimator.latency, str) else estimator.latency),
         ("--trust", estimator.trusted_sources),
@@ -363,7 +363,11 @@ def _count_corrections(
     """Return the counts with the rows that were corrected as repaired, and those that were left out as set aside."""
     counted = []
     for entry in inputs:
-        own = [each for each in corrections if each.who.source == entry.topic and each.who.role == entry.role]
+        own = [
+            each
+            for each in corrections
+            if each.who.source == entry.topic and each.who.role_name_for_options == entry.role
+        ]
         aside = {each.fault: each.n_set_aside for each in own if each.n_set_aside}
         used = entry.used - sum(aside.values())
         repaired = {each.fault: min(each.n_rows, used) for each in own if not each.n_set_aside}
@@ -399,7 +403,7 @@ def _build_summary(
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
     corrections = tracks[EGO_ID].corrections
-    notes = [*clock_corrections, *(each.sentence for each in corrections)]
+    notes = [*clock_corrections, *(each.sentence_on_fault_and_undoing for each in corrections)]
     if estimator.takes_no_online_parameter_from_log:
         notes += [
             f"the online states use {each.who} as it is, because they may depend on no later message"
@@ -414,7 +418,7 @@ def _build_summary(
             "noise and latencies of the online states were found from the whole log; with --calibration or "
             "--latency none no online state depends on a later message"
         )
-    notes.extend(note for each in online for note in each.late_state_notes)
+    notes.extend(note for each in online for note in each.notes_on_late_states)
     return StageSummary(
         "estimate",
         (*estimate_tables(tracks), online_states_table(online)),
@@ -422,7 +426,10 @@ def _build_summary(
         tuple(dict.fromkeys(notes)),
         ego_verdict_sentence(tracks[EGO_ID]),
         tuple(each.contradiction_sentence for each in tracks[EGO_ID].contradictions),
-        corrections=(*clock_corrections, *(each.sentence for each in corrections if not each.is_by_user)),
+        corrections=(
+            *clock_corrections,
+            *(each.sentence_on_fault_and_undoing for each in corrections if not each.is_by_user),
+        ),
         verdict_subject="the ego's states",
     )
 

@@ -182,7 +182,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     usual = span_without_stray_frames(log, topic, config)
     images = decode_frames(
         iter_camera_frames(log, topic, config, usual, run.count_rejected_frame),
-        size_of=method.search_size,
+        wanted_size_of=method.search_size,
         prepare=make_frame_preparer(method, Rectifier(source.camera_for_size) if is_rectified else None),
         colour_every_ns=COLOUR_INTERVAL_NS if method.uses_colour else None,
         search_clock=None if method.carry is None or config.every_frame else SearchClock(),
@@ -200,7 +200,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
             frames_of_topic = iter_camera_frames(log, topic, config, usual)
-            return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
+            return decode_frames(frames_of_topic, wanted_size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
         channels.append(
             write_frames_with_lanes(frames, config.render, frame_id=_camera_frame_id(log, topic), images=in_colour)
@@ -327,8 +327,8 @@ class _LaneSearchRun:
             camera=self._camera,
             stamp_ns=decoded.stamp_ns,
             number=self.n_used,
-            speed_mps=self._motion.speed_mps.value_at_time(decoded.stamp_ns),
-            yaw_rate_radps=self._motion.yaw_rate_radps.value_at_time(decoded.stamp_ns),
+            speed_mps=self._motion.speed_mps.linear_value_at_time_or_nan(decoded.stamp_ns),
+            yaw_rate_radps=self._motion.yaw_rate_radps.linear_value_at_time_or_nan(decoded.stamp_ns),
             prepared=prepared.method_result,
             colour=prepared.colour,
         )
@@ -351,8 +351,8 @@ class _LaneSearchRun:
         fit = self._method.carry(
             self._search,
             decoded.stamp_ns,
-            self._motion.speed_mps.value_at_time(decoded.stamp_ns),
-            self._motion.yaw_rate_radps.value_at_time(decoded.stamp_ns),
+            self._motion.speed_mps.linear_value_at_time_or_nan(decoded.stamp_ns),
+            self._motion.yaw_rate_radps.linear_value_at_time_or_nan(decoded.stamp_ns),
         )
         self.search_s += time.perf_counter() - begin
         self._record_fit(decoded, fit)

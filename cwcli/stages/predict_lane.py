@@ -281,7 +281,7 @@ def draw_paths_into_images(
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
             where = f"{log.name}: {camera_topic}"
-            return decode_frames(log.frames(camera_topic), size_of=None, prepare=prepare, where=where)
+            return decode_frames(log.frames(camera_topic), wanted_size_of=None, prepare=prepare, where=where)
 
         frame_id = next((frame.frame_id for frame in log.frames(camera_topic)), "")
         channels.append(write_frames_with_paths(frames, render, frame_id=frame_id, images=in_colour))

@@ -32,7 +32,7 @@ def default_clutter_density(kind: DetectionKind, model: SensorModel) -> float:
     return float(1.0 / np.prod(_DEFAULT_EXTENT[RowKind.RADAR if model.use_range_rate else RowKind.RADAR_WITHOUT_RATE]))
 
 
-def measurement_volume(prepared: PreparedDetections, source: int) -> float:
+def volume_of_measurement_space(prepared: PreparedDetections, source: int) -> float:
     """Volume of the measurement space in which a source's detections lie: 2.5 to 97.5 % of each value.
 
     Positions are relative to the sensor, so that the car's motion does not enlarge it.
@@ -62,7 +62,7 @@ def associate_detections(prepared: PreparedDetections, config: TrackerConfig) ->
     """
     names, models = prepared.rows.sources, prepared.models
     n_scans = np.bincount(prepared.scans.source, minlength=len(names)).clip(1)
-    volumes = [measurement_volume(prepared, k) for k in range(len(names))]
+    volumes = [volume_of_measurement_space(prepared, k) for k in range(len(names))]
     n_rows = np.bincount(prepared.rows.source, minlength=len(names))
     # at least one false detection in all scans together: with a density of 0 every detection would be a target
     density = np.array(

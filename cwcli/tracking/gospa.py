@@ -157,12 +157,14 @@ def score_tracks(
     )  # fmt: skip
 
 
-def _errors_of_target(truth: TargetMoments, target: int, rows: list[FloatArray], switches: int) -> TargetErrors:
+def _errors_of_target(
+    truth: TargetMoments, target: int, x_y_vx_vy_errors: list[FloatArray], switches: int
+) -> TargetErrors:
     """Errors of one target from its rows of differences (4,): x, y, vx, vy."""
-    square = np.mean(np.square(rows), axis=0) if rows else np.full(4, np.nan)
+    square = np.mean(np.square(x_y_vx_vy_errors), axis=0) if x_y_vx_vy_errors else np.full(4, np.nan)
     n = int((truth.id == target).sum())
     position, velocity = float(np.sqrt(square[:2].sum())), float(np.sqrt(square[2:].sum()))
-    return TargetErrors(target, n, len(rows), switches, position, velocity, tuple(np.sqrt(square).tolist()))
+    return TargetErrors(target, n, len(x_y_vx_vy_errors), switches, position, velocity, tuple(np.sqrt(square).tolist()))
 
 
 def _rows_at_moments(stamp_ns: Int64Array, moments: Int64Array) -> list[Int64Array]:

@@ -70,13 +70,13 @@ def _log_odds_of_probability(probability: float) -> float:
     return float(np.log(probability / (1.0 - probability)))
 
 
-def in_view_mask(x: FloatArray, pose: FloatArray, model: SensorModel) -> Mask:
-    """Whether the sensor at `pose` (x, y, yaw) can see the position of each state."""
-    dx, dy = x[:, 0] - pose[0], x[:, 1] - pose[1]
+def in_view_mask(states: FloatArray, sensor_x_y_yaw: FloatArray, model: SensorModel) -> Mask:
+    """Whether the sensor at `sensor_x_y_yaw` (x, y, yaw) can see the position of each state."""
+    dx, dy = states[:, 0] - sensor_x_y_yaw[0], states[:, 1] - sensor_x_y_yaw[1]
     seen: Mask = dx * dx + dy * dy <= model.max_range_m**2
     if model.field_of_view_rad < 2.0 * np.pi:
         axes = 0.0 if model.axes == "body" else np.pi / 2
-        off = np.arctan2(dy, dx) - pose[2] - axes
+        off = np.arctan2(dy, dx) - sensor_x_y_yaw[2] - axes
         off -= 2.0 * np.pi * np.floor((off + np.pi) / (2.0 * np.pi))
         seen &= np.abs(off) <= 0.5 * model.field_of_view_rad
     return seen
@@ -103,7 +103,7 @@ class ScanLoop:
             stamp, first, last = int(scans.stamp_ns[k]), int(scans.first[k]), int(scans.first[k + 1])
             self._end_coasting_tracks(stamp)
             self._predict_tracks(stamp)
-            taken = self._update_tracks(stamp, first, last, int(scans.source[k]), scans.pose[k])
+            taken = self._update_tracks_and_get_assigned_rows(stamp, first, last, int(scans.source[k]), scans.pose[k])
             self._confirm_and_end_tracks(stamp)
             self._begin_tracks(stamp, np.setdiff1d(np.arange(first, last), taken))
         return self._build_association()
@@ -125,12 +125,14 @@ class ScanLoop:
         odds = living.log_odds[: living.n]  # odds of r exp(-dt / life)
         odds[:] = -np.log(np.expm1(np.logaddexp(0.0, -odds) + dt / self.config.mean_life_s))
 
-    def _update_tracks(self, stamp: int, first: int, last: int, source: int, pose: FloatArray) -> Int64Array:
+    def _update_tracks_and_get_assigned_rows(
+        self, stamp: int, first: int, last: int, source: int, sensor_x_y_yaw: FloatArray
+    ) -> Int64Array:
         """Assign the rows from `first` to before `last`, and update the tracks; returns the assigned rows."""
         living, model = self.living, self.prepared.models[source]
         n = living.n
         x, p, odds = living.x[:n], living.p[:n], living.log_odds[:n]
-        seen = in_view_mask(x, pose, model)
+        seen = in_view_mask(x, sensor_x_y_yaw, model)
         chance = model.detection_probability
         miss = np.where(seen, np.log1p(-chance * self.config.single.gate_probability), 0.0)
         gain = kernel.score_many(self.filter, x, p, self.rows, first, last)

@@ -154,7 +154,7 @@ def track_many_targets(
     tracks = []
     pool = []
     for k in range(len(found.track_id)):
-        track, part = _filter_one_track(prepared, found, k, config)
+        track, part = _filter_one_track_with_rows_and_output(prepared, found, k, config)
         tracks.append(track)
         pool.append(part)
     for name, count in prepared.counts.items():
@@ -192,20 +192,20 @@ def _rows_at_all_scans(prepared: PreparedDetections, which: Int64Array, last_ns:
     return joined.select_rows(np.argsort(joined.stamp_ns, kind="stable"))
 
 
-def _filter_one_track(
-    prepared: PreparedDetections, found: Association, k: int, config: TrackerConfig
+def _filter_one_track_with_rows_and_output(
+    prepared: PreparedDetections, found: Association, track_index: int, config: TrackerConfig
 ) -> tuple[TargetTrack, tuple[Int64Array, FilterOutput]]:
     """Filter (and smooth) one track over its own detections."""
     single = replace(config.single, gate_probability=1.0)
-    which = np.flatnonzero(found.row_track == found.track_id[k])
-    last_ns = int(prepared.rows.stamp_ns[which[-1]] if single.smooth else found.ended_ns[k])
+    which = np.flatnonzero(found.row_track == found.track_id[track_index])
+    last_ns = int(prepared.rows.stamp_ns[which[-1]] if single.smooth else found.ended_ns[track_index])
     rows = _rows_at_all_scans(prepared, which, last_ns)
     output = filter_single_target(rows, single, smooth=False)
     shown = filter_single_target(rows, single, smooth=True) if single.smooth else output
-    keep = np.ones(len(rows), bool) if single.smooth else rows.stamp_ns >= found.confirmed_ns[k]
+    keep = np.ones(len(rows), bool) if single.smooth else rows.stamp_ns >= found.confirmed_ns[track_index]
     track = TargetTrack(
-        int(found.track_id[k]), rows.stamp_ns[keep], shown.state[keep], shown.covariance[keep], rows.source[keep],
-        int(found.confirmed_ns[k]),
+        int(found.track_id[track_index]), rows.stamp_ns[keep], shown.state[keep], shown.covariance[keep],
+        rows.source[keep], int(found.confirmed_ns[track_index]),
     )  # fmt: skip
     return track, (rows.source, output)
 

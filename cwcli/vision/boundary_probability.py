@@ -21,7 +21,7 @@ import numpy as np
 from cwcli.kernels import lane_ridge
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import StripeEvidence
-from cwcli.vision.lane_model import MIDDLE, WIDTH
+from cwcli.vision.lane_model import MIDDLE, WIDTH, ImageLane, LeftRightProbabilities
 
 LOG_ODDS_COEFFICIENTS = np.array([20.09, 0.22, 7.47, -44.19])
 """Weights of the four features (1, root of support, logarithm of objective, root of clutter) in the log-odds. Fitted on
@@ -42,18 +42,18 @@ CLUTTER_OFFSETS = np.asarray(_CANDIDATE_OFFSETS[np.abs(np.abs(_CANDIDATE_OFFSETS
 lane or of a neighbouring lane. Chosen by hand; not fitted."""
 
 
-def boundary_paint_shares(evidence: StripeEvidence, lane: FloatArray) -> FloatArray:
+def boundary_paint_shares(evidence: StripeEvidence, lane: ImageLane) -> FloatArray:
     """Share of each boundary that shows paint, shape (2,), 0 to 1, counted by stretches of the image's height."""
     return lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.scoring_settings())
 
 
-def road_clutter_share(evidence: StripeEvidence, lane: FloatArray) -> float:
+def road_clutter_share(evidence: StripeEvidence, lane: ImageLane) -> float:
     """Share of the road beside the boundaries, two lanes to each side, that looks like a bright stripe, 0 to 1."""
     places = lane[MIDDLE] + CLUTTER_OFFSETS * lane[WIDTH]
     return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.scoring_settings())
 
 
-def probability_features(evidence: StripeEvidence, lane: FloatArray, value: float) -> FloatArray:
+def probability_features(evidence: StripeEvidence, lane: ImageLane, value: float) -> FloatArray:
     """The features from which the probability of each boundary follows.
 
     Args:
@@ -63,47 +63,47 @@ def probability_features(evidence: StripeEvidence, lane: FloatArray, value: floa
     Returns:
         Shape (2, 4): 1, square root of the own support, logarithm of the objective, square root of the crowd.
     """
-    return np.array(_probability_feature_rows(evidence, lane, value))
+    return np.array(_probability_features_of_left_and_right(evidence, lane, value))
 
 
-def _probability_feature_rows(
-    evidence: StripeEvidence, lane: FloatArray, value: float, carried_side: int = -1
+def _probability_features_of_left_and_right(
+    evidence: StripeEvidence, lane: ImageLane, lane_objective: float, carried_side: int = -1
 ) -> list[tuple[float, float, float, float]]:
     """The features for each side; the objective that counts for a carried side is at most twice its own support."""
     by_chance = math.sqrt(road_clutter_share(evidence, lane))
     rows = []
     for side, own in enumerate(boundary_paint_shares(evidence, lane).tolist()):
-        counted_value = min(value, 2.0 * own) if side == carried_side else value
+        counted_value = min(lane_objective, 2.0 * own) if side == carried_side else lane_objective
         rows.append((1.0, math.sqrt(own), math.log(min(max(counted_value, 0.0), 1.0) + OBJECTIVE_OFFSET), by_chance))
     return rows
 
 
 def boundary_probabilities(
-    evidence: StripeEvidence, lane: FloatArray, value: float, carried_side: int = -1
-) -> tuple[float, float]:
+    evidence: StripeEvidence, lane: ImageLane, lane_objective: float, carried_side: int = -1
+) -> LeftRightProbabilities:
     """Probability of each boundary that it lies where the lane has it.
 
     Args:
         evidence, lane: The stripes of the frame, and the lane, shape (6,).
-        value: The lane's objective in this frame.
+        lane_objective: The lane's objective in this frame.
         carried_side: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
             objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
     coefficients: list[float] = LOG_ODDS_COEFFICIENTS.tolist()
     left, right = (
         (1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
-        for each in _probability_feature_rows(evidence, lane, value, carried_side)
+        for each in _probability_features_of_left_and_right(evidence, lane, lane_objective, carried_side)
     )
     return left, right
 
 
-def probabilities_with_scene_votes(chances: tuple[float, float], vote_share: float) -> tuple[float, float]:
+def probabilities_with_scene_votes(probabilities: LeftRightProbabilities, vote_share: float) -> LeftRightProbabilities:
     """The probabilities of both boundaries in a scene whose straight edges hardly meet in one point.
 
     Args:
-        chances: Probabilities without that.
+        probabilities: Probabilities without that.
         vote_share: Share of the votes for the vanishing point, 0 to 1 (`vanishing.VanishingPoint`).
     """
     factor = math.exp(LOG_ODDS_PER_VOTE_SHARE * min(vote_share - CLEAR_VOTE_SHARE, 0.0))
-    left, right = (factor * each / (1.0 - each + factor * each) for each in chances)
+    left, right = (factor * each / (1.0 - each + factor * each) for each in probabilities)
     return left, right

@@ -20,6 +20,17 @@ from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.opencv_versions import undistort_points
 
+WidthHeightPx = tuple[int, int]
+"""Width and height of an image, pixels."""
+OpticalRays = FloatArray
+"""Directions in the optical frame (x right, y down, z ahead), shape (n, 3), of any length."""
+BodyXyColumns = tuple[FloatArray, FloatArray]
+"""Places on the road in the body frame, m ahead and m to the left, (n,) each."""
+ImageUvColumns = tuple[FloatArray, FloatArray]
+"""Columns and rows of image points, pixels, (n,) each."""
+Rotation3x3 = FloatArray
+"""A rotation matrix, shape (3, 3)."""
+
 DEFAULT_FIELD_OF_VIEW_RAD = math.radians(60.0)
 """Horizontal field of view that is assumed where the log holds no calibration, in radians. Chosen by hand; not
 fitted."""
@@ -109,7 +120,7 @@ class Camera:
             mounting = replace(mounting, yaw_rad=yaw_rad)
         return replace(self, mounting=mounting)
 
-    def body_from_optical_rotation(self) -> FloatArray:
+    def body_from_optical_rotation(self) -> Rotation3x3:
         """Rotation from the optical to the body frame, Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
         mounting = self.mounting
         body_axes: FloatArray = (
@@ -121,7 +132,7 @@ class Camera:
         """The matrix K of the intrinsics, shape (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    def viewing_rays_from_image(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
+    def viewing_rays_from_image(self, u_px: FloatArray, v_px: FloatArray) -> OpticalRays:
         """Directions (x, y, 1) in the optical frame of image points, distortion removed.
 
         Returns:
@@ -141,7 +152,7 @@ class Camera:
             ideal = undistort_points(points, self.intrinsic_matrix(), coefficients, stop)
         return np.column_stack([ideal.reshape(-1, 2), np.ones(len(points))])
 
-    def ground_points_from_image(self, u_px: FloatArray, v_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def ground_points_from_image(self, u_px: FloatArray, v_px: FloatArray) -> BodyXyColumns:
         """Points on the road, in the body frame, that image points show.
 
         Args:
@@ -152,7 +163,7 @@ class Camera:
         """
         return self.ground_points_from_rays(self.viewing_rays_from_image(u_px, v_px))
 
-    def ground_points_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def ground_points_from_rays(self, rays: OpticalRays) -> BodyXyColumns:
         """Points on the road that directions in the optical frame meet, as in `ground_points_from_image`; rays have
         shape (n, 3)."""
         body = rays @ self.body_from_optical_rotation().T
@@ -163,7 +174,7 @@ class Camera:
 
     def image_points_from_ground(
         self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray | float = 0.0
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> ImageUvColumns:
         """Image points of points in the body frame.
 
         Returns:
@@ -173,20 +184,20 @@ class Camera:
         body[:, 2] -= self.mounting.height_m
         return self.image_points_from_rays(body @ self.body_from_optical_rotation())
 
-    def image_points_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def image_points_from_rays(self, rays: OpticalRays) -> ImageUvColumns:
         """Image points of directions in the optical frame, with distortion.
 
         Args:
             rays: Shape (n, 3), of any length.
 
         Returns:
-            u_px, v_px: Shape (n,); NaN behind the camera, and beyond `max_undistorted_radius`.
+            u_px, v_px: Shape (n,); NaN behind the camera, and beyond `max_undistorted_radius_over_depth`.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ideal = np.where(rays[:, 2:] > MIN_RAY_COMPONENT, rays[:, :2] / rays[:, 2:], np.nan)
         if not self.differs_from_pinhole():
             return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
-        is_projected = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_undistorted_radius
+        is_projected = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_undistorted_radius_over_depth
         pixels = np.full_like(ideal, np.nan)
         if is_projected.any():
             pixels[is_projected] = _project_with_distortion(
@@ -198,7 +209,7 @@ class Camera:
         return pixels[:, 0], pixels[:, 1]
 
     @property
-    def max_undistorted_radius(self) -> float:
+    def max_undistorted_radius_over_depth(self) -> float:
         """Distance from the axis, over the depth, up to which a point farther out in the scene is farther out in the
         image.
 
@@ -234,20 +245,20 @@ class Camera:
 
 
 def _project_with_distortion(
-    ideal: FloatArray, matrix: FloatArray, coefficients: FloatArray, *, is_fisheye: bool
+    undistorted_xy: FloatArray, intrinsics: FloatArray, coefficients: FloatArray, *, is_fisheye: bool
 ) -> FloatArray:
     """Image points, shape (n, 2), of the undistorted points x / z, y / z, shape (n, 2)."""
     import cv2
 
     zero = np.zeros(3)
-    points = np.column_stack([ideal, np.ones(len(ideal))]).reshape(-1, 1, 3)
+    points = np.column_stack([undistorted_xy, np.ones(len(undistorted_xy))]).reshape(-1, 1, 3)
     project = cv2.fisheye.projectPoints if is_fisheye else cv2.projectPoints
-    return np.asarray(project(points, zero, zero, matrix, coefficients)[0].reshape(-1, 2), np.float64)
+    return np.asarray(project(points, zero, zero, intrinsics, coefficients)[0].reshape(-1, 2), np.float64)
 
 
 @lru_cache(maxsize=16)
 def _max_undistorted_radius_of_lens(is_fisheye: bool, distortion: tuple[float, ...]) -> float:
-    """`Camera.max_undistorted_radius`, computed once for each lens."""
+    """`Camera.max_undistorted_radius_over_depth`, computed once for each lens."""
     radius = np.tan(np.linspace(0.0, MAX_RAY_ANGLE_RAD, N_DISTORTION_CHECK_ANGLES))
     across, coefficients = (
         np.column_stack([radius, np.zeros(N_DISTORTION_CHECK_ANGLES)]),
@@ -328,15 +339,15 @@ def camera_from_calibration(info: CameraInfoSignal, mounting: Mounting, *, is_re
     )
 
 
-def pad_distortion_coefficients(model: str, values: FloatArray | Sequence[float]) -> tuple[float, ...]:
+def pad_distortion_coefficients(model: str, coefficients: FloatArray | Sequence[float]) -> tuple[float, ...]:
     """Distortion coefficients, filled with zeros to a number that OpenCV takes: 4 for a fisheye, else 4, 5, 8, 12 or
     14.
 
     Empty if there is no distortion: all are zero, and the model is no fisheye.
     """
-    coefficients = [float(value) for value in values]
-    if not any(coefficients) and model not in FISHEYE_MODELS:
+    numbers = [float(value) for value in coefficients]
+    if not any(numbers) and model not in FISHEYE_MODELS:
         return ()
     lengths = (4,) if model in FISHEYE_MODELS else (4, 5, 8, 12, 14)
-    length = next((n for n in lengths if n >= len(coefficients)), lengths[-1])
-    return tuple((coefficients + [0.0] * length)[:length])
+    length = next((n for n in lengths if n >= len(numbers)), lengths[-1])
+    return tuple((numbers + [0.0] * length)[:length])

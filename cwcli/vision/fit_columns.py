@@ -86,7 +86,7 @@ class FitCollector:
     def append_fit(self, fit: LaneFit) -> None:
         """Add the fit of the next frame."""
         for side in (fit.left, fit.right):
-            self._numbers.extend(_flatten_boundary(side))
+            self._numbers.extend(_numbers_of_boundary_in_stored_order(side))
         self._numbers.extend((fit.pitch_rad, fit.yaw_rad, fit.state, fit.steady_s, fit.lane_change))
         found = (fit.left.found, fit.right.found)
         roads = [_MISSING_ROAD] * N_SIDES if fit.roads is None else fit.roads.tolist()
@@ -126,9 +126,19 @@ def lowercase_enum_names(kinds: type[IntEnum], values: npt.NDArray[np.int8]) -> 
     return [names[value] for value in values.tolist()]
 
 
-def _flatten_boundary(side: Boundary) -> tuple[float, ...]:
+def _numbers_of_boundary_in_stored_order(boundary: Boundary) -> tuple[float, ...]:
     """The numbers of a boundary in the order in which they are stored."""
     nan = float("nan")
-    abc = (side.a, side.b, side.c) if side.found else (nan, nan, nan)
-    covariance = _MISSING_SIDE_COVARIANCE if side.covariance is None else tuple(side.covariance.reshape(-1).tolist())
-    return (*abc, side.score, side.probability, 1.0 if side.found else 0.0, side.kind, side.colour, *covariance)
+    abc = (boundary.a, boundary.b, boundary.c) if boundary.found else (nan, nan, nan)
+    covariance = (
+        _MISSING_SIDE_COVARIANCE if boundary.covariance is None else tuple(boundary.covariance.reshape(-1).tolist())
+    )
+    return (
+        *abc,
+        boundary.score,
+        boundary.probability,
+        1.0 if boundary.found else 0.0,
+        boundary.kind,
+        boundary.colour,
+        *covariance,
+    )

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from cwcli.vision.ordered_threads import run_jobs_in_order
 from cwcli.vision.raw_images import GREY_ENCODINGS, RawImageError, decode_raw_as_colour, decode_raw_as_grey
 from cwcli.vision.search_clock import SearchClock
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, UNSUPPORTED_CODECS, decode_video
+
+if TYPE_CHECKING:
+    from cwcli.vision.camera import WidthHeightPx
 
 MIN_SIDE_PX = 32
 """Least width and height of an image in pixels; smaller ones are rejected. Chosen by hand; not fitted."""
@@ -91,7 +95,7 @@ class DecodingJob:
 def decode_frames(
     frames: Iterable[FrameLike],
     *,
-    size_of: SizeOf | None,
+    wanted_size_of: SizeOf | None,
     prepare: Callable[[DecodedFrame], object] | None = None,
     n_threads: int | None = None,
     colour_every_ns: int | None = None,
@@ -102,7 +106,7 @@ def decode_frames(
 
     Args:
         frames: The encoded frames.
-        size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
+        wanted_size_of: (width_px, height_px) of a frame -> size of the wanted grey image; None: colour, full size.
         prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
         n_threads: Number of decoding threads, the calling one included; None: one for each processor, at most 4.
         colour_every_ns: Log time between frames that also come in colour (`DecodedFrame.colour`); None: none does.
@@ -118,10 +122,10 @@ def decode_frames(
     cv2.setNumThreads(1)  # the threads are ours: one frame each
     print_errors_only()
 
-    jobs = _iter_decoding_jobs(frames, size_of, _ColourClock(colour_every_ns), search_clock, where)
+    jobs = _iter_decoding_jobs(frames, wanted_size_of, _ColourClock(colour_every_ns), search_clock, where)
     batches = (
         partial(_decode_and_prepare_batch, batch, prepare)
-        for batch in _iter_job_batches(jobs, MAX_FRAMES_PER_BATCH if size_of else 1)
+        for batch in _iter_job_batches(jobs, MAX_FRAMES_PER_BATCH if wanted_size_of else 1)
     )
     for decoded in run_jobs_in_order(batches, n):
         yield from decoded
@@ -170,7 +174,7 @@ class _ColourClock:
 
 def _iter_decoding_jobs(
     frames: Iterable[FrameLike],
-    size_of: SizeOf | None,
+    wanted_size_of: SizeOf | None,
     colour: _ColourClock,
     search_clock: SearchClock | None,
     where: str,
@@ -186,7 +190,9 @@ def _iter_decoding_jobs(
                     index += 1
                     continue
                 in_colour = colour.is_colour_due(frame.log_time_ns)
-                yield DecodingJob(len(frame.data), partial(decode_frame, index, frame, size_of, in_colour=in_colour))
+                yield DecodingJob(
+                    len(frame.data), partial(decode_frame, index, frame, wanted_size_of, in_colour=in_colour)
+                )
                 index += 1
             continue
         decoded = decode_video(group, video_format, max_pixels=MAX_IMAGE_PIXELS, where=where)
@@ -199,7 +205,7 @@ def _iter_decoding_jobs(
                 index += 1
                 continue
             in_colour = colour.is_colour_due(frame.log_time_ns)
-            work = partial(_decoded_frame_from_video, index, frame, image, size, size_of, in_colour=in_colour)
+            work = partial(_decoded_frame_from_video, index, frame, image, size, wanted_size_of, in_colour=in_colour)
             yield DecodingJob(n_bytes, work)
             index += 1
 
@@ -221,7 +227,7 @@ def _skipped_frame(index: int, frame: FrameLike, search_clock: SearchClock) -> D
     return _frame_without_image(index, frame, size)
 
 
-def _frame_without_image(index: int, frame: FrameLike, size: tuple[int, int]) -> DecodedFrame:
+def _frame_without_image(index: int, frame: FrameLike, size: WidthHeightPx) -> DecodedFrame:
     """A skipped frame of a known size."""
     stamp_ns, has_stamp = _stamp_or_log_time_ns(frame), _is_plausible_time(frame.stamp_ns)
     return DecodedFrame(index, frame.log_time_ns, stamp_ns, *size, None, has_stamp=has_stamp, is_skipped=True)
@@ -238,12 +244,14 @@ def _video_format_name(frame: FrameLike) -> str:
     return name if name in CODEC_OF_VIDEO_FORMAT else ""
 
 
-def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_colour: bool = False) -> DecodedFrame:
-    """Decode one frame; `size_of` as in `decode_frames`. Never raises for what the data holds.
+def decode_frame(
+    index: int, frame: FrameLike, wanted_size_of: SizeOf | None, *, in_colour: bool = False
+) -> DecodedFrame:
+    """Decode one frame; `wanted_size_of` as in `decode_frames`. Never raises for what the data holds.
 
     Args:
         index, frame: The frame and its number.
-        size_of: As in `decode_frames`.
+        wanted_size_of: As in `decode_frames`.
         in_colour: In colour too, beside grey, if the camera has colour.
     """
     if not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
@@ -262,13 +270,13 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_col
         reason = "cut short"
     if reason:
         return _rejected_frame(index, frame, reason)
-    wanted_size = size_of(width_px, height_px) if size_of else None
+    wanted_size = wanted_size_of(width_px, height_px) if wanted_size_of else None
     try:
         if header is None:
-            image = decode_raw_as_grey(frame) if size_of else decode_raw_as_colour(frame)
+            image = decode_raw_as_grey(frame) if wanted_size_of else decode_raw_as_colour(frame)
         elif is_depth:
             image = _grey_or_three_channels(
-                decode_compressed_depth_as_grey(frame.format, frame.data), is_grey=size_of is not None
+                decode_compressed_depth_as_grey(frame.format, frame.data), is_grey=wanted_size_of is not None
             )
         else:
             image = _decode_still_image(frame.data, header, wanted_size)
@@ -313,17 +321,17 @@ def _unreadable_data_reason(frame: FrameLike) -> str:
 
 
 def _decode_still_image(
-    data: bytes | memoryview, header: ImageHeader, wanted: tuple[int, int] | None, *, in_colour: bool = False
+    data: bytes | memoryview, header: ImageHeader, wanted_size: WidthHeightPx | None, *, in_colour: bool = False
 ) -> Image:
     """Decode a JPEG, PNG or WebP image, reduced as far as the wanted size allows; raises RawImageError where it is
     damaged."""
     import cv2
 
     flags = cv2.IMREAD_IGNORE_ORIENTATION
-    if wanted is None:
+    if wanted_size is None:
         flags |= cv2.IMREAD_COLOR
     else:
-        flags |= _reduced_decoding_flag(header, wanted, "COLOR" if in_colour else "GRAYSCALE")
+        flags |= _reduced_decoding_flag(header, wanted_size, "COLOR" if in_colour else "GRAYSCALE")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
@@ -333,13 +341,13 @@ def _decode_still_image(
     return np.asarray(image, np.uint8)
 
 
-def _reduced_decoding_flag(header: ImageHeader, wanted: tuple[int, int], kind: str) -> int:
+def _reduced_decoding_flag(header: ImageHeader, wanted_size: WidthHeightPx, kind: str) -> int:
     """The flag of the strongest reduction that leaves at least the wanted size; only JPEG decodes faster by it."""
     import cv2
 
     if header.kind == "jpeg":
         for factor in JPEG_REDUCTION_FACTORS:
-            if header.width_px >= factor * wanted[0] and header.height_px >= factor * wanted[1]:
+            if header.width_px >= factor * wanted_size[0] and header.height_px >= factor * wanted_size[1]:
                 return int(getattr(cv2, f"IMREAD_REDUCED_{kind}_{factor}"))
     return int(getattr(cv2, f"IMREAD_{kind}"))
 
@@ -348,8 +356,8 @@ def _decoded_frame_from_video(
     index: int,
     frame: FrameLike,
     image: Image | None,
-    size: tuple[int, int],
-    size_of: SizeOf | None,
+    size: WidthHeightPx,
+    wanted_size_of: SizeOf | None,
     *,
     in_colour: bool,
 ) -> DecodedFrame:
@@ -360,9 +368,9 @@ def _decoded_frame_from_video(
     reason = reason if 0 <= frame.log_time_ns <= MAX_STAMP_NS else INVALID_LOG_TIME_REASON
     if reason or image is None:
         return _rejected_frame(index, frame, reason)
-    if size_of is None:
+    if wanted_size_of is None:
         return _decoded_frame_at_size(index, frame, image, size, None)
-    wanted_size = size_of(*size)
+    wanted_size = wanted_size_of(*size)
     decoded = _decoded_frame_at_size(
         index, frame, np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), size, wanted_size
     )
@@ -370,11 +378,11 @@ def _decoded_frame_from_video(
 
 
 def _decoded_frame_at_size(
-    index: int, frame: FrameLike, image: Image, size: tuple[int, int], wanted: tuple[int, int] | None
+    index: int, frame: FrameLike, image: Image, size: WidthHeightPx, wanted_size: WidthHeightPx | None
 ) -> DecodedFrame:
     """The decoded frame with its image scaled to the wanted size."""
-    if wanted is not None:
-        image = _resize_image(image, wanted)
+    if wanted_size is not None:
+        image = _resize_image(image, wanted_size)
     return DecodedFrame(
         index,
         frame.log_time_ns,
@@ -385,14 +393,14 @@ def _decoded_frame_at_size(
     )
 
 
-def _resize_image(image: Image, wanted: tuple[int, int]) -> Image:
+def _resize_image(image: Image, wanted_size: WidthHeightPx) -> Image:
     """The image at another size; where it shrinks, each pixel is the mean of those that it covers."""
-    if image.shape[1::-1] == wanted:
+    if image.shape[1::-1] == wanted_size:
         return image
     import cv2
 
-    shrinks = image.shape[1] >= wanted[0] and image.shape[0] >= wanted[1]
-    scaled = cv2.resize(image, wanted, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+    shrinks = image.shape[1] >= wanted_size[0] and image.shape[0] >= wanted_size[1]
+    scaled = cv2.resize(image, wanted_size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
     return np.asarray(scaled, np.uint8)
 
 

@@ -30,9 +30,10 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import (
+    FarNearBendSpiral,
     curvature_change_ratios_to_centre_line,
-    lane_centre_geometry_at_distance,
     lateral_positions_of_arcs_m,
+    y_direction_curvature_of_lane_centres_at_distance,
 )
 from cwcli.vision.camera import Camera, rotation_from_yaw_pitch_roll
 from cwcli.vision.fit_columns import FitColumns
@@ -129,7 +130,7 @@ def compute_lane_geometry(
     return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in geometries]) for f in fields(LaneGeometry)))
 
 
-def image_hyperbolas_of_flat_road(fits: FitColumns, camera: Camera) -> FloatArray:
+def image_hyperbolas_of_flat_road(fits: FitColumns, camera: Camera) -> FarNearBendSpiral:
     """The boundaries as images of a flat road, x = far + near h + bend / h + spiral / h^2.
 
     h is in rows below the horizon; in a tight bend that curve touches the road beside the camera (`arcs`). A method's
@@ -153,7 +154,7 @@ def image_hyperbolas_of_flat_road(fits: FitColumns, camera: Camera) -> FloatArra
     return roads
 
 
-def _fit_roads_to_parabolas(fits: FitColumns, camera: Camera) -> FloatArray:
+def _fit_roads_to_parabolas(fits: FitColumns, camera: Camera) -> FarNearBendSpiral:
     """Road curves whose best parabolas are those of the fits, shape (n, 2, 4)."""
     y_px = _boundary_sample_heights_px(camera, fits.pitch_rad)
     x_px = _parabola_columns_px(fits.parabolas, y_px)
@@ -231,15 +232,15 @@ def _lane_geometry_of_block(fits: FitColumns, camera: Camera, preview_m: float, 
     mount[:, 1] = np.where(np.isnan(fits.yaw_rad), camera.mounting.yaw_rad, fits.yaw_rad)
     mount[:, 2] = camera.mounting.height_m
     beside_px = _road_offset_from_parabola_px(fits, camera)
-    body, use = _map_boundaries_to_ground(parabolas, mount, camera, beside_px)
+    body, use = _ground_place_slope_curvature_and_used_samples(parabolas, mount, camera, beside_px)
     change = _curvature_change_1pm2(fits, body, camera)
     is_curve = np.asarray(np.isfinite(fits.roads).any(axis=(1, 2)), np.bool_)
-    values = _deviations_at_preview(body, change, is_curve, preview_m)
+    values = _lateral_heading_deviation_and_curvature_at_preview(body, change, is_curve, preview_m)
     assumed = assumed_parabola_covariance(camera, sigmas.pixel_px)
     variance = np.zeros_like(values)
     # With the same samples: one that enters or leaves within a step would look like an infinite slope.
     moved_bodies = [
-        _map_boundaries_to_ground(parabolas + step, mount, camera, beside_px, use)[0]
+        _ground_place_slope_curvature_and_used_samples(parabolas + step, mount, camera, beside_px, use)[0]
         for step in np.diag(PARABOLA_DERIVATIVE_STEPS)
     ]
     of_fit = np.zeros((n, 3, N_JOINT_PARAMETERS))
@@ -249,7 +250,7 @@ def _lane_geometry_of_block(fits: FitColumns, camera: Camera, preview_m: float, 
             one_moved = body.copy()
             one_moved[:, side] = moved_body[:, side]
             jacobian[:, :, k] = (
-                _deviations_at_preview(one_moved, change, is_curve, preview_m) - values
+                _lateral_heading_deviation_and_curvature_at_preview(one_moved, change, is_curve, preview_m) - values
             ) / PARABOLA_DERIVATIVE_STEPS[k]
         own_covariance = fits.covariance[:, side]
         covariance = np.where(np.isnan(own_covariance), assumed, own_covariance)
@@ -259,8 +260,10 @@ def _lane_geometry_of_block(fits: FitColumns, camera: Camera, preview_m: float, 
     for k, sigma in enumerate((sigmas.pitch_rad, sigmas.yaw_rad, sigmas.height_m)):
         moved_mount = mount.copy()
         moved_mount[:, k] += MOUNTING_DERIVATIVE_STEP
-        moved_body, _ = _map_boundaries_to_ground(parabolas, moved_mount, camera, beside_px, use)
-        slope = (_deviations_at_preview(moved_body, change, is_curve, preview_m) - values) / MOUNTING_DERIVATIVE_STEP
+        moved_body, _ = _ground_place_slope_curvature_and_used_samples(parabolas, moved_mount, camera, beside_px, use)
+        slope = (
+            _lateral_heading_deviation_and_curvature_at_preview(moved_body, change, is_curve, preview_m) - values
+        ) / MOUNTING_DERIVATIVE_STEP
         variance += (slope * sigma) ** 2
         if k == 0:
             of_fit[:, :, -1] = slope
@@ -303,31 +306,31 @@ def _road_offset_from_parabola_px(fits: FitColumns, camera: Camera) -> FloatArra
     return np.asarray(np.nan_to_num(x_px - _parabola_columns_px(fits.parabolas, y_px)))
 
 
-def _map_boundaries_to_ground(
+def _ground_place_slope_curvature_and_used_samples(
     parabolas: FloatArray,
-    mount: FloatArray,
+    pitch_yaw_height: FloatArray,
     camera: Camera,
-    beside_px: FloatArray,
+    road_minus_parabola_px: FloatArray,
     is_sample_used: BoolArray | None = None,
 ) -> tuple[FloatArray, BoolArray]:
     """Place, slope and curvature of each boundary on the ground, shape (n, 2, 3), and the samples that were used.
 
     Args:
         parabolas: Shape (n, 2, 3): a, b, c.
-        mount: Shape (n, 3): pitch, yaw, height.
+        pitch_yaw_height: Shape (n, 3): pitch, yaw, height.
         camera: The camera in the pixels of the search image.
-        beside_px: Shape (n, 2, samples): offset of the road from the parabolas.
+        road_minus_parabola_px: Shape (n, 2, samples): offset of the road from the parabolas.
         is_sample_used: Shape (n, 2, samples): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
-    y_px = _boundary_sample_heights_px(camera, mount[:, 0])
-    x_px = _parabola_columns_px(parabolas, y_px) + beside_px
+    y_px = _boundary_sample_heights_px(camera, pitch_yaw_height[:, 0])
+    x_px = _parabola_columns_px(parabolas, y_px) + road_minus_parabola_px
     v_px = np.broadcast_to(camera.height_px - y_px[:, None], x_px.shape)
     is_there = np.isfinite(x_px)
     rays = camera.viewing_rays_from_image(np.where(is_there, x_px - 1.0, 0.0).ravel(), v_px.ravel()).reshape(
         n, 2, N_BOUNDARY_SAMPLES, 3
     )
-    turns = _body_from_optical_rotations(mount[:, :2], camera)
+    turns = _body_from_optical_rotations(pitch_yaw_height[:, :2], camera)
     forward, left, up = (
         turns[:, i, 0, None, None] * rays[..., 0]
         + turns[:, i, 1, None, None] * rays[..., 1]
@@ -335,7 +338,7 @@ def _map_boundaries_to_ground(
         for i in range(3)
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(up < 0.0, -mount[:, 2, None, None] / up, np.nan)
+        scale = np.where(up < 0.0, -pitch_yaw_height[:, 2, None, None] / up, np.nan)
     x_m = scale * forward
     y_m = scale * left + camera.mounting.lateral_offset_m
     if is_sample_used is None:
@@ -408,14 +411,16 @@ def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, i
     )
 
 
-def _solve_normal_equations(normal: FloatArray, right: FloatArray, is_sample_used: BoolArray) -> FloatArray:
+def _solve_normal_equations(
+    normal_matrices: FloatArray, right_sides: FloatArray, is_sample_used: BoolArray
+) -> FloatArray:
     """Solutions of the normal equations, shape (n, 2, 3); NaN where too few samples are used."""
     enough = is_sample_used.sum(axis=-1, keepdims=True) >= MIN_FIT_SAMPLES
-    normal = np.where(enough[..., None], normal, np.eye(3))
-    return np.asarray(np.where(enough, np.linalg.solve(normal, right[..., None])[..., 0], np.nan))
+    normal_matrices = np.where(enough[..., None], normal_matrices, np.eye(3))
+    return np.asarray(np.where(enough, np.linalg.solve(normal_matrices, right_sides[..., None])[..., 0], np.nan))
 
 
-def _deviations_at_preview(
+def _lateral_heading_deviation_and_curvature_at_preview(
     body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, preview_m: float
 ) -> FloatArray:
     """Lateral deviation, heading deviation and curvature at the preview point, shape (n, 3), of the curve or else of
@@ -428,7 +433,9 @@ def _deviations_at_preview(
     parabola = np.column_stack([lateral, np.arctan(slope), either[:, 2] / (1.0 + slope**2) ** 1.5])
     parabola[is_alone, 0] = np.nan
     return -np.where(
-        is_curve[:, None], lane_centre_geometry_at_distance(body, np.full(len(body), preview_m), change_1pm2), parabola
+        is_curve[:, None],
+        y_direction_curvature_of_lane_centres_at_distance(body, np.full(len(body), preview_m), change_1pm2),
+        parabola,
     )
 
 
@@ -437,7 +444,9 @@ def _lane_width_m(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray
     y_m = body[..., 0] + (body[..., 1] + 0.5 * body[..., 2] * WIDTH_DISTANCE_M) * WIDTH_DISTANCE_M
     slope = (body[..., 1] + body[..., 2] * WIDTH_DISTANCE_M).mean(axis=1)
     curves_m = lateral_positions_of_arcs_m(body, np.array(WIDTH_DISTANCE_M), change_1pm2[:, None])
-    direction = lane_centre_geometry_at_distance(body, np.full(len(body), WIDTH_DISTANCE_M), change_1pm2)[:, 1]
+    direction = y_direction_curvature_of_lane_centres_at_distance(
+        body, np.full(len(body), WIDTH_DISTANCE_M), change_1pm2
+    )[:, 1]
     has_turned = is_curve & np.isnan(curves_m).any(axis=1)
     y_m = np.where(is_curve[:, None], np.where(has_turned[:, None], body[..., 0], curves_m), y_m)
     slope = np.where(is_curve, np.where(has_turned, body[..., 1].mean(axis=1), np.tan(direction)), slope)

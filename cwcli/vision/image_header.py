@@ -51,11 +51,11 @@ def read_image_header(data: Bytes) -> ImageHeader | None:
     return None
 
 
-def has_image_end(data: Bytes, kind: str) -> bool:
+def has_image_end(data: Bytes, image_format: str) -> bool:
     """Whether the image's end is there; OpenCV fills what is missing of a cut JPEG with grey and says nothing."""
-    if kind == "jpeg":
+    if image_format == "jpeg":
         return JPEG_END_MARKER in bytes(data[-JPEG_TAIL_BYTES:]) or bytes(data).rfind(JPEG_END_MARKER) > 0
-    if kind == "png":
+    if image_format == "png":
         return bytes(data[-64:]).rfind(PNG_END_CHUNK_TYPE) >= 0
     return len(data) >= 8 + int.from_bytes(data[4:8], "little")
 

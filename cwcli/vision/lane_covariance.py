@@ -30,6 +30,8 @@ from cwcli.vision.lane_model import (
     MIDDLE,
     VANISHING,
     WIDTH,
+    ImageLane,
+    LanePriorTable,
     bend_px2_per_curvature,
     fit_boundary_parabolas,
     pitch_from_horizon_rad,
@@ -65,8 +67,8 @@ _STENCIL_STEPS = np.concatenate(
 """Places at which the objective is evaluated, shape (31, 5), in steps."""
 
 
-def measure_lane_covariance(
-    evidence: StripeEvidence, lane: FloatArray, table: FloatArray, camera: Camera
+def covariance_of_first_five_lane_numbers(
+    evidence: StripeEvidence, lane: ImageLane, table: LanePriorTable, camera: Camera
 ) -> FloatArray:
     """The covariance of a lane's first five numbers, shape (5, 5).
 
@@ -75,7 +77,7 @@ def measure_lane_covariance(
         table: Table of the prior, shape (6, 4), under which it was found.
         camera: The camera in the pixels of the image that was searched.
     """
-    places, steps = _place_derivatives_and_steps(
+    places, steps = _derivatives_to_places_and_steps_px(
         float(lane[HORIZON]), camera.height_px, evidence.pinhole.focal_length_ratio
     )
     places = places * steps
@@ -112,7 +114,9 @@ def _near_and_far_depth_px(horizon_px: float, height_px: int) -> tuple[float, fl
     return NEAR_ROW_SHARE * depth, FAR_ROW_SHARE * depth
 
 
-def _place_derivatives_and_steps(horizon_px: float, height_px: int, stretch: float) -> tuple[FloatArray, FloatArray]:
+def _derivatives_to_places_and_steps_px(
+    horizon_px: float, height_px: int, stretch: float
+) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the five numbers with respect to the places, shape (5, 5), a column for each place; and the steps
     in pixels.
 
@@ -131,7 +135,7 @@ def _place_derivatives_and_steps(horizon_px: float, height_px: int, stretch: flo
     return np.array(numbers), steps
 
 
-def propagate_covariance_to_fit(lane: FloatArray, covariance: FloatArray, camera: Camera) -> FloatArray:
+def propagate_covariance_to_fit(lane: ImageLane, covariance: FloatArray, camera: Camera) -> FloatArray:
     """The covariance of a published fit, shape (7, 7): a, b, c of both sides, and the pitch.
 
     Args:
@@ -140,12 +144,12 @@ def propagate_covariance_to_fit(lane: FloatArray, covariance: FloatArray, camera
     """
     sigma = np.sqrt(np.diagonal(covariance))
     steps = np.eye(N_LANE_NUMBERS, len(lane)) * sigma[:, None]
-    published = np.array([_fit_numbers_of_lane(each, camera) for each in (lane, *(lane + steps))])
+    published = np.array([_both_parabolas_and_pitch_of_lane(each, camera) for each in (lane, *(lane + steps))])
     jacobian = (published[1:] - published[0]).T / sigma
     propagated: FloatArray = jacobian @ covariance @ jacobian.T
     return propagated
 
 
-def _fit_numbers_of_lane(lane: FloatArray, camera: Camera) -> list[float]:
+def _both_parabolas_and_pitch_of_lane(lane: ImageLane, camera: Camera) -> list[float]:
     """The numbers of a lane that are published: a, b, c of both boundaries, and the pitch."""
     return [*fit_boundary_parabolas(lane, camera).ravel().tolist(), pitch_from_horizon_rad(lane, camera)]

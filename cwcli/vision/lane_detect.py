@@ -13,7 +13,7 @@ from cwcli.kernels import lane_ridge, lane_stripes
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import Pinhole
-from cwcli.vision.camera import Camera
+from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.ground import MIN_DEPTH_SHARE
 from cwcli.vision.lane_following import SAME_LINE_TOLERANCE, max_boundary_difference_m
 from cwcli.vision.lane_mean import weighted_mean_lane
@@ -28,7 +28,10 @@ from cwcli.vision.lane_model import (
     SPIRAL,
     VANISHING,
     WIDTH,
+    ImageLane,
+    ImageLanes,
     LanePrior,
+    LanePriorTable,
 )
 from cwcli.vision.method import GreyImage
 from cwcli.vision.vanishing import find_vanishing_point
@@ -162,7 +165,7 @@ class EvidenceSource(Protocol):
         """Measure the evidence in some rows of a frame."""
 
 
-def widening_reaches_px(width_px: int) -> tuple[int, int]:
+def reach_columns_of_two_widened_evidences(width_px: int) -> tuple[int, int]:
     """Columns to each side over which the two widened evidences take the greatest value."""
     return max(1, round(width_px / 320)), max(2, round(width_px / 128))
 
@@ -206,7 +209,7 @@ def measure_stripe_evidence(
     height, width = grey.shape
     size = 3 * len(rows) * width
     evidence = (np.empty(size, np.float32) if buffer is None else buffer[:size]).reshape(3, len(rows), width)
-    reach, broad_reach = widening_reaches_px(width)
+    reach, broad_reach = reach_columns_of_two_widened_evidences(width)
     lane_stripes.stripes(
         np.ascontiguousarray(grey),
         rows,
@@ -224,7 +227,7 @@ def measure_stripe_evidence(
 
 def best_lanes_of_grid(
     evidence: StripeEvidence, prior: LanePrior, width_px: int, height_px: int
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[ImageLanes, FloatArray]:
     """The best lane for each vanishing point and bend at the evidence's horizon.
 
     Returns:
@@ -270,14 +273,14 @@ def best_lanes_of_grid(
 
 def refine_lanes(
     evidence: StripeEvidence,
-    lanes: FloatArray,
-    table: FloatArray,
-    size: tuple[int, int],
+    lanes: ImageLanes,
+    table: LanePriorTable,
+    size: WidthHeightPx,
     *,
     use_wide_evidence: bool,
     step_scale: float = 1.0,
     neighbour_weight: float = NEIGHBOUR_WEIGHT,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[ImageLanes, FloatArray]:
     """Refine lanes by a pattern search from each; returns the lanes, shape (k, 6), and their objectives, shape (k,).
 
     Args:
@@ -311,32 +314,32 @@ def refine_lanes(
     return refined_lanes, value
 
 
-def lane_objectives(evidence: StripeEvidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
+def lane_objectives(evidence: StripeEvidence, lanes: ImageLanes, table: LanePriorTable) -> FloatArray:
     """Objectives of lanes, shape (k,), the neighbouring lanes' boundaries included."""
     return lane_ridge.objective(
         evidence.sharp, evidence.broad, evidence.rows, lanes, table, evidence.scoring_settings()
     )
 
 
-def best_lane_on_wide_evidence(evidence: StripeEvidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
+def best_lane_on_wide_evidence(evidence: StripeEvidence, lanes: ImageLanes, table: LanePriorTable) -> ImageLane:
     """The lane (6,) among several (k, 6) with the greatest objective on widened evidence, without neighbours."""
     scoring = evidence.scoring_settings(neighbour_weight=0.0)
     value = lane_ridge.objective(evidence.wide, evidence.broad, evidence.rows, lanes, table, scoring)
     return np.asarray(lanes[int(value.argmax())])
 
 
-def first_distinct_lanes(lanes: FloatArray, n: int) -> FloatArray:
+def first_distinct_lanes(lanes: ImageLanes, max_lanes: int) -> ImageLanes:
     """The first n lanes that differ from all lanes before them; fewer if there are not so many."""
     chosen: list[FloatArray] = []
     for lane in lanes:
         if not any(is_same_lane(lane, other) for other in chosen):
             chosen.append(lane)
-            if len(chosen) == n:
+            if len(chosen) == max_lanes:
                 break
     return np.array(chosen)
 
 
-def is_same_lane(lane: FloatArray, other: FloatArray) -> bool:
+def is_same_lane(lane: ImageLane, other: ImageLane) -> bool:
     """Whether two lanes are the same: neither their boundaries nor their horizons differ by more than the
     tolerances."""
     _, middle, width, _, horizon, _ = lane.tolist()
@@ -366,7 +369,7 @@ def prior_with_vanishing_point(grey: GreyImage, prior: LanePrior) -> tuple[LaneP
 
 def search_first_frame(
     grey: GreyImage, camera: Camera, prior: LanePrior, evidence_source: EvidenceSource = measure_stripe_evidence
-) -> tuple[FloatArray, FloatArray, StripeEvidence]:
+) -> tuple[ImageLanes, FloatArray, StripeEvidence]:
     """Search a first frame for the lanes that it supports best, knowing nothing but the prior.
 
     Args:
@@ -415,35 +418,35 @@ def search_first_frame(
 
 
 def search_rival_lanes(
-    evidence: StripeEvidence, prior: LanePrior, size: tuple[int, int], known: Sequence[FloatArray]
-) -> tuple[FloatArray, FloatArray]:
+    evidence: StripeEvidence, prior: LanePrior, size: WidthHeightPx, known_lanes: Sequence[ImageLane]
+) -> tuple[ImageLanes, FloatArray]:
     """Search for other lanes at a known horizon, under a narrow prior of direction and bend.
 
     Args:
         evidence: The stripes of the frame.
         prior: The narrow prior.
         size: Width and height of the image.
-        known: The lanes that are followed already; none of them is returned.
+        known_lanes: The lanes that are followed already; none of them is returned.
 
     Returns:
         Lanes, shape (k, 6), and their objectives, shape (k,); k may be 0.
     """
-    lanes = _drop_known_lanes(first_distinct_lanes(best_lanes_of_grid(evidence, prior, *size)[0], 2), known)
+    lanes = _drop_known_lanes(first_distinct_lanes(best_lanes_of_grid(evidence, prior, *size)[0], 2), known_lanes)
     if len(lanes):
         lanes, _ = refine_lanes(evidence, lanes, prior.table, size, use_wide_evidence=True)
         lanes, _ = refine_lanes(evidence, lanes, prior.table, size, use_wide_evidence=False, step_scale=0.5)
-        lanes = _drop_known_lanes(move_to_inner_stripes(evidence, lanes, prior, size), known)
+        lanes = _drop_known_lanes(move_to_inner_stripes(evidence, lanes, prior, size), known_lanes)
     return lanes, lane_objectives(evidence, lanes, prior.table)
 
 
-def _drop_known_lanes(lanes: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
+def _drop_known_lanes(lanes: ImageLanes, known: Sequence[ImageLane]) -> ImageLanes:
     """Lanes that are none of the known ones."""
     return lanes[[not any(is_same_lane(lane, other) for other in known) for lane in lanes]]
 
 
 def move_to_inner_stripes(
-    evidence: StripeEvidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]
-) -> FloatArray:
+    evidence: StripeEvidence, lanes: ImageLanes, prior: LanePrior, size: WidthHeightPx
+) -> ImageLanes:
     """Lanes whose boundaries are moved to the inner stripe of a double marking, where there is one."""
     shifts = INNER_STRIPE_SHIFTS * prior.pinhole.focal_length_ratio
     moved_lanes = np.array(lanes)

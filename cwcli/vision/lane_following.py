@@ -25,7 +25,10 @@ from cwcli.vision.lane_model import (
     SPIRAL,
     VANISHING,
     WIDTH,
+    ImageLane,
+    ImageLanes,
     LanePrior,
+    LanePriorTable,
     bend_px2_per_curvature,
     spiral_px3_per_curvature_change,
 )
@@ -144,7 +147,7 @@ def following_prior(prior: LanePrior, camera: Camera, speed_mps: float) -> LaneP
     return prior.with_table(np.array(rows), drift)
 
 
-def pitch_candidates(lane: FloatArray, prior: LanePrior, table: FloatArray, dt_s: float) -> FloatArray:
+def pitch_candidates(lane: ImageLane, prior: LanePrior, table: LanePriorTable, dt_s: float) -> ImageLanes:
     """Candidates of a predicted lane with other pitches, shape (k, 6); the first is the prediction itself.
 
     A search that moves one number after the other takes a bump for a bend, or stays where it is.
@@ -164,7 +167,7 @@ def pitch_candidates(lane: FloatArray, prior: LanePrior, table: FloatArray, dt_s
     return candidates
 
 
-def curvature_candidates(lane: FloatArray, prior: LanePrior, table: FloatArray, height_px: int) -> FloatArray:
+def curvature_candidates(lane: ImageLane, prior: LanePrior, table: LanePriorTable, height_px: int) -> ImageLanes:
     """Candidates of a predicted lane with other bends and changes of curvature, shape (k, 6).
 
     All keep the lane's place and direction in a near row. Where a road begins to bend, place and direction beside the
@@ -212,7 +215,7 @@ def prior_with_seen_horizon(prior: LanePrior, horizon_px: float, camera: Camera)
     return prior.with_table(table)
 
 
-def prior_at_lane_horizon(prior: LanePrior, lane: FloatArray, camera: Camera) -> LanePrior:
+def prior_at_lane_horizon(prior: LanePrior, lane: ImageLane, camera: Camera) -> LanePrior:
     """The prior for a lane whose horizon differs from that of the frames so far; else the prior itself."""
     row = prior.table[HORIZON]
     if prior.is_mounting_known or row[LOW] <= lane[HORIZON] <= row[HIGH]:
@@ -221,8 +224,8 @@ def prior_at_lane_horizon(prior: LanePrior, lane: FloatArray, camera: Camera) ->
 
 
 def predict_lane(
-    lane: FloatArray, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
-) -> FloatArray:
+    lane: ImageLane, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
+) -> ImageLane:
     """The lane in the next frame, predicted from the car's motion; shape (6,). Unknown motion changes nothing.
 
     With places and curvatures K to the right, the lane's direction seen from the car turns by (K v + yaw rate) dt, its
@@ -255,22 +258,22 @@ def predict_lane(
     return next_lane
 
 
-def lane_change_direction(lane: FloatArray) -> int:
+def lane_change_left_1_right_minus_1(lane: ImageLane) -> int:
     """The lane change that a lane's place shows: 1 to the left, -1 to the right, 0 for none."""
     if abs(lane[MIDDLE]) <= LANE_CHANGE_OFFSET_SHARE * lane[WIDTH]:
         return 0
     return 1 if lane[MIDDLE] > 0.0 else -1
 
 
-def shift_to_adjacent_lane(lane: FloatArray, change: int) -> FloatArray:
+def shift_to_adjacent_lane(lane: ImageLane, left_1_right_minus_1: int) -> ImageLane:
     """The adjacent lane on the left (1) or on the right (-1), or the same lane (0); shape (6,)."""
     adjacent = np.array(lane)
-    adjacent[MIDDLE] -= change * adjacent[WIDTH]
+    adjacent[MIDDLE] -= left_1_right_minus_1 * adjacent[WIDTH]
     return adjacent
 
 
 def narrow_prior_table(
-    prior: LanePrior, lane: FloatArray, dt_s: float, sideways_mps: float = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS
+    prior: LanePrior, lane: ImageLane, dt_s: float, sideways_mps: float = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS
 ) -> FloatArray:
     """The table of a prior narrowed around a predicted lane, shape (6, 4).
 
@@ -301,13 +304,13 @@ def narrow_prior_table(
     return np.array(rows)
 
 
-def boundary_difference_beside_camera_m(lane: FloatArray, other: FloatArray, prior: LanePrior) -> float:
+def boundary_difference_beside_camera_m(lane: ImageLane, other: ImageLane, prior: LanePrior) -> float:
     """Distance beside the camera between the boundaries of two lanes, of the side that differs more, in metres."""
     apart = abs(float(lane[MIDDLE] - other[MIDDLE])) + 0.5 * abs(float(lane[WIDTH] - other[WIDTH]))
     return apart / prior.place_units_per_m
 
 
-def max_boundary_difference_m(lane: FloatArray, other: FloatArray, prior: LanePrior, height_px: int) -> float:
+def max_boundary_difference_m(lane: ImageLane, other: ImageLane, prior: LanePrior, height_px: int) -> float:
     """Distance between the boundaries of two lanes, of the side that differs more, near the car and 20 m ahead of a
     wide camera, in metres."""
     most = 0.0
@@ -321,7 +324,7 @@ def max_boundary_difference_m(lane: FloatArray, other: FloatArray, prior: LanePr
     return most / prior.place_units_per_m
 
 
-def boundary_columns_at_depth_px(lane: FloatArray, depth_px: float) -> FloatArray:
+def boundary_columns_at_depth_px(lane: ImageLane, depth_px: float) -> FloatArray:
     """Columns of both boundaries h rows below the lane's horizon, shape (2,), by the polynomial also in tight bends."""
     u0, middle, width, bend, _, spiral = lane.tolist()
     return np.asarray(
@@ -329,7 +332,7 @@ def boundary_columns_at_depth_px(lane: FloatArray, depth_px: float) -> FloatArra
     )
 
 
-def has_lines_at_boundaries(lane: FloatArray, other: FloatArray, height_px: int) -> tuple[bool, bool]:
+def has_lines_at_boundaries(lane: ImageLane, other: ImageLane, height_px: int) -> tuple[bool, bool]:
     """Whether a lane or one of its neighbours has a line at the left and at the right boundary of another lane."""
     found = np.ones((2, len(LINE_OFFSETS_IN_WIDTHS)), np.bool_)
     for share in COMPARISON_ROW_SHARES:
@@ -343,7 +346,7 @@ def has_lines_at_boundaries(lane: FloatArray, other: FloatArray, height_px: int)
     return bool(found[0].any()), bool(found[1].any())
 
 
-def lane_change_between(lane: FloatArray, other: FloatArray) -> int:
+def lane_change_between_left_1_right_minus_1(lane: ImageLane, other: ImageLane) -> int:
     """The lane change from one lane to another: 1 to the left, -1 to the right; 0 unless they are adjacent and the car
     is between them."""
     width = 0.5 * float(lane[WIDTH] + other[WIDTH])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +21,11 @@ from cwcli.vision.lane_following import (
     pitch_candidates,
 )
 from cwcli.vision.lane_mean import OBJECTIVE_SCALE
-from cwcli.vision.lane_model import HIGH, LOW, LanePrior, is_same_lane_in_image
+from cwcli.vision.lane_model import HIGH, LOW, ImageLane, LanePrior, LeftRightProbabilities, is_same_lane_in_image
 from cwcli.vision.lane_sides import NO_LINE, LinePairState
+
+if TYPE_CHECKING:
+    from cwcli.vision.camera import WidthHeightPx
 
 MAX_RIVAL_DEFICIT = 5.0 * OBJECTIVE_SCALE
 """Greatest deficit of objective with which a lane is still a rival: below it, it has less than 1 % of the
@@ -63,14 +67,14 @@ class LaneHypothesis:
 
 def refine_predicted_lane(
     evidence: StripeEvidence,
-    lane: FloatArray,
+    lane: ImageLane,
     prior: LanePrior,
-    size: tuple[int, int],
+    size: WidthHeightPx,
     dt_s: float,
     sideways_mps: float,
     *,
     is_slow: bool,
-) -> tuple[FloatArray, float]:
+) -> tuple[ImageLane, float]:
     """Refine a predicted lane on a frame; returns the lane, shape (6,), and its objective.
 
     Args:
@@ -110,35 +114,35 @@ def refine_predicted_lane(
 
 def choose_tight_or_gentle_bend(
     evidence: StripeEvidence,
-    lane: FloatArray,
-    found: tuple[FloatArray, float],
+    lane: ImageLane,
+    tight_lane_and_objective: tuple[ImageLane, float],
     prior: LanePrior,
-    size: tuple[int, int],
+    size: WidthHeightPx,
     dt_s: float,
     sideways_mps: float,
-) -> tuple[FloatArray, float, bool]:
+) -> tuple[ImageLane, float, bool]:
     """A tight bend, its objective and True; or a gentle one and False, if that is as good and nothing jumps.
 
     Args:
         evidence, lane, size, dt_s, sideways_mps: As for the refinement of a predicted lane.
-        found: The tight bend, shape (6,), and its objective.
+        tight_lane_and_objective: The tight bend, shape (6,), and its objective.
         prior: The prior of gentle bends.
     """
     gentle, last = refine_predicted_lane(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=False)
     reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MOVEMENT_MARGIN_M
     if (
-        found[1] <= last + SWITCH_OBJECTIVE_GAIN
-        and max_boundary_difference_m(gentle, found[0], prior, size[1]) <= reach_m
+        tight_lane_and_objective[1] <= last + SWITCH_OBJECTIVE_GAIN
+        and max_boundary_difference_m(gentle, tight_lane_and_objective[0], prior, size[1]) <= reach_m
     ):
         return gentle, last, False
-    return *found, True
+    return *tight_lane_and_objective, True
 
 
 def find_tight_bend_hypothesis(
     lead: LaneHypothesis,
     evidence: StripeEvidence,
     tight: LanePrior,
-    size: tuple[int, int],
+    size: WidthHeightPx,
     dt_s: float,
     sideways_mps: float,
 ) -> LaneHypothesis | None:
@@ -150,15 +154,15 @@ def find_tight_bend_hypothesis(
 
 
 def share_probability_with_rivals(
-    chances: tuple[float, float], lane: LaneHypothesis, rivals: list[LaneHypothesis], height_px: int
-) -> tuple[float, float]:
+    probabilities: LeftRightProbabilities, lane: LaneHypothesis, rivals: list[LaneHypothesis], height_px: int
+) -> LeftRightProbabilities:
     """The probabilities of a lane's boundaries after its rivals have taken their share.
 
     Of several lanes that a frame may show, each has a share of exp(objective / 0.015), as in the mean of a first
     frame. A rival that has a line where a boundary lies, as the next lane has, takes nothing from that boundary.
 
     Args:
-        chances: Probabilities of the left and of the right boundary without rivals.
+        probabilities: Probabilities of the left and of the right boundary without rivals.
         lane, rivals: The published hypothesis, and the other ones.
         height_px: Height of the image.
     """
@@ -169,10 +173,10 @@ def share_probability_with_rivals(
             part = math.exp(min(gain, MAX_RIVAL_DEFICIT) / OBJECTIVE_SCALE)
             for side, has_line in enumerate(has_lines_at_boundaries(rival.lane, lane.lane, height_px)):
                 parts[side] += 0.0 if has_line else part
-    return chances[0] / parts[0], chances[1] / parts[1]
+    return probabilities[0] / parts[0], probabilities[1] / parts[1]
 
 
-def add_or_merge_hypothesis(followed: list[LaneHypothesis], new: LaneHypothesis, size: tuple[int, int]) -> None:
+def add_or_merge_hypothesis(followed: list[LaneHypothesis], new: LaneHypothesis, size: WidthHeightPx) -> None:
     """Add a hypothesis; of two that lie on the same pixels the first stays, unless the new one is clearly better."""
     for k, other in enumerate(followed):
         if is_same_lane_in_image(new.lane, other.lane, *size):

@@ -12,11 +12,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from statistics import NormalDist
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MIDDLE, SPIRAL, VANISHING, WIDTH
+from cwcli.vision.lane_model import (
+    BEND,
+    HIGH,
+    HORIZON,
+    LOW,
+    MIDDLE,
+    SPIRAL,
+    VANISHING,
+    WIDTH,
+    ImageLane,
+    ImageLanes,
+    LanePriorTable,
+)
+
+if TYPE_CHECKING:
+    from cwcli.vision.camera import WidthHeightPx
 
 OBJECTIVE_SCALE = 0.015
 """Difference of objective at which a lane counts 37 % (1 / e); one sigma of the prior takes off 0.02. Chosen in sight
@@ -33,7 +49,7 @@ MIN_SIGMA_SHARE = 0.05
 """Share of the first round's sigmas that no later round goes below. Chosen by hand; not fitted."""
 
 
-def _evenly_spread_normal_points(n: int) -> FloatArray:
+def _evenly_spread_points_of_standard_normal_5d(n: int) -> FloatArray:
     """Shape (n, 5): points that fill a normal distribution evenly."""
     root = 1.0
     for _ in range(60):
@@ -43,18 +59,18 @@ def _evenly_spread_normal_points(n: int) -> FloatArray:
     return np.array([[inverse(min(max(each, 1e-4), 1.0 - 1e-4)) for each in row] for row in evenly.tolist()])
 
 
-NORMAL_POINTS = _evenly_spread_normal_points(N_SAMPLE_POINTS)
+NORMAL_POINTS = _evenly_spread_points_of_standard_normal_5d(N_SAMPLE_POINTS)
 """Evenly spread points of the five-dimensional standard normal distribution, in sigmas, shape (192, 5), equal in every
 run."""
 
 
 def weighted_mean_lane(
-    objective: Callable[[FloatArray], FloatArray], lane: FloatArray, table: FloatArray, size: tuple[int, int]
-) -> FloatArray:
+    objectives_of_lanes: Callable[[FloatArray], FloatArray], lane: ImageLane, table: LanePriorTable, size: WidthHeightPx
+) -> ImageLane:
     """The weighted mean of the lanes around one lane, all with its change of curvature.
 
     Args:
-        objective: Maps lanes (k, 6) to their objectives (k,).
+        objectives_of_lanes: Maps lanes (k, 6) to their objectives (k,).
         lane: Shape (6,): the lane around which the points lie at first.
         table: The prior's table (`LanePrior.table`).
         size: Width and height of the image.
@@ -67,10 +83,10 @@ def weighted_mean_lane(
     rows_px = float(lane[HORIZON] + NEAR_ROW_SHARE * depth), float(lane[HORIZON] + FAR_ROW_SHARE * depth)
     spiral = float(lane[SPIRAL])
     sigmas = FIRST_SIGMA_SHARES * np.array([width_px] * 4 + [height_px])
-    mean, covariance = _image_places_from_lane(lane, *rows_px), np.diag(sigmas**2)
+    mean, covariance = _columns_bend_and_horizon_from_lane(lane, *rows_px), np.diag(sigmas**2)
     for _ in range(N_FITTING_ROUNDS):
         points = mean + NORMAL_POINTS @ np.linalg.cholesky(covariance).T
-        value = objective(_image_lanes_from_row_columns(points, *rows_px, spiral))
+        value = objectives_of_lanes(_image_lanes_from_row_columns(points, *rows_px, spiral))
         if value.max() < -1e20:  # all beyond the bounds
             break
         # a point that lies where few do stands for more
@@ -83,7 +99,7 @@ def weighted_mean_lane(
     return np.clip(_image_lanes_from_row_columns(mean, *rows_px, spiral), table[:, LOW], table[:, HIGH])
 
 
-def _image_places_from_lane(lane: FloatArray, near_px: float, far_px: float) -> FloatArray:
+def _columns_bend_and_horizon_from_lane(lane: ImageLane, near_px: float, far_px: float) -> FloatArray:
     """A lane as places in the image, shape (5,): left and right column in a near row, middle and bend's share in a far
     row, horizon."""
     u0, middle, width, bend, horizon, _ = lane.tolist()
@@ -93,7 +109,7 @@ def _image_places_from_lane(lane: FloatArray, near_px: float, far_px: float) -> 
     return np.array([centre - half, centre + half, u0 + middle * far_h + bend / far_h, bend / far_h, horizon])
 
 
-def _image_lanes_from_row_columns(places: FloatArray, near_px: float, far_px: float, spiral: float) -> FloatArray:
+def _image_lanes_from_row_columns(places: FloatArray, near_px: float, far_px: float, spiral: float) -> ImageLanes:
     """The lanes (..., 6) that belong to such places (..., 5), with a given change of curvature."""
     left, right, far, share, horizon = np.moveaxis(places, -1, 0)
     near_h, far_h = np.maximum(near_px - horizon, 2.0), np.maximum(far_px - horizon, 1.0)

@@ -22,9 +22,25 @@ import numpy as np
 from cwcli.kernels import lane_ridge
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.lane_geometry import Pinhole, arc_parameters_of_parallel_line, image_columns_of_arcs
+from cwcli.signals.lane_geometry import (
+    FarNearBendSpiral,
+    Pinhole,
+    far_near_bend_spiral_of_parallel_line,
+    image_columns_of_arcs,
+)
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import MAX_SAMPLE_DISTANCE_M, MAX_SAMPLE_HEIGHT_SHARE, MIN_DEPTH_SHARE, MIN_SAMPLED_HEIGHT_PX
+
+ImageLane = FloatArray
+"""One lane in the image, shape (6,): vanishing column, middle, width, bend, horizon row and spiral."""
+ImageLanes = FloatArray
+"""Lanes in the image, shape (k, 6), each an `ImageLane`."""
+LanePriorTable = FloatArray
+"""Mean, sigma, lowest and highest value of the six numbers of a lane, shape (6, 4)."""
+LeftRightParabolas = FloatArray
+"""Parabolas of the left and the right boundary, shape (..., 2, 3): a, b, c in pixels."""
+LeftRightProbabilities = tuple[float, float]
+"""Probabilities of the left and of the right boundary, 0 to 1."""
 
 VANISHING, MIDDLE, WIDTH = lane_ridge.VANISHING, lane_ridge.MIDDLE, lane_ridge.WIDTH
 """Indices of the first three numbers of a lane: u0 (px), and middle and width over the camera's height times fx /
@@ -90,7 +106,7 @@ class LanePrior:
     drift_sigmas: FloatArray
     place_units_per_m: float
 
-    def with_table(self, table: FloatArray, drift: FloatArray | None = None) -> LanePrior:
+    def with_table(self, table: LanePriorTable, drift: FloatArray | None = None) -> LanePrior:
         """The same prior with another table, and another drift if one is given."""
         return LanePrior(
             table,
@@ -154,12 +170,12 @@ def spiral_px3_per_curvature_change(camera: Camera) -> float:
     return camera.fx * (camera.fy * camera.mounting.height_m) ** 2 / 6.0
 
 
-def pitch_from_horizon_rad(lane: FloatArray, camera: Camera) -> float:
+def pitch_from_horizon_rad(lane: ImageLane, camera: Camera) -> float:
     """The camera's pitch that follows from the lane's horizon, in radians, nose down positive."""
     return math.atan((camera.cy - float(lane[HORIZON])) / camera.fy)
 
 
-def boundary_columns_in_rows_px(image_lane: FloatArray, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
+def boundary_columns_in_rows_px(image_lane: ImageLane, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
     """Columns of both boundaries in n rows, shape (2, n); NaN at and above the horizon, and where they have turned
     back."""
     centre, focal = np.array(pinhole.centre_px + 1.0), np.array(pinhole.focal_px)
@@ -171,13 +187,13 @@ def boundary_columns_in_rows_px(image_lane: FloatArray, v_px: FloatArray, pinhol
     )
 
 
-def boundary_road_curves(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
+def boundary_road_curves(lane: ImageLane, pinhole: Pinhole) -> FarNearBendSpiral:
     """Curves of both boundaries, shape (2, 4): far (px), near, bend (px^2), spiral (px^3)
     (`lane_geometry.image_columns_of_arcs`), columns counted from 1."""
     u0, middle, width, bend, _, spiral = lane.tolist()
     curves = np.array(
         [
-            arc_parameters_of_parallel_line(u0, middle + sign * 0.5 * width, bend, spiral, pinhole)
+            far_near_bend_spiral_of_parallel_line(u0, middle + sign * 0.5 * width, bend, spiral, pinhole)
             for sign in (-1.0, 1.0)
         ]
     )
@@ -185,7 +201,7 @@ def boundary_road_curves(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
     return curves
 
 
-def is_same_lane_in_image(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
+def is_same_lane_in_image(lane: ImageLane, other: ImageLane, width_px: int, height_px: int) -> bool:
     """Whether the boundaries of two lanes lie on the same pixels, near and far."""
     u0, middle, width, bend, horizon, spiral = lane.tolist()
     other_u0, other_middle, other_width, other_bend, other_horizon, other_spiral = other.tolist()
@@ -203,7 +219,7 @@ def is_same_lane_in_image(lane: FloatArray, other: FloatArray, width_px: int, he
     return True
 
 
-def max_fit_height_px(lane: FloatArray, camera: Camera) -> float:
+def max_fit_height_px(lane: ImageLane, camera: Camera) -> float:
     """Height above the image's bottom up to which parabolas are fitted: the road 60 m ahead, at most the paper's
     rows."""
     below_rad = math.atan(camera.mounting.height_m / MAX_SAMPLE_DISTANCE_M) - pitch_from_horizon_rad(lane, camera)
@@ -211,7 +227,7 @@ def max_fit_height_px(lane: FloatArray, camera: Camera) -> float:
     return min(max(y_px, MIN_SAMPLED_HEIGHT_PX), MAX_SAMPLE_HEIGHT_SHARE * camera.height_px)
 
 
-def fit_boundary_parabolas(lane: FloatArray, camera: Camera) -> FloatArray:
+def fit_boundary_parabolas(lane: ImageLane, camera: Camera) -> LeftRightParabolas:
     """Shape (2, 3): a, b, c of the best parabola of each boundary; NaN where the road is out of sight.
 
     It is fitted at the samples from which `ground` takes the road back.

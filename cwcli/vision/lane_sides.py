@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -29,8 +29,14 @@ from cwcli.vision.lane_model import (
     SPIRAL,
     VANISHING,
     WIDTH,
+    ImageLane,
+    ImageLanes,
     LanePrior,
+    LanePriorTable,
 )
+
+if TYPE_CHECKING:
+    from cwcli.vision.camera import WidthHeightPx
 
 NO_LINE, LEFT, RIGHT = -1, 0, 1
 """Numbers of the lines: none, the left one, the right one."""
@@ -107,7 +113,7 @@ class LinePairState:
             (np.abs(self.divergence_m) < PARALLEL_LIMIT_SHARE * DIVERGENCE_LIMITS_M).all()
         )
 
-    def may_be_replaced_by(self, lane: FloatArray, prior: LanePrior) -> bool:
+    def may_be_replaced_by(self, lane: ImageLane, prior: LanePrior) -> bool:
         """Whether another lane may take this one's place: both lines agree, and its width is the known one."""
         is_as_wide = abs(float(lane[WIDTH]) - self.width) <= MAX_WIDTH_CHANGE_M * prior.place_units_per_m
         return not self.is_width_known or (is_as_wide and self.by_one_line_s == 0.0)
@@ -119,7 +125,7 @@ class LinePairState:
         return replace(self, width=self.width + share * (width - self.width), agreed_s=seen_s)
 
 
-def initial_line_pair_state(lane: FloatArray) -> LinePairState:
+def initial_line_pair_state(lane: ImageLane) -> LinePairState:
     """The first state, for a lane that has just been found."""
     both = np.stack([lane, lane])
     return LinePairState(float(lane[WIDTH]), 0.0, 0.0, both, both[:, BEND], math.nan, np.zeros(2), 0.0, 0.0, NO_LINE)
@@ -135,14 +141,14 @@ def prior_with_known_width(prior: LanePrior, sides: LinePairState | None) -> Lan
     return prior.with_table(table)
 
 
-def find_lane_by_one_line(
+def lane_by_one_line_and_paint_share(
     evidence: StripeEvidence,
-    lane: FloatArray,
-    table: FloatArray,
-    size: tuple[int, int],
+    lane: ImageLane,
+    table: LanePriorTable,
+    size: WidthHeightPx,
     side: int,
     width_camera_heights: float,
-) -> tuple[FloatArray, float]:
+) -> tuple[ImageLane, float]:
     """The lane that one line gives, shape (6,), and the share of the line that shows paint.
 
     The line is searched as the boundary of a lane that is so wide that its other boundary is out of sight.
@@ -172,7 +178,7 @@ def find_lane_by_one_line(
     return best, float(boundary_paint_shares(evidence, best)[side])
 
 
-def lane_middle_places_ahead_m(lane: FloatArray, prior: LanePrior) -> FloatArray:
+def lane_middle_places_ahead_m(lane: ImageLane, prior: LanePrior) -> FloatArray:
     """Places of a lane's middle at the comparison distances, shape (2,), right positive, up to what all lanes of a
     camera share."""
     focal_px = prior.pinhole.focal_px
@@ -195,22 +201,22 @@ class FrameStep(NamedTuple):
     sideways_mps: float
 
 
-def update_from_lines(
+def update_lane_and_line_state(
     sides: LinePairState,
     evidence: StripeEvidence,
-    found: FloatArray,
+    lane_by_both_lines: ImageLane,
     prior: LanePrior,
-    driven: float,
+    driven_bend_px2: float,
     step: FrameStep,
-) -> tuple[FloatArray, LinePairState]:
+) -> tuple[ImageLane, LinePairState]:
     """Update the lane and the state of its lines from a new frame.
 
     Args:
         sides: The state before; its lanes are predicted for this frame.
         evidence: The stripes of the frame.
-        found: The lane by both lines, shape (6,).
+        lane_by_both_lines: The lane by both lines, shape (6,).
         prior: The prior of a followed lane.
-        driven: The bend in which the car drives (px^2).
+        driven_bend_px2: The bend in which the car drives (px^2).
         step: The step from the state before.
 
     Returns:
@@ -221,31 +227,31 @@ def update_from_lines(
     for side in (LEFT, RIGHT):
         before = sides.lanes_by_line[side]
         table = narrow_prior_table(prior, before, dt_s, step.sideways_mps)
-        lanes[side], shares[side] = find_lane_by_one_line(evidence, before, table, size, side, sides.width)
+        lanes[side], shares[side] = lane_by_one_line_and_paint_share(evidence, before, table, size, side, sides.width)
     if min(shares) >= MIN_PAINT_SHARE_FOR_SHAPE:
         sides = _update_line_comparison(
             sides,
             lanes,
             lane_middle_places_ahead_m(lanes[LEFT], prior) - lane_middle_places_ahead_m(lanes[RIGHT], prior),
-            driven,
+            driven_bend_px2,
             dt_s,
         )
         if sides.leaving_side == NO_LINE:
-            sides = sides.with_updated_width(float(found[WIDTH]), dt_s)
+            sides = sides.with_updated_width(float(lane_by_both_lines[WIDTH]), dt_s)
     kept_side = NO_LINE
     if sides.leaving_side != NO_LINE:
         kept_side = 1 - sides.leaving_side
     elif min(shares) < MIN_PAINT_SHARE <= max(shares) and sides.is_width_known:
         kept_side = int(np.argmax(shares))
     if kept_side != NO_LINE:
-        found = np.clip(lanes[kept_side], prior.table[:, LOW], prior.table[:, HIGH])
+        lane_by_both_lines = np.clip(lanes[kept_side], prior.table[:, LOW], prior.table[:, HIGH])
     is_away = abs(float(sides.divergence_m[0])) > LOST_LINE_DISTANCE_M
     for side in (LEFT, RIGHT):
         if shares[side] < MIN_PAINT_SHARE or (side == sides.leaving_side and is_away):
-            lanes[side] = found  # and looked for again where it should be
+            lanes[side] = lane_by_both_lines  # and looked for again where it should be
             sides = replace(
                 sides,
-                smoothed_bends_px2=np.full(2, found[BEND]),
+                smoothed_bends_px2=np.full(2, lane_by_both_lines[BEND]),
                 divergence_m=np.zeros(2),
                 bend_doubt_px2=0.0,
                 greatest_bend_doubt_px2=0.0,
@@ -256,12 +262,12 @@ def update_from_lines(
     elif min(shares) >= MIN_PAINT_SHARE:
         sides = replace(sides, by_one_line_s=0.0, carried_side=NO_LINE)
     if sides.by_one_line_s > MAX_TIME_BY_ONE_LINE_S:
-        return found, replace(initial_line_pair_state(found), carried_side=sides.carried_side)
-    return found, replace(sides, lanes_by_line=lanes)
+        return lane_by_both_lines, replace(initial_line_pair_state(lane_by_both_lines), carried_side=sides.carried_side)
+    return lane_by_both_lines, replace(sides, lanes_by_line=lanes)
 
 
 def _update_line_comparison(
-    sides: LinePairState, lanes: FloatArray, apart_m: FloatArray, driven: float, dt_s: float
+    sides: LinePairState, lanes: ImageLanes, apart_m: FloatArray, driven: float, dt_s: float
 ) -> LinePairState:
     """The state after both lines were seen: the lanes by each, shape (2, 6), and their distance ahead, shape (2,)."""
     swift, slow = 1.0 - math.exp(-dt_s / DIVERGENCE_MEMORY_S), 1.0 - math.exp(-dt_s / BEND_MEMORY_S)

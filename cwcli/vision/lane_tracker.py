@@ -17,9 +17,9 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary, boundary_with_parabola
 from cwcli.vision.boundary_probability import boundary_probabilities, probabilities_with_scene_votes
-from cwcli.vision.camera import Camera
+from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.ground import MIN_DEPTH_SHARE
-from cwcli.vision.lane_covariance import measure_lane_covariance, propagate_covariance_to_fit
+from cwcli.vision.lane_covariance import covariance_of_first_five_lane_numbers, propagate_covariance_to_fit
 from cwcli.vision.lane_detect import (
     MAX_SAMPLED_ROWS,
     EvidenceSource,
@@ -39,8 +39,8 @@ from cwcli.vision.lane_following import (
     boundary_difference_beside_camera_m,
     driven_rightward_curvature_or_nan_1pm,
     following_prior,
-    lane_change_between,
-    lane_change_direction,
+    lane_change_between_left_1_right_minus_1,
+    lane_change_left_1_right_minus_1,
     max_boundary_difference_m,
     predict_lane,
     prior_at_lane_horizon,
@@ -66,7 +66,10 @@ from cwcli.vision.lane_model import (
     SIGMA,
     SPIRAL,
     VANISHING,
+    ImageLane,
+    ImageLanes,
     LanePrior,
+    LeftRightProbabilities,
     bend_px2_per_curvature,
     boundary_road_curves,
     first_frame_prior,
@@ -78,7 +81,7 @@ from cwcli.vision.lane_sides import (
     LinePairState,
     initial_line_pair_state,
     prior_with_known_width,
-    update_from_lines,
+    update_lane_and_line_state,
 )
 from cwcli.vision.line_classifier import LineClassifier
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
@@ -222,7 +225,7 @@ class LaneTracker:
             covariance=last.covariance if left.found and right.found else None,
         )
 
-    def _fit_covariance_measured_or_reused(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
+    def _fit_covariance_measured_or_reused(self, lane: ImageLane, frame: LaneFrame, *, is_another: bool) -> FloatArray:
         """The covariance of a fit, measured in this frame or, for the same lane, at most 0.3 s earlier.
 
         It is measured anew for another lane: after a lane change, or when another hypothesis is published.
@@ -234,7 +237,7 @@ class LaneTracker:
             table = following_prior(
                 self._prior, frame.camera, ASSUMED_TIGHT_BEND_SPEED_MPS if is_bent else frame.speed_mps
             ).table
-            own = measure_lane_covariance(self._evidence, lane, table, frame.camera)
+            own = covariance_of_first_five_lane_numbers(self._evidence, lane, table, frame.camera)
             self._covariance, self._measured_ns = propagate_covariance_to_fit(lane, own, frame.camera), frame.stamp_ns
         return self._covariance
 
@@ -258,12 +261,12 @@ class LaneTracker:
         )
         for each in self._hypotheses:
             lane = predict_lane(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
-            change = lane_change_direction(lane)
+            change = lane_change_left_1_right_minus_1(lane)
             lane = shift_to_adjacent_lane(lane, change)
             is_tight = tight is not None and each.is_tight
             own = prior_at_lane_horizon(tight if tight is not None and is_tight else prior, lane, camera)
             is_slow = is_tight or frame.speed_mps < FAST_SPEED_MPS
-            sides = self._predict_line_pair(each, lane, change, frame, camera, dt_s)
+            sides = self._predict_line_pair_if_published(each, lane, change, frame, camera, dt_s)
             own = prior_with_known_width(own, sides)
             found, last = refine_predicted_lane(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
             frames = 1 if sides is None or not sides.do_lines_agree else LINE_UPDATE_INTERVAL_FRAMES
@@ -272,7 +275,7 @@ class LaneTracker:
                     frame.speed_mps, frame.yaw_rate_radps
                 )
                 step = FrameStep(size, frames * dt_s, sideways_mps)
-                found, sides = update_from_lines(sides, evidence, found, own, driven, step)
+                found, sides = update_lane_and_line_state(sides, evidence, found, own, driven, step)
                 last = float(lane_objectives(evidence, found[None], own.table)[0])
             if (
                 is_tight and self._n_frames % TIGHT_BEND_SEARCH_INTERVAL_FRAMES == 0
@@ -315,7 +318,7 @@ class LaneTracker:
         hypotheses: list[LaneHypothesis],
         evidence: StripeEvidence,
         tight: LanePrior,
-        size: tuple[int, int],
+        size: WidthHeightPx,
         dt_s: float,
         sideways_mps: float,
     ) -> None:
@@ -330,8 +333,8 @@ class LaneTracker:
             if bent is not None and was_better:
                 add_or_merge_hypothesis(hypotheses, bent, size)
 
-    def _predict_line_pair(
-        self, each: LaneHypothesis, lane: FloatArray, change: int, frame: LaneFrame, camera: Camera, dt_s: float
+    def _predict_line_pair_if_published(
+        self, each: LaneHypothesis, lane: ImageLane, change: int, frame: LaneFrame, camera: Camera, dt_s: float
     ) -> LinePairState | None:
         """State of the published lane's two lines, predicted for this frame; None for other lanes and where the log has
         no motion of a fast car."""
@@ -389,7 +392,7 @@ class LaneTracker:
         self._evidence = followed
         return hypotheses
 
-    def _start_hypotheses(self, lanes: FloatArray, values: FloatArray, opened_prior: LanePrior) -> list[LaneHypothesis]:
+    def _start_hypotheses(self, lanes: ImageLanes, values: FloatArray, opened_prior: LanePrior) -> list[LaneHypothesis]:
         """New hypotheses from lanes (k, 6) and their objectives (k,) under the prior of a first frame."""
         assert self._evidence is not None
         starts = values - lane_objectives(self._evidence, lanes, opened_prior.table)
@@ -400,7 +403,7 @@ class LaneTracker:
 
     def _choose_published_hypothesis(
         self, camera: Camera, dt_s: float
-    ) -> tuple[LaneHypothesis, tuple[float, float], int]:
+    ) -> tuple[LaneHypothesis, LeftRightProbabilities, int]:
         """Choose the hypothesis to publish and put it first; returns it, its probabilities in this frame and the lane
         change."""
         assert self._prior is not None
@@ -427,7 +430,7 @@ class LaneTracker:
             if better:
                 best = max(better, key=lambda each: each.value)
                 chances = boundary_probabilities(self._evidence, best.lane, best.last_value)
-                change = change or lane_change_between(first.lane, best.lane)
+                change = change or lane_change_between_left_1_right_minus_1(first.lane, best.lane)
                 other = shift_to_adjacent_lane(first.lane, change) if not first.lane_change else first.lane
                 self._odds = self._covariance = None
                 if (
@@ -507,7 +510,7 @@ class LaneTracker:
         )
 
 
-def search_size(width_px: int, height_px: int) -> tuple[int, int]:
+def search_size(width_px: int, height_px: int) -> WidthHeightPx:
     """Width and height of the search image: the camera's, scaled down to `MAX_SEARCH_PIXELS` if it has more."""
     scale = min(math.sqrt(MAX_SEARCH_PIXELS / (width_px * height_px)), 1.0)
     return round(scale * width_px), round(scale * height_px)

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import field, replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary, LineColour, LineKind
 from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.line_colour import classify_line_colours
 from cwcli.vision.line_kind import LineKindInFrame, classify_lines_in_frame
 from cwcli.vision.method import LaneFit, LaneFrame
+
+if TYPE_CHECKING:
+    from cwcli.vision.lane_model import ImageLane
 
 VOTE_INTERVAL_S = 0.45
 """Least time in seconds between two frames that vote. Chosen by hand: it bounds the time of a frame."""
@@ -93,7 +95,7 @@ class LineClassifier:
         self._asked_ns: int | None = None
 
     def fit_with_kinds_and_colours(
-        self, fit: LaneFit, frame: LaneFrame, evidence: StripeEvidence | None, lane: FloatArray | None
+        self, fit: LaneFit, frame: LaneFrame, evidence: StripeEvidence | None, lane: ImageLane | None
     ) -> LaneFit:
         """The fit with the kind and the colour of its boundaries.
 
@@ -127,7 +129,7 @@ class LineClassifier:
         )
 
     def _collect_frame_votes(
-        self, fit: LaneFit, frame: LaneFrame, evidence: StripeEvidence, lane: FloatArray, since_s: float
+        self, fit: LaneFit, frame: LaneFrame, evidence: StripeEvidence, lane: ImageLane, since_s: float
     ) -> None:
         """Let a frame vote on both boundaries."""
         seen = classify_lines_in_frame(evidence, lane)

@@ -8,7 +8,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import LineColour
 from cwcli.vision.encoded import Image
 from cwcli.vision.lane_detect import StripeEvidence
-from cwcli.vision.lane_model import HORIZON, WIDTH, boundary_columns_in_rows_px
+from cwcli.vision.lane_model import HORIZON, WIDTH, ImageLane, boundary_columns_in_rows_px
 
 MIN_COLOUR_DEPTH_PX = 22.0
 """Least number of rows below the horizon at which colours are read: there a stripe of 12 cm, 1.3 m below the camera, is
@@ -29,7 +29,7 @@ white above, unknown between. The ratio is 1 for white however much road a pixel
 yellow. Chosen by hand; not fitted."""
 
 
-def classify_line_colours(picture: Image, evidence: StripeEvidence, lane: FloatArray) -> tuple[LineColour, LineColour]:
+def classify_line_colours(picture: Image, evidence: StripeEvidence, lane: ImageLane) -> tuple[LineColour, LineColour]:
     """The colours of the left and the right boundary in one frame.
 
     Args:

@@ -19,7 +19,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import LineKind
 from cwcli.vision.lane_detect import StripeEvidence
-from cwcli.vision.lane_model import HORIZON
+from cwcli.vision.lane_model import HORIZON, ImageLane
 
 PAINTED_EVIDENCE_SHARE, MIN_PAINTED_EVIDENCE, REFERENCE_ROW_RANK = 0.5, 0.2, 3
 """A row counts as painted if it has this share of the evidence of the line's third best row, and at least 0.2. Chosen
@@ -83,7 +83,7 @@ class LineStretch:
         return self.length * max(self.n_rows - 2, 0) / self.n_rows
 
 
-def classify_lines_in_frame(evidence: StripeEvidence, lane: FloatArray) -> tuple[LineKindInFrame, LineKindInFrame]:
+def classify_lines_in_frame(evidence: StripeEvidence, lane: ImageLane) -> tuple[LineKindInFrame, LineKindInFrame]:
     """Kinds of the left and of the right boundary as one frame shows them.
 
     Args:
@@ -175,7 +175,7 @@ def _count_raised_dots(line: Sequence[LineStretch]) -> int:
     )
 
 
-def _has_second_stripe(evidence: StripeEvidence, lane: FloatArray, place: float) -> bool | None:
+def _has_second_stripe(evidence: StripeEvidence, lane: ImageLane, place: float) -> bool | None:
     """Whether a second stripe runs beside a line at a place over the camera's height; None where that can't be seen."""
     stretch = evidence.pinhole.focal_length_ratio
     first = int(

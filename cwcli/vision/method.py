@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary
-from cwcli.vision.camera import Camera
+from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.encoded import Image
 
 GreyImage = npt.NDArray[np.uint8]
@@ -130,7 +130,7 @@ class Method:
     carry: Callable[[Any, int, float, float], LaneFit] | None = None
 
 
-def check_search_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:
+def check_search_size(size: WidthHeightPx, *camera: int) -> WidthHeightPx:
     """Require that a plug-in's search size is a pair of positive whole numbers, and return it.
 
     Raises:

@@ -74,7 +74,7 @@ class MountingChoice:
         ),
     ] = None
 
-    def given_values(self) -> dict[str, float]:
+    def given_values_by_option(self) -> dict[str, float]:
         """The given values by name."""
         return {name: value for name in MOUNTING_OPTION_NAMES if (value := getattr(self, name)) is not None}
 

@@ -16,7 +16,13 @@ from cwcli.errors import UsageError
 from cwcli.signals.lane_geometry import Pinhole
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.ground import MIN_DEPTH_SHARE
-from cwcli.vision.lane_detect import EVIDENCE_DEAD_ZONE, Float32Array, Int32Array, StripeEvidence, widening_reaches_px
+from cwcli.vision.lane_detect import (
+    EVIDENCE_DEAD_ZONE,
+    Float32Array,
+    Int32Array,
+    StripeEvidence,
+    reach_columns_of_two_widened_evidences,
+)
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneSearch, Method
 from cwcli.vision.onnx_model import LaneNet
@@ -61,7 +67,7 @@ class OnnxLaneSearch:
         )
         wide, broad = (
             np.asarray(cv2.dilate(sharp, np.ones((1, 2 * reach + 1), np.uint8)), np.float32)
-            for reach in widening_reaches_px(width)
+            for reach in reach_columns_of_two_widened_evidences(width)
         )
         return StripeEvidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH_SHARE * height, pinhole)
 

@@ -28,7 +28,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +41,9 @@ from cwcli.signals.columns import FloatArray
 from cwcli.toml_text import parse_toml
 from cwcli.vision.method import GreyImage
 
+if TYPE_CHECKING:
+    from cwcli.vision.camera import WidthHeightPx
+
 Float32Array = npt.NDArray[np.float32]
 
 SEGMENTATION, ROW_ANCHOR = "segmentation", "row-anchor"
@@ -52,7 +55,7 @@ ACTIVATION_NAMES = ("softmax", "sigmoid", "none")
 it gives them already."""
 ROW_ANCHOR_AXES = ("cell", "row", "lane")
 """The axes of a row-anchor output."""
-FUNCTION = "cwcli.vision.onnx_model:run_once"
+FUNCTION = "cwcli.vision.onnx_model:load_and_run_net_on_black_image"
 """The function that the bounded process runs before the net is used."""
 MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 700_000_000, 8
 """Memory of that process, and more for each byte of the net. Chosen by hand: OpenCV reserves 240 MB that it does not
@@ -99,7 +102,7 @@ class NetDescription:
     cells: int = 0
     n_lanes: int = 0
 
-    def search_size(self) -> tuple[int, int]:
+    def search_size(self) -> WidthHeightPx:
         """Width and height of the whole image, of which the input is the lower part."""
         return self.width_px, round(self.height_px / (1.0 - self.top))
 
@@ -183,7 +186,7 @@ class LaneNet:
         return whole
 
 
-def run_once(request: dict[str, Any]) -> dict[str, Any]:
+def load_and_run_net_on_black_image(request: dict[str, Any]) -> dict[str, Any]:
     """Load a net and run it on a black image, in a process of its own; a net that takes too much ends that process.
 
     Raises:
@@ -316,7 +319,9 @@ class _DescriptionReader:
             )
         return str(value)
 
-    def read_numbers(self, key: str, n: int | None, low: float, high: float, *, whole: bool = False) -> list[float]:
+    def read_numbers(
+        self, key: str, wanted_count: int | None, low: float, high: float, *, whole: bool = False
+    ) -> list[float]:
         """Read n numbers, or one or more if n is None, within limits; a single number may stand without brackets."""
         value = self.table.get(key)
         listed: list[Any] = value if isinstance(value, list) else [value]
@@ -324,8 +329,8 @@ class _DescriptionReader:
         are_right = all(
             isinstance(each, permitted) and not isinstance(each, bool) and low <= each <= high for each in listed
         )
-        if not are_right or not listed or (n is not None and len(listed) != n):
-            many = "one or more" if n is None else str(n)
+        if not are_right or not listed or (wanted_count is not None and len(listed) != wanted_count):
+            many = "one or more" if wanted_count is None else str(wanted_count)
             what = "is missing" if value is None else f"is {value!r}"
             kind = "whole numbers" if whole else "numbers"
             raise self.error_about_key(key, what, f"permitted: {many} {kind}, {low:g} to {high:g}")
@@ -368,27 +373,27 @@ def read_onnx_input_shape(data: bytes) -> tuple[int | None, ...]:
         return ()
 
 
-def _protobuf_field_values(data: bytes, number: int, wire_type: int = 2) -> list[Any]:
+def _protobuf_field_values(data: bytes, field_number: int, wire_type: int = 2) -> list[Any]:
     """Values of one field of a protobuf message: whole numbers (wire type 0) or bytes (2)."""
     values: list[Any] = []
     position = 0
     while position < len(data):
-        tag, position = _read_varint(data, position)
+        tag, position = _varint_and_next_place(data, position)
         value: int | bytes
         match tag & 7:
             case 0:
-                value, position = _read_varint(data, position)
+                value, position = _varint_and_next_place(data, position)
             case 1 | 2 | 5 as kind:
-                n, position = _read_varint(data, position) if kind == 2 else (8 if kind == 1 else 4, position)
+                n, position = _varint_and_next_place(data, position) if kind == 2 else (8 if kind == 1 else 4, position)
                 value, position = data[position : position + n], position + n
             case _:
                 raise ValueError("no protobuf")
-        if tag == number << 3 | wire_type:
+        if tag == field_number << 3 | wire_type:
             values.append(value)
     return values
 
 
-def _read_varint(data: bytes, at: int) -> tuple[int, int]:
+def _varint_and_next_place(data: bytes, at: int) -> tuple[int, int]:
     """Read a protobuf varint; returns its value and the place after it."""
     value = shift = 0
     while data[at] & 128:

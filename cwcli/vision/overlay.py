@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.boundary_lines import BoundaryLines
-from cwcli.vision.camera import Camera
+from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.rectify import in_image_mask, lowest_visible_row_px, map_rectified_to_camera_px
@@ -44,7 +44,7 @@ _LINE_LABELS = {
 
 
 def boundary_points_in_image(
-    lines: BoundaryLines, search_size: tuple[int, int], image_size: tuple[int, int], camera: Camera | None = None
+    lines: BoundaryLines, search_size: WidthHeightPx, image_size: WidthHeightPx, camera: Camera | None = None
 ) -> tuple[FloatArray, BoolArray]:
     """Points of the boundaries of n frames in the camera's images, and a mask of those to draw.
 
@@ -88,9 +88,9 @@ def label_letter_height_px(image_width_px: float) -> float:
     return max(image_width_px / 45.0, 9.0)
 
 
-def label_position_px(line: FloatArray, image_width_px: float) -> tuple[float, float]:
+def label_position_px(line_uv_px: FloatArray, image_width_px: float) -> tuple[float, float]:
     """Column and row where a boundary's label begins: towards the image's middle, above the foot of its line (k, 2)."""
-    u, v = line[min(LABEL_POINT_INDEX, len(line) - 1)].tolist()
+    u, v = line_uv_px[min(LABEL_POINT_INDEX, len(line_uv_px) - 1)].tolist()
     size_px = label_letter_height_px(image_width_px)
     is_left = u < 0.5 * image_width_px
     return (u + size_px if is_left else u - LABEL_WIDTH_LETTERS * size_px), v

@@ -77,7 +77,7 @@ class PathLines:
         points: FloatArray = self.points[index][self.in_image_mask[index]]
         return points
 
-    def band_polygon(self) -> FloatArray:
+    def band_90_percent_polygon_uv_px(self) -> FloatArray:
         """The 90 % band as one polygon in the image, shape (m, 2): up its left side, down its right one."""
         left, right = PATH_LINE_NAMES.index("band_left"), PATH_LINE_NAMES.index("band_right")
         both = self.in_image_mask[left] & self.in_image_mask[right]
@@ -166,20 +166,22 @@ def draw_path(image: Image, lines: PathLines) -> Image:
     drawn = image.copy()
     colour = tuple(round(255 * part) for part in reversed(PATH_RGB))
     thin = max(1, round(image.shape[1] / 640))
-    band = lines.band_polygon()
+    band = lines.band_90_percent_polygon_uv_px()
     if len(band) > 2:
         filled = drawn.copy()
-        cv2.fillPoly(filled, [_to_fixed_point(band)], colour, cv2.LINE_AA, N_FRACTION_BITS)
+        cv2.fillPoly(filled, [_image_points_as_fixed_point_numbers(band)], colour, cv2.LINE_AA, N_FRACTION_BITS)
         drawn = np.asarray(cv2.addWeighted(filled, BAND_OPACITY, drawn, 1.0 - BAND_OPACITY, 0.0), np.uint8)
     for name, width in (("left", thin), ("right", thin), ("centre", 2 * thin)):
         points = lines.points[PATH_LINE_NAMES.index(name)]
         there = points[np.isfinite(points).all(axis=1)]
         if len(there) > 1:
-            cv2.polylines(drawn, [_to_fixed_point(there)], False, colour, width, cv2.LINE_AA, N_FRACTION_BITS)
+            cv2.polylines(
+                drawn, [_image_points_as_fixed_point_numbers(there)], False, colour, width, cv2.LINE_AA, N_FRACTION_BITS
+            )
     return drawn
 
 
-def _to_fixed_point(points: FloatArray) -> npt.NDArray[np.int32]:
+def _image_points_as_fixed_point_numbers(uv_px: FloatArray) -> npt.NDArray[np.int32]:
     """Points as OpenCV's fixed-point coordinates."""
-    near = np.clip(points, -MAX_DRAWN_COORDINATE_PX, MAX_DRAWN_COORDINATE_PX)
+    near = np.clip(uv_px, -MAX_DRAWN_COORDINATE_PX, MAX_DRAWN_COORDINATE_PX)
     return np.round(near * (1 << N_FRACTION_BITS)).astype(np.int32).reshape(-1, 1, 2)

@@ -60,7 +60,7 @@ def decode_raw_as_grey(frame: FrameLike) -> Image:
     if encoding in BAYER_ENCODINGS:
         code: int = getattr(cv2, f"COLOR_BAYER_{BAYER_ENCODINGS[encoding]}2GRAY")
         return _convert_colour(_view_pixel_bytes(frame, 1)[:, :, 0], code)
-    n_bytes, order = _packed_pixel_layout(encoding)
+    n_bytes, order = _bytes_per_pixel_and_channel_order(encoding)
     pixels = _view_pixel_bytes(frame, n_bytes)
     return _convert_colour(pixels, getattr(cv2, f"COLOR_{order}2GRAY")) if order else pixels[:, :, 0]
 
@@ -86,7 +86,7 @@ def decode_raw_as_colour(frame: FrameLike) -> Image:
         return _decode_nv_as_colour(frame, NV_ENCODINGS[encoding])
     if encoding in MONO16_ENCODINGS or encoding == FLOAT32_ENCODING or PACKED_ENCODINGS.get(encoding, (0, ""))[1] == "":
         return _convert_colour(decode_raw_as_grey(frame), cv2.COLOR_GRAY2BGR)
-    n_bytes, order = _packed_pixel_layout(encoding)
+    n_bytes, order = _bytes_per_pixel_and_channel_order(encoding)
     pixels = _view_pixel_bytes(frame, n_bytes)
     return pixels.copy() if order == "BGR" else _convert_colour(pixels, getattr(cv2, f"COLOR_{order}2BGR"))
 
@@ -107,7 +107,7 @@ def _with_even_column_count(pixels: Image) -> Image:
     return pixels if pixels.shape[1] % 2 == 0 else np.concatenate([pixels, pixels[:, -2:-1]], axis=1)
 
 
-def _packed_pixel_layout(encoding: str) -> tuple[int, str]:
+def _bytes_per_pixel_and_channel_order(encoding: str) -> tuple[int, str]:
     """Bytes for each pixel, and order of the channels; raises RawImageError where the encoding is unknown."""
     if encoding not in PACKED_ENCODINGS:
         raise RawImageError(f"the encoding {encoding or '(none)'} is not supported")

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.camera import Camera
+from cwcli.vision.camera import Camera, Rotation3x3
 from cwcli.vision.encoded import Image
 
 UNSEEN_COORDINATE_PX = -1000.0
@@ -70,7 +70,7 @@ def map_rectified_to_camera_px(points_px: FloatArray, camera: Camera) -> FloatAr
     return np.stack(camera.image_points_from_rays(rays), axis=-1).reshape(points_px.shape)
 
 
-def _camera_from_rectified_rotation(camera: Camera) -> FloatArray:
+def _camera_from_rectified_rotation(camera: Camera) -> Rotation3x3:
     """Rotation from the rectified to the camera's optical frame, shape (3, 3); they differ by the roll alone."""
     return np.asarray(camera.body_from_optical_rotation().T @ rectified_camera(camera).body_from_optical_rotation())
 

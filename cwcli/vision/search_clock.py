@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cwcli.vision.camera import WidthHeightPx
 
 MAX_SEARCH_INTERVAL_NS = 70_000_000
 """Longest time between two searched frames of a camera that is faster than that, in nanoseconds. A camera of 30 Hz has
@@ -23,7 +27,7 @@ class SearchClock:
         self._last_ns = 0
         self._size = (0, 0)
 
-    def is_search_due(self, time_ns: int, size: tuple[int, int]) -> bool:
+    def is_search_due(self, time_ns: int, size: WidthHeightPx) -> bool:
         """Whether the next frame is searched.
 
         It is, unless the frame after it comes early enough, if it follows as soon as this one did. The first frame, a

@@ -72,7 +72,7 @@ def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | 
         middle_px: Column around which to look.
     """
     height, width = grey.shape
-    segments = _detect_road_segments(grey)
+    segments = _detect_segments_along_road_uv_px(grey)
     if not len(segments):
         return None
     v = np.arange(HORIZON_SEARCH_SHARES[0] * height, HORIZON_SEARCH_SHARES[1] * height, GRID_STEP_SHARE * height)
@@ -88,7 +88,7 @@ def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | 
     )
 
 
-def _detect_road_segments(grey: GreyImage) -> FloatArray:
+def _detect_segments_along_road_uv_px(grey: GreyImage) -> FloatArray:
     """Detect the segments that may lie along the road: u, v of both ends, shape (n, 4)."""
     import cv2
 
@@ -125,15 +125,15 @@ def _stretch_to_daylight_contrast(grey: GreyImage) -> GreyImage:
 
 
 def _vanishing_point_votes_on_grid(
-    segments: FloatArray, grid_u_px: FloatArray, grid_v_px: FloatArray, width_px: int, height_px: int
+    segments_uv_px: FloatArray, grid_u_px: FloatArray, grid_v_px: FloatArray, width_px: int, height_px: int
 ) -> tuple[FloatArray, float]:
     """Votes for each point of a grid, shape (len(v), len(u)), and the greatest possible sum of votes."""
-    run, rise = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
+    run, rise = segments_uv_px[:, 2] - segments_uv_px[:, 0], segments_uv_px[:, 3] - segments_uv_px[:, 1]
     length = np.hypot(run, rise)
     weight = np.minimum(length, MAX_COUNTED_LENGTH_SHARE * width_px)
-    lowest = np.maximum(segments[:, 1], segments[:, 3])
-    du = (grid_u_px - 0.5 * (segments[:, :1] + segments[:, 2:3])).astype(np.float32)
-    dv = (grid_v_px - 0.5 * (segments[:, 1:2] + segments[:, 3:])).astype(np.float32)
+    lowest = np.maximum(segments_uv_px[:, 1], segments_uv_px[:, 3])
+    du = (grid_u_px - 0.5 * (segments_uv_px[:, :1] + segments_uv_px[:, 2:3])).astype(np.float32)
+    dv = (grid_v_px - 0.5 * (segments_uv_px[:, 1:2] + segments_uv_px[:, 3:])).astype(np.float32)
     # at the distance from a segment that 0.02 rad and a pixel at its ends allow, a quarter of its votes is left
     beside = 1.0 / (length * (QUARTER_VOTE_ANGLE_RAD + 1.0 / length))
     across = (du * (rise * beside)[:, None].astype(np.float32))[:, None, :]

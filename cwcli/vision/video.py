@@ -12,7 +12,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
-from typing import Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from cwcli.errors import InputError
 from cwcli.vision.encoded import Image
 from cwcli.vision.matroska import BLOCK_INTERVAL_MS, encode_matroska_block, encode_matroska_start
 from cwcli.vision.video_start import parameters_if_decodable_start
+
+if TYPE_CHECKING:
+    from cwcli.vision.camera import WidthHeightPx
 
 CODEC_OF_VIDEO_FORMAT = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}
 """Codec for each format that a message may name."""
@@ -46,7 +49,7 @@ Message = TypeVar("Message", bound=EncodedMessage)
 
 def decode_video(
     messages: Iterable[Message], video_format: str, *, max_pixels: int, where: str = ""
-) -> Iterator[tuple[Message, Image | None, tuple[int, int]]]:
+) -> Iterator[tuple[Message, Image | None, WidthHeightPx]]:
     """Decode the messages of one stream, in order; about 50 are read ahead.
 
     Args:
@@ -132,14 +135,14 @@ def _decode_until_stuck(
                 yield message, None, (0, 0)
             own = feed.pop_message(number)
             if own is not None:
-                yield own, *_retrieve_picture(capture, max_pixels)
+                yield own, *_retrieve_picture_and_its_size(capture, max_pixels)
         for message in feed.pop_messages_before(BLOCK_NUMBER_ABOVE_ALL):
             yield message, None, (0, 0)
     finally:
         capture.release()
 
 
-def _retrieve_picture(capture: Any, max_pixels: int) -> tuple[Image | None, tuple[int, int]]:
+def _retrieve_picture_and_its_size(capture: Any, max_pixels: int) -> tuple[Image | None, WidthHeightPx]:
     """The grabbed picture and its size; no picture where it is too large."""
     import cv2
 

@@ -58,13 +58,13 @@ class _BitReader:
     data: bytes
     at: int = field(default=0)
 
-    def read_bits(self, n: int) -> int:
+    def read_bits(self, n_bits: int) -> int:
         """The next n bits as a number; zeros behind the end."""
         value = 0
-        for position in range(self.at, self.at + n):
+        for position in range(self.at, self.at + n_bits):
             byte = self.data[position >> 3] if position >> 3 < len(self.data) else 0
             value = value << 1 | byte >> (7 - position % 8) & 1
-        self.at += n
+        self.at += n_bits
         return value
 
 

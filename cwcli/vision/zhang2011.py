@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from functools import cache
 from math import nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from cwcli.vision.objective import (
     ResponseArray,
     compute_block_responses,
 )
+
+if TYPE_CHECKING:
+    from cwcli.vision.camera import WidthHeightPx
 
 CROSSOVER_RATE = 0.45
 """Probability with which two chromosomes are crossed (zhang2011)."""
@@ -98,23 +102,23 @@ def count_parameter_bits(low: float, high: float, decimals: int) -> int:
     return int(steps).bit_length()
 
 
-def decode_chromosome(
-    code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, int]
+def decode_chromosome_to_a_b_c(
+    code: str, low_abc: FloatArray, high_abc: FloatArray, n_bits_abc: tuple[int, int, int]
 ) -> tuple[float, float, float]:
     """Decode a chromosome to a, b and c (eq. 5), each rounded to its decimals.
 
     Args:
         code: Zeros and ones: the strings of a, b and c.
-        low, high: Shape (3,): the region.
-        bits: Their lengths.
+        low_abc, high_abc: Shape (3,): the region.
+        n_bits_abc: Their lengths.
     """
-    return lane_search.decode_code(int(code, 2), low, high, genetic_settings(SearchPhase(bits, 0, None)))
+    return lane_search.decode_code(int(code, 2), low_abc, high_abc, genetic_settings(SearchPhase(n_bits_abc, 0, None)))
 
 
-def cross_chromosomes(first: str, second: str, points: tuple[int, int, int]) -> tuple[str, str]:
+def cross_chromosomes(first: str, second: str, cut_places: tuple[int, int, int]) -> tuple[str, str]:
     """Cross two chromosomes: exchange the second and fourth of the segments that three points cut."""
     n = len(first)
-    differing = (int(first, 2) ^ int(second, 2)) & lane_search.crossover_mask(*points, n)
+    differing = (int(first, 2) ^ int(second, 2)) & lane_search.crossover_mask(*cut_places, n)
     return f"{int(first, 2) ^ differing:0{n}b}", f"{int(second, 2) ^ differing:0{n}b}"
 
 
@@ -193,7 +197,7 @@ class Zhang2011Search:
         return LaneFit(self._last[0], self._last[1])
 
 
-def search_size(width_px: int, height_px: int) -> tuple[int, int]:
+def search_size(width_px: int, height_px: int) -> WidthHeightPx:
     """The paper's image size, whatever the camera's."""
     return PAPER_WIDTH_PX, PAPER_HEIGHT_PX
 

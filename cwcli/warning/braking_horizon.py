@@ -51,7 +51,7 @@ def measure_to_braking_horizon(
     config: WarningConfig,
     persistence_s: float,
     *,
-    wanted: npt.NDArray[np.bool_] | None = None,
+    is_wanted: npt.NDArray[np.bool_] | None = None,
 ) -> Measures:
     """Measure the pairs to the horizon that braking needs.
 
@@ -60,7 +60,7 @@ def measure_to_braking_horizon(
         pairs: The m pairs of paths.
         config: `horizon_s` and `max_horizon_s`.
         persistence_s: How much farther the late probability looks.
-        wanted: Shape (m,): rows that are measured; None: all.
+        is_wanted: Shape (m,): rows that are measured; None: all.
 
     Returns:
         Measures with the probabilities by that horizon; they are 0 in rows where it does not apply.
@@ -68,11 +68,11 @@ def measure_to_braking_horizon(
     m = len(measures.distance_m)
     whole = replace(measures, probability=np.zeros(m), late_probability=np.zeros(m))
     ttc_s = _outline_ttc_s(measures, pairs)
-    rows = np.flatnonzero(ttc_s <= SEARCHED_TTC_S if wanted is None else wanted & (ttc_s <= SEARCHED_TTC_S))
+    rows = np.flatnonzero(ttc_s <= SEARCHED_TTC_S if is_wanted is None else is_wanted & (ttc_s <= SEARCHED_TTC_S))
     if not len(rows):
         return whole
     time_s = _times_s(pairs, config.max_horizon_s + persistence_s)
-    rows, own, theirs = _pairs_in_one_stream(pairs, rows, time_s)
+    rows, own, theirs = _rows_and_paths_in_one_stream(pairs, rows, time_s)
     sizes = pairs.host_size, pairs.other_size
     far = measure_paths(
         own, theirs, time_s, horizon_s=float(time_s[-1]), radius_m=config.distance_m,
@@ -117,7 +117,7 @@ def _times_s(pairs: PathPairs, end_s: float) -> FloatArray:
     return np.unique(np.append(times, end_s).round(9))
 
 
-def _pairs_in_one_stream(
+def _rows_and_paths_in_one_stream(
     pairs: PathPairs, rows: np.ndarray, time_s: FloatArray
 ) -> tuple[np.ndarray, PathPoints, PathPoints]:
     """Those of the rows whose other drives the host's way or stands, and the points of both paths."""

@@ -12,7 +12,12 @@ from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.conflict_definition import parse_conflict_definition
 from cwcli.warning.kinds import WarningKind
-from cwcli.warning.output import assign_event_ids, evaluation_series_table, warning_events_table, warning_rows_of_pairs
+from cwcli.warning.output import (
+    evaluation_series_table,
+    event_id_by_pair_and_event,
+    warning_events_table,
+    warning_rows_of_pairs,
+)
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rows import WarningRows
 from cwcli.warning.rules import RULES
@@ -102,7 +107,7 @@ def find_warnings(
     time_s = _evaluation_times_s(host, config, rule)
     heard = [other for other in others if len(other.stamp_ns) and len(host.stamp_ns)]
     pairs = evaluate_pairs(host, heard, rule, config, time_s)
-    ids = assign_event_ids(pairs)
+    ids = event_id_by_pair_and_event(pairs)
     return FoundWarnings(
         host, config, pairs, ids, warning_rows_of_pairs(pairs, ids, rule=config.rule, clock=host, words=rule.words)
     )

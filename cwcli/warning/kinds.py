@@ -55,7 +55,7 @@ class WarningKind(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-def classify_warnings(states: PairStates) -> npt.NDArray[np.int8]:
+def kind_of_each_warning(states: PairStates) -> npt.NDArray[np.int8]:
     """Return the `WarningKind` of a warning at each of m moments, (m,), from the states of both."""
     host, other = states.host, states.other
     cos, sin = np.cos(host[:, HEADING]), np.sin(host[:, HEADING])
@@ -71,7 +71,7 @@ def classify_warnings(states: PairStates) -> npt.NDArray[np.int8]:
 
 
 def _follower_mask(
-    host: FloatArray, ahead_m: FloatArray, left_m: FloatArray, angle_rad: FloatArray, sizes: tuple[Size, Size]
+    host_states: FloatArray, ahead_m: FloatArray, left_m: FloatArray, angle_rad: FloatArray, sizes: tuple[Size, Size]
 ) -> npt.NDArray[np.bool_]:
     """Whether the other follows the host in its lane, (m,)."""
     (length_m, width_m), (other_length_m, other_width_m) = sizes
@@ -80,17 +80,21 @@ def _follower_mask(
     is_behind = ahead_m < np.where(overlap_m > 0.0, 0.0, -0.5 * (length_m + other_length_m))
     is_in_line = overlap_m > -FOLLOWING_MARGIN_M
     is_in_line &= np.abs(angle_rad) < MAX_FOLLOWING_ANGLE_RAD
-    return np.asarray(is_behind & is_in_line & (host[:, SPEED] > MIN_HOST_SPEED_MPS))
+    return np.asarray(is_behind & is_in_line & (host_states[:, SPEED] > MIN_HOST_SPEED_MPS))
 
 
 def _drives_parallel_at_distance_mask(
-    host: FloatArray, other: FloatArray, left_m: FloatArray, angle_rad: FloatArray, sizes: tuple[Size, Size]
+    host_states: FloatArray,
+    other_states: FloatArray,
+    left_m: FloatArray,
+    angle_rad: FloatArray,
+    host_and_other_size: tuple[Size, Size],
 ) -> npt.NDArray[np.bool_]:
     """Whether both drive straight and parallel, the same way or opposite, at a clear lateral distance, (m,)."""
     skew_rad = np.abs(np.where(np.abs(angle_rad) > 0.5 * np.pi, np.pi - np.abs(angle_rad), angle_rad))
-    clearance_m = np.abs(left_m) - 0.5 * (sizes[0][1] + sizes[1][1])
-    sideways_mps = np.abs(other[:, SPEED] * np.sin(angle_rad))
-    is_straight = np.abs(host[:, SPEED] * host[:, YAW_RATE]) < MAX_LANE_ACCEL_MPS2
-    is_straight &= np.abs(other[:, SPEED] * other[:, YAW_RATE]) < MAX_LANE_ACCEL_MPS2
+    clearance_m = np.abs(left_m) - 0.5 * (host_and_other_size[0][1] + host_and_other_size[1][1])
+    sideways_mps = np.abs(other_states[:, SPEED] * np.sin(angle_rad))
+    is_straight = np.abs(host_states[:, SPEED] * host_states[:, YAW_RATE]) < MAX_LANE_ACCEL_MPS2
+    is_straight &= np.abs(other_states[:, SPEED] * other_states[:, YAW_RATE]) < MAX_LANE_ACCEL_MPS2
     is_parallel = (skew_rad < MAX_PARALLEL_ANGLE_RAD) & (sideways_mps < MAX_LANE_SPEED_MPS)
     return np.asarray(is_parallel & is_straight & (clearance_m > MIN_LANE_CLEARANCE_M))

@@ -8,11 +8,16 @@ boundary that a path crosses must have come nearer to the car, too.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
+
+if TYPE_CHECKING:
+    from cwcli.warning.types import LeftAndRight
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -27,24 +32,24 @@ MIN_APPROACH_FRAMES, MIN_TIME_SPREAD_S2, APPROACH_BOUND_SIGMAS = 3, 1e-6, 2.0
 """An approach needs 3 frames and this spread of their times (s^2); its bound is 2 sigmas off. Chosen by hand."""
 
 
-def agreement_of_both_sides_s(
+def agreement_duration_of_left_and_right_s(
     stamp_ns: Int64Array,
-    lines: tuple[FloatArray, FloatArray],
+    left_and_right_lines: LeftAndRight,
     is_seen: BoolArray | None,
     steady_s: FloatArray | None,
     agree_s: float,
-) -> tuple[FloatArray, FloatArray]:
+) -> LeftAndRight:
     """For how long the left and the right boundary have agreed, s, (n,) each; -1 where they may not raise a warning.
 
     Args:
         stamp_ns: Shape (n,), increasing.
-        lines: Left and right, shape (n, 3); the first column is the place beside the camera.
+        left_and_right_lines: Left and right, shape (n, 3); the first column is the place beside the camera.
         is_seen, steady_s: From the lane method, see `lane_departure.Boundaries`.
         agree_s: For how long a boundary must have been seen without a jump.
     """
     n, least_s = len(stamp_ns), agree_s - 1e-9
     seen = np.ones(n, np.bool_) if is_seen is None else is_seen
-    agreed = [agreement_duration_s(stamp_ns, line[:, 0], seen) for line in lines]
+    agreed = [agreement_duration_s(stamp_ns, line[:, 0], seen) for line in left_and_right_lines]
     if steady_s is not None:
         agreed = [np.fmin(each, steady_s) for each in agreed]
     left, right = (np.where(each >= least_s, each, -1.0) for each in agreed)

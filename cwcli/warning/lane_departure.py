@@ -35,11 +35,11 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.normal_distribution import normal_cdf
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import EventSpan, EventTiming, find_events
-from cwcli.warning.lane_agreement import BoolArray, agreement_of_both_sides_s, approach_speed_bound_mps
+from cwcli.warning.lane_agreement import BoolArray, agreement_duration_of_left_and_right_s, approach_speed_bound_mps
 from cwcli.warning.lane_gap import boundary_y_and_direction_at_distances, first_crossing_time_s, last_known_gap_m
 from cwcli.warning.output import NOT_CLEARED_NS
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows
-from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
+from cwcli.warning.types import DEFAULT_WIDTH_M, LeftAndRight, PathArrays
 
 RULE = "lane-departure"
 """Name of the rule in warnings and tables."""
@@ -223,9 +223,11 @@ def evaluate_lane_departure(
         raise UsageError(
             f"the paths reach {paths.time_s[-1]:g} s, the rule looks {config.warn_s:g} s ahead", where=RULE
         )
-    lines = _mask_implausible_boundaries(boundaries, config)
+    lines = _left_and_right_boundaries_nan_if_implausible(boundaries, config)
     both = (boundaries.left, boundaries.right)
-    agreed = agreement_of_both_sides_s(stamp_ns, both, boundaries.is_seen, boundaries.steady_s, config.agree_s)
+    agreed = agreement_duration_of_left_and_right_s(
+        stamp_ns, both, boundaries.is_seen, boundaries.steady_s, config.agree_s
+    )
     frames = _Frames(stamp_ns, paths, boundaries, speed_mps)
     sides = [
         _evaluate_side(frames, line, sign, agreed_s, config, host)
@@ -242,9 +244,9 @@ def evaluate_lane_departure(
     )
 
 
-def _mask_implausible_boundaries(
+def _left_and_right_boundaries_nan_if_implausible(
     boundaries: LaneBoundaries, config: LaneDepartureConfig
-) -> tuple[FloatArray, FloatArray]:
+) -> LeftAndRight:
     """Both boundaries, (n, 3) each; NaN in frames in which they cross or are too far apart."""
     with np.errstate(invalid="ignore"):
         width = boundaries.left[:, 0] - boundaries.right[:, 0]
@@ -392,8 +394,8 @@ def _frame_series_table(sides: list[_SideEvaluation], stamp_ns: Int64Array) -> T
 
 def _frame_counts_by_outcome(
     boundaries: LaneBoundaries,
-    lines: tuple[FloatArray, FloatArray],
-    agreed_s: tuple[FloatArray, FloatArray],
+    lines: LeftAndRight,
+    agreed_s: LeftAndRight,
     speed_mps: FloatArray,
     config: LaneDepartureConfig,
 ) -> dict[str, int]:

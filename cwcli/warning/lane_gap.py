@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.lane_geometry import arc_geometry_at_distance
+from cwcli.signals.lane_geometry import y_direction_curvature_of_arcs_at_distance
 
 
 def boundary_y_and_direction_at_distances(
@@ -18,7 +18,7 @@ def boundary_y_and_direction_at_distances(
         ahead_m: Shape (n, k).
         change_1pm2: Shape (n,).
     """
-    curves = arc_geometry_at_distance(line[:, None], ahead_m, change_1pm2[:, None])
+    curves = y_direction_curvature_of_arcs_at_distance(line[:, None], ahead_m, change_1pm2[:, None])
     y0, slope, curvature = (line[:, k, None] for k in range(3))
     is_behind = ahead_m <= 0.0  # a tyre beside the camera, or a little behind it
     y = np.where(is_behind, y0 + (slope + 0.5 * curvature * ahead_m) * ahead_m, curves[..., 0])

@@ -95,7 +95,7 @@ def measure_paths(
     The probabilities are still NaN (`add_contact_probabilities`).
     """
     x, y = other.x_m - host.x_m, other.y_m - host.y_m
-    distance, closing = _distance_and_closing_speed(host, other, x[:, 0], y[:, 0])
+    distance, closing = _centre_distance_and_closing_speed_now(host, other, x[:, 0], y[:, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
         ttc = np.where(closing > 0.0, distance / closing, np.inf)
     segments = _RelativeSegments.from_points(x, y, time_s)
@@ -127,7 +127,7 @@ def add_contact_probabilities(
     horizon_s: float,
     min_probability_to_brake: float,
     braking_deceleration_mps2: float,
-    wanted: npt.NDArray[np.bool_] | None = None,
+    is_wanted: npt.NDArray[np.bool_] | None = None,
 ) -> Measures:
     """Add the probabilities of contact to the measures.
 
@@ -138,9 +138,9 @@ def add_contact_probabilities(
         horizon_s: One of the times.
         min_probability_to_brake: Where contact is at least this probable, the probability under braking is computed.
         braking_deceleration_mps2: Deceleration of that braking; 0: it is not computed.
-        wanted: Shape (m,): rows in which probabilities are computed; None: all.
+        is_wanted: Shape (m,): rows in which probabilities are computed; None: all.
     """
-    distance = measures.min_distance_m if wanted is None else np.where(wanted, measures.min_distance_m, np.nan)
+    distance = measures.min_distance_m if is_wanted is None else np.where(is_wanted, measures.min_distance_m, np.nan)
     in_time, late = pairs.contact_probability_by_times(distance, time_s, (horizon_s, float(time_s[-1]))).T
     braked = np.full(len(late), np.nan)
     rows = (
@@ -153,17 +153,17 @@ def add_contact_probabilities(
     return replace(measures, probability=in_time, late_probability=late, braked_probability=braked)
 
 
-def _distance_and_closing_speed(
-    host: PathPoints, other: PathPoints, x: FloatArray, y: FloatArray
+def _centre_distance_and_closing_speed_now(
+    host: PathPoints, other: PathPoints, relative_x_m: FloatArray, relative_y_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Centre distance (m) and closing speed (m/s) at tau = 0, (m,) each."""
     own_v, their_v = host.speed_mps[:, 0], other.speed_mps[:, 0]
     own_heading, their_heading = host.heading_rad[:, 0], other.heading_rad[:, 0]
     dvx = their_v * np.cos(their_heading) - own_v * np.cos(own_heading)
     dvy = their_v * np.sin(their_heading) - own_v * np.sin(own_heading)
-    distance = np.hypot(x, y)
+    distance = np.hypot(relative_x_m, relative_y_m)
     with np.errstate(divide="ignore", invalid="ignore"):
-        closing = np.where(distance > 0.0, -(x * dvx + y * dvy) / distance, 0.0)
+        closing = np.where(distance > 0.0, -(relative_x_m * dvx + relative_y_m * dvy) / distance, 0.0)
     return distance, closing
 
 
@@ -178,9 +178,15 @@ class _RelativeSegments:
     ey: FloatArray
 
     @staticmethod
-    def from_points(x: FloatArray, y: FloatArray, time_s: FloatArray) -> _RelativeSegments:
+    def from_points(relative_x_m: FloatArray, relative_y_m: FloatArray, time_s: FloatArray) -> _RelativeSegments:
         """The segments between relative positions (m, q) at the times (q,)."""
-        return _RelativeSegments(time_s, x[:, :-1], y[:, :-1], np.diff(x, axis=1), np.diff(y, axis=1))
+        return _RelativeSegments(
+            time_s,
+            relative_x_m[:, :-1],
+            relative_y_m[:, :-1],
+            np.diff(relative_x_m, axis=1),
+            np.diff(relative_y_m, axis=1),
+        )
 
     def closest_share_and_distance_of_each_segment(self) -> tuple[FloatArray, FloatArray]:
         """The share (0 to 1) of each segment at which the distance is smallest, and that distance, (m, q - 1)."""
@@ -216,20 +222,22 @@ class _RelativeSegments:
 
 
 def _first_overlap_time_s(
-    x: FloatArray,
-    y: FloatArray,
+    relative_x_m: FloatArray,
+    relative_y_m: FloatArray,
     host: PathPoints,
     other: PathPoints,
     time_s: FloatArray,
-    near: np.ndarray,
-    sizes: tuple[Size, Size],
+    near_rows: np.ndarray,
+    host_and_other_size: tuple[Size, Size],
 ) -> FloatArray:
-    """Time (s) of the first overlap of the outlines, (m,), linear between points; infinity outside the rows `near`."""
-    out = np.full(len(x), np.inf)
-    rows = np.flatnonzero(near)
+    """Time (s) of the first overlap of the outlines, (m,), linear between points; infinity outside `near_rows`."""
+    out = np.full(len(relative_x_m), np.inf)
+    rows = np.flatnonzero(near_rows)
     if not len(rows):
         return out
-    margin = outline_separation_m(x[rows], y[rows], host.heading_rad[rows], other.heading_rad[rows], *sizes)
+    margin = outline_separation_m(
+        relative_x_m[rows], relative_y_m[rows], host.heading_rad[rows], other.heading_rad[rows], *host_and_other_size
+    )
     touching = margin <= 0.0
     hits = np.flatnonzero(touching.any(axis=1))
     first = touching[hits].argmax(axis=1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,13 +13,13 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.warning.kinds import WarningKind
 from cwcli.warning.pair import PairEvaluation
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows
-from cwcli.warning.types import VehicleTrack
+from cwcli.warning.types import EventIdByPairAndEvent, VehicleTrack
 
 NOT_CLEARED_NS = -1
 """Time of clearing of a warning that was still active at the end of the log."""
 
 
-def assign_event_ids(pairs: Sequence[PairEvaluation]) -> dict[tuple[int, int], int]:
+def event_id_by_pair_and_event(pairs: Sequence[PairEvaluation]) -> dict[tuple[int, int], int]:
     """Assign event ids 1, 2, ... in order of time, then of the other's id: (pair, event) -> id."""
     found = [
         (int(pair.stamp_ns[span.raised]), pair.other.id, at, which)
@@ -31,7 +31,7 @@ def assign_event_ids(pairs: Sequence[PairEvaluation]) -> dict[tuple[int, int], i
 
 def warning_rows_of_pairs(
     pairs: Sequence[PairEvaluation],
-    ids: Mapping[tuple[int, int], int],
+    ids: EventIdByPairAndEvent,
     *,
     rule: str,
     clock: VehicleTrack,
@@ -43,7 +43,7 @@ def warning_rows_of_pairs(
         for which, span in enumerate(own.spans):
             number = ids[at, which]
             for index in range(span.raised, span.last + 1):
-                rows.append(_warning_row(own, index, number, RAISED if index == span.raised else HELD, words))
+                rows.append(_make_warning_row(own, index, number, RAISED if index == span.raised else HELD, words))
             if span.cleared is not None:
                 stamp, log = int(clock.stamp_ns[span.cleared]), int(clock.log_time_ns[span.cleared])
                 known = int(clock.known_ns[span.cleared])
@@ -52,7 +52,7 @@ def warning_rows_of_pairs(
     return build_warning_rows(rows, rule=rule, host_id=clock.id)
 
 
-def _warning_row(own: PairEvaluation, index: int, number: int, state: int, words: str) -> WarningRow:
+def _make_warning_row(own: PairEvaluation, index: int, event_id: int, state: int, text_for_driver: str) -> WarningRow:
     """The row of a warning at one evaluation, with its text for the driver."""
     time = float(own.decision.time_to_event_s[index])
     distance = float(own.decision.predicted_distance_m[index])
@@ -63,10 +63,10 @@ def _warning_row(own: PairEvaluation, index: int, number: int, state: int, words
         int(own.log_time_ns[index]),
         int(own.stamp_ns[index]),
         int(own.known_ns[index]),
-        number,
+        event_id,
         state,
         own.other.id,
-        f"{words.format(other=own.other.id)} {ahead}, predicted distance {distance:.1f} m",
+        f"{text_for_driver.format(other=own.other.id)} {ahead}, predicted distance {distance:.1f} m",
         time,
         distance,
         float(own.measures.ttc_s[index]),
@@ -77,7 +77,7 @@ def _warning_row(own: PairEvaluation, index: int, number: int, state: int, words
 
 def warning_events_table(
     pairs: Sequence[PairEvaluation],
-    ids: Mapping[tuple[int, int], int],
+    ids: EventIdByPairAndEvent,
     *,
     rule: str,
     clock: VehicleTrack,
@@ -147,11 +147,11 @@ def evaluation_series_table(pairs: Sequence[PairEvaluation], *, host_id: str) ->
     for name in names:
         columns[rename.get(name, name)] = concatenate([getattr(own.measures, name) for own in pairs], np.float64)
     columns["is_withheld"] = concatenate([own.is_withheld for own in pairs], np.bool_)
-    columns["is_active"] = concatenate([_active_mask(own) for own in pairs], np.bool_)
+    columns["is_active"] = concatenate([_is_warning_active_mask(own) for own in pairs], np.bool_)
     return Table("series", columns)
 
 
-def _active_mask(own: PairEvaluation) -> Any:
+def _is_warning_active_mask(own: PairEvaluation) -> Any:
     """Whether a warning is active at each evaluation, (m,)."""
     active = np.zeros(len(own.stamp_ns), dtype=bool)
     for span in own.spans:

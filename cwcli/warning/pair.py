@@ -17,7 +17,7 @@ from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.braking_horizon import measure_to_braking_horizon
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.events import EventSpan, EventTiming, find_events
-from cwcli.warning.kinds import WarningKind, classify_warnings
+from cwcli.warning.kinds import WarningKind, kind_of_each_warning
 from cwcli.warning.measures import (
     MEASURE_ARRAY_NAMES,
     MIN_ONSET_DIFFERENCE_M,
@@ -26,7 +26,7 @@ from cwcli.warning.measures import (
     measure_paths,
 )
 from cwcli.warning.remote_alignment import PathPoints, StatePairing, interpolate_paths, pair_with_newest_state
-from cwcli.warning.rule_inputs import evaluate_named_measures, pair_states_at_moments
+from cwcli.warning.rule_inputs import OtherRowsPathRowsAges, evaluate_named_measures, pair_states_at_moments
 from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised_warnings, withhold_warnings
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
@@ -157,22 +157,27 @@ class _WindowEvaluation:
 
 def _evaluate_window(
     window: _HostWindow,
-    at: tuple[Rows, Rows, FloatArray],
+    at_moments: OtherRowsPathRowsAges,
     rule: Rule,
     config: WarningConfig,
     persistence_s: float,
     time_s: FloatArray,
 ) -> _WindowEvaluation:
-    """Evaluate one window; `at` holds rows of the window, rows of the other's track, and the age of its states."""
+    """Evaluate one window; the first rows of `at_moments` are those of the window."""
     host, other = window.host, window.other
-    chosen, place = np.unique(at[1], return_inverse=True)
+    chosen, place = np.unique(at_moments[1], return_inverse=True)
     theirs = other.paths.take(chosen)
     looks_farther = rule.uses_braking_horizon and config.max_horizon_s > config.horizon_s
     span_s = max(float(time_s[-1]), config.max_horizon_s + persistence_s) if looks_farther else float(time_s[-1])
-    within = np.flatnonzero(_within_reach_mask(window.paths, theirs, at[0], place, span_s, config))
-    host_row, other_row, place, age_s = at[0][within], at[1][within], place[within], at[2][within]
+    within = np.flatnonzero(_within_reach_mask(window.paths, theirs, at_moments[0], place, span_s, config))
+    host_row, other_row, place, age_s = (
+        at_moments[0][within],
+        at_moments[1][within],
+        place[within],
+        at_moments[2][within],
+    )
     near = (host_row, place, age_s)
-    sizes = host.outline_m, other.outline_m
+    sizes = host.length_and_width_m, other.length_and_width_m
     measures, beyond = _measures_and_short_paths_coarse_then_fine(window.points, theirs, near, time_s, config, sizes)
     pairs = PathPairs(window.paths, theirs, *near, *sizes)
     judged = partial(
@@ -190,10 +195,10 @@ def _evaluate_window(
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_DIFFERENCE_M
         nearer &= np.abs(other.state[other_row, SPEED]) > STANDSTILL_SPEED_MPS
         begun_pairs = replace(pairs, other=begun)
-        onset = judged(onset, begun_pairs, wanted=nearer)
+        onset = judged(onset, begun_pairs, is_wanted=nearer)
         if looks_farther:
             onset = replace(
-                onset, farther=measure_to_braking_horizon(onset, begun_pairs, config, persistence_s, wanted=nearer)
+                onset, farther=measure_to_braking_horizon(onset, begun_pairs, config, persistence_s, is_wanted=nearer)
             )
     of_moment = host, other, window.first + host_row, theirs, (other_row, place, age_s)
     states = pair_states_at_moments(*of_moment) if rule.uses_states else None
@@ -207,7 +212,7 @@ def _evaluate_window(
         if len(raised):
             at_raised = host, other, window.first + host_row[raised], theirs
             told = pair_states_at_moments(*at_raised, (other_row[raised], place[raised], age_s[raised]))
-            kinds[raised] = classify_warnings(told)
+            kinds[raised] = kind_of_each_warning(told)
     return _WindowEvaluation(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()), kinds)
 
 
@@ -299,7 +304,7 @@ def _within_reach_mask(
 def _measures_and_short_paths_coarse_then_fine(
     host_points: PathPoints,
     paths: PathArrays,
-    at: tuple[Rows, Rows, FloatArray],
+    at_moments: OtherRowsPathRowsAges,
     time_s: FloatArray,
     config: WarningConfig,
     sizes: tuple[Size, Size],
@@ -308,9 +313,13 @@ def _measures_and_short_paths_coarse_then_fine(
     thinned = np.union1d(
         np.arange(0, len(time_s), COARSE_POINT_STRIDE), [_horizon_index(time_s, config), len(time_s) - 1]
     )
-    coarse, beyond = _measures_and_short_paths_at_times(host_points, paths, at, time_s, thinned, config, sizes)
+    coarse, beyond = _measures_and_short_paths_at_times(host_points, paths, at_moments, time_s, thinned, config, sizes)
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_MARGIN_M)
-    at_near = (at[0][near], at[1][near], at[2][near])
+    at_near = (
+        at_moments[0][near],
+        at_moments[1][near],
+        at_moments[2][near],
+    )
     every = np.arange(len(time_s))
     fine, _ = _measures_and_short_paths_at_times(host_points, paths, at_near, time_s, every, config, sizes)
     for name in MEASURE_ARRAY_NAMES:
@@ -325,14 +334,14 @@ def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
 def _measures_and_short_paths_at_times(
     host_points: PathPoints,
     paths: PathArrays,
-    at: tuple[Rows, Rows, FloatArray],
+    at_moments: OtherRowsPathRowsAges,
     time_s: FloatArray,
     chosen: Rows,
     config: WarningConfig,
     sizes: tuple[Size, Size],
 ) -> tuple[Measures, BoolArray]:
     """Measure the rows at the chosen times, and find those whose paths end too early, (m,)."""
-    host_row, other_row, age_s = at
+    host_row, other_row, age_s = at_moments
     theirs = interpolate_paths(paths, other_row, age_s, time_s[chosen])
     measures = measure_paths(
         host_points.select_rows_and_times(host_row, chosen),

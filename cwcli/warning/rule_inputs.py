@@ -20,6 +20,8 @@ from cwcli.warning.remote_alignment import interpolate_paths
 from cwcli.warning.types import PathArrays, VehicleTrack
 
 Rows = npt.NDArray[np.intp]
+OtherRowsPathRowsAges = tuple[Rows, Rows, FloatArray]
+"""Rows of the other's states, rows of its paths, and ages of the states in s, (m,) each."""
 MOTION_COLUMNS = slice(ACCEL, JERK + 1)
 """Columns of a state that hold acceleration, yaw rate and jerk."""
 
@@ -44,7 +46,7 @@ def evaluate_named_measures(
     other: VehicleTrack,
     host_rows: Rows,
     paths: PathArrays,
-    at: tuple[Rows, Rows, FloatArray],
+    at_moments: OtherRowsPathRowsAges,
 ) -> dict[str, FloatArray]:
     """Evaluate named measures at m moments: name -> values (m,), NaN where it has none.
 
@@ -53,15 +55,15 @@ def evaluate_named_measures(
         host, other: The two vehicles.
         host_rows: Shape (m,): rows of the host's states.
         paths: Some of the other's paths.
-        at: Shape (m,) each: rows of the other's states, rows of their paths, and ages of the states.
+        at_moments: Shape (m,) each: rows of the other's states, rows of their paths, and ages of the states.
     """
     if not names:
         return {}
     stamp_ns = host.stamp_ns[host_rows]
-    theirs, motion = _extrapolated_states_and_derivatives_of_other(other, paths, at)
+    theirs, motion = _extrapolated_states_and_derivatives_of_other(other, paths, at_moments)
     own = ActualTrack(stamp_ns, host.state[host_rows])
     moved = ActualTrack(stamp_ns, np.concatenate([theirs, motion], axis=1))
-    pair = Pair(own, moved, host.outline_m, other.outline_m, 0.0).with_states(own, theirs, motion)
+    pair = Pair(own, moved, host.length_and_width_m, other.length_and_width_m, 0.0).with_states(own, theirs, motion)
     return {name: pair.evaluate_measure(MEASURES[name]) for name in names}
 
 
@@ -70,20 +72,20 @@ def pair_states_at_moments(
     other: VehicleTrack,
     host_rows: Rows,
     paths: PathArrays,
-    at: tuple[Rows, Rows, FloatArray],
+    at_moments: OtherRowsPathRowsAges,
 ) -> PairStates:
     """The states of both at each of m moments; the arguments are those of `evaluate_named_measures`."""
-    theirs = np.concatenate(_extrapolated_states_and_derivatives_of_other(other, paths, at), axis=1)
+    theirs = np.concatenate(_extrapolated_states_and_derivatives_of_other(other, paths, at_moments), axis=1)
     said = other.says_hard_braking
-    says = np.zeros(len(host_rows), np.bool_) if said is None else said[at[0]]
-    return PairStates(host.state[host_rows], theirs, says, (host.outline_m, other.outline_m))
+    says = np.zeros(len(host_rows), np.bool_) if said is None else said[at_moments[0]]
+    return PairStates(host.state[host_rows], theirs, says, (host.length_and_width_m, other.length_and_width_m))
 
 
 def _extrapolated_states_and_derivatives_of_other(
-    other: VehicleTrack, paths: PathArrays, at: tuple[Rows, Rows, FloatArray]
+    other: VehicleTrack, paths: PathArrays, at_moments: OtherRowsPathRowsAges
 ) -> tuple[FloatArray, FloatArray]:
     """Bring the other's position, speed and heading forward, (m, 4); and its unchanged derivatives, (m, 3)."""
-    other_rows, place, age_s = at
+    other_rows, place, age_s = at_moments
     now = interpolate_paths(paths, place, age_s, np.zeros(1))
     theirs = np.concatenate([now.x_m, now.y_m, now.speed_mps, now.heading_rad], axis=1)
     return theirs, other.state[other_rows, MOTION_COLUMNS]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Literal, Protocol
 
@@ -18,6 +19,11 @@ from cwcli.warning.conflict_definition import (
     format_default_definitions,
     parse_conflict_definition,
 )
+
+LeftAndRight = tuple[FloatArray, FloatArray]
+"""One array of the left boundary and one of the right."""
+EventIdByPairAndEvent = Mapping[tuple[int, int], int]
+"""Number of the pair, and of the event in it -> id of the event."""
 
 DEFAULT_LENGTH_M = 4.5
 """Length of a vehicle that reports none. Chosen: a passenger car's."""
@@ -93,14 +99,14 @@ class VehicleTrack:
         return earliest_known_times_ns(self.stamp_ns, self.log_time_ns)
 
     @property
-    def outline_m(self) -> tuple[float, float]:
+    def length_and_width_m(self) -> tuple[float, float]:
         """Length and width in metres; the defaults where they are not reported."""
         return _positive_or_default(self.length_m, DEFAULT_LENGTH_M), _positive_or_default(
             self.width_m, DEFAULT_WIDTH_M
         )
 
 
-def median_outline_m(lengths_m: FloatArray, widths_m: FloatArray) -> tuple[float, float]:
+def median_length_and_width_m(lengths_m: FloatArray, widths_m: FloatArray) -> tuple[float, float]:
     """Median length and width (m) of what a vehicle reported, (n,) each; the defaults where it reported none."""
     return _median_or_default_m(lengths_m, DEFAULT_LENGTH_M), _median_or_default_m(widths_m, DEFAULT_WIDTH_M)
 

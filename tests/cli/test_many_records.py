@@ -22,7 +22,7 @@ from cwcli.logs.format.records import (
     Statistics,
     attachment_crc_offset,
     read_footer,
-    read_record_prefix,
+    read_opcode_and_content_range,
 )
 from cwcli.logs.read.reader import Log
 from tests.cli.bounded import bounded
@@ -113,7 +113,7 @@ def test_large_attachment_is_copied_by_range(intersection: Path, tmp_path: Path)
     """Its data are a hole in the file, so that the test needs no disk."""
     data = intersection.read_bytes()
     footer_at = len(data) - len(MCAP_MAGIC) - len(record_bytes.encode_footer(0, 0, b""))
-    _, start, end = read_record_prefix(memoryview(data), footer_at, len(data))
+    _, start, end = read_opcode_and_content_range(memoryview(data), footer_at, len(data))
     summary_at = read_footer(memoryview(data), start, end).summary_start
     fields = struct.pack("<QQ", 1, 1) + b"\1\0\0\0a\1\0\0\0b" + struct.pack("<Q", ATTACHED_BYTES)
     with (tmp_path / "in.mcap").open("wb") as file:

@@ -17,7 +17,7 @@ import numpy as np
 import pynmea2
 from pyubx2 import UBXReader
 
-from cwcli.importing.readers.delimited import find_layout
+from cwcli.importing.readers.delimited import find_separator_names_and_units
 from cwcli.importing.tables import SourceTable
 from cwcli.importing.text_file import decode_head, read_head
 from cwcli.signals.can import NO_VALUE_NAME_PATTERN
@@ -162,7 +162,7 @@ def csv_rows(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
     """Read the rows by Python's csv; the layout is what cwcli finds."""
     head = decode_head(read_head(paths[0]))
     assert head is not None
-    layout = find_layout(head, "")
+    layout = find_separator_names_and_units(head, "")
     try:
         text = paths[0].read_bytes()[head.bom_bytes :].decode(head.encoding)
         lines = text.splitlines(keepends=True)[layout.n_head_lines :]

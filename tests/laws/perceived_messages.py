@@ -154,7 +154,7 @@ def ros_sdsm(*, is_carma: bool) -> Callable[[int, int], Sample]:
             "length_m": 4.5 if is_carma else 450,
         }
         leaves = {sdsm.ROS_PATHS[name]: value for name, value in (sender | car).items()}
-        for _, path, bit in sdsm.presence_fields_and_bits(is_carma=True):
+        for _, path, bit in sdsm.presence_quantities_paths_and_bits(is_carma=True):
             leaves[path] = leaves.get(path, 0) | bit
         of_objects = f"{sdsm.ROS_OBJECTS_PATH}."
         values = {path.removeprefix(of_objects): leaves.pop(path) for path in [*leaves] if path.startswith(of_objects)}

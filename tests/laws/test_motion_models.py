@@ -6,7 +6,7 @@ import pytest
 
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.rollout import Discretisation, RolloutSettings, path_jacobian, roll_out_paths
+from cwcli.prediction.rollout import Discretisation, RolloutSettings, jacobian_of_path_xy_to_start_state, roll_out_paths
 from cwcli.signals.vehicle_state import DERIVATIVE_INDICES
 
 FloatArray = npt.NDArray[np.float64]
@@ -54,7 +54,7 @@ def test_jacobian_equals_finite_differences(name: str, discretisation: Discretis
     state = np.concatenate([moving_starts(20, 2), any_starts(40, 3)])
     state = state[np.abs(state[:, 2]) > 0.5]  # at v = 0 the clamp has a corner
     step = 1e-6
-    jacobian = path_jacobian(name, state, settings=RolloutSettings(discretisation=discretisation))
+    jacobian = jacobian_of_path_xy_to_start_state(name, state, settings=RolloutSettings(discretisation=discretisation))
     for column in range(8):
         ahead, behind = state.copy(), state.copy()
         ahead[:, column] += step

@@ -19,7 +19,7 @@ from cwcli.vision.zhang2011 import (
     SECOND_PHASE,
     count_parameter_bits,
     cross_chromosomes,
-    decode_chromosome,
+    decode_chromosome_to_a_b_c,
     mutate_chromosome,
     phase_after_frames,
 )
@@ -30,7 +30,7 @@ DECIMALS = (4, 2, 0)
 
 def test_decoding_of_the_worked_example() -> None:
     low, high = np.array([r[0] for r in FIRST_LEFT_REGION]), np.array([r[1] for r in FIRST_LEFT_REGION])
-    assert decode_chromosome("01010100011100001011101", low, high, (7, 8, 8)) == (-0.0017, 0.74, -9.0)
+    assert decode_chromosome_to_a_b_c("01010100011100001011101", low, high, (7, 8, 8)) == (-0.0017, 0.74, -9.0)
 
 
 def test_crossover_of_the_worked_example() -> None:

@@ -41,9 +41,9 @@ from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.outcome_history import (
     PathStarts,
     actual_displacement_m,
-    split_derivatives_into_parts,
+    shares_of_derivatives_by_part,
     measure_acting_time_s,
-    promised_displacement_m,
+    displacement_beyond_constant_velocity_m,
     state_histories_by_vehicle,
 )
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
@@ -108,8 +108,8 @@ def group_of(several: Sequence[VehicleStates], too_sure: float) -> Group:
     thinned = slice(None, None, max(sum(len(track.rows) for track in tracks) // MAX_STARTS, 1))
     return Group(
         np.concatenate([track.state[:, SPEED] for track in tracks])[thinned],
-        np.concatenate([promised_displacement_m(track.state) for track in tracks])[thinned],
-        np.concatenate([split_derivatives_into_parts(track) for track in tracks])[thinned],
+        np.concatenate([displacement_beyond_constant_velocity_m(track.state) for track in tracks])[thinned],
+        np.concatenate([shares_of_derivatives_by_part(track) for track in tracks])[thinned],
         np.concatenate([actual_displacement_m(track) for track in tracks])[thinned],
     )
 

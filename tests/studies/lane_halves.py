@@ -100,7 +100,7 @@ def labelled(path: Path, search_size: SizeOf) -> Iterator[tuple[DecodedFrame, Fl
     """Every frame of the log, of the size that a search wants, with its lanes (k, h) and their rows (h,)."""
     labels = labels_of(path)
     with Log.open(path) as log:
-        frames = decode_frames(log.frames(IMAGES), size_of=search_size, where=path.name)
+        frames = decode_frames(log.frames(IMAGES), wanted_size_of=search_size, where=path.name)
         for frame, (lanes, rows_px) in zip(frames, labels, strict=True):
             yield frame, lanes, rows_px
 

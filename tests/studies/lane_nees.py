@@ -8,7 +8,7 @@ Rendered drives of the sets `good` and `complex`, of the paper's camera (320 x 2
 its curvature at the preview point: root mean square error, median sigma, and the mean of the squared error over its
 variance, which is 1 where the sigmas are right. The mounting's own errors are none. Lanes that are off by more than
 half a metre are counted, and left out: no sigma knows of a wrong line. Seed 3 was in sight of the constants in
-`cwcli.vision.measure_lane_covariance`.
+`cwcli.vision.covariance_of_first_five_lane_numbers`.
 """
 
 from __future__ import annotations

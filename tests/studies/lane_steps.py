@@ -34,7 +34,12 @@ STEPS = {
         "best_lane_on_wide_evidence",
         "weighted_mean_lane",
     ),
-    "placement": ("move_to_inner_stripes", "fit_boundary_parabolas", "boundary_road_curves", "measure_lane_covariance"),
+    "placement": (
+        "move_to_inner_stripes",
+        "fit_boundary_parabolas",
+        "boundary_road_curves",
+        "covariance_of_first_five_lane_numbers",
+    ),
     "probability": ("boundary_probabilities", "share_probability_with_rivals", "probabilities_with_scene_votes"),
     "following": (
         "predict_lane",
@@ -42,7 +47,7 @@ STEPS = {
         "narrow_prior_table",
         "pitch_candidates",
         "curvature_candidates",
-        "update_from_lines",
+        "update_lane_and_line_state",
         "refine_predicted_lane",
         "choose_tight_or_gentle_bend",
         "find_tight_bend_hypothesis",

@@ -114,7 +114,7 @@ def estimated(
 def told_of(track: Track) -> list[str]:
     """What the user is told of sources: corrections and contradictions first, then what was left out."""
     return [
-        *(each.sentence for each in track.corrections),
+        *(each.sentence_on_fault_and_undoing for each in track.corrections),
         *(each.contradiction_sentence for each in track.contradictions),
         *(
             note
@@ -210,7 +210,7 @@ def check_without_fault(scenarios: Sequence[str], seeds: Sequence[int], logs: Se
             n_named += len(track.contradictions)
             n_left_out += sum(bool(each.left_out) for each in track.contradictions)
             for sentence in (
-                *(each.sentence for each in track.corrections),
+                *(each.sentence_on_fault_and_undoing for each in track.corrections),
                 *(f"{each.contradiction_sentence}; {each.consequence_text}" for each in track.contradictions),
             ):
                 print(f"{title} {variant}: {sentence}", flush=True)

@@ -72,7 +72,9 @@ def read_video(path: Path = VIDEO, frames: int | None = None) -> Video:
     """The drive, with the lanes that the default method finds in it as it is."""
     greys = []
     with Log.open(path) as log:
-        for frame in decode_frames(log.frames(IMAGES), size_of=lambda width, height: (width, height), where=path.name):
+        for frame in decode_frames(
+            log.frames(IMAGES), wanted_size_of=lambda width, height: (width, height), where=path.name
+        ):
             assert frame.image is not None
             greys.append(np.array(frame.image))
             if len(greys) == frames:

@@ -180,7 +180,7 @@ def command(
         inputs, talk, metrics=None, texts=(output.junit, markdown_file, output.html), force=output.force
     )
     with Progress(quiet=talk.quiet) as progress:
-        results = _judge(clauses, trials, recorded, progress)
+        results = _run_or_read_trials(clauses, trials, recorded, progress)
     _write_result_files(results, output, markdown_file)
     if talk.json:
         document = {"written": targets, "clauses": [result.to_json() for result in results]}
@@ -196,7 +196,9 @@ def command(
     return EXIT_DONE
 
 
-def _judge(clauses: list[str], trials: TrialOptions, recorded: LogOptions, progress: Progress) -> list[ClauseResult]:
+def _run_or_read_trials(
+    clauses: list[str], trials: TrialOptions, recorded: LogOptions, progress: Progress
+) -> list[ClauseResult]:
     """Run or read the trials.
 
     Raises:

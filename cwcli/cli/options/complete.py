@@ -78,11 +78,11 @@ def _iter_topics_and_schemas(log: str) -> Iterator[tuple[str, str]]:
     """Yield topic and schema of each channel in the file's summary; nothing without a summary."""
     from cwcli.input import InputFile
     from cwcli.logs.format.records import MCAP_MAGIC
-    from cwcli.logs.format.summary import find_footer, read_summary_if_present
+    from cwcli.logs.format.summary import find_footer_and_its_offset, read_summary_if_present
     from cwcli.logs.read.channels import channel_infos_from_index
 
     with InputFile.open(log) as file:
-        found = find_footer(file)
+        found = find_footer_and_its_offset(file)
         index = None if found is None else read_summary_if_present(file, *found, len(MCAP_MAGIC), verify=False)
         if index is not None:
             for channel in channel_infos_from_index(index):

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.passes import SensorSeries
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import ValueRows
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Hypothesis:
         """Return a hypothesis for a kind with one value: correct = factor * measured + offset."""
         return cls(name, group, fault, action, ((factor,),), (offset,))
 
-    def correct_values(self, values: FloatArray) -> FloatArray:
+    def correct_values(self, values: ValueRows) -> ValueRows:
         """Return the corrected values (n, d) of measured ones (n, d)."""
         return np.asarray(values @ np.array(self.matrix, float).T + np.array(self.offset, float))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, StateRows
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
 MAX_PLAUSIBLE_SPEED_KMH = 200.0
@@ -22,43 +22,51 @@ ADVICE = "Check the units and the axes of the sensors."
 """The advice for every implausible value, a sentence for users."""
 
 
-def _absolute_speed_kmh(state: FloatArray) -> FloatArray:
+def _absolute_speed_kmh(state: StateRows) -> FloatArray:
     return KMH_PER_MPS * np.abs(state[:, SPEED])
 
 
-def _accel_mps2(state: FloatArray) -> FloatArray:
+def _absolute_longitudinal_accel_mps2(state: StateRows) -> FloatArray:
     return np.abs(state[:, ACCEL])
 
 
-def _lateral_accel_mps2(state: FloatArray) -> FloatArray:
+def _absolute_lateral_accel_mps2(state: StateRows) -> FloatArray:
     return np.abs(state[:, SPEED] * state[:, YAW_RATE])
 
 
-def _make_rule(
-    what: str, unit: str, most: float, source: str, values_of: Callable[[FloatArray], FloatArray]
+def _make_implausible_size_rule(
+    quantity: str,
+    unit: str,
+    greatest_plausible: float,
+    source: str,
+    magnitude_of_states: Callable[[FloatArray], FloatArray],
 ) -> DoubtRule:
     """Make the rule of one quantity.
 
     Args:
-        what: The quantity with its article, in words.
-        values_of: Its magnitude (n,) from states (n, 8).
+        quantity: The quantity with its article, in words.
+        magnitude_of_states: Its magnitude (n,) from states (n, 8).
     """
 
     def find(evidence: DoubtEvidence) -> Iterator[Finding]:
         if evidence.ego is None:
             return
-        values = np.nan_to_num(values_of(evidence.ego.state), nan=-1.0, posinf=-1.0)
+        values = np.nan_to_num(magnitude_of_states(evidence.ego.state), nan=-1.0, posinf=-1.0)
         at = int(values.argmax())
-        if values[at] > most:
+        if values[at] > greatest_plausible:
             at_s = evidence.seconds_since_start(int(evidence.ego.stamp_ns[at]))
-            yield Finding(float(values[at]), f"The estimate has {what} of {values[at]:.0f} {unit} at {at_s:.0f} s.")
+            yield Finding(float(values[at]), f"The estimate has {quantity} of {values[at]:.0f} {unit} at {at_s:.0f} s.")
 
-    return DoubtRule(f"{what} that no car has", most, unit, source, ADVICE, find)
+    return DoubtRule(f"{quantity} that no car has", greatest_plausible, unit, source, ADVICE, find)
 
 
-SPEED_RULE = _make_rule("a speed", "km/h", MAX_PLAUSIBLE_SPEED_KMH, "chosen: above public roads", _absolute_speed_kmh)
+SPEED_RULE = _make_implausible_size_rule(
+    "a speed", "km/h", MAX_PLAUSIBLE_SPEED_KMH, "chosen: above public roads", _absolute_speed_kmh
+)
 _OF_TYRES = "tyres on a dry road transmit about 1.2 g"
-ACCELERATION_RULE = _make_rule("an acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _accel_mps2)
-LATERAL_ACCELERATION_RULE = _make_rule(
-    "a lateral acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _lateral_accel_mps2
+ACCELERATION_RULE = _make_implausible_size_rule(
+    "an acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _absolute_longitudinal_accel_mps2
+)
+LATERAL_ACCELERATION_RULE = _make_implausible_size_rule(
+    "a lateral acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _absolute_lateral_accel_mps2
 )

@@ -13,7 +13,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.tree import UndecodableMessage
 from cwcli.logs.read.reader import Log
 from cwcli.signals.clocks import MIN_OTHER_CLOCK_OFFSET_S
-from cwcli.signals.columns import Columns, Int64Array, Strings
+from cwcli.signals.columns import Columns, FirstAndLastNs, Int64Array, Strings
 from cwcli.signals.field_condition import Condition, MissingValue, meets_condition, value_at_path
 from cwcli.signals.leaf_fields import read_stamps
 from cwcli.signals.stamp_fields import (
@@ -62,7 +62,7 @@ class FlagOverTime:
     is_set: npt.NDArray[np.bool_]
     notes: tuple[str, ...] = ()
 
-    def warning_spans_ns(self) -> list[tuple[int, int]]:
+    def warning_spans_ns(self) -> list[FirstAndLastNs]:
         """Return for each warning the times (ns) of the first and the last message in which it was set.
 
         A flag that is set in the first message is no warning, because the time at which it was raised is unknown.
@@ -164,7 +164,7 @@ def _answers_from_column(columns: Columns, condition: Condition) -> _ConditionAn
         values = distinct.tolist()
     else:
         return None
-    answers = np.array([_evaluate_condition(value, condition) for value in values], np.int8)
+    answers = np.array([_condition_as_1_0_or_unknown(value, condition) for value in values], np.int8)
     return _ConditionAnswers(columns.log_time_ns, answers[codes])
 
 
@@ -179,7 +179,7 @@ def _answers_from_messages(log: Log, topic: str, condition: Condition) -> _Condi
         value = value_at_path(message, condition.path)
         n_fields += value is not MissingValue.FIELD
         log_time_ns.append(at_ns)
-        answers.append(_evaluate_condition(value, condition))
+        answers.append(_condition_as_1_0_or_unknown(value, condition))
     times, said = np.array(log_time_ns, np.int64), np.array(answers, np.int8)
     if not n_fields:
         said[:] = FIELD_MISSING
@@ -187,7 +187,7 @@ def _answers_from_messages(log: Log, topic: str, condition: Condition) -> _Condi
     return _ConditionAnswers(times[order], said[order])
 
 
-def _evaluate_condition(value: object, condition: Condition) -> int:
+def _condition_as_1_0_or_unknown(value: object, condition: Condition) -> int:
     if value is MissingValue.ELEMENT:
         return FIELD_MISSING
     met = meets_condition(value, condition)

@@ -22,7 +22,7 @@ from cwcli.evaluation.system.placing import FramePlacement, fit_frame_placement
 from cwcli.evaluation.system.reading import read_signal_of_other_system
 from cwcli.prediction.paths import Paths
 from cwcli.signals.builders.path import PathSignal
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import EastNorthRows, FloatArray
 from cwcli.signals.role import Role
 
 PATH_STEP_S = 0.1
@@ -114,7 +114,7 @@ def _find_frame_placement(
     return found
 
 
-def _times_along_path_s(xy_m: FloatArray, speed_mps: FloatArray, ego_m: FloatArray) -> FloatArray:
+def _times_along_path_s(xy_m: EastNorthRows, speed_mps: FloatArray, ego_m: FloatArray) -> FloatArray:
     """Return the times (s) at which a car that follows a path reaches its points; 0 at the point nearest to the car."""
     step_m = np.hypot(*np.diff(xy_m, axis=0).T)
     mean_mps = np.maximum(0.5 * (speed_mps[1:] + speed_mps[:-1]), MIN_SPEED_MPS)
@@ -127,13 +127,13 @@ def _times_along_path_s(xy_m: FloatArray, speed_mps: FloatArray, ego_m: FloatArr
     return np.asarray(at_s - (at_s[nearest] + share[nearest] * (at_s[nearest + 1] - at_s[nearest])))
 
 
-def _interpolate_path_points(time_s: FloatArray, at_s: FloatArray, xy_m: FloatArray, *, stands: bool) -> FloatArray:
+def _interpolate_path_points(time_s: FloatArray, at_s: FloatArray, xy_m: EastNorthRows, *, stands: bool) -> FloatArray:
     """Interpolate a path at given times; NaN before and after it, or its end if the car stands there."""
     behind = None if stands else np.nan
     return np.column_stack([np.interp(time_s, at_s, values, left=np.nan, right=behind) for values in xy_m.T])
 
 
-def _paths_without_covariance(time_s: FloatArray, xy_m: FloatArray) -> Paths:
+def _paths_without_covariance(time_s: FloatArray, xy_m: EastNorthRows) -> Paths:
     n, k = xy_m.shape[:2]
     nothing = np.full((n, k), np.nan)
     x_m, y_m = xy_m[..., 0], xy_m[..., 1]

@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import EastNorthRows, FloatArray
 
 MIN_EXTENT_M = 5.0
 """Least RMS distance of the points from their mean, m, for which a rotation is fitted. Chosen by hand; not fitted."""
@@ -30,7 +30,7 @@ class FramePlacement:
     pivot_m: FloatArray
     place_m: FloatArray
 
-    def points_in_map(self, xy_m: FloatArray) -> FloatArray:
+    def points_in_map(self, xy_m: EastNorthRows) -> FloatArray:
         """Transform points (n, 2), m, to the map."""
         cosine, sine = math.cos(self.turn_rad), math.sin(self.turn_rad)
         return np.asarray((xy_m - self.pivot_m) @ np.array([[cosine, sine], [-sine, cosine]]) + self.place_m)
@@ -49,7 +49,7 @@ class FramePlacement:
         )
 
 
-def fit_frame_placement(xy_m: FloatArray, onto_m: FloatArray) -> FramePlacement | None:
+def fit_frame_placement(xy_m: EastNorthRows, onto_m: EastNorthRows) -> FramePlacement | None:
     """Fit the placement that moves points (n, 2) onto others; rows with NaN are ignored; None with fewer than three.
 
     The rotation is that of least squares (Umeyama 1991, eq. 40 to 42, in the plane, without a scale); the shift is the

@@ -14,7 +14,7 @@ from cwcli.evaluation.system.placing import FramePlacement, fit_frame_placement
 from cwcli.evaluation.system.reading import read_signal_of_other_system
 from cwcli.pipeline.records import map_from_record, read_run_records
 from cwcli.signals.canonical import PoseSignal, PositionSignal
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import EastNorthRows, FloatArray
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 
@@ -71,7 +71,7 @@ def _positions_with_geographic_in_map_m(context: EvaluationContext, signal: Pose
     return np.column_stack(local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, height_m)[:2])
 
 
-def _motion_from_signal(signal: PoseSignal | PositionSignal, xy_m: FloatArray) -> EgoMotion:
+def _motion_from_signal(signal: PoseSignal | PositionSignal, xy_m: EastNorthRows) -> EgoMotion:
     """Return the motion of a signal in its own frame; NaN for what it does not have."""
     nothing = np.full(len(signal.stamp_ns), np.nan)
     if isinstance(signal, PositionSignal):

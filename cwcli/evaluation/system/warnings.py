@@ -17,7 +17,7 @@ from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE
 from cwcli.evaluation.scored_warnings import WarningScores
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.pair import Pair
-from cwcli.signals.columns import Int64Array
+from cwcli.signals.columns import FirstAndLastNs, Int64Array
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
@@ -52,14 +52,14 @@ class FlagScores:
     scores: WarningScores
 
 
-def judge_flag_warnings(spans: Sequence[tuple[int, int]], real: ActualOutcomes) -> FlagScores:
+def judge_flag_warnings(flag_spans_ns: Sequence[FirstAndLastNs], real: ActualOutcomes) -> FlagScores:
     """Judge warnings, in order of time, against all conflicts.
 
     Args:
-        spans: Times (ns) of the first and the last message of each warning.
+        flag_spans_ns: Times (ns) of the first and the last message of each warning.
         real: Actual motion and conflicts.
     """
-    times = np.array(spans, np.int64).reshape(-1, 2)
+    times = np.array(flag_spans_ns, np.int64).reshape(-1, 2)
     raised_ns, last_ns = times[:, 0], times[:, 1]
     n = len(times)
     best_onset = np.full(n, np.iinfo(np.int64).max)
@@ -82,7 +82,7 @@ def judge_flag_warnings(spans: Sequence[tuple[int, int]], real: ActualOutcomes) 
                 best_onset[k], best[k] = conflict.onset_ns, (vehicle, conflict)
     is_known = _nearest_vehicle_stays_known_mask(raised_ns, real)
     judged = []
-    for k, (raised, last) in enumerate(spans):
+    for k, (raised, last) in enumerate(flag_spans_ns):
         about = best[k]
         if about is None:
             judged.append(JudgedFlagWarning(raised, last, VERDICT_FALSE if is_known[k] else VERDICT_UNDECIDED))

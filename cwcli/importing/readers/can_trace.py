@@ -22,7 +22,7 @@ from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambigu
 from cwcli.importing.text_lines import iter_text_lines
 from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.can import MAX_FRAME_BYTES, decode_all_signals, load_dbc_messages
+from cwcli.signals.can import MAX_FRAME_BYTES, DbcMessage, decode_all_signals, load_dbc_messages
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
@@ -98,7 +98,7 @@ def _can_be_quantity(name: str) -> bool:
     return any(QUANTITIES[quantity].kind not in {"time", "text", "number"} for quantity in quantities_of_name(name))
 
 
-def _build_table_of_message(path: str, kind: str, message: Any, frames: Frames) -> SourceTable:
+def _build_table_of_message(path: str, kind: str, message: DbcMessage, frames: Frames) -> SourceTable:
     octets = np.frombuffer(frames.data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
     n_octets = np.array(frames.n_octets, np.int64)
     values: dict[str, FloatArray] = decode_all_signals(octets, n_octets, message)
@@ -148,7 +148,7 @@ class _TraceLines(io.TextIOBase):
 
 
 def _read_frames_by_message(
-    path: str, kind: str, messages: dict[tuple[int, bool], Any]
+    path: str, kind: str, messages: dict[tuple[int, bool], DbcMessage]
 ) -> tuple[dict[tuple[int, bool], Frames], int, list[str]]:
     """Return the frames of each message by its identifier and whether it is extended, the number of all, and notes."""
     try:

@@ -51,7 +51,7 @@ class Layout:
     n_head_lines: int
 
 
-def read_delimited(
+def read_delimited_table(
     path: str, answers: Answers, *, part: str = "", data: bytes | None = None, kind: str = "csv"
 ) -> SourceTable:
     """Return the table of a file.
@@ -71,7 +71,7 @@ def read_delimited(
     head = decode_head(read_head(path) if data is None else data[: 256 << 10])
     if head is None:
         raise no_text_error(where)
-    layout = find_layout(head, where)
+    layout = find_separator_names_and_units(head, where)
     notes: list[str] = []
 
     def read(columns: Sequence[str]) -> Iterator[Batch]:
@@ -80,7 +80,7 @@ def read_delimited(
     return SourceTable(path, part, kind, layout.names, read, units=layout.units, notes=notes)
 
 
-def find_layout(head: TextHead, where: str) -> Layout:
+def find_separator_names_and_units(head: TextHead, where: str) -> Layout:
     """Find the separator, the names and the units.
 
     Raises:
@@ -191,7 +191,7 @@ class _TabsForBlanks(io.RawIOBase):
     def __init__(self, file: Any) -> None:
         self.file = file
 
-    def readable(self) -> bool:
+    def is_readable(self) -> bool:
         return True
 
     def read(self, size: int = -1) -> bytes:

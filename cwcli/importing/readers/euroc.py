@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.delimited import read_delimited
+from cwcli.importing.readers.delimited import read_delimited_table
 from cwcli.importing.tables import Answers, Preset, SourceTable
 
 _QUANTITIES = {
@@ -29,7 +29,7 @@ def _accepts_euroc_file(head: FileHead) -> bool:
 
 
 def _read_euroc_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
-    table = read_delimited(path, answers, kind="euroc")
+    table = read_delimited_table(path, answers, kind="euroc")
     presets = {}
     for column in table.columns:
         name = column.split("[")[0].strip()

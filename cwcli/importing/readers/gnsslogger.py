@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from cwcli.errors import DataError
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.delimited import read_delimited
+from cwcli.importing.readers.delimited import read_delimited_table
 from cwcli.importing.tables import Answers, Preset, SourceTable
 from cwcli.importing.text_lines import iter_text_lines
 
@@ -68,7 +68,7 @@ def _read_gnsslogger_tables(path: str, answers: Answers) -> Sequence[SourceTable
         if word == "Fix":
             data, said = _rows_of_best_provider_and_note(data)
             notes.append(said)
-        table = read_delimited(path, answers, part=word, data=data, kind="gnsslogger")
+        table = read_delimited_table(path, answers, part=word, data=data, kind="gnsslogger")
         tables.append(_with_gnsslogger_presets(table, notes))
     return _without_calibrated_duplicates(tables)
 

@@ -32,7 +32,7 @@ def _accepts_gpx_file(head: FileHead) -> bool:
 
 
 def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
-    tracks = [(name, n) for name, n in _list_tracks(path) if n]
+    tracks = [(name, n) for name, n in _names_and_point_counts_of_tracks(path) if n]
     if not tracks:
         raise DataError("it has no track with points", where=path, hint="routes and way points have no times")
     wanted = 0
@@ -74,7 +74,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     return [SourceTable(path, "", "gpx", columns, read, presets=presets, notes=notes)]
 
 
-def _list_tracks(path: str) -> list[tuple[str, int]]:
+def _names_and_point_counts_of_tracks(path: str) -> list[tuple[str, int]]:
     """Return name and number of points of each track; unnamed and equal names get a number."""
     counts: dict[str, int] = {}
     for name, _ in _iter_track_points(path):
@@ -112,10 +112,10 @@ def _iter_track_points(path: str) -> Iterator[tuple[str, dict[str, str]]]:
             seen.add(text)
         elif tag == "trkpt":
             is_in_point = False
-            yield name, _fields_of_point(element)
+            yield name, _texts_by_field_of_point(element)
 
 
-def _fields_of_point(point: Any) -> dict[str, str]:
+def _texts_by_field_of_point(point: Any) -> dict[str, str]:
     fields = {"lat": point.get("lat", ""), "lon": point.get("lon", "")}
     for child in point.iter():
         tag = child.tag.rpartition("}")[2]

@@ -138,7 +138,11 @@ def _collect_sentence_of_line(collected: Collected, line: str) -> None:
     if not fields:
         collected.counts[kind] += 1
         return
-    has_time = _collect_time(collected, kind, fields) if kind in TIMED_TYPES else bool(len(collected.ns_of_day))
+    has_time = (
+        _collect_time_if_sentence_has_one(collected, kind, fields)
+        if kind in TIMED_TYPES
+        else bool(len(collected.ns_of_day))
+    )
     if kind not in SENTENCE_PARSERS:
         return
     values = SENTENCE_PARSERS[kind][1](fields)
@@ -151,7 +155,7 @@ def _collect_sentence_of_line(collected: Collected, line: str) -> None:
         sentences.values.setdefault(name, array("d")).append(getattr(values, name))
 
 
-def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> bool:
+def _collect_time_if_sentence_has_one(collected: Collected, kind: str, fields: Sequence[str]) -> bool:
     """Collect the time, and the date, of a sentence; tell whether it has a time."""
     match = re.fullmatch(r"(\d{2})(\d{2})(\d{2})(?:\.(\d*))?", fields[0])
     if not match:
@@ -163,17 +167,17 @@ def _collect_time(collected: Collected, kind: str, fields: Sequence[str]) -> boo
     day = -1
     text = fields[8] if kind == "RMC" and len(fields) > 8 else ""
     if re.fullmatch(r"\d{6}", text):
-        day = _days_since_1970(
+        day = _days_since_1970_or_minus_1(
             2000 + int(text[4:]) if int(text[4:]) < 80 else 1900 + int(text[4:]), int(text[2:4]), int(text[:2])
         )
     if kind == "ZDA" and len(fields) > 3 and all(re.fullmatch(r"[0-9]{1,4}", text) for text in fields[1:4]):
-        day = _days_since_1970(int(fields[3]), int(fields[2]), int(fields[1]))
+        day = _days_since_1970_or_minus_1(int(fields[3]), int(fields[2]), int(fields[1]))
     collected.ns_of_day.append(((hour * 60 + minute) * 60 + second) * NS_PER_S + part)
     collected.day.append(day)
     return True
 
 
-def _days_since_1970(year: int, month: int, day: int) -> int:
+def _days_since_1970_or_minus_1(year: int, month: int, day: int) -> int:
     """Return the days since 1970, -1 for a date that does not exist or is not between 1980 and 2200."""
     if not 1980 <= year < 2200:
         return -1

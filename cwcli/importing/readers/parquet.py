@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.own_table import with_presets_if_cwcli_table
 from cwcli.importing.tables import Answers, Batch, SourceTable
+
+if TYPE_CHECKING:
+    from cwcli.importing.cells import ArrowArray
 
 MAGIC = b"PAR1"
 """First and last bytes of a Parquet file."""
@@ -82,7 +85,7 @@ def _leaf_fields(prefix: str, fields: Any) -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{field.name}", field
 
 
-def _leaf_column(batch: Any, name: str) -> Any:
+def _leaf_column(batch: Any, name: str) -> ArrowArray:
     import pyarrow.compute as pc
 
     if name in batch.schema.names:
@@ -91,7 +94,7 @@ def _leaf_column(batch: Any, name: str) -> Any:
     return pc.struct_field(batch.column(first), rest)
 
 
-def _arrow_column_as_plain_values(array: Any) -> Any:
+def _arrow_column_as_plain_values(array: ArrowArray) -> ArrowArray:
     """Return times as texts of UTC or of local time, dictionaries as texts, other cells as they are."""
     import pyarrow as pa
     import pyarrow.compute as pc

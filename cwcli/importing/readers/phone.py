@@ -24,7 +24,7 @@ from cwcli.errors import DataError, InputError, UsageError
 from cwcli.importing.cells import read_number_cells_and_count_bad, read_whole_units_fraction_and_validity
 from cwcli.importing.names import split_name
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.delimited import read_delimited
+from cwcli.importing.readers.delimited import read_delimited_table
 from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS, parse_start_ns
 from cwcli.text import format_count
@@ -78,7 +78,7 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
     except (zipfile.BadZipFile, zlib.error, LZMAError, OSError, ValueError, RuntimeError, EOFError) as error:
         raise InputError(f"the zip is damaged: {error}", where=path) from error
     sources = {
-        name: read_delimited(path, answers, part=members[name].filename, data=data, kind="phone")
+        name: read_delimited_table(path, answers, part=members[name].filename, data=data, kind="phone")
         for name, data in texts.items()
         if data.count(b"\n") >= 2
     }
@@ -152,7 +152,7 @@ def _add_gravity(sources: dict[str, SourceTable]) -> None:
     del sources["accelerometer"]
     if gravity is None or not {"time", "x", "y", "z"} <= set(gravity.columns):
         return
-    first, second = _load_vectors(linear), _load_vectors(gravity)
+    first, second = _stamps_and_axis_columns_of_table(linear), _stamps_and_axis_columns_of_table(gravity)
     if not np.array_equal(first["time"], second["time"]):
         return
     total = {axis: first[axis] + second[axis] for axis in "xyz"} | {"time": first["time"]}
@@ -164,7 +164,7 @@ def _add_gravity(sources: dict[str, SourceTable]) -> None:
     sources["totalacceleration"] = replace(linear, part=part, columns=tuple(total), read_batches=read)
 
 
-def _load_vectors(table: SourceTable) -> dict[str, Any]:
+def _stamps_and_axis_columns_of_table(table: SourceTable) -> dict[str, Any]:
     """Return the times in ns and the numbers of three axes of a table, (n,) each."""
     columns: dict[str, list[Any]] = {name: [] for name in ("time", "x", "y", "z")}
     for batch in table.read_batches(list(columns)):

@@ -119,7 +119,7 @@ def read_kitti_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
         raise InputError("it has no poses", where=path)
     matrices = np.concatenate(blocks).reshape(-1, 3, 4)
     stamp_ns, why = stamps_of_rows_and_origin(path, answers, len(matrices))
-    quaternions = quaternions_of_rotations(matrices[:, :, :3])
+    quaternions = xyzw_quaternions_of_rotations(matrices[:, :, :3])
     columns = {name: matrices[:, k, 3] for k, name in enumerate("xyz")}
     columns |= {f"q{axis}": quaternions[:, k] for k, axis in enumerate("xyzw")}
     notes.append(f"times: {why}")
@@ -182,7 +182,7 @@ def read_time_lines_ns(path: str, max_n: int) -> Int64Array:
     return instants.to_ns(base.unit if base.since == "1970" else "s")
 
 
-def quaternions_of_rotations(rotation: FloatArray) -> FloatArray:
+def xyzw_quaternions_of_rotations(rotation: FloatArray) -> FloatArray:
     """Return unit quaternions x, y, z, w (n, 4) of rotation matrices (n, 3, 3): the largest component first."""
     trace = np.trace(rotation, axis1=1, axis2=2)
     diagonal = np.einsum("nii->ni", rotation)

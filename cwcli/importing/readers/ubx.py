@@ -89,7 +89,7 @@ def _read_solutions_and_count_skipped(path: str) -> tuple[list[tuple[float, ...]
                 block = file.read(BLOCK_BYTES)
                 data, is_end = data + block, not block
                 stop = len(data) if is_end else max(len(data) - MAX_MESSAGE_BYTES, 0)
-                payloads, n_damaged, at = _find_solutions(data, stop)
+                payloads, n_damaged, at = _find_solution_payloads_damaged_count_and_next_place(data, stop)
                 counts["damaged"] += n_damaged
                 for payload in payloads:
                     _append_solution_or_count(rows, counts, payload)
@@ -99,7 +99,7 @@ def _read_solutions_and_count_skipped(path: str) -> tuple[list[tuple[float, ...]
     return rows, +counts
 
 
-def _find_solutions(data: bytes, stop: int) -> tuple[list[bytes], int, int]:
+def _find_solution_payloads_damaged_count_and_next_place(data: bytes, stop: int) -> tuple[list[bytes], int, int]:
     """Find the NAV-PVT messages that begin before a place.
 
     All beginnings are judged at once, so that a file of nothing but sync bytes takes no longer than another.

@@ -113,7 +113,7 @@ class Video:
         frames = _JpegRows(self.name)
 
         def rows(start: int, stop: int) -> Mapping[str, OutputField]:
-            images = frames.take(start, stop)
+            images = frames.encoded_frames_of_rows(start, stop)
             n = len(images)
             offsets = np.concatenate([[0], np.cumsum([len(image) for image in images])]).astype(np.int64)
             return {
@@ -135,7 +135,7 @@ class _JpegRows:
         self._kept: list[Any] = []
         self._frames = _iter_frames(path, decode=True)
 
-    def take(self, start: int, stop: int) -> list[Any]:
+    def encoded_frames_of_rows(self, start: int, stop: int) -> list[Any]:
         """Return the frames `start` to `stop` as bytes in arrays."""
         import cv2
 

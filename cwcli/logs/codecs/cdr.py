@@ -17,7 +17,7 @@ from cwcli.logs.codecs.column_buffers import (
     Payloads,
     RaggedColumnBuffer,
     StringColumnBuffer,
-    begin_ragged_batch,
+    begin_ragged_batch_and_get_addresses,
     grown_capacity,
     row_zero_addresses,
     select_ragged_rows,
@@ -122,7 +122,7 @@ class CdrDecoder:
         if not n:
             return
         self._grow_buffers(first + n)
-        buffers, cursor_columns = begin_ragged_batch(self._ragged, n, payloads.n_bytes)
+        buffers, cursor_columns = begin_ragged_batch_and_get_addresses(self._ragged, n, payloads.n_bytes)
         status = np.zeros(n, np.uint8)
         kernel.walk(
             payloads.data,

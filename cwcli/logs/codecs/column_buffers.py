@@ -197,7 +197,9 @@ def row_zero_addresses(slots: Sequence[FixedColumnBuffer | StringColumnBuffer], 
     return np.array([slot.row_zero_address(first_row, n) for slot in slots] or [0], np.int64)
 
 
-def begin_ragged_batch(slots: Sequence[RaggedColumnBuffer], n: int, n_bytes: int) -> tuple[Int64Array, Int64Array]:
+def begin_ragged_batch_and_get_addresses(
+    slots: Sequence[RaggedColumnBuffer], n: int, n_bytes: int
+) -> tuple[Int64Array, Int64Array]:
     """Begin a batch; return the memory addresses of the element buffers and of the cursors, (len(slots),) each."""
     for slot in slots:
         slot.begin_batch(n, n_bytes)

@@ -196,7 +196,7 @@ class JsonDecoder:
         self._tables = self._tree.to_kernel_tables()
 
     def _decode_with_json_module(
-        self, message: bytes, row: int, status: int, instead: list[dict[int, Elements]]
+        self, message: bytes, row: int, status: int, json_elements_by_row: list[dict[int, Elements]]
     ) -> bool:
         """Decode one message with the json module; return whether that was possible."""
         try:
@@ -207,16 +207,16 @@ class JsonDecoder:
         except (ValueError, RecursionError):
             for room in self._rooms:  # drop what the kernel has stored of the message
                 room.tags[:, self._n + row] = TAG_ABSENT
-            return self._count_refused_message(INVALID_JSON_REASON)
+            return self._count_refused_message_and_return_false(INVALID_JSON_REASON)
         if not isinstance(value, dict):
-            return self._count_refused_message(NOT_AN_OBJECT_REASON)
+            return self._count_refused_message_and_return_false(NOT_AN_OBJECT_REASON)
         if self._tree.learns:
             self._learn_keys(message)
-            instead.extend({} for _ in range(len(instead), len(self._slots)))
-        self._store_object(value, self._tree.root, row, instead, in_array=False)
+            json_elements_by_row.extend({} for _ in range(len(json_elements_by_row), len(self._slots)))
+        self._store_object(value, self._tree.root, row, json_elements_by_row, in_array=False)
         return True
 
-    def _count_refused_message(self, reason: str) -> bool:
+    def _count_refused_message_and_return_false(self, reason: str) -> bool:
         self._reasons[reason] = self._reasons.get(reason, 0) + 1
         return False
 
@@ -225,32 +225,36 @@ class JsonDecoder:
         value: dict[str, object],
         keys: dict[str, JsonKey],
         row: int,
-        instead: list[dict[int, Elements]],
+        json_elements_by_row: list[dict[int, Elements]],
         *,
         in_array: bool,
     ) -> None:
         for name, inner in value.items():
             key = keys.get(name)
             if key is not None:
-                self._store_value(inner, key, row, instead, in_array=in_array)
+                self._store_value(inner, key, row, json_elements_by_row, in_array=in_array)
 
     def _store_value(
-        self, value: object, key: JsonKey, row: int, instead: list[dict[int, Elements]], *, in_array: bool
+        self, value: object, key: JsonKey, row: int, json_elements_by_row: list[dict[int, Elements]], *, in_array: bool
     ) -> None:
         slot = self._column_of_leaf(key.slot) if key.slot >= 0 else None
         if isinstance(value, dict):
             if key.below is not None:
-                self._store_object(value, key.below, row, instead, in_array=in_array)
+                self._store_object(value, key.below, row, json_elements_by_row, in_array=in_array)
         elif isinstance(value, list):
-            before = _count_elements_or_zero(instead, key.slot, row)
+            before = _count_elements_or_zero(json_elements_by_row, key.slot, row)
             for each in iter_nested_elements(value):
-                self._store_value(each, key, row, instead, in_array=True)
-            if slot is not None and not in_array and _count_elements_or_zero(instead, key.slot, row) > before:
+                self._store_value(each, key, row, json_elements_by_row, in_array=True)
+            if (
+                slot is not None
+                and not in_array
+                and _count_elements_or_zero(json_elements_by_row, key.slot, row) > before
+            ):
                 slot.tags[self._n + row] = TAG_ARRAY
         elif slot is None:
             return
         elif in_array:
-            tags, values = instead[key.slot].setdefault(row, ([], []))
+            tags, values = json_elements_by_row[key.slot].setdefault(row, ([], []))
             tag, number = (
                 (TAG_INTERNED_STRING, slot.intern_text(value))
                 if isinstance(value, str)
@@ -261,9 +265,9 @@ class JsonDecoder:
         elif isinstance(value, str):
             slot.set_string(self._n + row, value)
         else:
-            slot.tags[self._n + row], slot.values[self._n + row] = tag_and_value_of_scalar(value)
+            slot.tags[self._n + row], slot.values_as_int64_bits[self._n + row] = tag_and_value_of_scalar(value)
 
 
-def _count_elements_or_zero(instead: list[dict[int, Elements]], slot: int, row: int) -> int:
+def _count_elements_or_zero(json_elements_by_row: list[dict[int, Elements]], slot: int, row: int) -> int:
     """Return how many elements the json module has found for a column in a row."""
-    return len(instead[slot][row][0]) if slot >= 0 and row in instead[slot] else 0
+    return len(json_elements_by_row[slot][row][0]) if slot >= 0 and row in json_elements_by_row[slot] else 0

@@ -161,42 +161,53 @@ class JsonColumnBuffer:
         return tags
 
     @property
-    def values(self) -> Int64Array:
+    def values_as_int64_bits(self) -> Int64Array:
         """Return the value of the leaf in each message, shape (capacity,)."""
         values: Int64Array = self._room.values[self._leaf]
         return values
 
     def finish_batch(
-        self, payloads: Payloads, first_row: int, instead: Mapping[int, Elements], used: int, no_counts: Int64Array
+        self,
+        payloads: Payloads,
+        first_row: int,
+        json_elements_by_row: Mapping[int, Elements],
+        n_kernel_elements: int,
+        no_counts: Int64Array,
     ) -> None:
-        """Store the elements of a batch, with those of `instead` for some rows, and intern its strings.
+        """Store the elements of a batch, with those of `json_elements_by_row` for some rows, and intern its strings.
 
         Args:
             payloads, first_row: The batch.
-            instead: Row -> elements that the json module found.
-            used: Number of elements that the kernel found.
+            json_elements_by_row: Row -> elements that the json module found.
+            n_kernel_elements: Number of elements that the kernel found.
             no_counts: As many zeros as there are messages in the batch.
         """
-        if used or instead:
-            self._store_elements(payloads, used, instead)
+        if n_kernel_elements or json_elements_by_row:
+            self._store_elements(payloads, n_kernel_elements, json_elements_by_row)
         else:  # most names that a role may have occur in no message of the file
             self._counts.append(no_counts)
         largest = self.tags[first_row : first_row + len(payloads)].max()
-        self._is_seen = self._is_seen or bool(largest or used or instead)
+        self._is_seen = self._is_seen or bool(largest or n_kernel_elements or json_elements_by_row)
         if largest >= TAG_STRING:
             self._intern_batch_strings(payloads, first_row)
 
-    def _store_elements(self, payloads: Payloads, used: int, instead: Mapping[int, Elements]) -> None:
+    def _store_elements(
+        self, payloads: Payloads, n_kernel_elements: int, json_elements_by_row: Mapping[int, Elements]
+    ) -> None:
         counts = np.diff(self._room.cursors[self._leaf], prepend=0)
-        tags = self._room.element_tags[self._leaf][:used].copy()
-        values = self._room.element_values[self._leaf][:used].copy()
+        tags = self._room.element_tags[self._leaf][:n_kernel_elements].copy()
+        values = self._room.element_values[self._leaf][:n_kernel_elements].copy()
         self._intern_element_strings(payloads, np.flatnonzero(counts == 1), np.cumsum(counts) - 1, tags, values)
-        rows = sorted(row for row, (inner, _) in instead.items() if inner)
+        rows = sorted(row for row, (inner, _) in json_elements_by_row.items() if inner)
         if rows:
-            sizes = [len(instead[row][0]) for row in rows]
+            sizes = [len(json_elements_by_row[row][0]) for row in rows]
             at = np.repeat(np.cumsum(counts)[rows], sizes)
-            tags = np.insert(tags, at, np.array([tag for row in rows for tag in instead[row][0]], np.uint8))
-            values = np.insert(values, at, np.array([value for row in rows for value in instead[row][1]], np.int64))
+            tags = np.insert(
+                tags, at, np.array([tag for row in rows for tag in json_elements_by_row[row][0]], np.uint8)
+            )
+            values = np.insert(
+                values, at, np.array([value for row in rows for value in json_elements_by_row[row][1]], np.int64)
+            )
             counts[rows] = sizes
         self._counts.append(counts)
         self._element_tags.append(tags)
@@ -204,7 +215,7 @@ class JsonColumnBuffer:
 
     def set_string(self, row: int, text: str) -> None:
         """Set the string of one message."""
-        self.tags[row], self.values[row] = TAG_INTERNED_STRING, self.intern_text(text)
+        self.tags[row], self.values_as_int64_bits[row] = TAG_INTERNED_STRING, self.intern_text(text)
 
     def intern_text(self, text: str) -> int:
         """Return the code of a string, new if it is not known."""
@@ -221,7 +232,7 @@ class JsonColumnBuffer:
         """Return the bytes of the batch's strings without escapes, and forget them."""
         whole = payloads.data.data
         n = len(payloads)
-        tags, values = self.tags[first_row : first_row + n], self.values[first_row : first_row + n]
+        tags, values = self.tags[first_row : first_row + n], self.values_as_int64_bits[first_row : first_row + n]
         found: list[bytes | memoryview] = []
         for start, tag, value in zip(payloads.starts.tolist(), tags.tolist(), values.tolist(), strict=True):
             if tag == TAG_INTERNED_STRING:
@@ -241,7 +252,7 @@ class JsonColumnBuffer:
         """Return the column for the given messages, or None if the leaf occurs in none of them."""
         if not self._is_seen:
             return None
-        tags, values = self.tags[rows], self.values[rows]
+        tags, values = self.tags[rows], self.values_as_int64_bits[rows]
         counts = np.concatenate([np.zeros(0, np.int64), *self._counts])
         offsets = np.concatenate([[0], np.cumsum(counts)])
         if counts[rows].any():
@@ -303,7 +314,7 @@ class JsonColumnBuffer:
         """Replace places of strings in the messages of the batch by codes."""
         n, data, starts = len(payloads), payloads.data, payloads.starts
         tags = self.tags[first_row : first_row + n]
-        values = self.values[first_row : first_row + n]
+        values = self.values_as_int64_bits[first_row : first_row + n]
         for row in np.flatnonzero(tags == TAG_ESCAPED_STRING).tolist():
             begin = int(starts[row]) + (int(values[row]) >> 32)
             text = data[begin : begin + (int(values[row]) & 0xFFFFFFFF)].tobytes()
@@ -325,10 +336,10 @@ def _number_column(tags: TagArray, values: Int64Array) -> NumericArray:
         return is_true
     if kinds == {TAG_INT}:
         return values.astype(np.int64)
-    return _float_column(tags, values)
+    return _float_column_nan_where_no_number(tags, values)
 
 
-def _float_column(tags: TagArray, values: Int64Array) -> FloatArray:
+def _float_column_nan_where_no_number(tags: TagArray, values: Int64Array) -> FloatArray:
     """Return a column of floats, NaN for everything but numbers and truth values."""
     floats = np.where(tags == TAG_FLOAT, values.view(np.float64), values.astype(np.float64))
     floats[~np.isin(tags, (TAG_BOOL, TAG_INT, TAG_FLOAT))] = np.nan

@@ -19,7 +19,7 @@ from cwcli.logs.codecs.column_buffers import (
     Payloads,
     RaggedColumnBuffer,
     StringColumnBuffer,
-    begin_ragged_batch,
+    begin_ragged_batch_and_get_addresses,
     grown_capacity,
     matrix_if_equal_lengths,
     order_values_by_first_use,
@@ -27,7 +27,12 @@ from cwcli.logs.codecs.column_buffers import (
     select_ragged_rows,
 )
 from cwcli.logs.codecs.decoder import DecodeOutcome
-from cwcli.logs.codecs.protobuf_tables import LeafColumn, compile_protobuf_tables, is_repeated_field
+from cwcli.logs.codecs.protobuf_tables import (
+    LeafColumn,
+    ProtobufMessageDescriptor,
+    compile_protobuf_tables,
+    is_repeated_field,
+)
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.signals.columns import Field, Int64Array, NumericArray, Strings
 
@@ -105,7 +110,7 @@ class ProtobufDecoder:
             slot.ensure_capacity(self._capacity)
         for oneof in self._oneofs:
             oneof.array = np.zeros(n, np.int32)
-        buffers, cursor_columns = begin_ragged_batch(
+        buffers, cursor_columns = begin_ragged_batch_and_get_addresses(
             self._ragged, n, MAX_COLUMN_BYTES_PER_MESSAGE_BYTE * payloads.n_bytes
         )
         status = np.zeros(n, np.uint8)
@@ -216,7 +221,7 @@ class ProtobufDecoder:
         return True
 
 
-def find_message_descriptor(schema_name: str, schema_data: bytes) -> Any:
+def find_message_descriptor(schema_name: str, schema_data: bytes) -> ProtobufMessageDescriptor:
     """Return the descriptor of a message type from its own pool: another file may define the same name differently.
 
     Raises:

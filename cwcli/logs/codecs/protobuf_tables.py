@@ -30,6 +30,11 @@ from cwcli.kernels.protobuf import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.ros2msg import SchemaError
 
+ProtobufMessageDescriptor = Any
+"""Descriptor of a protobuf message type, of either implementation."""
+ProtobufFieldDescriptor = Any
+"""Descriptor of a field of a protobuf message, of either implementation."""
+
 KIND_AND_DTYPE_BY_TYPE: dict[int, tuple[int, str]] = {
     1: (FIXED64, "f8"),
     2: (FIXED32, "f4"),
@@ -106,7 +111,7 @@ class ProtobufTables:
 
 
 def compile_protobuf_tables(
-    descriptor: Any, wants: Callable[[str], bool] | None, blobs: frozenset[str] = frozenset()
+    descriptor: ProtobufMessageDescriptor, wants: Callable[[str], bool] | None, blobs: frozenset[str] = frozenset()
 ) -> ProtobufTables:
     """Compile a message type.
 
@@ -137,10 +142,10 @@ def compile_protobuf_tables(
     )
 
 
-def is_repeated_field(each: Any) -> bool:
+def is_repeated_field(field_descriptor: ProtobufFieldDescriptor) -> bool:
     """Tell whether a field descriptor is of a repeated field."""
-    known = getattr(each, "is_repeated", None)
-    return bool(known) if known is not None else each.label == 3
+    known = getattr(field_descriptor, "is_repeated", None)
+    return bool(known) if known is not None else field_descriptor.label == 3
 
 
 @dataclass(frozen=True)
@@ -178,7 +183,7 @@ class _Compiler:
     unchecked: list[tuple[int, Any]] = field(default_factory=list)
     n_fields: int = 0
 
-    def add_message_node(self, descriptor: Any, place: _MessagePosition) -> int:
+    def add_message_node(self, descriptor: ProtobufMessageDescriptor, place: _MessagePosition) -> int:
         """Add a message whose leaves may be wanted; return its node."""
         self._count_fields(descriptor)
         if len(place.types) > MAX_MESSAGE_NESTING:
@@ -188,7 +193,7 @@ class _Compiler:
         index = len(self.nodes) - 1
         oneofs: dict[str, int] = {}
         for each in sorted(descriptor.fields, key=lambda one: one.number):
-            row = self._new_field_row(each, oneofs)
+            row = self._new_kernel_row_of_field(each, oneofs)
             kind, dtype = KIND_AND_DTYPE_BY_TYPE[each.type]
             path = place.prefix + each.name
             presence = place.presence
@@ -208,40 +213,49 @@ class _Compiler:
             rows.append(row)
         return index
 
-    def _add_nested_message(self, each: Any, row: list[int], place: _MessagePosition, presence: int) -> None:
+    def _add_nested_message(
+        self, field_descriptor: ProtobufFieldDescriptor, field_row: list[int], place: _MessagePosition, presence: int
+    ) -> None:
         """Add the message inside a field, and set its node in the field's row."""
-        path = place.prefix + each.name
-        inner_type = each.message_type
-        types = (*place.types, each.containing_type.full_name)
+        path = place.prefix + field_descriptor.name
+        inner_type = field_descriptor.message_type
+        types = (*place.types, field_descriptor.containing_type.full_name)
         is_map = inner_type.GetOptions().map_entry
         if is_map or inner_type.full_name in types or not self._has_wanted_leaf_below(f"{path}."):
-            row[7] = self._add_unwanted_message(inner_type)
+            field_row[7] = self._node_of_unwanted_message_type(inner_type)
             return
-        element_slots: list[int] | None = [] if is_repeated_field(each) else place.element_slots
-        inner = _MessagePosition(f"{path}.", (*place.chain, each), types, presence, element_slots)
-        row[7] = self.add_message_node(inner_type, inner)
-        if is_repeated_field(each) and element_slots is not None:
-            row[8], row[9] = len(self.elements), len(element_slots)
+        element_slots: list[int] | None = [] if is_repeated_field(field_descriptor) else place.element_slots
+        inner = _MessagePosition(f"{path}.", (*place.chain, field_descriptor), types, presence, element_slots)
+        field_row[7] = self.add_message_node(inner_type, inner)
+        if is_repeated_field(field_descriptor) and element_slots is not None:
+            field_row[8], field_row[9] = len(self.elements), len(element_slots)
             for slot in element_slots:
                 self.elements += [slot, np.dtype(self.ragged[slot].dtype).itemsize]
 
-    def _add_scalar_leaf(self, each: Any, row: list[int], dtype: str, place: _MessagePosition, presence: int) -> None:
+    def _add_scalar_leaf(
+        self,
+        field_descriptor: ProtobufFieldDescriptor,
+        field_row: list[int],
+        dtype: str,
+        place: _MessagePosition,
+        presence: int,
+    ) -> None:
         """Add the column of a number, and set its slot in the field's row."""
-        path, chain = place.prefix + each.name, (*place.chain, each)
+        path, chain = place.prefix + field_descriptor.name, (*place.chain, field_descriptor)
         closed: tuple[int, ...] = ()
-        if each.type == PROTOBUF_TYPE_ENUM and getattr(each.enum_type, "is_closed", False):
-            closed = tuple(value.number for value in each.enum_type.values)
+        if field_descriptor.type == PROTOBUF_TYPE_ENUM and getattr(field_descriptor.enum_type, "is_closed", False):
+            closed = tuple(value.number for value in field_descriptor.enum_type.values)
         in_element = place.element_slots is not None
-        if not in_element and not is_repeated_field(each):
+        if not in_element and not is_repeated_field(field_descriptor):
             self.slots.append(LeafColumn(path, chain, "fixed", dtype, presence, False, closed))
-            row[3:5] = STORE_ROW, len(self.slots) - 1
+            field_row[3:5] = STORE_ROW, len(self.slots) - 1
             return
         self.ragged.append(LeafColumn(path, chain, "ragged", dtype, -1, in_element, closed))
-        row[3:5] = STORE_APPEND if is_repeated_field(each) else STORE_ELEMENT, len(self.ragged) - 1
-        if place.element_slots is not None and not is_repeated_field(each):
+        field_row[3:5] = STORE_APPEND if is_repeated_field(field_descriptor) else STORE_ELEMENT, len(self.ragged) - 1
+        if place.element_slots is not None and not is_repeated_field(field_descriptor):
             place.element_slots.append(len(self.ragged) - 1)
 
-    def _add_unwanted_message(self, descriptor: Any) -> int:
+    def _node_of_unwanted_message_type(self, descriptor: ProtobufMessageDescriptor) -> int:
         """Return the node of a message type without wanted leaves: one per type, which may lead back to itself."""
         known = self.checked.get(descriptor.full_name)
         if known is None:
@@ -257,12 +271,12 @@ class _Compiler:
             index, descriptor = self.unchecked.pop()
             oneofs: dict[str, int] = {}
             for each in sorted(descriptor.fields, key=lambda one: one.number):
-                row = self._new_field_row(each, oneofs)
+                row = self._new_kernel_row_of_field(each, oneofs)
                 if KIND_AND_DTYPE_BY_TYPE[each.type][0] == MESSAGE:
-                    row[7] = self._add_unwanted_message(each.message_type)
+                    row[7] = self._node_of_unwanted_message_type(each.message_type)
                 self.nodes[index].append(row)
 
-    def _count_fields(self, descriptor: Any) -> None:
+    def _count_fields(self, descriptor: ProtobufMessageDescriptor) -> None:
         """Count the fields of a message.
 
         Raises:
@@ -272,18 +286,18 @@ class _Compiler:
         if self.n_fields > MAX_SCHEMA_FIELDS:
             raise SchemaError(f"its messages hold more than {MAX_SCHEMA_FIELDS:,} fields")
 
-    def _new_field_row(self, each: Any, oneofs: dict[str, int]) -> list[int]:
+    def _new_kernel_row_of_field(self, field_descriptor: ProtobufFieldDescriptor, oneofs: dict[str, int]) -> list[int]:
         """Return the kernel's row of a field, which stores nothing yet."""
         oneof = -1
-        if each.containing_oneof is not None and len(each.containing_oneof.fields) > 1:
-            if each.containing_oneof.name not in oneofs:
-                oneofs[each.containing_oneof.name] = self.n_oneofs
+        if field_descriptor.containing_oneof is not None and len(field_descriptor.containing_oneof.fields) > 1:
+            if field_descriptor.containing_oneof.name not in oneofs:
+                oneofs[field_descriptor.containing_oneof.name] = self.n_oneofs
                 self.n_oneofs += 1
-            oneof = oneofs[each.containing_oneof.name]
+            oneof = oneofs[field_descriptor.containing_oneof.name]
         return [
-            each.number,
-            KIND_AND_DTYPE_BY_TYPE[each.type][0],
-            int(is_repeated_field(each)),
+            field_descriptor.number,
+            KIND_AND_DTYPE_BY_TYPE[field_descriptor.type][0],
+            int(is_repeated_field(field_descriptor)),
             STORE_NOT,
             -1,
             -1,

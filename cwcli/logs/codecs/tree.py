@@ -95,10 +95,10 @@ def make_protobuf_parser(channel: ChannelLike) -> Decode:
 
 def _make_protobuf_decoder(channel: ChannelLike) -> Decode:
     parse = make_protobuf_parser(channel)
-    return lambda payload: _message_to_dict(parse(payload), 0)
+    return lambda payload: _protobuf_message_to_dict(parse(payload), 0)
 
 
-def _message_to_dict(message: Any, depth: int) -> dict[str, object]:
+def _protobuf_message_to_dict(message: Any, depth: int) -> dict[str, object]:
     """Return the fields of a protobuf message; None for absent fields, the default for scalars without presence."""
     if depth > MAX_MESSAGE_NESTING:
         raise UndecodableMessage("nested too deeply")
@@ -109,13 +109,15 @@ def _message_to_dict(message: Any, depth: int) -> dict[str, object]:
         value = getattr(message, each.name)
         if is_repeated_field(each):
             inner = (
-                [_message_to_dict(one, depth + 1) for one in value] if each.message_type is not None else list(value)
+                [_protobuf_message_to_dict(one, depth + 1) for one in value]
+                if each.message_type is not None
+                else list(value)
             )
             found[each.name] = inner
         elif each.has_presence and not message.HasField(each.name):
             found[each.name] = None
         else:
-            found[each.name] = _message_to_dict(value, depth + 1) if each.message_type is not None else value
+            found[each.name] = _protobuf_message_to_dict(value, depth + 1) if each.message_type is not None else value
     return found
 
 

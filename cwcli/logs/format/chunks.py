@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from cwcli.input import InputFile
 from cwcli.logs.format.faults import RECOVER_HINT
-from cwcli.logs.format.records import RECORD_PREFIX, ChunkIndex, RecordError, read_chunk, read_record_prefix
+from cwcli.logs.format.records import RECORD_PREFIX, ChunkIndex, RecordError, read_chunk, read_opcode_and_content_range
 
 if TYPE_CHECKING:
     import zstandard
@@ -176,7 +176,7 @@ def _check_header_matches_index(file: InputFile, chunk: ChunkIndex) -> None:
         ChunkError: They differ.
     """
     try:
-        _, start, end = read_record_prefix(file, chunk.chunk_start, len(file))
+        _, start, end = read_opcode_and_content_range(file, chunk.chunk_start, len(file))
         found = read_chunk(file, start, end)
     except RecordError as error:
         raise ChunkError(f"a chunk's header is damaged: {error}") from error
@@ -232,7 +232,7 @@ def iter_record_bounds(payload: memoryview) -> Iterator[tuple[int, int, int]]:
     """
     at = 0
     while at < len(payload):
-        opcode, _, end = read_record_prefix(payload, at, len(payload))
+        opcode, _, end = read_opcode_and_content_range(payload, at, len(payload))
         yield opcode, at, end
         at = end
 

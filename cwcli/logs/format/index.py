@@ -84,9 +84,9 @@ class LogIndex:
         k = bisect_right(self.renumberings, at, key=itemgetter(0)) - 1
         return self.renumberings[k][1] if k >= 0 else None
 
-    def data_section_at(self, at: int) -> tuple[int, int | None]:
+    def start_and_data_end_of_section_at(self, offset: int) -> tuple[int, int | None]:
         """Return start (at the magic bytes) and `data_end` of the data section around an offset."""
-        within = [each for each in self.data_sections if each[0] <= at < each[1]]
+        within = [each for each in self.data_sections if each[0] <= offset < each[1]]
         return within[0] if within else (0, None if self.data_sections else self.data_end)
 
     def lacks_channel_or_schema(self, channel_id: int) -> bool:

@@ -18,10 +18,10 @@ from cwcli.logs.format.records import (
     OPCODE_HEADER,
     ChunkIndex,
     RecordError,
-    read_header,
-    read_record_prefix,
+    read_opcode_and_content_range,
+    read_profile_and_library,
 )
-from cwcli.logs.format.summary import find_footer, is_complete_summary, read_summary_if_present
+from cwcli.logs.format.summary import find_footer_and_its_offset, is_complete_summary, read_summary_if_present
 from cwcli.logs.format.walk import index_data_section
 
 
@@ -117,17 +117,17 @@ def _read_magic_and_header(file: InputFile, faults: Faults, *, recover: bool) ->
     if file[:at] != MCAP_MAGIC:
         raise not_mcap_error(file.name, bytes(file[:16]))
     try:
-        opcode, start, end = read_record_prefix(file, at, len(file))
+        opcode, start, end = read_opcode_and_content_range(file, at, len(file))
         if opcode != OPCODE_HEADER:
             raise RecordError("the first record is not a header")
-        return end, (*read_header(file, start, end), end)
+        return end, (*read_profile_and_library(file, start, end), end)
     except RecordError as error:
         if not recover:
             what = f"the header is damaged: {error} (at byte {at})"
             raise InputError(what, where=file.name, hint=RECOVER_HINT) from error
-    from cwcli.logs.format.resync import find_next_record
+    from cwcli.logs.format.resync import find_next_record_offset
 
-    following = find_next_record(file, at + 1, range(1 << 16))
+    following = find_next_record_offset(file, at + 1, range(1 << 16))
     faults.bytes_lost += following - at
     return following, ("", "", 0)
 
@@ -140,7 +140,7 @@ def _read_summary_if_usable(
     Raises:
         InputError: The file is cut short, or the summary damaged, and `recover` is off.
     """
-    found = find_footer(file)
+    found = find_footer_and_its_offset(file)
     if found is None:
         if not recover:
             raise _cut_short_error(file)

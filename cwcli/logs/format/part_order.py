@@ -6,12 +6,16 @@ import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.records import Statistics
+
+if TYPE_CHECKING:
+    from cwcli.signals.columns import FirstAndLastNs
 
 MAX_GAP_BETWEEN_PARTS_NS = 1_000_000_000
 """The longest time in ns between two parts without a note. A recorder continues with the next part at once; after a
@@ -47,21 +51,23 @@ def arrange_parts(file: JoinedFile, indexes: Sequence[LogIndex]) -> list[LogInde
             repeated.append(part)
         else:
             kept.append((part, index))
-    kept.sort(key=lambda each: _log_time_range_ns(each[1]) or (0, 0))
+    kept.sort(key=lambda each: _first_and_last_log_time_ns(each[1]) or (0, 0))
     parts = [part for part, _ in kept]
     _note_parts(file, "repeated parts", repeated)
     if not file.listed_message_counts:
         _note_missing_part_numbers(file, parts)
     else:
         _note_wrong_listed_counts(file, kept)
-    _note_overlaps_and_gaps(file, [(part, span) for part, index in kept if (span := _log_time_range_ns(index))])
+    _note_overlaps_and_gaps(
+        file, [(part, span) for part, index in kept if (span := _first_and_last_log_time_ns(index))]
+    )
     if len({index.profile for _, index in kept}) > 1:
         file.notes["parts with different profiles"] = len(kept)
     file.set_final_part_order(parts)
     return [index for _, index in kept]
 
 
-def _log_time_range_ns(index: LogIndex) -> tuple[int, int] | None:
+def _first_and_last_log_time_ns(index: LogIndex) -> FirstAndLastNs | None:
     """Return first and last log time in ns; None for a part without messages."""
     found = index.statistics
     return (found.start_ns, found.end_ns) if found and found.n_messages else None
@@ -96,7 +102,7 @@ def _note_missing_part_numbers(file: JoinedFile, parts: Sequence[InputFile]) -> 
         file.notes[f"parts missing by the numbers in the names ({names})"] = len(missing)
 
 
-def _note_overlaps_and_gaps(file: JoinedFile, parts: Sequence[tuple[InputFile, tuple[int, int]]]) -> None:
+def _note_overlaps_and_gaps(file: JoinedFile, parts: Sequence[tuple[InputFile, FirstAndLastNs]]) -> None:
     """Note parts that overlap in time, and gaps between parts."""
     overlaps: list[str] = []
     gaps: list[str] = []

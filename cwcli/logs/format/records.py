@@ -13,6 +13,9 @@ import zlib
 from collections.abc import Collection, Mapping
 from typing import NamedTuple, Protocol
 
+ByteRange = tuple[int, int]
+"""Offset of the first byte, and that behind the last one."""
+
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 """The bytes at the beginning and at the end of every MCAP file (MCAP specification)."""
 RECORD_PREFIX = struct.Struct("<BQ")
@@ -281,16 +284,16 @@ _FOOTER_FIELDS = struct.Struct("<QQI")
 """The fields of the footer: start of the summary, start of its offsets, CRC."""
 
 
-def read_record_prefix(data: ByteSource, at: int, end: int) -> tuple[int, int, int]:
+def read_opcode_and_content_range(data: ByteSource, offset: int, end: int) -> tuple[int, int, int]:
     """Return opcode, content start and content end of the record at an offset.
 
     Raises:
         RecordError: It does not end before `end`.
     """
-    if at + RECORD_PREFIX.size > end:
+    if offset + RECORD_PREFIX.size > end:
         raise RecordError("a record is cut short")
-    start = at + RECORD_PREFIX.size
-    opcode, length = RECORD_PREFIX.unpack(data[at:start])
+    start = offset + RECORD_PREFIX.size
+    opcode, length = RECORD_PREFIX.unpack(data[offset:start])
     if opcode == 0:
         raise RecordError("a record has the opcode 0")
     if length > end - start:
@@ -306,7 +309,7 @@ def crc32_of_range(data: ByteSource, start: int, end: int) -> int:
     return crc
 
 
-def read_header(data: ByteSource, start: int, end: int) -> tuple[str, str]:
+def read_profile_and_library(data: ByteSource, start: int, end: int) -> tuple[str, str]:
     """Return profile and library."""
     fields = FieldReader(data, start, end)
     return fields.read_string(), fields.read_string()
@@ -387,7 +390,7 @@ def read_metadata_index(data: ByteSource, start: int, end: int) -> MetadataIndex
     return MetadataIndex(offset, length, fields.read_string())
 
 
-def read_metadata(data: ByteSource, start: int, end: int) -> tuple[str, dict[str, str]]:
+def read_metadata_name_and_entries(data: ByteSource, start: int, end: int) -> tuple[str, dict[str, str]]:
     fields = FieldReader(data, start, end)
     return fields.read_string(), fields.read_text_map()
 
@@ -401,7 +404,7 @@ def read_statistics(data: ByteSource, start: int, end: int) -> Statistics:
     return Statistics(messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns, counts)
 
 
-def read_message_index(data: ByteSource, start: int, end: int) -> tuple[int, int, int]:
+def channel_id_and_range_of_message_index_entries(data: ByteSource, start: int, end: int) -> tuple[int, int, int]:
     """Return the channel id, and start and end of its (u64 log time, u64 offset) pairs; later fields are ignored."""
     fields = FieldReader(data, start, end)
     (channel_id,) = fields.read_numbers(_U16)

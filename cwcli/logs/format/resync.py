@@ -21,7 +21,7 @@ from cwcli.logs.format.records import (
     ByteSource,
     RecordError,
     read_chunk,
-    read_record_prefix,
+    read_opcode_and_content_range,
 )
 
 N_RECORDS_TO_VERIFY = 4
@@ -32,7 +32,7 @@ N_ZERO_HIGH_LENGTH_BYTES = 3
 """Number of high bytes of a record length that must be zero: records are shorter than 2^40 bytes. Chosen by hand."""
 
 
-def find_next_record(data: ByteSource, at: int, channels: Container[int]) -> int:
+def find_next_record_offset(data: ByteSource, at: int, channels: Container[int]) -> int:
     """Return the offset of the next plausible record at or after `at`; the length of the file if there is none.
 
     Args:
@@ -56,10 +56,10 @@ def find_next_record(data: ByteSource, at: int, channels: Container[int]) -> int
 
 
 def is_plausible_record(data: ByteSource, at: int, channels: Container[int]) -> bool:
-    """Tell whether a plausible record begins at an offset; arguments as for `find_next_record`."""
+    """Tell whether a plausible record begins at an offset; arguments as for `find_next_record_offset`."""
     for _ in range(N_RECORDS_TO_VERIFY):
         try:
-            opcode, start, end = read_record_prefix(data, at, len(data))
+            opcode, start, end = read_opcode_and_content_range(data, at, len(data))
             if opcode == OPCODE_CHUNK:
                 chunk = read_chunk(data, start, end)
                 return chunk.data_start + chunk.data_length == end

@@ -32,7 +32,7 @@ from cwcli.logs.format.records import (
     read_chunk_index,
     read_footer,
     read_metadata_index,
-    read_record_prefix,
+    read_opcode_and_content_range,
     read_schema,
     read_statistics,
 )
@@ -41,13 +41,13 @@ DATA_END_BYTES = RECORD_PREFIX.size + 4
 """Size in bytes of a data end record with its prefix (MCAP specification)."""
 
 
-def find_footer(data: ByteSource) -> tuple[Footer, int] | None:
+def find_footer_and_its_offset(data: ByteSource) -> tuple[Footer, int] | None:
     """Return the footer and its offset, or None if the file does not end with one because it was cut."""
     at = len(data) - len(MCAP_MAGIC) - FOOTER_BYTES
     if at < len(MCAP_MAGIC) or data[-len(MCAP_MAGIC) :] != MCAP_MAGIC:
         return None
     try:
-        opcode, start, end = read_record_prefix(data, at, len(data) - len(MCAP_MAGIC))
+        opcode, start, end = read_opcode_and_content_range(data, at, len(data) - len(MCAP_MAGIC))
         return (
             (read_footer(data, start, end), at)
             if opcode == OPCODE_FOOTER and end == len(data) - len(MCAP_MAGIC)
@@ -64,7 +64,7 @@ def read_summary_if_present(
 
     Args:
         file: The log.
-        footer, footer_at: From `find_footer`.
+        footer, footer_at: From `find_footer_and_its_offset`.
         data_start: Offset of the data section.
         verify: Check the summary's CRC.
 
@@ -86,7 +86,7 @@ def read_summary_if_present(
     index = LogIndex(has_end=True)
     at = n = n_alike = 0
     while at < footer_at - start:
-        opcode, begin, at = read_record_prefix(summary, at, footer_at - start)
+        opcode, begin, at = read_opcode_and_content_range(summary, at, footer_at - start)
         n += opcode not in (OPCODE_CHUNK_INDEX, OPCODE_SUMMARY_OFFSET, OPCODE_METADATA_INDEX)
         check_non_message_record_count(file.name, n)
         _add_record_to_index(index, opcode, summary, begin, at)

@@ -35,13 +35,13 @@ from cwcli.logs.format.records import (
     ChunkIndex,
     RecordError,
     Statistics,
+    channel_id_and_range_of_message_index_entries,
     read_attachment,
     read_channel,
     read_chunk,
     read_chunk_head,
-    read_message_index,
-    read_metadata,
-    read_record_prefix,
+    read_metadata_name_and_entries,
+    read_opcode_and_content_range,
     read_schema,
 )
 
@@ -98,13 +98,13 @@ class _DataSectionIndexer:
         file, index = self._file, self._index
         while at < len(file):
             try:
-                opcode, start, end = read_record_prefix(file, at, len(file))
+                opcode, start, end = read_opcode_and_content_range(file, at, len(file))
                 if opcode in (OPCODE_DATA_END, OPCODE_FOOTER):
                     self._check_nothing_follows_end(opcode, end)
                     index.data_end = at if opcode == OPCODE_DATA_END else None
                     index.has_end = True
                     break
-                at = self._add_record(opcode, at, start, end)
+                at = self._add_record_and_get_next_offset(opcode, at, start, end)
             except RecordError as error:
                 at = self._resume_after_damage(at, error)
         self._complete_definitions_and_counts(define_all=define_all)
@@ -134,11 +134,11 @@ class _DataSectionIndexer:
         elif end < len(file) and file[end : end + 1][0] in DATA_SECTION_OPCODES:
             raise RecordError("the end of the data section stands before other records of it")
 
-    def _add_record(self, opcode: int, at: int, start: int, end: int) -> int:
+    def _add_record_and_get_next_offset(self, opcode: int, at: int, start: int, end: int) -> int:
         """Add one record, with the message indexes after a chunk; return the offset of the next one."""
         items, file = self._index.items, self._file
         if opcode == OPCODE_MESSAGE:
-            self._count_message(file, start, end)
+            self._count_message_and_get_channel_id(file, start, end)
             before = items[-1] if items else None
             if isinstance(before, UnchunkedRange) and before.end == at:
                 items[-1] = UnchunkedRange(before.start, end)
@@ -146,23 +146,25 @@ class _DataSectionIndexer:
                 items.append(UnchunkedRange(at, end))
             return end
         if opcode == OPCODE_CHUNK:
-            return self._add_chunk(at, start, end)
+            return self._add_chunk_and_get_next_offset(at, start, end)
         if opcode == OPCODE_METADATA:
-            return self._add_metadata_records(at, start, end)
+            return self._add_metadata_records_and_get_next_offset(at, start, end)
         self._n_records += opcode != OPCODE_MESSAGE_INDEX
         check_non_message_record_count(file.name, self._n_records)
         if opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
-            items.append(UnchunkedRecord(at, end - at, opcode, self._add_definition(opcode, file, start, end)))
+            items.append(
+                UnchunkedRecord(at, end - at, opcode, self._add_definition_and_get_id(opcode, file, start, end))
+            )
         elif opcode == OPCODE_ATTACHMENT:
             items.append(read_attachment(file, start, end))
         elif opcode != OPCODE_MESSAGE_INDEX:  # without its chunk it serves nobody
             items.append(UnchunkedRecord(at, end - at, opcode, -1))
         return end
 
-    def _add_metadata_records(self, at: int, start: int, end: int) -> int:
+    def _add_metadata_records_and_get_next_offset(self, at: int, start: int, end: int) -> int:
         """Add a metadata record, after many of them also those that follow; return the offset of the next record."""
         file, items, table = self._file, self._index.items, self._index.metadata
-        table.append(at, end - at, read_metadata(file, start, end)[0])
+        table.append(at, end - at, read_metadata_name_and_entries(file, start, end)[0])
         check_metadata_count(file.name, len(table))
         before = items[-1] if items else None
         if isinstance(before, MetadataRun) and before.end == at:
@@ -176,7 +178,7 @@ class _DataSectionIndexer:
             check_non_message_record_count(file.name, self._n_records)
         return end
 
-    def _add_chunk(self, at: int, start: int, end: int) -> int:
+    def _add_chunk_and_get_next_offset(self, at: int, start: int, end: int) -> int:
         """Add a chunk with its message indexes; return the offset of the next record."""
         file = self._file
         chunk = read_chunk(file, start, end)
@@ -187,10 +189,10 @@ class _DataSectionIndexer:
         cursor = end
         while cursor < len(file):
             try:
-                opcode, index_start, index_end = read_record_prefix(file, cursor, len(file))
+                opcode, index_start, index_end = read_opcode_and_content_range(file, cursor, len(file))
                 if opcode != OPCODE_MESSAGE_INDEX:
                     break
-                channel_id, first, last = read_message_index(file, index_start, index_end)
+                channel_id, first, last = channel_id_and_range_of_message_index_entries(file, index_start, index_end)
             except RecordError:
                 break  # the caller reads it again and reports it
             offsets[channel_id] = cursor
@@ -220,23 +222,23 @@ class _DataSectionIndexer:
         """
         if not self._recover:
             raise damaged_file_error(self._file, at, error) from error
-        following = self._add_cut_chunk(at)
+        following = self._add_cut_chunk_and_get_end_offset(at)
         if following is None:
-            from cwcli.logs.format.resync import find_next_record, is_plausible_record
+            from cwcli.logs.format.resync import find_next_record_offset, is_plausible_record
 
-            following = self._find_record_end(at)
+            following = self._find_record_end_offset(at)
             if following is None or not is_plausible_record(self._file, following, self._index.channels):
-                following = find_next_record(self._file, at + 1, self._index.channels)
+                following = find_next_record_offset(self._file, at + 1, self._index.channels)
             self._faults.bytes_lost += following - at
         return following
 
-    def _find_record_end(self, at: int) -> int | None:
+    def _find_record_end_offset(self, at: int) -> int | None:
         try:
-            return read_record_prefix(self._file, at, len(self._file))[2]
+            return read_opcode_and_content_range(self._file, at, len(self._file))[2]
         except RecordError:
             return None
 
-    def _add_cut_chunk(self, at: int) -> int | None:
+    def _add_cut_chunk_and_get_end_offset(self, at: int) -> int | None:
         """Add a chunk that the file's end cuts off, or whose record and header disagree on its length.
 
         Returns:
@@ -303,11 +305,11 @@ class _DataSectionIndexer:
         at = 0
         while at < len(payload):
             try:
-                opcode, start, end = read_record_prefix(payload, at, len(payload))
+                opcode, start, end = read_opcode_and_content_range(payload, at, len(payload))
                 if opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
-                    self._add_definition(opcode, payload, start, end)
+                    self._add_definition_and_get_id(opcode, payload, start, end)
                 elif opcode == OPCODE_MESSAGE and chunk.counts is None:
-                    channel_id = self._count_message(payload, start, end)
+                    channel_id = self._count_message_and_get_channel_id(payload, start, end)
                     counts[channel_id] = counts.get(channel_id, 0) + 1
                 self._n_opened += 1
                 if not self._n_opened % RECORDS_BETWEEN_CHECKS:
@@ -320,7 +322,7 @@ class _DataSectionIndexer:
             at = end
         return chunk._replace(counts=counts or chunk.counts)
 
-    def _add_definition(self, opcode: int, data: ByteSource, start: int, end: int) -> int:
+    def _add_definition_and_get_id(self, opcode: int, data: ByteSource, start: int, end: int) -> int:
         """Add a schema or a channel, unless one with its id is known; return the id."""
         if opcode == OPCODE_SCHEMA:
             schema = read_schema(data, start, end)
@@ -328,7 +330,7 @@ class _DataSectionIndexer:
         channel = read_channel(data, start, end)
         return self._index.channels.setdefault(channel.id, channel).id
 
-    def _count_message(self, data: ByteSource, start: int, end: int) -> int:
+    def _count_message_and_get_channel_id(self, data: ByteSource, start: int, end: int) -> int:
         """Count a message and return its channel id."""
         if end - start < MESSAGE_HEADER_BYTES:
             raise RecordError("a message is shorter than its header")

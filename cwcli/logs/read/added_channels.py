@@ -99,7 +99,7 @@ def _columns_of_flat_message(descriptor: Any, channel: OutputChannel) -> dict[st
             continue
         given = channel.fields.get(each.name)
         column = (
-            _default_column(kind, dtype, n, repeated=is_repeated_field(each))
+            _column_of_absent_field(kind, dtype, n, repeated=is_repeated_field(each))
             if given is None
             else _column_as_read_back(given, dtype)
         )
@@ -109,7 +109,7 @@ def _columns_of_flat_message(descriptor: Any, channel: OutputChannel) -> dict[st
     return flat if channel.fields.keys() <= set(descriptor.fields_by_name) else None
 
 
-def _default_column(kind: int, dtype: str, n: int, *, repeated: bool) -> Field:
+def _column_of_absent_field(kind: int, dtype: str, n: int, *, repeated: bool) -> Field:
     """Return the column of a field that is absent in all n messages."""
     if kind == TEXT:
         return Strings(np.zeros(n, np.int32), ("",) if n else ())

@@ -120,7 +120,7 @@ def load_columns(
         reader.distrust_indexes_if_miscounted([each.id for own in channels.values() for each in own])
     loaded, miscounted = _load_columns_and_miscounts(reader, channels, wanted, faults, name, logged)
     was_damaged = faults.chunks_lost or faults.bytes_lost or faults.truncated
-    if miscounted and not was_damaged and reader.distrust_indexes():  # an index may leave a channel out
+    if miscounted and not was_damaged and reader.distrust_indexes_if_not_yet():  # an index may leave a channel out
         loaded, miscounted = _load_columns_and_miscounts(reader, channels, wanted, faults, name, logged)
     if not was_damaged:
         faults.miscounted_channel_ids |= miscounted

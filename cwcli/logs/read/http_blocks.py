@@ -51,7 +51,7 @@ def iter_http_blocks(url: str, bounds: ReadBounds) -> Iterator[bytes]:
         InputError: The server lies, redirects too far, or encodes the file in a way that is not read.
         OSError, http.client.HTTPException: It can't be read.
     """
-    with _request(url, bounds.timeout_s) as response:
+    with _request_url(url, bounds.timeout_s) as response:
         encoding = response.headers.get("Content-Encoding", "identity").strip().lower()
         if encoding in ENCODINGS_OF_ZLIB:
             yield from _iter_unpacked(_iter_body(url, response), url, bounds)
@@ -79,7 +79,7 @@ def _iter_resumed(url: str, response: Any, bounds: ReadBounds) -> Iterator[bytes
             left -= 1
             broken = response
         headers = {"Range": f"bytes={n_bytes}-", "If-Range": version}
-        response = _request(url, bounds.timeout_s, headers)
+        response = _request_url(url, bounds.timeout_s, headers)
         broken.close()
         found = _CONTENT_RANGE.match(response.headers.get("Content-Range", "")) if response.status == 206 else None
         if found is None:
@@ -177,14 +177,14 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
     http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
 
 
-def _request(url: str, timeout_s: float, headers: dict[str, str] | None = None) -> Any:
+def _request_url(url: str, timeout_s: float, headers: dict[str, str] | None = None) -> Any:
     """Return the answer to a request for a URL, whose user name and password go into a header."""
     parts = urlsplit(url)
     user, at, host = parts.netloc.rpartition("@")
     plain = urlunsplit((parts.scheme, host, parts.path, parts.query, ""))
     request = urllib.request.Request(plain, headers={"Accept-Encoding": "identity", **(headers or {})})
     if at:
-        request.add_unredirected_header("Authorization", f"Basic {_credentials(user)}")
+        request.add_unredirected_header("Authorization", f"Basic {_basic_authorization_header(user)}")
     opener = urllib.request.OpenerDirector()
     handlers: list[Callable[[], urllib.request.BaseHandler]] = [
         urllib.request.HTTPHandler,
@@ -198,6 +198,6 @@ def _request(url: str, timeout_s: float, headers: dict[str, str] | None = None) 
     return opener.open(request, timeout=timeout_s)
 
 
-def _credentials(user: str) -> str:
+def _basic_authorization_header(user: str) -> str:
     name, _, password = user.partition(":")
     return base64.b64encode(f"{unquote(name)}:{unquote(password)}".encode()).decode("ascii")

@@ -13,7 +13,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Int64Array
 
 
-def read_message_checksums(log: Log, topic: str) -> tuple[Int64Array, npt.NDArray[np.uint32]]:
+def read_log_times_and_crc32_of_messages(log: Log, topic: str) -> tuple[Int64Array, npt.NDArray[np.uint32]]:
     """Return log times [ns] and CRC-32 of the messages of a topic of the file, (n,) each, in the order of columns.
 
     Raises:

@@ -23,21 +23,23 @@ class MessageCounts:
         self._expected = statistics.channel_counts if statistics else {}
         self._faults = faults
 
-    def miscounted_channels(self, found: Mapping[int, int]) -> set[int]:
-        """Return the ids of channels with another number of messages than expected; `found`: channel id -> messages."""
+    def ids_of_miscounted_channels(self, found_count_by_channel_id: Mapping[int, int]) -> set[int]:
+        """Return the ids of channels with another number of messages than expected."""
         if not self._expected:
             return set()
-        return {channel_id for channel_id, n in found.items() if n != self._expected.get(channel_id, 0)}
+        return {
+            channel_id for channel_id, n in found_count_by_channel_id.items() if n != self._expected.get(channel_id, 0)
+        }
 
     def start_tally(self, channel_ids: Collection[int]) -> MessageTally:
         """Return a counter for a caller that reads all messages of some channels, batch by batch."""
         return MessageTally(self, channel_ids)
 
-    def note_miscounted_channels(self, found: Mapping[int, int]) -> None:
+    def note_miscounted_channels(self, found_count_by_channel_id: Mapping[int, int]) -> None:
         """Add channels with differences to the faults, unless damaged parts of the file explain them."""
         faults = self._faults
         if not (faults.chunks_lost or faults.bytes_lost or faults.truncated):
-            faults.miscounted_channel_ids |= self.miscounted_channels(found)
+            faults.miscounted_channel_ids |= self.ids_of_miscounted_channels(found_count_by_channel_id)
 
 
 class MessageTally:

@@ -24,11 +24,12 @@ from cwcli.logs.format.records import (
     OPCODE_MESSAGE,
     OPCODE_MESSAGE_INDEX,
     RECORD_PREFIX,
+    ByteRange,
     ChunkIndex,
     RecordError,
+    channel_id_and_range_of_message_index_entries,
     crc32_of_range,
-    read_message_index,
-    read_record_prefix,
+    read_opcode_and_content_range,
 )
 from cwcli.logs.read.message_counts import MessageCounts
 from cwcli.signals.columns import Int64Array
@@ -133,7 +134,7 @@ class MessageReader:
                 yield from self.iter_chunk_batches(chunk, payload, channel_ids)
         yield from self.iter_unchunked_batches(channel_ids, loose)
 
-    def distrust_indexes(self) -> bool:
+    def distrust_indexes_if_not_yet(self) -> bool:
         """Open every chunk from now on, whatever its index lists; return whether that is new."""
         was_trusted, self.trusts_indexes = self.trusts_indexes, False
         return was_trusted
@@ -152,8 +153,8 @@ class MessageReader:
             for channel_id in listed.keys() & chunk.index_offsets.keys():
                 entries = find_message_index_entries(self._file, self._index, chunk, channel_id)
                 listed[channel_id] += 0 if entries is None else len(entries)
-        if self.counts.miscounted_channels(listed):
-            self.distrust_indexes()
+        if self.counts.ids_of_miscounted_channels(listed):
+            self.distrust_indexes_if_not_yet()
 
     def chunks_with_channels(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
         """Return the chunks that hold, or may hold, messages of these channels, in file order."""
@@ -219,7 +220,7 @@ class MessageReader:
         at = 0
         noted: list[MessageBatch] = []
         while at < len(octets):
-            batch, at, status = scan_message_batch(octets, at, len(octets), is_wanted)
+            batch, at, status = scan_messages_next_offset_and_status(octets, at, len(octets), is_wanted)
             noted.append(batch)
             n_new = max(sum(map(len, noted)) - self._n_found_in[chunk.chunk_start], 0)
             self._n_found_in[chunk.chunk_start] += n_new
@@ -238,7 +239,7 @@ class MessageReader:
         yield from noted
 
     def iter_unchunked_batches(
-        self, channel_ids: Collection[int], spans: Collection[tuple[int, int]]
+        self, channel_ids: Collection[int], spans: Collection[ByteRange]
     ) -> Iterator[MessageBatch]:
         """Yield the messages of some channels in byte ranges outside chunks."""
         for span in spans:
@@ -246,8 +247,8 @@ class MessageReader:
                 yield batch
 
     def _iter_unchunked_parts(
-        self, channel_ids: Collection[int], span: tuple[int, int]
-    ) -> Iterator[tuple[tuple[int, int], MessageBatch]]:
+        self, channel_ids: Collection[int], span: ByteRange
+    ) -> Iterator[tuple[ByteRange, MessageBatch]]:
         """Yield each part of a byte range that holds messages: its start and end, and the messages."""
         at, end = span
         is_wanted = self._cached_channel_mask(channel_ids)
@@ -255,7 +256,7 @@ class MessageReader:
         while at < end:
             records = self._index.records_with_log_ids(at, self._file[at : min(at + size, end)])
             octets = np.frombuffer(records, np.uint8)
-            batch, n_bytes, status = scan_message_batch(octets, 0, len(octets), is_wanted)
+            batch, n_bytes, status = scan_messages_next_offset_and_status(octets, 0, len(octets), is_wanted)
             size = UNCHUNKED_READ_BYTES
             if len(batch):
                 self._check_data_section_crc(at)
@@ -263,7 +264,7 @@ class MessageReader:
             at += n_bytes
             if status == DAMAGED and not n_bytes:  # at the first record, which may be longer than what was read
                 try:
-                    opcode, _, record_end = read_record_prefix(self._file, at, end)
+                    opcode, _, record_end = read_opcode_and_content_range(self._file, at, end)
                 except RecordError:
                     record_end = at
                 if record_end - at <= len(octets):
@@ -282,7 +283,7 @@ class MessageReader:
         Raises:
             InputError: It is wrong, and `recover` is off.
         """
-        start, end = self._index.data_section_at(at)
+        start, end = self._index.start_and_data_end_of_section_at(at)
         if not self._verify or end is None or end in self._counted:
             return
         self._counted.add(end)
@@ -290,7 +291,7 @@ class MessageReader:
         if not crc or crc == crc32_of_range(self._file, start, end):
             return
         if not self._recover:
-            raise self._damage_error("the CRC of its messages is wrong", end)
+            raise self._error_about_damage("the CRC of its messages is wrong", end)
         self._faults.data_crc_mismatch = True
 
     def iter_chunk_payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
@@ -348,7 +349,7 @@ class MessageReader:
         """
         at = chunk.chunk_start
         if not self._recover:
-            raise self._damage_error(str(error), at, error.hint) from error
+            raise self._error_about_damage(str(error), at, error.hint) from error
         if at not in self._counted:
             self._counted.add(at)
             self._faults.chunks_lost += 1
@@ -363,12 +364,12 @@ class MessageReader:
             InputError: `recover` is off.
         """
         if not self._recover:
-            raise self._damage_error(what, at)
+            raise self._error_about_damage(what, at)
         if at not in self._counted:
             self._counted.add(at)
             self._faults.bytes_lost += n_bytes
 
-    def _damage_error(self, what: str, at: int, hint: str = RECOVER_HINT) -> InputError:
+    def _error_about_damage(self, what: str, at: int, hint: str = RECOVER_HINT) -> InputError:
         file, at = self._file.part_and_offset(at)
         return InputError(f"{what} (at byte {at})", where=file.name, hint=hint)
 
@@ -417,8 +418,8 @@ def find_message_index_entries(
 ) -> npt.NDArray[np.uint64] | None:
     """Return a channel's message index in a chunk: (log time, offset), shape (n, 2); None if missing or damaged."""
     try:
-        opcode, start, stop = read_record_prefix(file, chunk.index_offsets[channel_id], chunk.end_offset)
-        found, first, last = read_message_index(file, start, stop)
+        opcode, start, stop = read_opcode_and_content_range(file, chunk.index_offsets[channel_id], chunk.end_offset)
+        found, first, last = channel_id_and_range_of_message_index_entries(file, start, stop)
     except RecordError:
         return None
     renumbering = index.renumbering_at(chunk.chunk_start)
@@ -428,7 +429,9 @@ def find_message_index_entries(
     return np.frombuffer(file[first:last], "<u8").reshape(-1, 2)
 
 
-def scan_message_batch(octets: ByteArray, at: int, end: int, is_wanted: ByteArray) -> tuple[MessageBatch, int, int]:
+def scan_messages_next_offset_and_status(
+    octets: ByteArray, at: int, end: int, is_wanted: ByteArray
+) -> tuple[MessageBatch, int, int]:
     """Scan records for messages of wanted channels (`channel_mask`), up to one batch.
 
     Returns:

@@ -31,8 +31,8 @@ from cwcli.logs.format.records import (
     AttachmentIndex,
     ChunkIndex,
     RecordError,
-    read_metadata,
-    read_record_prefix,
+    read_metadata_name_and_entries,
+    read_opcode_and_content_range,
 )
 from cwcli.logs.read.channels import ChannelInfo, channel_infos_from_index
 from cwcli.logs.read.column_cache import ColumnCache
@@ -197,8 +197,8 @@ class Log:
             if name.startswith(prefix):
                 offset, length, _ = table[row]
                 try:
-                    _, start, end = read_record_prefix(self.file, offset, offset + length)
-                    found.append(read_metadata(self.file, start, end))
+                    _, start, end = read_opcode_and_content_range(self.file, offset, offset + length)
+                    found.append(read_metadata_name_and_entries(self.file, start, end))
                 except RecordError as error:
                     if not self.recover:
                         what = f"a metadata record is damaged: {error} (at byte {offset})"

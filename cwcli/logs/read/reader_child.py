@@ -16,7 +16,7 @@ from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 
 
-def convert_request(request: dict[str, Any]) -> dict[str, Any]:
+def convert_file_of_request(request: dict[str, Any]) -> dict[str, Any]:
     """Convert a file to MCAP; return its compressions, its number of chunks, and what could not be read.
 
     Raises:

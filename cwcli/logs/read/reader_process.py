@@ -20,7 +20,7 @@ from cwcli.input import InputFile
 from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 
-FUNCTION = "cwcli.logs.read.reader_child:convert_request"
+FUNCTION = "cwcli.logs.read.reader_child:convert_file_of_request"
 """The function that the process runs."""
 MEMORY_BYTES = 128_000_000
 """Memory of the process beyond its start and one chunk (`--max-chunk`). Chosen by hand: ordinary bags take 40 MB."""

@@ -80,7 +80,9 @@ def iter_database_content(
     """
     topics = _read_topics(database)
     usable = [each for each in topics if each.serialization_format.lower() == CDR_FORMAT]
-    yield from iter_schemas_and_channels(usable, *_load_message_types(database, file.name), source.notes)
+    yield from iter_schemas_and_channels(
+        usable, *_load_definitions_by_type_and_type_store(database, file.name), source.notes
+    )
     channel_of = {each.topic_id: each.id for each in usable}
     counts: Counter[int] = Counter()
     max_bytes = n_left = bounds.max_unpacked_bytes(len(file))
@@ -171,7 +173,7 @@ def _read_topics(database: sqlite3.Connection) -> list[TopicRow]:
     return found
 
 
-def _load_message_types(database: sqlite3.Connection, name: str) -> tuple[dict[str, bytes], Any]:
+def _load_definitions_by_type_and_type_store(database: sqlite3.Connection, name: str) -> tuple[dict[str, bytes], Any]:
     """Return the definitions of the database by type, and a type store of `rosbags` for other types, or None.
 
     The store holds what the database defines in IDL, or, if it defines nothing, the types of the latest release.

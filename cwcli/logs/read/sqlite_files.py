@@ -160,12 +160,14 @@ def _open_connection(uri: str, max_value_bytes: int, n_bytes: int) -> sqlite3.Co
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max_value_bytes)
     for pragma in SAFE_PRAGMAS:
         database.execute(f"PRAGMA {pragma}")
-    database.set_authorizer(_authorize)
+    database.set_authorizer(_sqlite_permission_of_action)
     _bound_steps(database, n_bytes)
     return database
 
 
-def _authorize(action: int, first: str | None, second: str | None, _: str | None, inner: str | None) -> int:
+def _sqlite_permission_of_action(
+    action: int, first: str | None, second: str | None, _: str | None, inner: str | None
+) -> int:
     """Allow reading the named tables, with a few functions and pragmas, and nothing through a view or a trigger."""
     is_allowed = inner is None and (
         action == sqlite3.SQLITE_SELECT

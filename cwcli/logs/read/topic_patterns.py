@@ -20,13 +20,13 @@ def topics_of_patterns(text: str, known: Sequence[str], where: str) -> frozenset
     for pattern in (each.strip() for each in text.split(",")):
         if not pattern:
             raise UsageError(f"the list of topics {text!r} has an empty name", where=where)
-        own = {pattern} if pattern in known else {topic for topic in known if _matches(topic, pattern)}
+        own = {pattern} if pattern in known else {topic for topic in known if _does_topic_match_pattern(topic, pattern)}
         if not own:
             raise UsageError(f"no topic is called {pattern}", where=where, hint=names_hint(pattern, known, "topics"))
         found |= own
     return frozenset(found)
 
 
-def _matches(topic: str, pattern: str) -> bool:
+def _does_topic_match_pattern(topic: str, pattern: str) -> bool:
     """Tell whether a topic matches a pattern in which `*` alone is special."""
     return fnmatchcase(topic, pattern.replace("[", "[[]").replace("?", "[?]"))

@@ -31,7 +31,7 @@ from cwcli.logs.ros1.records import (
     Header,
     PieceSource,
     RecordHead,
-    find_next_chunk,
+    find_next_chunk_offset,
     header_number,
     header_text,
     iter_file_pieces,
@@ -135,7 +135,7 @@ class BagReader:
         while at < len(self._file):
             begin = at
             try:
-                head, at = self._record_head(at)
+                head, at = self._record_head_and_data_offset(at)
                 if head.op == OP_CHUNK:
                     yield from self._iter_chunk(head, at)
                 elif head.op == OP_FILE_HEADER:
@@ -149,7 +149,7 @@ class BagReader:
                 if at > len(self._file):
                     raise EndOfRecordsError("the file ends inside of a record")
             except BagError as error:
-                found = find_next_chunk(self._file, begin + 1) if self._bounds.recover else None
+                found = find_next_chunk_offset(self._file, begin + 1) if self._bounds.recover else None
                 if found is None and isinstance(error, EndOfRecordsError):
                     self._note_cut()
                 else:
@@ -158,11 +158,11 @@ class BagReader:
                     return
                 at = found
 
-    def _record_head(self, at: int) -> tuple[RecordHead, int]:
+    def _record_head_and_data_offset(self, offset: int) -> tuple[RecordHead, int]:
         """Return the head of the record at a place of the file, and the place of its data."""
-        (n,) = LENGTH.unpack(self._take(at, LENGTH.size))
-        source = PieceSource(iter([self._take(at, min(n + 2 * LENGTH.size, len(self._file) - at))]))
-        return take_record_head(source), at + n + 2 * LENGTH.size
+        (n,) = LENGTH.unpack(self._take(offset, LENGTH.size))
+        source = PieceSource(iter([self._take(offset, min(n + 2 * LENGTH.size, len(self._file) - offset))]))
+        return take_record_head(source), offset + n + 2 * LENGTH.size
 
     def _take(self, at: int, n: int) -> bytes:
         if at + n > len(self._file):
@@ -221,7 +221,7 @@ class BagReader:
             if head.n_bytes > 2 * MAX_DEFINITION_BYTES:
                 source.skip(head.n_bytes)
                 header = {b"topic": head.header.get(b"topic", b"?"), b"message_definition": b""}
-                self._count("topics with a definition that is too long")
+                self._count_fault("topics with a definition that is too long")
             else:
                 header = parse_header(source.take(head.n_bytes))
             topic = head.header.get(b"topic") or header.get(b"topic", b"")
@@ -255,12 +255,12 @@ class BagReader:
         shown = topic.decode("utf-8", "replace")
         if known is not None:
             if (known.topic, known.identity) != (shown, identity):
-                self._count(f"connections that come twice and differ ({known.topic})")
+                self._count_fault(f"connections that come twice and differ ({known.topic})")
             return
         if len(self._connections) == MAX_CHANNELS:
             raise InputError(f"it has more topics than the {MAX_CHANNELS} of a log", where=self._file.name)
         if self._source.n_chunks and not self._is_in_chunk:
-            self._count(f"connections that the index describes and no chunk ({shown})")
+            self._count_fault(f"connections that the index describes and no chunk ({shown})")
         if (name, text) not in self._types:
             yield from self._register_type_and_yield_schema(name, text, identity[1])
         found = self._types[name, text]
@@ -276,12 +276,12 @@ class BagReader:
                 raise SchemaError("it has no name")
             definition = parse_ros1_definition(name, text)
             if definition_checksum(definition) != checksum and checksum != ANY_CHECKSUM:
-                self._count(f"message types whose definition differs from its checksum ({shown})")
+                self._count_fault(f"message types whose definition differs from its checksum ({shown})")
             self._types[name, text] = _Type(len(self._types) + 1, Ros1Converter(definition))
             yield Schema(len(self._types), shown, "ros2msg", ros2_definition_text(definition).encode())
         except SchemaError as error:
             self._types[name, text] = _Type(0, None)
-            self._count(f"message types whose definition can't be used ({shown[:80]}: {error})")
+            self._count_fault(f"message types whose definition can't be used ({shown[:80]}: {error})")
 
     def _iter_message(self, head: RecordHead, data: bytes) -> Iterator[Content]:
         key: object = head.header[b"topic"] if b"conn" not in head.header and b"topic" in head.header else None
@@ -294,14 +294,14 @@ class BagReader:
         self._read_counts[key] += 1
         self._read_sum += hash((key, log_time_ns))
         if connection is None:
-            self._count("messages of connections that are not described")
+            self._count_fault("messages of connections that are not described")
             return
         try:
             if connection.converter is None:
                 raise ConversionError("its type can't be used")
             yield connection.channel, log_time_ns, connection.converter.convert(data)
         except ConversionError:
-            self._count(f"messages that can't be converted on {connection.topic}")
+            self._count_fault(f"messages that can't be converted on {connection.topic}")
 
     def _add_indexed_counts(self, data: bytes) -> None:
         """Add the counts of one chunk's messages by connection."""
@@ -324,16 +324,16 @@ class BagReader:
         """Count the messages by which the index and what was read differ."""
         n_read = self._read_counts.total()
         if self._n_index_entries and (self._n_index_entries != n_read or self._index_sum != self._read_sum):
-            self._count(f"indexes of chunks that differ from the {n_read:,} messages")
+            self._count_fault(f"indexes of chunks that differ from the {n_read:,} messages")
         if self._indexed_counts:
             n_missing = (self._indexed_counts - self._read_counts).total()
             n_more = (self._read_counts - self._indexed_counts).total()
             if n_missing:
-                self._count("messages that the index counts and the file does not hold", n_missing)
+                self._count_fault("messages that the index counts and the file does not hold", n_missing)
             if n_more:
-                self._count("messages that the index does not count", n_more)
+                self._count_fault("messages that the index does not count", n_more)
 
-    def _count(self, what: str, n: int = 1) -> None:
+    def _count_fault(self, what: str, n: int = 1) -> None:
         self._source.notes[what] = self._source.notes.get(what, 0) + n
 
     def _note_cut(self) -> None:
@@ -353,7 +353,7 @@ class BagReader:
                 where=self._file.name,
                 hint=hint or "--recover reads the intact parts and reports what is lost",
             )
-        self._count(what)
+        self._count_fault(what)
 
 
 def _ros2_type_name(name: str) -> str:

@@ -111,7 +111,7 @@ class Ros1Converter:
                 steps.append((Kind.DROPPED, SIZE_OF_TYPE[SEQUENCE_FIELD.type]))
                 fields = fields[1:]
             for field in fields:
-                _append_step(steps, self._step_of(field))
+                _append_step(steps, self._conversion_step_of_field(field))
             if not steps:
                 steps.append((Kind.EMPTY,))
             found = self._layouts[name] = Layout(
@@ -119,7 +119,7 @@ class Ros1Converter:
             )
         return found
 
-    def _step_of(self, field: MessageField) -> tuple[Any, ...]:
+    def _conversion_step_of_field(self, field: MessageField) -> tuple[Any, ...]:
         """Return the step of one field."""
         count = None if field.is_sequence else field.length
         if field.type == STRING_TYPE:

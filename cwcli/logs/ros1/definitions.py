@@ -74,13 +74,13 @@ def parse_ros1_definition(type_name: str, text: str) -> Ros1Definition:
     if len(text) > MAX_DEFINITION_BYTES:
         raise SchemaError(f"the definition has {len(text):,} characters, more than {MAX_DEFINITION_BYTES:,}")
     root, fields = parse_message_definitions(type_name, text, TIME_TYPES)
-    constants = {name: tuple(_constants(body)) for name, body in split_definitions(root, text)}
+    constants = {name: tuple(_iter_constants_of_message(body)) for name, body in split_definitions(root, text)}
     definition = Ros1Definition(root, fields, constants)
     list(message_names(definition))
     return definition
 
 
-def _constants(body: str) -> Iterator[Constant]:
+def _iter_constants_of_message(body: str) -> Iterator[Constant]:
     """Yield the constants of a message; a `#` in a text is part of it (http://wiki.ros.org/msg)."""
     for line in body.splitlines():
         found = _CONSTANT.match(line)

@@ -52,7 +52,7 @@ class PieceSource:
 
     def is_at_end(self) -> bool:
         """Tell whether no byte is left."""
-        return self._at == len(self._held) and not self._fill(1)
+        return self._at == len(self._held) and not self._fill_until_n_bytes(1)
 
     def take(self, n: int) -> bytes:
         """Return the next `n` bytes.
@@ -62,7 +62,7 @@ class PieceSource:
         """
         at = self._at
         if at + n > len(self._held):
-            if not self._fill(n):
+            if not self._fill_until_n_bytes(n):
                 raise EndOfRecordsError("the data end inside of a record")
             at = self._at
         self._at = at + n
@@ -77,7 +77,7 @@ class PieceSource:
                 raise EndOfRecordsError("the data end inside of a record")
         self._at += n
 
-    def _fill(self, n: int) -> bool:
+    def _fill_until_n_bytes(self, n: int) -> bool:
         """Hold at least `n` bytes; return whether there are so many."""
         pieces = [self._held[self._at :]]
         n_held = len(pieces[0])
@@ -188,14 +188,14 @@ def time_ns(value: bytes) -> int:
     return int(seconds) * NS_PER_S + int(nanoseconds)
 
 
-def find_next_chunk(file: InputFile, start: int) -> int | None:
+def find_next_chunk_offset(file: InputFile, start: int) -> int | None:
     """Return the place of the next record of a chunk at or behind `start`, by the look of its header; None if none."""
     at = start
     while at < len(file):
         block = bytes(file[at : at + READ_BYTES])
         mark = block.find(CHUNK_MARK)
         while mark >= 0:
-            found = _chunk_record_around(file, at + mark, start)
+            found = _chunk_offset_around_mark(file, at + mark, start)
             if found is not None:
                 return found
             mark = block.find(CHUNK_MARK, mark + 1)
@@ -207,7 +207,7 @@ MAX_CHUNK_HEADER_BYTES = 128
 """The greatest size of a chunk's header that is recognised. Chosen by hand: written ones have 40 to 50."""
 
 
-def _chunk_record_around(file: InputFile, mark: int, start: int) -> int | None:
+def _chunk_offset_around_mark(file: InputFile, mark: int, start: int) -> int | None:
     """Return the place of the chunk whose header has its mark at a place."""
     first = max(start, mark - MAX_CHUNK_HEADER_BYTES)
     window = bytes(file[first : mark + MAX_CHUNK_HEADER_BYTES])

@@ -144,7 +144,7 @@ class _Cutter:
         self._writer.write_header(profile_that_channels_keep(index.profile, channels, index.schemas), index.library)
         self._write_latched_messages()
         for item in index.items:
-            self._write_item(item)
+            self._write_wanted_part_of_item(item)
         if not self._counts:
             hint = "the message times are in `cwcli info`"
             raise UsageError("no message of the chosen topics lies in the span", where=self._source.name, hint=hint)
@@ -194,7 +194,7 @@ class _Cutter:
             for channel_id, entries in self._write_records(records, is_compressed=True).items():
                 self._earlier[channel_id] = len(entries)
 
-    def _write_item(self, item: object) -> None:
+    def _write_wanted_part_of_item(self, item: object) -> None:
         """Write what the span holds of an item of the source."""
         if isinstance(item, ChunkIndex):
             if item.end_ns >= self._span.first_ns and item.start_ns <= self._span.last_ns:

@@ -31,9 +31,13 @@ from cwcli.logs.format.records import (
     RecordError,
     attachment_crc_offset,
     crc32_of_range,
-    read_record_prefix,
+    read_opcode_and_content_range,
 )
-from cwcli.logs.read.message_reader import MIN_MESSAGE_BYTES, find_message_index_entries, scan_message_batch
+from cwcli.logs.read.message_reader import (
+    MIN_MESSAGE_BYTES,
+    find_message_index_entries,
+    scan_messages_next_offset_and_status,
+)
 from cwcli.logs.write.message_merge import INDEX_ENTRY_DTYPE, ChunkPayload
 from cwcli.logs.write.record_writer import RecordWriter
 
@@ -132,7 +136,7 @@ class SourceCopy:
         while at < span.end:
             if at - bounds[-1] >= UNCHUNKED_PIECE_BYTES:
                 bounds.append(at)
-            _, _, at = read_record_prefix(self._source, at, span.end)
+            _, _, at = read_opcode_and_content_range(self._source, at, span.end)
         return (UnchunkedRange(*bounds) for bounds in pairwise([*bounds, span.end]))
 
     def _is_attachment_intact(self, item: AttachmentIndex) -> bool:
@@ -282,7 +286,7 @@ def message_index_entries(records: memoryview) -> Entries:
     ids: list[npt.NDArray[np.uint16]] = []
     at = 0
     while at < len(octets):
-        batch, at, status = scan_message_batch(octets, at, len(octets), ALL_CHANNELS_MASK)
+        batch, at, status = scan_messages_next_offset_and_status(octets, at, len(octets), ALL_CHANNELS_MASK)
         if status == DAMAGED:
             raise RecordError(f"a record at {at} is damaged")
         part = np.empty(len(batch), INDEX_ENTRY_DTYPE)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.prediction.driver import DriverPrior
+from cwcli.prediction.driver import DerivativeTrust, DriverPrior
 from cwcli.prediction.fleet import (
     DERIVATIVE_PARTS,
     acting_time_from_displacement_share_s,
@@ -23,8 +23,8 @@ from cwcli.prediction.fleet import (
     load_fleet_prior,
 )
 from cwcli.prediction.models.base import Model, Responses
-from cwcli.prediction.outcome_history import derivative_clarity_weights
-from cwcli.signals.columns import FloatArray
+from cwcli.prediction.outcome_history import how_clearly_derivatives_exceed_noise
+from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 
 
 def fleet_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
@@ -36,9 +36,11 @@ def fleet_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
     return Responses(interpolate_acting_time_s(along, time_s), none, interpolate_acting_time_s(across, time_s), none)
 
 
-def trust_by_clearness(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
+def trust_in_derivatives_by_clearness(
+    state: StateRows, covariance: StateCovariances | None, prior: DriverPrior
+) -> DerivativeTrust:
     """How far (accel, jerk, yaw rate, yaw accel) stand out of their noise, shape (n, 4); ones without a covariance."""
-    clear = derivative_clarity_weights(state, covariance)
+    clear = how_clearly_derivatives_exceed_noise(state, covariance)
     none = np.zeros(len(state))
     return np.stack([clear[:, 0], none, clear[:, 1], none], axis=1)
 
@@ -47,6 +49,6 @@ MODEL = Model(
     summary="acceleration and yaw rate as far as their gain was measured, else constant velocity",
     uses=(True, False, True, False),
     responses=fleet_responses,
-    trust=trust_by_clearness,
+    trust=trust_in_derivatives_by_clearness,
     learns=True,
 )

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.driver import DriverPrior
-from cwcli.signals.columns import FloatArray
+from cwcli.prediction.driver import DerivativeTrust, DriverPrior
+from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 
 
 class Responses(NamedTuple):
@@ -68,7 +68,7 @@ class Model:
     learns: bool = False
 
 
-def full_trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
+def full_trust(state: StateRows, covariance: StateCovariances | None, prior: DriverPrior) -> DerivativeTrust:
     """Trust in the derivatives as the filter gives them, shape (n, 4) of ones."""
     return np.ones((len(state), 4))
 
@@ -105,7 +105,7 @@ def check_responses(responses: Responses, time_s: FloatArray, *others: object) -
     return responses
 
 
-def check_trust(trust: FloatArray, state: FloatArray, *others: object) -> FloatArray:
+def check_trust(trust: DerivativeTrust, state: StateRows, *others: object) -> DerivativeTrust:
     """Check a plug-in's trust against the states that it is for, and return it.
 
     Raises:

@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.prediction.driver import DriverPrior
+from cwcli.prediction.driver import DerivativeTrust, DriverPrior
 from cwcli.prediction.models.base import Model, Responses
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.vehicle_state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 
 ACCEL_LIMIT_MPS2 = 5.0
@@ -41,8 +41,8 @@ def constant_jerk_responses(time_s: FloatArray, prior: DriverPrior) -> Responses
 
 
 def trust_in_derivatives_above_noise(
-    state: FloatArray, covariance: FloatArray | None, prior: DriverPrior
-) -> FloatArray:
+    state: StateRows, covariance: StateCovariances | None, prior: DriverPrior
+) -> DerivativeTrust:
     """Trust in acceleration and yaw rate by the prior, in their rates where they exceed their noise, (n, 4)."""
     out = prior.trust_in_derivatives(state, covariance)
     if covariance is None:
@@ -54,7 +54,7 @@ def trust_in_derivatives_above_noise(
     return out
 
 
-def times_until_limits_s(state: FloatArray, prior: DriverPrior) -> FloatArray:
+def times_until_limits_s(state: StateRows, prior: DriverPrior) -> FloatArray:
     """Times at which acceleration and yaw rate reach their limits, s, shape (n, 2); their rates act until then."""
     yaw_rate_limit = LATERAL_ACCEL_LIMIT_MPS2 / np.maximum(np.abs(state[:, SPEED]), MIN_YAW_LIMIT_SPEED_MPS)
     limits = (np.full(len(state), ACCEL_LIMIT_MPS2), yaw_rate_limit)

@@ -94,7 +94,7 @@ def fitted_noise_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
         for seed in range(n_seeds):
             run = measure_vehicle(scenario, HOST_NAME, seed)
             q = np.diag(np.square(fitted[[0, 0, 1, 2, 3, 4]]))
-            states, _ = filtered_states_and_covariances_of_matrix(run.vectors, tuple(run.sigma), q=q)
+            states, _ = filtered_states_and_covariances_of_matrix(run.vectors, tuple(run.sigma), process_noise=q)
             for row in table1_error_rows(run, states):
                 changes[row.name].append(row.change_percent)
             tick()

@@ -21,7 +21,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.lateral import (
     SIGMAS_HOLDING_90_PERCENT,
     LateralPathConfig,
-    dead_reckon_poses,
+    dead_reckon_x_y_heading,
     predict_paths_from_observer,
 )
 from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
@@ -238,7 +238,7 @@ def _median_track_endpoint_distance_m(
     truth: LaneDriveTruth, run: int, sensed: SensedDrive, track: LateralTrack
 ) -> float:
     """Return the median distance, m, between the ends of observed and actual tracks that begin at the same pose."""
-    x, y, heading = dead_reckon_poses(track)
+    x, y, heading = dead_reckon_x_y_heading(track)
     first = np.arange(N_SETTLING_FRAMES, len(track) - FRAMES_PER_TRACK)
     last = first + FRAMES_PER_TRACK
     cos, sin = np.cos(heading[first]), np.sin(heading[first])
@@ -252,7 +252,7 @@ def _observed_track_curve(
 ) -> Curve:
     """Return the observed track of the example, placed at the true pose."""
     rows = slice(EXAMPLE_FRAME, EXAMPLE_FRAME + FRAMES_PER_TRACK + 1)
-    x, y, heading = (values[rows] for values in dead_reckon_poses(track))
+    x, y, heading = (values[rows] for values in dead_reckon_x_y_heading(track))
     at = sensed.index[EXAMPLE_FRAME]
     turn = truth.yaw_rad[at, run] - heading[0]
     dx, dy = x - x[0], y - y[0]

@@ -106,7 +106,7 @@ def printed_tables_part() -> StudyPart:
     }
     measured += [MeasuredNumber("table 5", name, float(value)) for name, value in values.items()]
     region = np.array(lanes.FIRST_LEFT_REGION)
-    decoded = lanes.decode_chromosome(
+    decoded = lanes.decode_chromosome_to_a_b_c(
         "01010100011100001011101", region[:, 0].copy(), region[:, 1].copy(), lanes.FIRST_PHASE.bits
     )
     measured += [

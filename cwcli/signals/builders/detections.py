@@ -7,10 +7,10 @@ import numpy as np
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionKind, DetectionSignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven, Strings
 from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_elements_of_sequences
 from cwcli.signals.leaf_fields import find_field, read_stamps
-from cwcli.signals.quality import BoolArray, Quality, RowLedger
+from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
 MIN_ELEVATION_COSINE = 0.1
@@ -85,7 +85,9 @@ def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     path = "entities.cubes.pose.position"
     cubes = Elements(columns, ledger, f"{path}.x", f"{path}.y")
     values = np.stack([cubes.read_numbers(f"{path}.{axis}") for axis in "xy"], axis=1)
-    return make_detection_signal(reading, ledger, "position", cubes, values, None, _read_first_entity_stamps(columns))
+    return make_detection_signal(
+        reading, ledger, "position", cubes, values, None, _read_first_entity_stamps_ns_and_is_given(columns)
+    )
 
 
 def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -115,7 +117,7 @@ def make_detection_signal(
     elements: Elements,
     values: FloatArray,
     covariance: FloatArray | None,
-    stamps: tuple[Int64Array, BoolArray],
+    stamps_ns_and_is_given: StampsNsAndIsGiven,
 ) -> tuple[DetectionSignal, Quality]:
     """Build the detection signal of a channel, scan by scan, from the values of its detections.
 
@@ -125,14 +127,14 @@ def make_detection_signal(
         elements: The detections in each message, n together.
         values: Shape (n, k).
         covariance: Shape (n, k, k), or None where no message gives any.
-        stamps: Stamps, and whether there is one, shape (s,) each.
+        stamps_ns_and_is_given: Stamps, and whether there is one, shape (s,) each.
     """
     columns, width = ledger.columns, values.shape[1]
     if covariance is None:
         covariance = np.full((len(values), width, width), np.nan)
     with np.errstate(invalid="ignore", over="ignore"):
         marks = [elements.counts.astype(np.float64), *(elements.sum_per_message(column) for column in values.T)]
-    timeline = repair_and_order_times(ledger, *stamps, reading.clock, marks)
+    timeline = repair_and_order_times(ledger, *stamps_ns_and_is_given, reading.clock, marks)
     offsets, index = offsets_and_elements_of_sequences(elements.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,
@@ -154,7 +156,7 @@ def _frame_names_of_rows(columns: Columns, rows: np.ndarray[tuple[int, ...], np.
     return Strings(field.codes[rows], tuple(name.lstrip("/") for name in field.values))
 
 
-def _read_first_entity_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
+def _read_first_entity_stamps_ns_and_is_given(columns: Columns) -> StampsNsAndIsGiven:
     """Return the stamps (ns) of each message's first entity, and whether it has one."""
     seconds = find_ragged_field(columns, "entities.timestamp.seconds", "entities.timestamp.sec")
     nanoseconds = find_ragged_field(

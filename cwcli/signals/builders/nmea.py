@@ -130,14 +130,14 @@ SENTENCE_PARSERS: dict[str, tuple[int, Callable[[Sequence[str]], SentenceValues]
 """The least number of fields and the parser, by sentence type."""
 
 
-def parse_degrees_minutes(text: str, half: str, halves: str) -> float:
+def parse_degrees_minutes(text: str, hemisphere: str, both_hemispheres: str) -> float:
     """Parse degrees and minutes: `4807.038`, `N` gives 48.1173; the second hemisphere is negative, an invalid text
     NaN."""
     value = parse_number_or_nan(text)
     whole, minutes = divmod(value, 100.0)
-    if len(half) != 1 or half not in halves or not (value >= 0.0 and minutes < 60.0):
+    if len(hemisphere) != 1 or hemisphere not in both_hemispheres or not (value >= 0.0 and minutes < 60.0):
         return NAN
-    return (whole + minutes / 60.0) * (1.0 if half == halves[0] else -1.0)
+    return (whole + minutes / 60.0) * (1.0 if hemisphere == both_hemispheres[0] else -1.0)
 
 
 def parse_number_or_nan(text: str) -> float:

@@ -19,8 +19,8 @@ from cwcli.signals.builders.gnss import (
     make_velocity_builder,
     velocity_from_speed_and_course,
 )
-from cwcli.signals.columns import Columns, Int64Array, Strings
-from cwcli.signals.gnss_time import utc_ns_from_gps_weeks
+from cwcli.signals.columns import Columns, StampsNsAndIsGiven, Strings
+from cwcli.signals.gnss_time import utc_ns_and_is_time_from_gps_weeks
 from cwcli.signals.leaf_fields import accepted_text_mask, find_field, read_numbers, read_stamps
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_S
@@ -41,8 +41,8 @@ MAX_VELOCITY_LATENCY_S = 2.0
 def read_bestpos(columns: Columns, ledger: RowLedger) -> GnssFix:
     """Read positions of BESTPOS."""
     return GnssFix(
-        *_read_stamps_or_gps_time(columns, ledger),
-        is_fix=_has_computed_solution(columns, "pos_type.type", "position_type"),
+        *_read_stamps_or_gps_time_and_is_usable(columns, ledger),
+        is_fix=_computed_solution_mask(columns, "pos_type.type", "position_type"),
         latitude_deg=read_numbers(columns, "lat"),
         longitude_deg=read_numbers(columns, "lon"),
         altitude_m=read_numbers(columns, "hgt", "height") + read_numbers(columns, "undulation"),
@@ -54,14 +54,14 @@ def read_bestpos(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 def read_bestvel(columns: Columns, ledger: RowLedger) -> GnssFix:
     """Read velocities of BESTVEL; each was measured `latency` seconds before its time."""
-    stamp_ns, has_stamp = _read_stamps_or_gps_time(columns, ledger)
+    stamp_ns, has_stamp = _read_stamps_or_gps_time_and_is_usable(columns, ledger)
     latency_s = read_numbers(columns, "latency")
     is_late = (latency_s >= 0.0) & (latency_s <= MAX_VELOCITY_LATENCY_S)
     late_ns = np.round(np.where(is_late, latency_s, 0.0) * NS_PER_S).astype(np.int64)
     return GnssFix(
         stamp_ns - late_ns,
         has_stamp,
-        is_fix=_has_computed_solution(columns, "vel_type.type", "velocity_type"),
+        is_fix=_computed_solution_mask(columns, "vel_type.type", "velocity_type"),
         velocity_mps=velocity_from_speed_and_course(
             read_numbers(columns, "hor_speed", "horizontal_speed"), read_numbers(columns, "trk_gnd", "track_ground")
         ),
@@ -77,8 +77,8 @@ def read_inspvax(columns: Columns, ledger: RowLedger) -> GnssFix:
     }
     with np.errstate(over="ignore"):
         return GnssFix(
-            *_read_stamps_or_gps_time(columns, ledger),
-            is_fix=_has_accepted_status(columns, "ins_status", USABLE_INS_STATUSES),
+            *_read_stamps_or_gps_time_and_is_usable(columns, ledger),
+            is_fix=_accepted_status_mask(columns, "ins_status", USABLE_INS_STATUSES),
             latitude_deg=read_numbers(columns, "latitude"),
             longitude_deg=read_numbers(columns, "longitude"),
             altitude_m=read_numbers(columns, "height", "altitude") + read_numbers(columns, "undulation"),
@@ -94,7 +94,7 @@ def read_inspva(columns: Columns, ledger: RowLedger) -> GnssFix:
     """Read INSPVA, which is INSPVAX without sigmas and with the height above the ellipsoid."""
     return replace(
         read_inspvax(columns, ledger),
-        is_fix=_has_accepted_status(columns, "status", USABLE_INS_STATUSES),
+        is_fix=_accepted_status_mask(columns, "status", USABLE_INS_STATUSES),
         altitude_m=read_numbers(columns, "height"),
     )
 
@@ -109,20 +109,20 @@ build_inspva_velocity = make_velocity_builder(read_inspva)
 build_inspva_heading = make_heading_builder(read_inspva)
 
 
-def _read_stamps_or_gps_time(columns: Columns, ledger: RowLedger) -> tuple[Int64Array, BoolArray]:
+def _read_stamps_or_gps_time_and_is_usable(columns: Columns, ledger: RowLedger) -> StampsNsAndIsGiven:
     stamp_ns, has_stamp = read_stamps(columns)
     week = read_numbers(columns, "nov_header.gps_week_number", "novatel_msg_header.gps_week_num")
     milliseconds = read_numbers(columns, "nov_header.gps_week_milliseconds")
     milliseconds = np.where(
         np.isnan(milliseconds), 1e3 * read_numbers(columns, "novatel_msg_header.gps_seconds"), milliseconds
     )
-    gps_ns, is_time = utc_ns_from_gps_weeks(ledger, week, milliseconds, ~has_stamp & (week > 0))
+    gps_ns, is_time = utc_ns_and_is_time_from_gps_weeks(ledger, week, milliseconds, ~has_stamp & (week > 0))
     return np.where(has_stamp, stamp_ns, gps_ns), has_stamp | is_time
 
 
-def _has_computed_solution(columns: Columns, *type_names: str) -> BoolArray:
+def _computed_solution_mask(columns: Columns, *type_names: str) -> BoolArray:
     """Return where the receiver has computed a solution (n,)."""
-    is_computed = _has_accepted_status(
+    is_computed = _accepted_status_mask(
         columns, "sol_status", {SOLUTION_COMPUTED_CODE: "sol_computed"}, "solution_status"
     )
     kind = find_field(columns, *type_names)
@@ -131,7 +131,7 @@ def _has_computed_solution(columns: Columns, *type_names: str) -> BoolArray:
     return is_computed & (read_numbers(columns, *type_names) > NO_SOLUTION_TYPE_CODE)
 
 
-def _has_accepted_status(columns: Columns, name: str, accepted: dict[int, str], *words: str) -> BoolArray:
+def _accepted_status_mask(columns: Columns, name: str, accepted: dict[int, str], *words: str) -> BoolArray:
     field = find_field(columns, name, *words)
     if isinstance(field, Strings):
         return accepted_text_mask(field, len(columns), *accepted.values())

@@ -110,15 +110,15 @@ def _is_twist_never_filled(columns: Columns, ledger: RowLedger, position_m: Floa
     return True
 
 
-def _zero_unmeasured_components(linear: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _zero_unmeasured_components(velocity_mps: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Velocities (n, 3) and covariances (n, 3, 3) in which sideways and upward components are 0 where not measured."""
-    linear, variance = linear.copy(), variance.copy()
+    velocity_mps, variance = velocity_mps.copy(), variance.copy()
     for axis in (1, 2):
         is_unmeasured = variance[:, axis, axis] > UNMEASURED_M2PS2
-        linear[is_unmeasured, axis] = 0.0
+        velocity_mps[is_unmeasured, axis] = 0.0
         variance[is_unmeasured, axis, :] = 0.0
         variance[is_unmeasured, :, axis] = 0.0
-    return linear, variance
+    return velocity_mps, variance
 
 
 def _speed_and_direction_without_orientation(ledger: RowLedger, linear: FloatArray) -> tuple[FloatArray, FloatArray]:

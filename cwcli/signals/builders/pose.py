@@ -14,7 +14,7 @@ from cwcli.signals.builders.motion import BodyMotion, read_yaw_rad, speed_signal
 from cwcli.signals.builders.odometry_twist import read_twist
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
 from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.direction_of_travel import (
     find_yaw_mounting,
@@ -37,7 +37,7 @@ from cwcli.signals.limits import (
     nan_beyond_limit,
     reject_rows_beyond_limit,
 )
-from cwcli.signals.quality import BoolArray, Quality, RowLedger
+from cwcli.signals.quality import Quality, RowLedger
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
@@ -104,14 +104,14 @@ def _make_pose_signal(
     yaw_rad: FloatArray,
     speed_mps: FloatArray,
     yaw_rate_radps: FloatArray,
-    stamps: tuple[Int64Array, BoolArray],
+    stamps_ns_and_is_given: StampsNsAndIsGiven,
     **more: Any,
 ) -> tuple[PoseSignal, Quality]:
-    """Make the signal; `stamps` are the stamps and whether there is one, `more` its other columns, by row."""
+    """Make the signal; `more`: its other columns, by row."""
     columns = ledger.columns
     speed_mps = nan_beyond_limit(ledger, speed_mps, MAX_SPEED_MPS, "speed")
     yaw_rate_radps = nan_beyond_limit(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
-    timeline = repair_and_order_times(ledger, *stamps, reading.clock, [position_m, yaw_rad])
+    timeline = repair_and_order_times(ledger, *stamps_ns_and_is_given, reading.clock, [position_m, yaw_rad])
     return build_signal_and_quality(
         partial(PoseSignal, frame_id=read_frame_id(columns)),
         ledger,

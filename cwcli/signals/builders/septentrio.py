@@ -15,10 +15,10 @@ from cwcli.signals.builders.gnss import (
     make_position_builder,
     make_velocity_builder,
 )
-from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.gnss_time import utc_ns_from_gps_weeks
+from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven
+from cwcli.signals.gnss_time import utc_ns_and_is_time_from_gps_weeks
 from cwcli.signals.leaf_fields import read_numbers, read_stamps
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.quality import RowLedger
 
 PVT_MODE_BITS = 15
 """The bits of `mode` that hold the type of the solution; 0 is no solution (SBF reference guide)."""
@@ -41,7 +41,7 @@ def read_ins_nav_geod(columns: Columns, ledger: RowLedger) -> GnssFix:
         _read_usable_numbers(columns, "vn_std_dev"),
     )
     return GnssFix(
-        *_read_stamps_or_gps_time(columns, ledger),
+        *_read_stamps_or_gps_time_and_is_usable(columns, ledger),
         is_fix=read_numbers(columns, "error") == 0,
         latitude_deg=np.rad2deg(_read_usable_numbers(columns, "latitude")),
         longitude_deg=np.rad2deg(_read_usable_numbers(columns, "longitude")),
@@ -62,7 +62,7 @@ def read_pvt_geodetic(columns: Columns, ledger: RowLedger) -> GnssFix:
         M_PER_CM * np.where((accuracy > 0) & (accuracy < DO_NOT_USE_UINT16), accuracy, np.nan) / TWO_DRMS_PER_SIGMA
     )
     return GnssFix(
-        *_read_stamps_or_gps_time(columns, ledger),
+        *_read_stamps_or_gps_time_and_is_usable(columns, ledger),
         is_fix=is_placed & (read_numbers(columns, "error") == 0),
         latitude_deg=np.rad2deg(_read_usable_numbers(columns, "latitude")),
         longitude_deg=np.rad2deg(_read_usable_numbers(columns, "longitude")),
@@ -78,12 +78,12 @@ build_ins_position = make_position_builder(read_ins_nav_geod)
 build_ins_velocity = make_velocity_builder(read_ins_nav_geod)
 
 
-def _read_stamps_or_gps_time(columns: Columns, ledger: RowLedger) -> tuple[Int64Array, BoolArray]:
+def _read_stamps_or_gps_time_and_is_usable(columns: Columns, ledger: RowLedger) -> StampsNsAndIsGiven:
     """Return stamps in ns and whether they are usable, both (n,): the header's, else GPS week and time of week."""
     stamp_ns, has_stamp = read_stamps(columns)
     week, time_of_week_ms = read_numbers(columns, "block_header.wnc"), read_numbers(columns, "block_header.tow")
     is_told = (week != DO_NOT_USE_UINT16) & (time_of_week_ms != DO_NOT_USE_UINT32)
-    gps_ns, is_time = utc_ns_from_gps_weeks(ledger, week, time_of_week_ms, ~has_stamp & is_told)
+    gps_ns, is_time = utc_ns_and_is_time_from_gps_weeks(ledger, week, time_of_week_ms, ~has_stamp & is_told)
     return np.where(has_stamp, stamp_ns, gps_ns), has_stamp | is_time
 
 

@@ -16,7 +16,7 @@ from cwcli.signals.builders.gnss import (
     make_velocity_builder,
 )
 from cwcli.signals.columns import Columns
-from cwcli.signals.gnss_time import undo_week_rollover, utc_ns_from_date
+from cwcli.signals.gnss_time import undo_week_rollover, utc_ns_and_is_time_from_date
 from cwcli.signals.leaf_fields import read_matrix, read_numbers
 from cwcli.signals.quality import BoolArray, RowLedger
 
@@ -39,19 +39,19 @@ def read_nav_pvt(columns: Columns, ledger: RowLedger) -> GnssFix:
     driver."""
     parts = ("year", "month", "day", "hour", "min", "sec", "nano")
     year, month, day, hour, minute, second, nano = (read_numbers(columns, name) for name in parts)
-    stamp_ns, is_time = utc_ns_from_date(year, month, day, 3600.0 * hour + 60.0 * minute + second, nano)
-    is_time &= _has_all_bits(columns, "valid", VALID_TIME_BITS) & (hour < 24) & (minute < 60) & (second <= 60)
+    stamp_ns, is_time = utc_ns_and_is_time_from_date(year, month, day, 3600.0 * hour + 60.0 * minute + second, nano)
+    is_time &= _all_bits_set_mask(columns, "valid", VALID_TIME_BITS) & (hour < 24) & (minute < 60) & (second <= 60)
     fix_type = read_numbers(columns, "fix_type", "fixType")
     is_invalid = np.isin(read_matrix(columns, "reserved1", 6)[:, 0] % 2, INVALID_POSITION_BIT)
     is_placed = (
         ~is_invalid
         & (fix_type > NO_FIX_TYPE)
         & (fix_type < TIME_ONLY_FIX_TYPE)
-        & _has_all_bits(columns, "flags", FIX_OK_BIT)
+        & _all_bits_set_mask(columns, "flags", FIX_OK_BIT)
     )
     compass_deg = COMPASS_DEG_PER_COUNT * read_numbers(columns, "head_veh", "headVeh")
     heading_sigma = np.deg2rad(COMPASS_DEG_PER_COUNT * read_numbers(columns, "head_acc", "headAcc"))
-    has_heading = _has_all_bits(columns, "flags", VEHICLE_HEADING_BIT)
+    has_heading = _all_bits_set_mask(columns, "flags", VEHICLE_HEADING_BIT)
     position_sigma, velocity_sigma = (
         M_PER_MM * read_numbers(columns, *names) for names in (("h_acc", "hAcc"), ("s_acc", "sAcc"))
     )
@@ -77,7 +77,7 @@ build_velocity = make_velocity_builder(read_nav_pvt)
 build_heading = make_heading_builder(read_nav_pvt)
 
 
-def _has_all_bits(columns: Columns, name: str, bits: int) -> BoolArray:
+def _all_bits_set_mask(columns: Columns, name: str, bits: int) -> BoolArray:
     """Return where all these bits of an 8-bit field are set, (n,)."""
     values = read_numbers(columns, name)
     is_octet = (values >= 0) & (values <= 255)

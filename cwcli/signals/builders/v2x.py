@@ -13,7 +13,7 @@ from cwcli.signals.builders.base import Build, Reading
 from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, Signal, SpeedSignal
 from cwcli.signals.clocks import Timeline, repair_and_order_times
-from cwcli.signals.columns import Columns, Int64Array, Strings, number_by_first_appearance
+from cwcli.signals.columns import Columns, Int64Array, Strings, key_numbers_and_rows_of_first_appearance
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
@@ -218,6 +218,6 @@ def _note_timing_anomalies(ledger: RowLedger, decoded: RemoteRows, station: Stri
 
 def _encode_used_station_names(codes: np.ndarray[tuple[int], np.dtype[np.int32]], values: tuple[str, ...]) -> Strings:
     """Return the station names of the rows in use, in order of first appearance; a row without an id is `unknown`."""
-    number, first = number_by_first_appearance(codes)
+    number, first = key_numbers_and_rows_of_first_appearance(codes)
     names = tuple(values[code] if code >= 0 else "unknown" for code in codes[first].tolist())
     return Strings(codes=number, values=names)

@@ -28,7 +28,7 @@ from cwcli.signals.limits import (
     nan_beyond_limit,
     reject_rows_beyond_limit,
 )
-from cwcli.signals.osi.world import OSI_FRAME, read_world_times
+from cwcli.signals.osi.world import OSI_FRAME, read_world_stamps_ns_and_is_given
 from cwcli.signals.quality import Quality, RowLedger
 
 GEODETIC_POSITION_PATH = "vehicle_localization.geodetic_position"
@@ -58,7 +58,9 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
     if part == "location":
         leaves = ("position.x", "position.y", "orientation.yaw")
         variances = [_variances_from_rmse(ledger, read_numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
-    timeline = repair_and_order_times(ledger, *read_world_times(columns), reading.clock, [place, yaw_rad])
+    timeline = repair_and_order_times(
+        ledger, *read_world_stamps_ns_and_is_given(columns), reading.clock, [place, yaw_rad]
+    )
     return build_signal_and_quality(
         partial(PoseSignal, frame_id=OSI_FRAME),
         ledger,
@@ -82,7 +84,9 @@ def _build_geodetic_position(columns: Columns, reading: Reading, ledger: RowLedg
     altitude_m = nan_beyond_limit(
         ledger, read_numbers(columns, f"{GEODETIC_POSITION_PATH}.altitude"), MAX_ALTITUDE_M, "altitude"
     )
-    timeline = repair_and_order_times(ledger, *read_world_times(columns), reading.clock, [latitude_deg, longitude_deg])
+    timeline = repair_and_order_times(
+        ledger, *read_world_stamps_ns_and_is_given(columns), reading.clock, [latitude_deg, longitude_deg]
+    )
     return build_signal_and_quality(
         PositionSignal,
         ledger,
@@ -105,7 +109,9 @@ def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Qualit
             speed_mps = velocity[0] * np.cos(yaw_rad) + velocity[1] * np.sin(yaw_rad)
     reject_rows_beyond_limit(ledger, speed_mps[:, None], MAX_SPEED_MPS)
     yaw_rate_radps = nan_beyond_limit(ledger, read_numbers(columns, yaw_rate), MAX_TURN_RATE_RADPS, "yaw rate")
-    timeline = repair_and_order_times(ledger, *read_world_times(columns), reading.clock, [speed_mps, yaw_rate_radps])
+    timeline = repair_and_order_times(
+        ledger, *read_world_stamps_ns_and_is_given(columns), reading.clock, [speed_mps, yaw_rate_radps]
+    )
     nothing = np.full(len(columns), np.nan)
     return build_signal_and_quality(
         SpeedSignal,

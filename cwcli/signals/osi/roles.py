@@ -15,7 +15,7 @@ from cwcli.signals.osi.world import (
     MovingObjects,
     encode_station_names,
     read_moving_objects,
-    read_world_times,
+    read_world_stamps_ns_and_is_given,
 )
 from cwcli.signals.quality import Quality, RowLedger
 
@@ -87,7 +87,7 @@ def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[S
 def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[RemoteSignal, Quality]:
     """Build remote vehicles from all objects but the host, as if each reported itself by radio under its id."""
     ledger = RowLedger(columns, reading.role)
-    world, at, row, timeline = _read_other_rows(columns, reading, ledger, prefix)
+    world, at, row, timeline = _objects_other_rows_timeline_rows_and_times(columns, reading, ledger, prefix)
     n = len(at)
     nothing = np.full(n, np.nan)
     signal = RemoteSignal(
@@ -122,7 +122,7 @@ def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[
 def build_target_truth(columns: Columns, reading: Reading, prefix: str = "") -> tuple[TargetTruthSignal, Quality]:
     """Build the truth of all objects but the host."""
     ledger = RowLedger(columns, reading.role)
-    world, at, row, timeline = _read_other_rows(columns, reading, ledger, prefix)
+    world, at, row, timeline = _objects_other_rows_timeline_rows_and_times(columns, reading, ledger, prefix)
     signal = TargetTruthSignal(
         source=columns.topic,
         frame_id="",
@@ -143,27 +143,29 @@ def _read_objects_and_host_rows(
     """Return the objects, the host's rows of them by stamp, and their times."""
     world = read_moving_objects(columns, reading, ledger, prefix)
     of_message = np.full(len(columns), -1, np.intp)
-    rows = np.flatnonzero(world.is_host)
+    rows = np.flatnonzero(world.is_host_mask)
     of_message[world.message[rows]] = rows
     ledger.set_aside(of_message < 0, NO_HOST_REASON)
     pose = np.full((len(columns), 3), np.nan)
     pose[world.message[rows]] = np.stack([world.x_m[rows], world.y_m[rows], world.heading_rad[rows]], axis=1)
-    timeline = repair_and_order_times(ledger, *read_world_times(columns, prefix), reading.clock, [pose])
+    timeline = repair_and_order_times(
+        ledger, *read_world_stamps_ns_and_is_given(columns, prefix), reading.clock, [pose]
+    )
     return world, of_message[timeline.rows], timeline
 
 
-def _read_other_rows(
+def _objects_other_rows_timeline_rows_and_times(
     columns: Columns, reading: Reading, ledger: RowLedger, prefix: str
 ) -> tuple[MovingObjects, npt.NDArray[np.intp], npt.NDArray[np.intp], Timeline]:
     """Return the objects, the rows of all but the host by stamp, the timeline's row of each, and the times."""
     world = read_moving_objects(columns, reading, ledger, prefix)
-    others = np.flatnonzero(~world.is_host)
+    others = np.flatnonzero(~world.is_host_mask)
     marks = [
         np.bincount(world.message[others], weights=each[others], minlength=len(columns)).astype(np.float64)
         for each in (np.ones(len(world.id)), world.x_m, world.y_m)
     ]
     ledger.set_aside(marks[0] == 0.0, NO_OTHERS_REASON)
-    timeline = repair_and_order_times(ledger, *read_world_times(columns, prefix), reading.clock, marks)
+    timeline = repair_and_order_times(ledger, *read_world_stamps_ns_and_is_given(columns, prefix), reading.clock, marks)
     place = np.full(len(columns), -1, np.intp)
     place[timeline.rows] = np.arange(len(timeline.rows))
     row = place[world.message[others]]

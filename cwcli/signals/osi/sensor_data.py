@@ -19,7 +19,11 @@ from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_elem
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.osi import roles
 from cwcli.signals.osi.leaves import DETECTED_STATIONARY_PATH, SENSOR_DATA_PREFIX
-from cwcli.signals.osi.world import read_moving_objects, read_timestamps, read_world_times
+from cwcli.signals.osi.world import (
+    read_moving_objects,
+    read_timestamps_ns_and_is_given,
+    read_world_stamps_ns_and_is_given,
+)
 from cwcli.signals.quality import Quality, RowLedger
 
 build_pose = partial(roles.build_pose, prefix=SENSOR_DATA_PREFIX)
@@ -64,9 +68,9 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
             "the position of the rear axle, which detections refer to, is not given: they are taken relative to the "
             "centre of the vehicle (--sensor TOPIC:x=-1.4 shifts them)"
         )
-    stamp_ns, has_stamp = read_timestamps(columns, "last_measurement_time")
+    stamp_ns, has_stamp = read_timestamps_ns_and_is_given(columns, "last_measurement_time")
     if not has_stamp.any():
-        stamp_ns, has_stamp = read_world_times(columns)
+        stamp_ns, has_stamp = read_world_stamps_ns_and_is_given(columns)
     else:
         has_stamp = np.ones(len(columns), np.bool_)
     marks = [
@@ -105,6 +109,6 @@ def _reference_point_offsets_m(objects: Elements) -> FloatArray:
 def _rear_axle_x_m(columns: Columns, reading: Reading) -> float:
     """Return how far ahead (m) of the box's centre the host's rear axle is; NaN where the GroundTruth does not say."""
     world = read_moving_objects(columns, reading, RowLedger(columns, reading.role), SENSOR_DATA_PREFIX)
-    given = world.rear_x_m[world.is_host]
+    given = world.rear_x_m[world.is_host_mask]
     given = given[np.isfinite(given)]
     return float(np.median(given)) if len(given) else float("nan")

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, Strings
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, StampsNsAndIsGiven, Strings
 from cwcli.signals.elements import Elements, find_ragged_field
 from cwcli.signals.leaf_fields import find_field, read_integers
 from cwcli.signals.limits import (
@@ -89,7 +89,7 @@ class MovingObjects:
     rear_x_m: FloatArray
 
     @property
-    def is_host(self) -> BoolArray:
+    def is_host_mask(self) -> BoolArray:
         """Which rows are the host vehicle, (n,)."""
         if self.host is None:
             return np.zeros(len(self.id), np.bool_)
@@ -173,19 +173,19 @@ def _note_unused_parts(columns: Columns, ledger: RowLedger, prefix: str) -> None
         ledger.add_note("the map projection (proj_string) is not used: positions stay in the simulated plane")
 
 
-def read_world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, BoolArray]:
+def read_world_stamps_ns_and_is_given(columns: Columns, prefix: str = "") -> StampsNsAndIsGiven:
     """Read stamps in ns and whether they are there, both (n,): of the GroundTruth, else of the message around it.
 
     Simulated time begins at 0, and a 0 is left out of a message: a stamp is missing only where no message has one.
     """
     for path in dict.fromkeys((f"{prefix}timestamp", "timestamp")):
-        stamp_ns, is_given = read_timestamps(columns, path)
+        stamp_ns, is_given = read_timestamps_ns_and_is_given(columns, path)
         if is_given.any():
             return stamp_ns, np.ones(len(columns), np.bool_)
     return np.zeros(len(columns), np.int64), np.zeros(len(columns), np.bool_)
 
 
-def read_timestamps(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
+def read_timestamps_ns_and_is_given(columns: Columns, path: str) -> StampsNsAndIsGiven:
     """Read an `osi3.Timestamp` in ns, 0 where it is left out, and whether a message has it, both (n,)."""
     parts = [_read_first_number_and_presence(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
     (seconds, has_seconds), (nanos, has_nanos) = parts

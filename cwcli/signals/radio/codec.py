@@ -122,7 +122,7 @@ def make_radio_codec(form: str) -> V2xCodec:
             rows, decoded_objects = _rows_and_contents_of_messages_named(found, form, name, kind.packed)
             _reject_undecodable_rows(ledger, rows, decoded_objects.status)
         _set_aside_other_messages(ledger, found, is_known, form)
-        n_signed = int(np.count_nonzero(found.is_signed & ledger.keep))
+        n_signed = int(np.count_nonzero(found.is_signed_mask & ledger.keep))
         if n_signed:
             ledger.add_note(f"{n_signed} messages {SIGNED_NOTE}")
         return made

@@ -52,7 +52,7 @@ class UnwrappedFrames:
     status: UInt8Array
 
     @property
-    def is_signed(self) -> BoolArray:
+    def is_signed_mask(self) -> BoolArray:
         """Where a signature was skipped, shape (n,)."""
         signed: BoolArray = self.security == radio_frames.SECURITY_SIGNED
         return signed

@@ -65,7 +65,7 @@ def _apply_calibration(signal: Signal, calibration: Calibration) -> Signal:
         mounting = calibrated_imu_mountings(calibration).get(signal.source)
         gyro_radps = signal.gyro_radps.copy()
         if mounting is not None:
-            gyro_radps[:, UP_AXIS] = signal.gyro_radps @ mounting.up_axis
+            gyro_radps[:, UP_AXIS] = signal.gyro_radps @ mounting.up_unit_vector_in_imu_axes
         gyro_radps[:, UP_AXIS] -= _calibrated_bias(calibration, signal.source)
         stamp_ns = signal.stamp_ns - _calibrated_latency_ns(calibration, signal.source, Kind.YAW_RATE)
         return replace(signal, stamp_ns=stamp_ns, gyro_radps=gyro_radps)

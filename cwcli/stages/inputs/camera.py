@@ -27,7 +27,7 @@ from cwcli.signals.clocks import (
     INVALID_LOG_TIME_REASON,
     MAX_STAMP_NS,
     STRAY_LOG_TIME_REASON,
-    log_time_span_without_strays,
+    first_and_last_log_time_without_strays,
 )
 from cwcli.signals.inputs import find_input_for_role
 from cwcli.signals.role import Role
@@ -225,7 +225,7 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
     """
     if isinstance(choice, Mounting):
         return MountingSource(choice, is_pitch_known=choice.pitch_rad != 0.0)
-    given = choice.given_values()
+    given = choice.given_values_by_option()
     if len(given) == len(MOUNTING_OPTION_NAMES):
         return MountingSource(Mounting(**given), is_pitch_known=True)
     pose, counts, notes = _pose_from_transforms(log, frame_id.lstrip("/"))
@@ -299,7 +299,7 @@ def _is_unused_transform_topic(topic: str) -> bool:
 def span_without_stray_frames(log: Log, topic: str, span: Selection) -> Selection:
     """Return the span without the log times of frames that are far in time from all others."""
     logged = log.log_times_ns(topic).view(np.int64)
-    first_ns, last_ns = log_time_span_without_strays(
+    first_ns, last_ns = first_and_last_log_time_without_strays(
         [logged[[span.includes_log_time(each) for each in logged.tolist()]]]
     )
     return Selection(start_ns=first_ns, end_ns=last_ns + 1)

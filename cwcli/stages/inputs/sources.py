@@ -16,7 +16,12 @@ from cwcli.pipeline.result import InputMessageCount
 from cwcli.pipeline.stations import add_stations_to_error
 from cwcli.signals.build import build_signal, require_usable_rows
 from cwcli.signals.canonical import Signal
-from cwcli.signals.clocks import STRAY_LOG_TIME_REASON, Clock, format_clock_disagreements, log_time_span_without_strays
+from cwcli.signals.clocks import (
+    STRAY_LOG_TIME_REASON,
+    Clock,
+    first_and_last_log_time_without_strays,
+    format_clock_disagreements,
+)
 from cwcli.signals.columns import Columns, Int64Array
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
@@ -116,7 +121,7 @@ def read_sensor_signals(
         for topic, columns in log.load_topics({**wanted, **further}).items()
     }
     timed = {each.topic for role, bindings in every.items() if role not in ROLES_WITHOUT_TIME for each in bindings}
-    usual_ns = log_time_span_without_strays([loaded[topic].log_time_ns for topic in timed])
+    usual_ns = first_and_last_log_time_without_strays([loaded[topic].log_time_ns for topic in timed])
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
     for role in dict.fromkeys((*required, *optional)):

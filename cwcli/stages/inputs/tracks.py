@@ -27,7 +27,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import N_STATES
-from cwcli.warning.types import median_outline_m
+from cwcli.warning.types import median_length_and_width_m
 
 OTHER_VEHICLE_ROLES = (REMOTE_STATE.role, TARGETS.role)
 """Roles of the channels that hold other road users: remote vehicles and tracked targets."""
@@ -66,8 +66,8 @@ class TracksOfLog:
         return Pair(
             self._actual_track(own),
             self._actual_track(theirs),
-            median_outline_m(own.length_m, own.width_m),
-            median_outline_m(theirs.length_m, theirs.width_m),
+            median_length_and_width_m(own.length_m, own.width_m),
+            median_length_and_width_m(theirs.length_m, theirs.width_m),
             MAX_GAP_S,
         )
 

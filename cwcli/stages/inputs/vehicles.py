@@ -18,7 +18,7 @@ from cwcli.prediction.turn_end import TurnEndingPaths, turned_before_rad
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.road_events import RoadEvents, hard_braking_states_mask
 from cwcli.signals.row_order import iter_track_rows
-from cwcli.warning.types import VehicleTrack, median_outline_m
+from cwcli.warning.types import VehicleTrack, median_length_and_width_m
 
 ONSET_MODEL = "onset"
 """Name of the motion model that predicts a manoeuvre that has just begun."""
@@ -58,7 +58,7 @@ def build_vehicle_tracks(
         if not len(mine):
             continue
         rows, candidates = all_rows[mine], candidates[theirs]
-        length_m, width_m = median_outline_m(states.length_m[rows], states.width_m[rows])
+        length_m, width_m = median_length_and_width_m(states.length_m[rows], states.width_m[rows])
         tracks.append(
             VehicleTrack(
                 id=vehicle,

@@ -68,8 +68,8 @@ def test_states_that_come_seconds_late_are_noted(after_s: float, n_notes: int) -
     stamp_ns = np.arange(10, dtype=np.int64) * 1_000_000_000
     told = OnlineAvailability("/cwcli/ego/online", "this log", stamp_ns, stamp_ns + round(after_s * 1e9))
     assert told.delay_median_p95_and_max_s() == pytest.approx((after_s,) * 3)
-    assert len(told.late_state_notes) == n_notes
-    assert all("up to 2.5 s" in note for note in told.late_state_notes)
+    assert len(told.notes_on_late_states) == n_notes
+    assert all("up to 2.5 s" in note for note in told.notes_on_late_states)
 
 
 def test_states_that_come_late_are_counted_and_the_clock_is_doubted_where_most_do() -> None:
@@ -77,7 +77,7 @@ def test_states_that_come_late_are_counted_and_the_clock_is_doubted_where_most_d
     few, most = np.full(1000, 5 * MS), np.full(1000, 1200 * MS)
     few[7:9] = 1800 * MS
     told = [
-        OnlineAvailability("/ego", "this log", stamp_ns, stamp_ns + delay_ns).late_state_notes
+        OnlineAvailability("/ego", "this log", stamp_ns, stamp_ns + delay_ns).notes_on_late_states
         for delay_ns in (few, most, few * 0)
     ]
     known = "are available more than 1 s after their stamps"

@@ -9,7 +9,11 @@ import pytest
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.latency import Latency, LatencyStatus
-from cwcli.estimation.leave_one_out import candidate_groups, find_spoiling_sources, misfits
+from cwcli.estimation.leave_one_out import (
+    candidate_groups,
+    find_spoiling_sources,
+    quantities_with_unusual_noise_or_error,
+)
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport
@@ -45,7 +49,7 @@ SPEED_QUANTITY, IMU = SourceQuantity("/speed", Kind.SPEED), (
     ],
 )
 def test_what_is_a_misfit(report: SourceReport, is_misfit: bool) -> None:
-    assert bool(misfits([report])) is is_misfit
+    assert bool(quantities_with_unusual_noise_or_error([report])) is is_misfit
 
 
 def test_positions_and_trusted_sources_are_never_left_out_and_an_imu_also_as_a_whole() -> None:

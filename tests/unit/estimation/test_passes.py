@@ -140,7 +140,7 @@ def test_song2016_on_a_straight_line_equals_filterpy_kalman_and_rts() -> None:
     z[:, 4] = 0.05 * rng.standard_normal(n)
     sigma = (0.6, 0.6, 0.5, 1e-9, 0.05, 1e-9)
     q = process_noise_covariance(dt, jerk=1.0, yaw_accel=1e-12)
-    state, covariance = filtered_states_and_covariances_of_matrix(z, sigma, q=q, smooth=True)
+    state, covariance = filtered_states_and_covariances_of_matrix(z, sigma, process_noise=q, smooth=True)
     use = [0, 2, 4]
     kf = KalmanFilter(dim_x=3, dim_z=3)
     kf.F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])

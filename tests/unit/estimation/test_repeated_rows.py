@@ -37,7 +37,7 @@ def test_of_fixes_once_a_second_that_are_repeated_ten_times_the_first_counts(dig
     np.testing.assert_array_equal(~found.is_repetition, np.arange(len(TIME_S)) % 10 == 0)
     assert found.period_s == pytest.approx(1.0)
     assert not found.is_interpolated.any()
-    (note,) = found.notes("/gps", Kind.POSITION)
+    (note,) = found.notes_for_user("/gps", Kind.POSITION)
     assert note.startswith("/gps: 1080 of 1200 position rows repeat the value before them")
 
 
@@ -119,7 +119,7 @@ def test_fixes_on_straight_lines_between_those_of_each_second_are_interpolated(d
     assert found.period_s == pytest.approx(1.0)
     used = np.flatnonzero(~found.is_interpolated & (TIME_S <= 119.0))
     np.testing.assert_array_equal(used, np.arange(0, 1200, 10))
-    assert "are interpolated between two measurements" in found.notes("/gps", Kind.POSITION)[0]
+    assert "are interpolated between two measurements" in found.notes_for_user("/gps", Kind.POSITION)[0]
 
 
 def test_an_inertial_navigator_that_is_corrected_each_second_is_not_interpolated() -> None:

@@ -123,7 +123,7 @@ def test_a_tilted_imu_is_levelled() -> None:
     c, t = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
     # Nose up by 30 degrees: gravity reads 9.8 / 2 = 4.9 forward and 8.5 up.
     judged = _judge(_with_fault(_drive(*LEAN), Kind.IMU, _turned((c, 0, t), (0, 1, 0), (-t, 0, c))))
-    assert [each.sentence for each in judged.corrections] == [
+    assert [each.sentence_on_fault_and_undoing for each in judged.corrections] == [
         "imu (/imu) is mounted tilted by 30 degrees: levelled (gravity reads 4.9 m/s^2 across its vertical axis; "
         "--trust /imu leaves it unchanged)"
     ]
@@ -152,7 +152,7 @@ def test_an_imu_that_is_turned_by_ten_degrees_is_left_as_it_is() -> None:
 
 def test_the_sentence_says_what_was_wrong_what_shows_it_and_how_to_undo_it() -> None:
     judged = _judge(_with_fault(_drive(*ALL), Kind.SPEED, lambda v: 3.6 * v))
-    sentence = judged.corrections[0].sentence
+    sentence = judged.corrections[0].sentence_on_fault_and_undoing
     assert sentence.startswith("ego_speed (/speed) is in km/h, not m/s: converted (log-likelihood ratio ")
     assert sentence.endswith(" by /position, /imu; --trust /speed leaves it unchanged)")
 
@@ -305,7 +305,7 @@ def test_what_the_user_says_is_done_without_asking_the_log() -> None:
     corrected, told = correct_and_list_what_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "km/h+reversed"})
     np.testing.assert_allclose(corrected[1].values, -_drive(Kind.POSITION, Kind.SPEED)[1].values / 3.6)
     assert told[0].is_by_user
-    assert told[0].sentence == (
+    assert told[0].sentence_on_fault_and_undoing == (
         "ego_speed (/speed) is in km/h, not m/s and has the wrong sign: converted and reversed, as --as says"
     )
 

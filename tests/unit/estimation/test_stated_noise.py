@@ -5,7 +5,7 @@ import pytest
 
 from cwcli.errors import UsageError
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.stated_noise import apply_stated_noise, check_sigma_names, parse_sigma_options
+from cwcli.estimation.stated_noise import apply_stated_noise, parse_sigma_options, require_known_names_and_sigma_counts
 from cwcli.signals.role import Role
 
 
@@ -58,6 +58,6 @@ def test_an_imu_has_one_value_for_each_of_its_sensors() -> None:
     assert done.covariance is not None
     np.testing.assert_allclose(np.diag(done.covariance[1]), [0.05**2] * 3 + [0.002**2] * 3)
     with pytest.raises(UsageError, match="an IMU needs two values"):
-        check_sigma_names({"imu": (0.05,)}, [], where="a.mcap")
+        require_known_names_and_sigma_counts({"imu": (0.05,)}, [], where="a.mcap")
     with pytest.raises(UsageError, match="neither a role nor a topic"):
-        check_sigma_names({"ego_sped": (0.05,)}, ["/speed"], where="a.mcap")
+        require_known_names_and_sigma_counts({"ego_sped": (0.05,)}, ["/speed"], where="a.mcap")

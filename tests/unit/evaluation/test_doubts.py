@@ -18,7 +18,7 @@ from cwcli.evaluation.doubts import (
     find_remarks_in_evidence,
 )
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
-from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_over_window
+from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_value_in_window_from_each_row
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE, StateFlag
@@ -323,4 +323,6 @@ def test_noise_of_the_fixes_is_no_offset() -> None:
 def test_least_over_window_by_hand() -> None:
     time_s = np.array([0.0, 1.0, 2.0, 3.0, 9.0])
     # windows of 2 s: rows 0-1, 1-2, 2-3, 3 alone (not whole), and none behind the last
-    np.testing.assert_array_equal(least_over_window(time_s, np.array([5.0, 4.0, 7.0, 6.0, 1.0]), 2.0), [4, 4, 6, 0, 0])
+    np.testing.assert_array_equal(
+        least_value_in_window_from_each_row(time_s, np.array([5.0, 4.0, 7.0, 6.0, 1.0]), 2.0), [4, 4, 6, 0, 0]
+    )

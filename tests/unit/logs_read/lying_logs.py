@@ -18,7 +18,7 @@ from cwcli.logs.format.records import (
     read_channel,
     read_chunk_index,
     read_footer,
-    read_record_prefix,
+    read_opcode_and_content_range,
     read_statistics,
 )
 
@@ -38,11 +38,11 @@ def retold(
     """A log with other chunk indexes and statistics in its summary; the functions get the channels' ids by topic."""
     view = memoryview(data)
     footer_at = len(data) - len(MCAP_MAGIC) - len(record_bytes.encode_footer(0, 0, b""))
-    _, start, end = read_record_prefix(view, footer_at, len(data))
+    _, start, end = read_opcode_and_content_range(view, footer_at, len(data))
     summary_at = read_footer(view, start, end).summary_start
     records, at = [], summary_at
     while at < footer_at:
-        opcode, start, end = read_record_prefix(view, at, footer_at)
+        opcode, start, end = read_opcode_and_content_range(view, at, footer_at)
         records.append((opcode, start, end, bytes(view[at:end])))
         at = end
     channels = [read_channel(view, start, end) for opcode, start, end, _ in records if opcode == OPCODE_CHANNEL]

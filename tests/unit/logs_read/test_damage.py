@@ -23,7 +23,7 @@ from cwcli.logs.format.records import (
     OPCODE_MESSAGE_INDEX,
     read_chunk,
     read_chunk_index,
-    read_record_prefix,
+    read_opcode_and_content_range,
 )
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Columns
@@ -48,7 +48,7 @@ def records(data: bytes) -> Iterator[tuple[int, int, int, int]]:
     """Opcode, offset, content start and end of every top-level record."""
     view, at = memoryview(data), 8
     while at < len(data) - 8:
-        opcode, start, end = read_record_prefix(view, at, len(data))
+        opcode, start, end = read_opcode_and_content_range(view, at, len(data))
         yield opcode, at, start, end
         at = end
 

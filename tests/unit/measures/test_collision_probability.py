@@ -14,7 +14,7 @@ from cwcli.measures.collision_probability import (
     MIN_VARIANCE_M2,
     UncertainPaths,
     collision_probability,
-    lines_through_errors,
+    cosine_sine_and_errors_of_lines,
 )
 from tests.studies.collision_probability import Encounter, random_encounter, sampled
 from tests.unit.measures.naive_collision import contact_probability, straight_points
@@ -137,7 +137,7 @@ def test_kernel_against_its_plain_twin(seed: int) -> None:
             (one.headings_rad[0][points], one.headings_rad[1][points]),
             (one.covariances_m2[0][points], one.covariances_m2[1][points]),
             one.sizes,
-            lines=[lines_through_errors(n) for n in LATTICE_GENERATORS],
+            lines=[cosine_sine_and_errors_of_lines(n) for n in LATTICE_GENERATORS],
             enough_below=MAX_VARIANCE_SHARES_OF_FEW_LINES,
             end=points.index(end),
             far_sigmas=MAX_TOUCH_SIGMAS,
@@ -191,7 +191,7 @@ def test_a_path_that_is_no_number_has_no_probability_and_spoils_no_other() -> No
 
 @pytest.mark.parametrize("n", LATTICE_GENERATORS)
 def test_the_lines_hold_the_moments_of_their_errors(n: int) -> None:
-    cosine, sine, *errors = lines_through_errors(n).T
+    cosine, sine, *errors = cosine_sine_and_errors_of_lines(n).T
     np.testing.assert_allclose(cosine**2 + sine**2, 1.0)
     np.testing.assert_allclose(np.mean(errors, axis=1), 0.0, atol=1e-12)
     np.testing.assert_allclose(np.cov(errors, bias=True), np.eye(2), atol=1e-12)

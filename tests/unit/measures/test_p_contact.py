@@ -12,7 +12,7 @@ from scipy import stats
 from cwcli.errors import UsageError
 from cwcli.measures import MEASURES
 from cwcli.measures.outlines import outline_separation_m
-from cwcli.measures.p_contact import HORIZON_S, PATH_TIMES_S, propagate_paths
+from cwcli.measures.p_contact import HORIZON_S, PATH_TIMES_S, propagate_to_x_y_heading_and_xy_covariance
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.packed_covariances import PackedCovariances
 from cwcli.warning.conflict_definition import parse_conflict_definition
@@ -66,15 +66,19 @@ def test_braking_ends_where_the_car_stands() -> None:
 @pytest.mark.parametrize("speed_mps", [0.0, -1e-12, 1e-12])
 def test_who_stands_neither_drives_backwards_nor_turns(speed_mps: float) -> None:
     sure = np.eye(6)[None] * 1e-6
-    x, y, heading, _ = propagate_paths(np.array([[0.0, 0.0, speed_mps, 0.2, -3.0, 1.0]]), sure)
+    x, y, heading, _ = propagate_to_x_y_heading_and_xy_covariance(
+        np.array([[0.0, 0.0, speed_mps, 0.2, -3.0, 1.0]]), sure
+    )
     assert np.abs(np.stack([x, y, heading - 0.2])).max() < 1e-9
-    heading = propagate_paths(np.array([[0.0, 0.0, 0.0, 0.2, 0.0, 1.0]]), sure)[2]
+    heading = propagate_to_x_y_heading_and_xy_covariance(np.array([[0.0, 0.0, 0.0, 0.2, 0.0, 1.0]]), sure)[2]
     assert (heading == 0.2).all()
 
 
 def test_who_brakes_turns_until_it_stands() -> None:
     """From 2 m/s at -4 m/s^2: half a second, and 0.3 rad at 0.6 rad/s."""
-    heading = propagate_paths(np.array([[0.0, 0.0, 2.0, 0.0, -4.0, 0.6]]), np.eye(6)[None] * 1e-6)[2][0]
+    heading = propagate_to_x_y_heading_and_xy_covariance(
+        np.array([[0.0, 0.0, 2.0, 0.0, -4.0, 0.6]]), np.eye(6)[None] * 1e-6
+    )[2][0]
     np.testing.assert_allclose(heading, np.minimum(0.6 * PATH_TIMES_S, 0.3), atol=1e-12)
 
 
@@ -83,10 +87,13 @@ def test_a_path_carries_its_covariance_as_finite_differences_do() -> None:
     state = np.array([[3.0, -2.0, 9.0, 0.7, 1.2, 0.25], [0.0, 0.0, 4.0, -2.0, -3.0, -0.3]])
     root = rng.normal(size=(2, 6, 6)) * 0.2
     covariance = root @ np.swapaxes(root, 1, 2)
-    x, y, heading, spread = propagate_paths(state, covariance)
+    x, y, heading, spread = propagate_to_x_y_heading_and_xy_covariance(state, covariance)
     slopes = np.empty((2, len(PATH_TIMES_S), 2, 6))
     for k in range(6):
-        high, low = (propagate_paths(state + sign * 1e-5 * np.eye(6)[k], covariance) for sign in (1.0, -1.0))
+        high, low = (
+            propagate_to_x_y_heading_and_xy_covariance(state + sign * 1e-5 * np.eye(6)[k], covariance)
+            for sign in (1.0, -1.0)
+        )
         slopes[..., 0, k], slopes[..., 1, k] = ((high[i] - low[i]) / 2e-5 for i in (0, 1))
     expected = np.einsum("mqai,mij,mqbj->mqab", slopes, covariance, slopes)
     for at, (a, b) in enumerate(((0, 0), (0, 1), (1, 1))):
@@ -142,7 +149,7 @@ def sampled(
     moved = []
     for state, sigma in ((host, own), (other, theirs)):
         states = state[:6] + sigma[:6] * rng.standard_normal((20_000, 6))
-        moved.append(propagate_paths(states, np.zeros((len(states), 6, 6)))[:3])
+        moved.append(propagate_to_x_y_heading_and_xy_covariance(states, np.zeros((len(states), 6, 6)))[:3])
     (x, y, heading), (to_x, to_y, to_heading) = moved
     touching = np.zeros(len(x), bool)
     for share in (0.0, 0.25, 0.5, 0.75):

@@ -12,7 +12,7 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import UsageError
 from cwcli.prediction.lateral import (
     LateralPathConfig,
-    dead_reckon_poses,
+    dead_reckon_x_y_heading,
     predict_paths_from_observer,
     recent_acceleration_mps2,
     transform_paths_to_map,
@@ -199,7 +199,7 @@ def test_dead_reckoning_follows_the_true_track(drives) -> None:
     _, truth, sensed = drives
     drive = sensed[0]
     track = observe_lateral_motion(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate)
-    x, y, _ = dead_reckon_poses(track)
+    x, y, _ = dead_reckon_x_y_heading(track)
     first, last = drive.index[0], drive.index[100]
     driven = np.hypot(truth.x_m[last, 0] - truth.x_m[first, 0], truth.y_m[last, 0] - truth.y_m[first, 0])
     assert np.hypot(x[100], y[100]) == pytest.approx(driven, rel=2e-3)

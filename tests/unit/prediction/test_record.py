@@ -17,11 +17,11 @@ from cwcli.prediction.outcome_history import (
     PathStarts,
     StateHistory,
     actual_displacement_m,
-    derivative_clarity_weights,
+    displacement_beyond_constant_velocity_m,
+    gain_of_each_part_from_outcomes,
+    how_clearly_derivatives_exceed_noise,
     measure_acting_time_s,
-    measure_gains_of_parts,
-    promised_displacement_m,
-    split_derivatives_into_parts,
+    shares_of_derivatives_by_part,
     state_histories_by_vehicle,
 )
 from cwcli.prediction.paths import Paths
@@ -124,17 +124,19 @@ def test_five_sigmas_are_half_clear() -> None:
     covariance[:, 4, 4], covariance[:, 5, 5] = 0.04, 1e-4
     # (5 * 0.2 / 2)^8 = 1/256; (5 * 0.01 / 0.1)^8 likewise; a yaw rate of 0 is noise
     np.testing.assert_allclose(
-        derivative_clarity_weights(state, covariance), [[0.5, 0.0], [256.0 / 257.0, 256.0 / 257.0]]
+        how_clearly_derivatives_exceed_noise(state, covariance), [[0.5, 0.0], [256.0 / 257.0, 256.0 / 257.0]]
     )
-    assert (derivative_clarity_weights(state, None) == 1.0).all()
+    assert (how_clearly_derivatives_exceed_noise(state, None) == 1.0).all()
 
 
 def test_what_is_promised_by_hand() -> None:
     state = np.zeros((1, 8))
     state[0, 2], state[0, 4], state[0, 5] = 4.0, -2.0, 0.1
     # along: -h^2 until it stands at 2 s after 4 m; across: 4 * 0.1 h^2 / 2
-    np.testing.assert_allclose(promised_displacement_m(state)[0, 0], [-0.25, -1.0, 4.0 - 10.0, 4.0 - 20.0])
-    np.testing.assert_allclose(promised_displacement_m(state)[0, 1], 0.2 * HORIZON_KNOTS_S**2)
+    np.testing.assert_allclose(
+        displacement_beyond_constant_velocity_m(state)[0, 0], [-0.25, -1.0, 4.0 - 10.0, 4.0 - 20.0]
+    )
+    np.testing.assert_allclose(displacement_beyond_constant_velocity_m(state)[0, 1], 0.2 * HORIZON_KNOTS_S**2)
 
 
 @pytest.mark.parametrize("speed", [10.0, -10.0])
@@ -145,12 +147,14 @@ def test_steady_bend_and_steady_acceleration_follow_in_full(speed: float) -> Non
         followed = actual_displacement_m(track)
         is_known = np.isfinite(followed)
         assert is_known.any(axis=0).all()
-        np.testing.assert_allclose(followed[is_known], promised_displacement_m(track.state)[is_known], atol=2e-3)
+        np.testing.assert_allclose(
+            followed[is_known], displacement_beyond_constant_velocity_m(track.state)[is_known], atol=2e-3
+        )
 
 
 def test_parts_tell_what_lasts_from_what_is_new() -> None:
     turn_in = drive(np.zeros(60), np.where(np.arange(60) < 30, 0.0, 0.2))
-    parts = split_derivatives_into_parts(track_of(turn_in))
+    parts = shares_of_derivatives_by_part(track_of(turn_in))
     np.testing.assert_allclose(parts.sum(axis=-1), 1.0)
     assert parts[31, 1, 3, 2] > 0.9  # turned for 0.1 s of the last 2.5 s
     assert parts[59, 1, 3, 1] > 0.99  # turned for all of them
@@ -164,9 +168,9 @@ def test_gain_is_the_ridge_estimate_of_the_outcomes_known_so_far() -> None:
     state[:, 4:6] += rng.normal(size=(n, 2)) * [0.5, 0.05]
     track = track_of(state)
     prior = FleetPrior(np.full((2, 4, 3), 0.4), np.full((2, 4), 0.7), np.zeros((4, 6)))
-    gain = measure_gains_of_parts(track, split_derivatives_into_parts(track), prior)
+    gain = gain_of_each_part_from_outcomes(track, shares_of_derivatives_by_part(track), prior)
     promised, followed = (
-        promised_displacement_m(state)[..., None] * split_derivatives_into_parts(track),
+        displacement_beyond_constant_velocity_m(state)[..., None] * shares_of_derivatives_by_part(track),
         actual_displacement_m(track),
     )
     at = 100

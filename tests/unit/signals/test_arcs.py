@@ -13,9 +13,9 @@ from cwcli.signals.lane_geometry import (
     curvature_change_ratios_to_centre_line,
     distance_to_direction_sine_m,
     image_columns_of_arcs,
-    lane_centre_geometry_at_distance,
     lateral_positions_of_arcs_m,
     middle_line_of_parallel_arcs,
+    y_direction_curvature_of_lane_centres_at_distance,
 )
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
@@ -134,7 +134,7 @@ def test_the_lane_ahead_is_between_both_lines_or_the_one_that_is_known() -> None
     # circles of 48.2 and 51.8 m about (0, 50): the middle is 50 - sqrt(50^2 - 20^2) to the left at 20 m
     both = np.array([[1.8, 0.0, 1.0 / 48.2], [-1.8, 0.0, 1.0 / 51.8]])
     alone = np.where([[True], [False]], both, math.nan)
-    made = lane_centre_geometry_at_distance(np.stack([both, alone]), np.full(2, 20.0), np.zeros(2))
+    made = y_direction_curvature_of_lane_centres_at_distance(np.stack([both, alone]), np.full(2, 20.0), np.zeros(2))
     np.testing.assert_allclose(made[0], [50.0 - math.sqrt(2100.0), math.asin(0.4), 0.02])
     np.testing.assert_allclose(made[1], [math.nan, math.asin(20.0 / 48.2), 1.0 / 48.2])
 

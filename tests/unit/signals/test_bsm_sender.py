@@ -10,7 +10,7 @@ from cwcli.signals.bsm_sender import (
     ACCEL_FILTER_DELAY_S,
     FILTER_STEP_S,
     apply_low_pass_filter,
-    latch_heading_at_standstill,
+    heading_as_reported_frozen_at_standstill,
     latched_heading_mask,
     undo_low_pass_filter_and_noise_gain,
 )
@@ -64,8 +64,8 @@ def test_over_a_pause_or_without_a_value_it_stays_as_it_was_sent() -> None:
 def test_the_heading_is_latched_below_and_released_above() -> None:
     speed = np.array([1.0, 0.6, 0.5, 0.6, 0.69, 0.70, 0.6])
     heading = np.arange(7.0)
-    assert latch_heading_at_standstill(heading, speed).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 5.0, 6.0]
-    assert latched_heading_mask(latch_heading_at_standstill(heading, speed), speed).tolist() == [
+    assert heading_as_reported_frozen_at_standstill(heading, speed).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 5.0, 6.0]
+    assert latched_heading_mask(heading_as_reported_frozen_at_standstill(heading, speed), speed).tolist() == [
         False,
         False,
         True,

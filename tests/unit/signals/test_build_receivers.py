@@ -24,7 +24,7 @@ from cwcli.signals.gnss_time import (
     LEAP_SECOND_INSTANTS_UNIX_S,
     SECONDS_PER_WEEK,
     WEEK_ROLLOVER_REASON,
-    utc_ns_from_date,
+    utc_ns_and_is_time_from_date,
     utc_ns_from_gps_ns,
 )
 from cwcli.signals.role import Role
@@ -161,7 +161,7 @@ def test_week_and_leap_seconds() -> None:
 @pytest.mark.parametrize("bad", [{"month": 13}, {"month": 2, "day": 30}, {"day": 0}, {"year": 0}, {"nano": 2e9}])
 def test_date_that_is_none(bad: dict[str, float]) -> None:
     parts = {"year": 2019, "month": 10, "day": 8, "seconds_of_day": 3600, "nano": -5.0} | bad
-    assert not utc_ns_from_date(*(np.array([float(each)]) for each in parts.values()))[1].any()
+    assert not utc_ns_and_is_time_from_date(*(np.array([float(each)]) for each in parts.values()))[1].any()
 
 
 def best_pos(log_time_ns: int = T0_NS, **more: float):

@@ -15,8 +15,8 @@ from cwcli.signals.clocks import (
     Timeline,
     earliest_known_times_ns,
     find_stamp_gaps,
+    first_and_last_log_time_without_strays,
     format_clock_disagreements,
-    log_time_span_without_strays,
     repair_and_order_times,
     repair_clock_jumps_and_mask,
 )
@@ -262,7 +262,9 @@ def test_usual_log_times_leave_out_one_message_far_before_and_one_far_behind() -
     # 400 messages in two channels, 20 s; at most 4 strays at either end
     log_ns = steady(200)
     early, late = np.array([1, 2, 3, 4]), np.array([T0_NS + 400 * 24 * HOUR_NS])
-    assert log_time_span_without_strays([np.concatenate([early, log_ns]), np.concatenate([log_ns + 5 * MS, late])]) == (
+    assert first_and_last_log_time_without_strays(
+        [np.concatenate([early, log_ns]), np.concatenate([log_ns + 5 * MS, late])]
+    ) == (
         log_ns[0],
         log_ns[-1] + 5 * MS,
     )
@@ -271,14 +273,16 @@ def test_usual_log_times_leave_out_one_message_far_before_and_one_far_behind() -
 def test_usual_log_times_keep_what_is_more_than_a_few_messages() -> None:
     log_ns = steady(200)
     early = np.arange(1, 4)  # more than one in a hundred
-    assert log_time_span_without_strays([np.concatenate([early, log_ns])]) == (1, log_ns[-1])
+    assert first_and_last_log_time_without_strays([np.concatenate([early, log_ns])]) == (1, log_ns[-1])
 
 
 @pytest.mark.parametrize(("apart_s", "is_stray"), [(29.9, False), (30.1, True)])
 def test_usual_log_times_stray_is_farther_than_a_clock_may_step(apart_s: float, is_stray: bool) -> None:
     log_ns = steady(200)
     early_ns = int(log_ns[0]) - round(apart_s * 1e9)
-    assert log_time_span_without_strays([np.append(early_ns, log_ns)])[0] == (log_ns[0] if is_stray else early_ns)
+    assert first_and_last_log_time_without_strays([np.append(early_ns, log_ns)])[0] == (
+        log_ns[0] if is_stray else early_ns
+    )
 
 
 @pytest.mark.parametrize(("pause_s", "is_stray"), [(3.0, True), (5.0, False)])
@@ -287,29 +291,31 @@ def test_usual_log_times_stray_is_farther_than_ten_pauses_of_the_rest(pause_s: f
     log_ns = steady(200)
     log_ns[100:] += round(pause_s * 1e9)
     early_ns = int(log_ns[0]) - 40_000 * MS
-    assert log_time_span_without_strays([np.append(early_ns, log_ns)])[0] == (log_ns[0] if is_stray else early_ns)
+    assert first_and_last_log_time_without_strays([np.append(early_ns, log_ns)])[0] == (
+        log_ns[0] if is_stray else early_ns
+    )
 
 
 def test_usual_log_times_keep_a_message_every_five_minutes() -> None:
     log_ns = T0_NS + np.arange(500, dtype=np.int64) * HOUR_NS // 12
-    assert log_time_span_without_strays([log_ns]) == (log_ns[0], log_ns[-1])
+    assert first_and_last_log_time_without_strays([log_ns]) == (log_ns[0], log_ns[-1])
 
 
 def test_usual_log_times_are_unsigned() -> None:
     log_ns = steady(200)
     beyond = np.array([2**63 + 5], dtype=np.uint64).view(np.int64)  # negative as int64, and last in the file
-    assert log_time_span_without_strays([np.append(log_ns, beyond)]) == (log_ns[0], log_ns[-1])
+    assert first_and_last_log_time_without_strays([np.append(log_ns, beyond)]) == (log_ns[0], log_ns[-1])
 
 
 def test_usual_log_times_of_hardly_any_messages() -> None:
     none = np.zeros(0, np.int64)
-    assert log_time_span_without_strays([]) == log_time_span_without_strays([none, none]) == (0, 0)
-    assert log_time_span_without_strays([np.array([7])]) == (7, 7)
-    assert log_time_span_without_strays([np.array([1]), np.array([T0_NS])]) == (
+    assert first_and_last_log_time_without_strays([]) == first_and_last_log_time_without_strays([none, none]) == (0, 0)
+    assert first_and_last_log_time_without_strays([np.array([7])]) == (7, 7)
+    assert first_and_last_log_time_without_strays([np.array([1]), np.array([T0_NS])]) == (
         1,
         T0_NS,
     )  # nothing tells which is wrong
-    assert log_time_span_without_strays([np.array([1, T0_NS, T0_NS + MS])]) == (T0_NS, T0_NS + MS)
+    assert first_and_last_log_time_without_strays([np.array([1, T0_NS, T0_NS + MS])]) == (T0_NS, T0_NS + MS)
 
 
 @pytest.mark.parametrize(

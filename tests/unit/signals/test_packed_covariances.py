@@ -20,7 +20,7 @@ def definite(n: int, k: int, *, least: float, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("least", [1.0, 1e-2, 1e-5, 1e-8])
 def test_packed_covariance_is_positive_definite_whatever_it_was(least: float) -> None:
-    dense = PackedCovariances.from_dense(definite(3000, 8, least=least)).to_dense()
+    dense = PackedCovariances.from_dense(definite(3000, 8, least=least)).to_dense_n_k_k()
     np.linalg.cholesky(dense)  # raises where one is not
     assert np.array_equal(dense, np.swapaxes(dense, 1, 2))
 
@@ -47,7 +47,7 @@ def test_step_of_correlations_is_small_beside_the_least_eigenvalue(least: float)
 
 def test_packed_covariances_are_read_like_an_array() -> None:
     packed = PackedCovariances.from_dense(definite(40, 8, least=0.1))
-    dense = packed.to_dense()
+    dense = packed.to_dense_n_k_k()
     rows = np.array([3, 1, 39])
     assert packed.shape == dense.shape and len(packed) == 40
     for key in (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals import cpm, etsi, j2735, sdsm
-from cwcli.signals.v2x_elements import decode_element
+from cwcli.signals.v2x_elements import decode_codes_to_values
 from cwcli.signals.v2x_tables import (
     Element,
     load_message_table,
@@ -201,7 +201,7 @@ STANDARDS = {"j2735": j2735.ELEMENTS, "etsi": etsi.ELEMENTS, "cpm": cpm.ELEMENTS
 @pytest.mark.parametrize(("standard", "quantity", "code", "expected"), BY_HAND)
 def test_decode_by_hand(standard: str, quantity: str, code: int, expected: float | None) -> None:
     element = STANDARDS[standard][quantity]
-    value = decode_element(element, np.array([float(code)]))[0]
+    value = decode_codes_to_values(element, np.array([float(code)]))[0]
     if expected is None:
         assert np.isnan(value)
     else:
@@ -216,8 +216,8 @@ def test_decode_is_nan_for_every_special_code_and_outside_the_range(standard: st
     element = STANDARDS[standard][quantity]
     outside = (element.low - 1, element.high + 1, 2_147_483_647, np.nan)
     raw = np.array([*element.unavailable, *element.out_of_range, *outside], dtype=np.float64)
-    assert np.isnan(decode_element(element, raw)).all()
-    assert np.isfinite(decode_element(element, np.array([element.low, element.high], dtype=np.float64))).all()
+    assert np.isnan(decode_codes_to_values(element, raw)).all()
+    assert np.isfinite(decode_codes_to_values(element, np.array([element.low, element.high], dtype=np.float64))).all()
 
 
 def test_by_hand_table_covers_every_element_and_every_special_code() -> None:

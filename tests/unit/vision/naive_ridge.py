@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import lane_stripes
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.lane_geometry import Pinhole, arc_parameters_of_parallel_line, image_columns_of_arcs
+from cwcli.signals.lane_geometry import Pinhole, far_near_bend_spiral_of_parallel_line, image_columns_of_arcs
 
 
 def mean_between(row: FloatArray, start: float, end: float) -> float:
@@ -77,7 +77,9 @@ def column(lane: FloatArray, place: float, h: float, *, min_h: float, centre: fl
     if abs(curvature) + 3.0 * abs(lane[5]) / focal / (1.0 + slope**2) ** 1.5 / min_h <= 0.2 * min_h:
         return float(lane[0] + place * h + lane[3] / h + lane[5] / h**2)
     if lane[5]:
-        road = np.array(arc_parameters_of_parallel_line(lane[0], place, lane[3], lane[5], Pinhole(centre, focal, 1.0)))
+        road = np.array(
+            far_near_bend_spiral_of_parallel_line(lane[0], place, lane[3], lane[5], Pinhole(centre, focal, 1.0))
+        )
         return float(image_columns_of_arcs(road, np.array(h), np.array(centre), np.array(focal)))
     x, y0 = 1.0 / h, place / focal
     centre_x = -slope / math.hypot(1.0, slope) / curvature  # of all lines

@@ -50,12 +50,12 @@ def test_a_frame_a_second_comes_in_colour_too() -> None:
     image = gradient(640, 480)
     data = encoded(image, ".jpg")
     frames = [FakeFrame(data, log_time_ns=k * 400_000_000) for k in range(6)]
-    made = list(decode_frames(frames, size_of=lambda *_: (320, 240), colour_every_ns=10**9))
+    made = list(decode_frames(frames, wanted_size_of=lambda *_: (320, 240), colour_every_ns=10**9))
     assert [each.colour is not None for each in made] == [True, False, False, True, False, False]
     assert made[0].colour is not None
     expected = cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
     np.testing.assert_allclose(made[0].colour.astype(float), expected, atol=6.0)
-    plain = list(decode_frames(frames, size_of=lambda *_: (320, 240)))
+    plain = list(decode_frames(frames, wanted_size_of=lambda *_: (320, 240)))
     assert all(each.colour is None for each in plain)
     np.testing.assert_array_equal(made[0].image, plain[0].image)
 
@@ -232,7 +232,7 @@ def test_log_time_that_is_no_time_is_a_reason(log_time_ns: int) -> None:
     frame = FakeFrame(encoded(gradient()), log_time_ns=log_time_ns)
     assert decode_frame(0, frame, same_size).rejection_reason == "log time before 1970 or after 2261"
     key = FakeFrame(parameters(4, 3) + key_picture(4, 3, 99), format="h264", log_time_ns=log_time_ns)
-    assert [each.rejection_reason for each in decode_frames([key], size_of=same_size)] == [
+    assert [each.rejection_reason for each in decode_frames([key], wanted_size_of=same_size)] == [
         "log time before 1970 or after 2261"
     ]
 
@@ -242,7 +242,7 @@ def test_frames_come_in_order_with_what_was_prepared() -> None:
     frames[4] = FakeFrame(b"rubbish", log_time_ns=4)
     decoded = list(
         decode_frames(
-            frames, size_of=same_size, prepare=lambda frame: int(np.asarray(frame.image)[0, 0]) + 1, n_threads=3
+            frames, wanted_size_of=same_size, prepare=lambda frame: int(np.asarray(frame.image)[0, 0]) + 1, n_threads=3
         )
     )
     assert [each.index for each in decoded] == list(range(30))
@@ -252,7 +252,7 @@ def test_frames_come_in_order_with_what_was_prepared() -> None:
 def test_video_is_decoded_in_order_among_other_frames() -> None:
     still = encoded(np.full((96, 128), 200, np.uint8), ".jpg")
     data = [FakeFrame(b"\x00\x00\x00\x01\x09\x10", format="h264"), *(FakeFrame(clip, format="h265") for clip in H265)]
-    decoded = list(decode_frames([*data, FakeFrame(still), *data[1:]], size_of=lambda w, h: (48, 32)))
+    decoded = list(decode_frames([*data, FakeFrame(still), *data[1:]], wanted_size_of=lambda w, h: (48, 32)))
     assert [each.index for each in decoded] == list(range(14))
     assert decoded[0].rejection_reason == "no picture comes out of the video"
     means = [float(each.image.mean()) for each in decoded[1:] if each.image is not None]
@@ -262,11 +262,11 @@ def test_video_is_decoded_in_order_among_other_frames() -> None:
 
 
 def test_video_comes_in_colour_at_full_size() -> None:
-    decoded = list(decode_frames([FakeFrame(clip, format="h265") for clip in H265], size_of=None))
+    decoded = list(decode_frames([FakeFrame(clip, format="h265") for clip in H265], wanted_size_of=None))
     assert [each.image.shape for each in decoded if each.image is not None] == [(64, 96, 3)] * 6
 
 
 def test_video_of_unusable_pictures_tells_why() -> None:
     tiny = parameters(1, 1) + key_picture(1, 1, 100)
-    [decoded] = decode_frames([FakeFrame(tiny, format="h264")], size_of=same_size)
+    [decoded] = decode_frames([FakeFrame(tiny, format="h264")], wanted_size_of=same_size)
     assert decoded.rejection_reason == "smaller than 32 x 32 pixels"

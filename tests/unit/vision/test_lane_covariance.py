@@ -11,7 +11,11 @@ from cwcli.simulation.road.camera import paper_camera, wide_camera
 from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_covariance as module
 from cwcli.vision.ground import GeometrySigmas, compute_lane_geometry
-from cwcli.vision.lane_covariance import COVARIANCE_SCALE, measure_lane_covariance, propagate_covariance_to_fit
+from cwcli.vision.lane_covariance import (
+    COVARIANCE_SCALE,
+    covariance_of_first_five_lane_numbers,
+    propagate_covariance_to_fit,
+)
 from cwcli.vision.lane_detect import StripeEvidence, search_first_frame
 from cwcli.vision.lane_model import BEND, first_frame_prior, fit_boundary_parabolas, pitch_from_horizon_rad
 from cwcli.vision.lane_tracker import LaneTracker
@@ -45,7 +49,7 @@ def test_the_covariance_of_a_known_objective(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(module, "lane_objectives", judged)
     monkeypatch.setattr(module, "CURVATURE_CHANGE_SIGMA_1PM2", 0.0)
     monkeypatch.setattr(module, "MAX_SIGMA_STEPS", 1e6)
-    made = measure_lane_covariance(evidence, lane, first_frame_prior(mounted()).table, mounted())
+    made = covariance_of_first_five_lane_numbers(evidence, lane, first_frame_prior(mounted()).table, mounted())
     np.testing.assert_allclose(made, COVARIANCE_SCALE / 2e-3 * np.linalg.inv(information), rtol=1e-6, atol=1e-9)
 
 
@@ -53,10 +57,10 @@ def test_what_is_hidden_is_less_exact(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "CURVATURE_CHANGE_SIGMA_1PM2", 0.0)
     lane, evidence = found()
     table = first_frame_prior(mounted()).table
-    whole = measure_lane_covariance(evidence, lane, table, mounted())
+    whole = covariance_of_first_five_lane_numbers(evidence, lane, table, mounted())
     sharp, broad = evidence.sharp.copy(), evidence.broad.copy()
     sharp[: len(sharp) // 2] = broad[: len(sharp) // 2] = 0.0  # nothing far away
-    hidden = measure_lane_covariance(replace(evidence, sharp=sharp, broad=broad), lane, table, mounted())
+    hidden = covariance_of_first_five_lane_numbers(replace(evidence, sharp=sharp, broad=broad), lane, table, mounted())
     assert hidden[BEND, BEND] > 2.0 * whole[BEND, BEND]
     for made in (whole, hidden):
         np.testing.assert_allclose(made, made.T, rtol=1e-9)

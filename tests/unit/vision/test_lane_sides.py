@@ -18,11 +18,11 @@ from cwcli.vision.lane_sides import (
     FrameStep,
     LinePairState,
     _update_line_comparison,
-    find_lane_by_one_line,
     initial_line_pair_state,
+    lane_by_one_line_and_paint_share,
     lane_middle_places_ahead_m,
     prior_with_known_width,
-    update_from_lines,
+    update_lane_and_line_state,
 )
 from tests.unit.vision import straight_road
 
@@ -125,7 +125,7 @@ def test_a_lane_beyond_its_limits_is_kept_at_them() -> None:
     grey = straight_road.picture([(0.5 * lane[WIDTH] - lane[MIDDLE]) / prior.place_units_per_m], 0.0, 0)
     evidence = measure_stripe_evidence(grey, sampled_road_rows(horizon_px + 5.0, size[1]), horizon_px, prior.pinhole)
     before = replace(initial_line_pair_state(lane), agreed_s=5.0, width=lane[WIDTH] + 0.2 * prior.place_units_per_m)
-    found, sides = update_from_lines(before, evidence, lane, prior, 0.0, FrameStep(size, 0.1, 0.8))
+    found, sides = update_lane_and_line_state(before, evidence, lane, prior, 0.0, FrameStep(size, 0.1, 0.8))
     assert sides.carried_side == RIGHT
     assert sides.by_one_line_s == 0.1
     assert found[MIDDLE] == table[MIDDLE, HIGH]
@@ -141,7 +141,7 @@ def test_a_lane_predicted_far_beyond_its_limits_is_sought_within_them() -> None:
     evidence = measure_stripe_evidence(grey, sampled_road_rows(horizon_px + 5.0, size[1]), horizon_px, prior.pinhole)
     lane = np.array([camera.cx, 0.0, straight_road.WIDTH_M * prior.place_units_per_m, 0.0, horizon_px, 0.0])
     lane[[VANISHING, BEND]] = 1.5 * table[[VANISHING, BEND], HIGH]
-    made, _ = find_lane_by_one_line(
+    made, _ = lane_by_one_line_and_paint_share(
         evidence, lane, narrow_prior_table(prior, lane, 0.1), size, LEFT, float(lane[WIDTH])
     )
     assert (made[[VANISHING, BEND]] <= table[[VANISHING, BEND], HIGH]).all()

@@ -23,7 +23,7 @@ from cwcli.vision.lane_covariance import propagate_covariance_to_fit
 from cwcli.vision.lane_following import (
     curvature_candidates,
     following_prior,
-    lane_change_direction,
+    lane_change_left_1_right_minus_1,
     narrow_prior_table,
     predict_lane,
     prior_with_driven_curvature,
@@ -171,9 +171,9 @@ def test_prediction_by_hand() -> None:
     # The camera beyond the left boundary is in the next lane.
     over = straight + np.array([0.0, 1.3, 0.0, 0.0, 0.0, 0.0])
     assert np.array_equal(predict_lane(over, camera, math.nan, math.nan, 0.1, prior), over)
-    assert lane_change_direction(over) == 1
-    assert lane_change_direction(over * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])) == -1
-    assert lane_change_direction(straight) == 0
+    assert lane_change_left_1_right_minus_1(over) == 1
+    assert lane_change_left_1_right_minus_1(over * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])) == -1
+    assert lane_change_left_1_right_minus_1(straight) == 0
     assert shift_to_adjacent_lane(over, 1)[1] == pytest.approx(1.3 - 2.2)
 
 

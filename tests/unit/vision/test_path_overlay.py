@@ -79,7 +79,7 @@ def test_path_of_a_standing_car_or_an_unknown_one_draws_nothing() -> None:
     for path in (standing, short, unknown):
         lines = project_path_into_image(path, CAMERA, width_m=1.8)
         assert not lines.in_image_mask.any()
-        assert len(lines.band_polygon()) == 0
+        assert len(lines.band_90_percent_polygon_uv_px()) == 0
         assert (draw_path(image, lines) == 90).all()
 
 
@@ -93,7 +93,9 @@ def test_car_that_slows_to_a_stop_is_drawn_to_where_it_stops() -> None:
 def test_part_outside_the_image_is_left_out() -> None:
     lines = project_path_into_image(arc(1 / 30.0, length_m=40.0), CAMERA, width_m=1.8)
     assert 2 < len(lines.line_points_in_image("centre")) < N_PATH_POINTS
-    kept = np.concatenate([lines.line_points_in_image(name) for name in PATH_LINE_NAMES] + [lines.band_polygon()])
+    kept = np.concatenate(
+        [lines.line_points_in_image(name) for name in PATH_LINE_NAMES] + [lines.band_90_percent_polygon_uv_px()]
+    )
     assert (kept >= -0.5).all() and (kept <= (639.5, 479.5)).all()
 
 

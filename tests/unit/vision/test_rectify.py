@@ -99,13 +99,13 @@ def test_coefficients_of_zero_are_no_distortion(model: str) -> None:
 def test_scene_is_not_shown_twice_where_the_polynomial_turns_back() -> None:
     # r - 0.3 r^3 is greatest at r = 1 / sqrt(0.9)
     folded = camera("plumb_bob", (-0.3, 0.0, 0.0, 0.0))
-    assert folded.max_undistorted_radius == pytest.approx(1.0 / math.sqrt(0.9), rel=0.01)
+    assert folded.max_undistorted_radius_over_depth == pytest.approx(1.0 / math.sqrt(0.9), rel=0.01)
     near, beyond = (
         map_rectified_to_camera_px(np.array([161.0 + 200.0 * radius, 88.0]), folded) for radius in (1.0, 1.1)
     )
     assert near[0] == pytest.approx(161.0 + 200.0 * 0.7)
     assert np.isnan(beyond).all()
-    assert camera("", ()).max_undistorted_radius == math.inf
+    assert camera("", ()).max_undistorted_radius_over_depth == math.inf
     wide = replace(folded, width_px=600, cx=300.0)
     white = Rectifier(wide.with_image_size).rectify_image(np.full((180, 600), 255, np.uint8), (600, 180))
     assert white[88, 300] == white[88, 300 + 200] == 255

@@ -62,7 +62,7 @@ def test_frames_between_two_searches_are_not_decoded() -> None:
     step_ns = 33_333_333
     data = [image if k % 2 == 0 else broken for k in range(7)]
     frames = [FakeFrame(each, log_time_ns=FIRST_NS + k * step_ns, stamp_ns=None) for k, each in enumerate(data)]
-    decoded = list(decode_frames(frames, size_of=lambda *_: (80, 60), search_clock=SearchClock()))
+    decoded = list(decode_frames(frames, wanted_size_of=lambda *_: (80, 60), search_clock=SearchClock()))
     assert [each.is_skipped for each in decoded] == [k % 2 > 0 for k in range(7)]
     assert [each.image is None for each in decoded] == [k % 2 > 0 for k in range(7)]
     assert {(each.width_px, each.height_px, each.rejection_reason) for each in decoded} == {(80, 60, "")}
@@ -73,7 +73,7 @@ def test_what_is_no_image_is_rejected_also_between_two_searches() -> None:
     image = encoded(np.full((60, 80), 90, np.uint8), ".jpg")
     data = [image, b"no image", image[:100], image]
     frames = [FakeFrame(each, log_time_ns=FIRST_NS + k * 33_333_333, stamp_ns=None) for k, each in enumerate(data)]
-    decoded = list(decode_frames(frames, size_of=lambda *_: (80, 60), search_clock=SearchClock()))
+    decoded = list(decode_frames(frames, wanted_size_of=lambda *_: (80, 60), search_clock=SearchClock()))
     assert [bool(each.rejection_reason) for each in decoded] == [False, True, True, False]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
-from cwcli.warning.kinds import WarningKind, classify_warnings
+from cwcli.warning.kinds import WarningKind, kind_of_each_warning
 from cwcli.warning.measures import PairStates
 from cwcli.warning.types import VehicleTrack, WarningConfig
 from tests.unit.warning.vehicles import seconds, straight
@@ -23,7 +23,7 @@ def _classify(**other: float) -> WarningKind:
     host[0, 2], host[0, 5] = other.pop("host_speed", 15.0), other.pop("host_yaw_rate", 0.0)
     host[0, 4] = other.pop("host_accel", 0.0)
     theirs = np.array([[other.get(name, 0.0) for name in ("x", "y", "v", "heading", "a", "w", "j")]])
-    return WarningKind(classify_warnings(PairStates(host, theirs, np.zeros(1, np.bool_), (CAR, CAR)))[0])
+    return WarningKind(kind_of_each_warning(PairStates(host, theirs, np.zeros(1, np.bool_), (CAR, CAR)))[0])
 
 
 @pytest.mark.parametrize(
