@@ -2,8 +2,9 @@
 
 The standard decorator compiles five methods for each class while its module is imported, half a millisecond each time:
 a fifth of a short `estimate`. This one gives the class small stand-ins. The first instances are filled by a loop over
-the fields; after `MAX_FILLED` of them, or when anything else of a data class is used (`==`, `hash`, `repr`, `replace`,
-`fields`, a wrong argument), the standard decorator makes the methods, and they take the place of the stand-ins.
+the fields; after `MAX_FILLED` of them, or when a method of a data class is used (`==`, `repr`, a wrong argument), the
+standard decorator makes the methods, and they take the place of the stand-ins. What `fields` and `replace` ask for, a
+description of each field, is made without any method.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ MAX_FILLED = 64
 microseconds an instance, and compiling as long as a hundred of them."""
 _COPIED = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "__init__")
 """Methods and attributes that are taken from the compiled class; `__init__` comes last, so that threads see all."""
-_ON_DEMAND = ("__dataclass_fields__", "__dataclass_params__", "__match_args__", "__signature__")
+_ON_DEMAND = ("__dataclass_params__", "__match_args__", "__signature__")
 """Class attributes whose first use compiles the class."""
 _HAS_REPLACE = sys.version_info >= (3, 13)
 """Whether data classes have a `__replace__`, for `copy.replace` (Python 3.13)."""
@@ -41,6 +42,8 @@ _CLASS_VARIABLE = re.compile(r"(\w+\.)*ClassVar\b")
 _lock = threading.RLock()
 _MISSING: Any = object()
 """Marks a field without a default."""
+_PlainField = tuple[str, Any, Any, bool]
+"""Name, default, default factory, and whether the field is an argument by keyword alone."""
 
 
 def _defer_class_methods(owner: type, settings: dict[str, bool]) -> type:
@@ -88,6 +91,16 @@ class _Attribute:
         return getattr(owner, self._name)  # without a `__signature__`, that of `__init__` counts
 
 
+class _FieldDescriptions:
+    """`__dataclass_fields__` of a data class before its first use."""
+
+    def __init__(self, deferred: _Deferred) -> None:
+        self._deferred = deferred
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        return self._deferred.describe_fields()
+
+
 class _Deferred:
     """A data class whose methods are not compiled yet.
 
@@ -101,7 +114,7 @@ class _Deferred:
         self.n_filled = 0
         self.body = dict(vars(owner))
         self._settings = settings
-        self._fields: tuple[tuple[str, Any, Any], ...] | None = None
+        self._fields: tuple[_PlainField, ...] | None = None
         self._stand_ins: dict[str, object] = {}
         self._is_compiled = False
         _DEFERRED[owner] = self
@@ -134,6 +147,7 @@ class _Deferred:
                 self._set_stand_in(name, value)
         for name in _ON_DEMAND:
             self._set_stand_in(name, _Attribute(self, name))
+        self._set_stand_in("__dataclass_fields__", _FieldDescriptions(self))
         if is_frozen:
             type.__setattr__(self.owner, "__setattr__", _make_frozen_setattr(self.owner))
             type.__setattr__(self.owner, "__delattr__", _refuse_to_delete(self.owner))
@@ -161,15 +175,36 @@ class _Deferred:
                 if name in found and (now is _MISSING or now is self._stand_ins.get(name, _MISSING)):
                     setattr(owner, name, found[name])
 
-    def plain_fields(self) -> tuple[tuple[str, Any, Any], ...] | None:
-        """Name, default and default factory of each field, bases first; None where a loop can't fill them."""
-        if self._fields is None and not self._settings.get("kw_only"):
-            fields: dict[str, tuple[str, Any, Any]] = {}
+    def describe_fields(self) -> dict[str, Any]:
+        """Name -> `dataclasses.Field`, bases first, made by the standard decorator of a class that has nothing else."""
+        import dataclasses
+
+        with _lock:
+            owner = self.owner
+            found: Any = vars(owner)["__dataclass_fields__"]
+            if not isinstance(found, _FieldDescriptions):
+                return found
+            annotations = self._own_annotations()
+            body = {name: self.body[name] for name in annotations if name in self.body}
+            body |= {"__annotations__": annotations, "__module__": owner.__module__, "__doc__": "The fields alone."}
+            alone = dataclasses.dataclass(
+                init=False, repr=False, eq=False, match_args=False, kw_only=self._settings.get("kw_only", False)
+            )(type(owner.__name__, (), body))
+            fields: dict[str, Any] = {}
+            for base in owner.__mro__[-1:0:-1]:
+                fields |= getattr(base, "__dataclass_fields__", {})
+            fields |= vars(alone)["__dataclass_fields__"]
+            type.__setattr__(owner, "__dataclass_fields__", fields)
+            return fields
+
+    def plain_fields(self) -> tuple[_PlainField, ...] | None:
+        """Those of the instance, bases first; None where a loop can't fill them."""
+        if self._fields is None:
+            fields: dict[str, _PlainField] = {}
             for base in reversed(self.owner.__mro__):
                 deferred = _DEFERRED.get(base)
                 own = () if deferred is None else deferred._own_fields()
-                has_keywords = deferred is not None and deferred._settings.get("kw_only", False)
-                if own is None or has_keywords or (deferred is None and "__dataclass_fields__" in vars(base)):
+                if own is None or (deferred is None and "__dataclass_fields__" in vars(base)):
                     return None
                 fields.update((field[0], field) for field in own)
             self._fields = tuple(fields.values())
@@ -179,8 +214,9 @@ class _Deferred:
         """Those of the class itself, without its bases'."""
         return dict(vars(self.owner).get("__annotations__", {}))
 
-    def _own_fields(self) -> list[tuple[str, Any, Any]] | None:
-        found = []
+    def _own_fields(self) -> list[_PlainField] | None:
+        found: list[_PlainField] = []
+        is_keyword = self._settings.get("kw_only", False)
         for name, annotation in self._own_annotations().items():
             if not isinstance(annotation, str) or "InitVar" in annotation or "KW_ONLY" in annotation:
                 return None
@@ -188,14 +224,14 @@ class _Deferred:
                 continue
             value: Any = self.body.get(name)
             if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
-                if not value.init or value.kw_only is True:
+                if not value.init:
                     return None
                 default, factory = (
                     each if _is_given_default(each) else _MISSING for each in (value.default, value.default_factory)
                 )
-                found.append((name, default, factory))
+                found.append((name, default, factory, is_keyword or value.kw_only is True))
             else:
-                found.append((name, getattr(self.owner, name, _MISSING), _MISSING))
+                found.append((name, getattr(self.owner, name, _MISSING), _MISSING, is_keyword))
         return found
 
 
@@ -227,16 +263,18 @@ def _make_init(deferred: _Deferred) -> Any:
 
 
 def _bind_arguments(
-    fields: tuple[tuple[str, Any, Any], ...] | None, args: tuple[Any, ...], kwargs: dict[str, Any]
+    fields: tuple[_PlainField, ...] | None, args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> dict[str, Any] | None:
     """The value of each field by name; None where the arguments do not fit, which the compiled method says."""
     if fields is None or len(args) > len(fields):
         return None
     values: dict[str, Any] = {}
     n_named = 0
-    for k, (name, default, factory) in enumerate(fields):
-        if k < len(args):
-            values[name] = args[k]
+    n_placed = 0
+    for name, default, factory, is_keyword in fields:
+        if n_placed < len(args) and not is_keyword:
+            values[name] = args[n_placed]
+            n_placed += 1
         elif name in kwargs:
             values[name] = kwargs[name]
             n_named += 1
@@ -246,7 +284,7 @@ def _bind_arguments(
             values[name] = default
         else:
             return None
-    return values if n_named == len(kwargs) else None
+    return values if n_placed == len(args) and n_named == len(kwargs) else None
 
 
 def _make_compiling_method(deferred: _Deferred, name: str) -> Any:

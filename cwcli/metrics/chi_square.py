@@ -5,22 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-from cwcli.kernels.gamma import lower_gamma_series, upper_gamma_fraction
-
-
-def chi_square_cdf(x: float, dof: float) -> float:
-    """Return the probability that a chi-square variable with `dof` degrees of freedom is at most x.
-
-    Regularised incomplete gamma function: its series below the mean, its continued fraction above (Abramowitz and
-    Stegun 6.5.29, 6.5.31).
-    """
-    if x <= 0.0:
-        return 0.0
-    a, h = 0.5 * dof, 0.5 * x
-    front = math.exp(a * math.log(h) - h - math.lgamma(a))
-    if h < a + 1.0:
-        return front * lower_gamma_series(a, h)
-    return 1.0 - front * upper_gamma_fraction(a, h)
+from cwcli.kernels import gamma
 
 
 @lru_cache(maxsize=256)
@@ -32,18 +17,7 @@ def chi_square_quantile(probability: float, dof: float) -> float:
     """
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability {probability} is not between 0 and 1")
-    low, high = 0.0, dof + 10.0
-    while chi_square_cdf(high, dof) < probability:
-        high *= 2.0
-    for _ in range(200):
-        middle = 0.5 * (low + high)
-        if chi_square_cdf(middle, dof) < probability:
-            low = middle
-        else:
-            high = middle
-        if high - low <= 1e-12 * high:
-            break
-    return 0.5 * (low + high)
+    return gamma.chi_square_quantile(probability, dof, math.lgamma(0.5 * dof))
 
 
 def nis_gate_limit(probability: float, dof: int) -> float:

@@ -35,8 +35,8 @@ COMMANDS = (
 )
 """In this order: some read what those before them have written."""
 SAME = {".mcap", ".csv", ".parquet", ".html", ".json", ".gpx", ".toml"}
-NEVER_SAME = {"manifest.json"}
-"""It tells how long each log took."""
+NEVER_SAME = {"run_times.json"}
+"""It says how long each log took, and where it lay (docs/fleet.md)."""
 
 
 def cwcli(folder: Path, environment: dict[str, str], *arguments: str) -> None:

@@ -210,7 +210,9 @@ def can(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
         return None
     made: Tables = {table.part: [] for table in tables}
     columns = {table.part: table.columns for table in tables}
-    with reader[paths[0].suffix](paths[0]) as frames:
+    # The official reader gives up on text that is not UTF-8; with the bytes replaced it reads what we read.
+    trace = paths[0] if paths[0].suffix == ".blf" else io.StringIO(paths[0].read_text("utf-8", errors="replace"))
+    with reader[paths[0].suffix](trace) as frames:
         for frame in frames:
             for message in database.messages:
                 is_it = message.frame_id == frame.arbitration_id and message.is_extended_frame == frame.is_extended_id

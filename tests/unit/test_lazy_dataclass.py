@@ -68,6 +68,13 @@ def classes(decorator: Decorator) -> dict[str, type[Any]]:
         b: int = 2
 
     @decorator(frozen=True)
+    class Both(Named):
+        """By keyword, but for one."""
+
+        place: int = 3
+        note: str = field(default="n", kw_only=True)
+
+    @decorator(frozen=True)
     class Box(Generic[T]):  # noqa: PLW1641 - it gets a hash from the decorator
         """Of anything, with its own words and its own equality."""
 
@@ -89,7 +96,7 @@ def classes(decorator: Decorator) -> dict[str, type[Any]]:
     class Plain(Point):
         """No data class itself."""
 
-    return {kind.__name__: kind for kind in (Point, Place, Counter, Named, Box, Late, Plain)}
+    return {kind.__name__: kind for kind in (Point, Place, Counter, Named, Both, Box, Late, Plain)}
 
 
 def outcome(action: Callable[[dict[str, type[Any]]], Any], decorator: Decorator) -> str:
@@ -118,6 +125,19 @@ ACTIONS: dict[str, Callable[[dict[str, type[Any]]], Any]] = {
     "too-many": lambda of: of["Counter"](1, 2),
     "keywords-only": lambda of: of["Named"](1),
     "by-keyword": lambda of: of["Named"](a=1),
+    "keywords-behind": lambda of: vars(of["Both"](7, a=1)),
+    "keywords-behind-after-fields": lambda of: (dataclasses.fields(of["Both"]), vars(of["Both"](7, a=1, note="m")))[1],
+    "keyword-in-place": lambda of: of["Both"](7, 8),
+    "keyword-missing": lambda of: of["Both"](7),
+    "fields-then-the-rest": lambda of: (
+        [(each.name, each.type, each.default, each.kw_only) for each in dataclasses.fields(of["Place"])],
+        of["Place"](name="a") == of["Place"](name="a"),
+        repr(of["Place"](name="a")),
+    ),
+    "fields-of-each": lambda of: [
+        [(each.name, each.compare, each.repr, each.init, each.kw_only) for each in dataclasses.fields(of[name])]
+        for name in sorted(of)
+    ],
     "refuses-to-set": lambda of: setattr(of["Point"](1.0), "x", 2),
     "refuses-a-new-one": lambda of: setattr(of["Point"](1.0), "other", 2),
     "refuses-to-delete": lambda of: delattr(of["Point"](1.0), "x"),
@@ -143,6 +163,14 @@ ACTIONS: dict[str, Callable[[dict[str, type[Any]]], Any]] = {
     "bases": lambda of: [kind.__name__ for kind in of["Place"].__mro__],
     "words": lambda of: of["Point"].__doc__,
 }
+
+
+def test_fields_and_replace_compile_no_method() -> None:
+    kinds = classes(lazy_dataclass.dataclass)
+    stand_in = vars(kinds["Place"])["__init__"]
+    assert [each.name for each in dataclasses.fields(kinds["Place"])] == ["x", "y", "tags", "note", "name"]
+    assert dataclasses.replace(kinds["Place"](name="a"), x=9.0).x == 9.0
+    assert vars(kinds["Place"])["__init__"] is stand_in
 
 
 @pytest.mark.parametrize("name", ACTIONS)
