@@ -50,7 +50,7 @@ def compare_settings(before: Log, after: Log) -> Iterator[SettingChange]:
         records = early.get(stage, {}), late.get(stage, {})
         with_constants = all(CALIBRATION_KEY in record for record in records)
         settings = [_read_settings(record, with_constants=with_constants) for record in records]
-        for change in _iter_changed_values(*settings):
+        for change in _iter_changed_values(settings[0], settings[1]):
             if change not in named:
                 yield SettingChange(stage, *change)
             if change[0].startswith(CALIBRATION_KEY):
@@ -62,14 +62,16 @@ def _iter_changed_values(
 ) -> Iterator[tuple[str, str, str]]:
     """Yield dotted name and both values as JSON of the entries that differ; an object is entered if both have one."""
     for name in dict.fromkeys((*before, *after)):
-        values = before.get(name), after.get(name)
-        if values[0] == values[1] and (name in before) == (name in after):
+        was, now = before.get(name), after.get(name)
+        if was == now and (name in before) == (name in after):
             continue
-        if isinstance(values[0], dict) and isinstance(values[1], dict) and name not in SELECTION_KEYS:
-            yield from _iter_changed_values(*values, f"{prefix}{name}.")
+        if isinstance(was, dict) and isinstance(now, dict) and name not in SELECTION_KEYS:
+            yield from _iter_changed_values(was, now, f"{prefix}{name}.")
         else:
-            texts = [json.dumps(each[name], sort_keys=True) if name in each else "" for each in (before, after)]
-            yield f"{prefix}{name}", *texts
+            texts = [
+                json.dumps(each[name], sort_keys=True, default=str) if name in each else "" for each in (before, after)
+            ]
+            yield f"{prefix}{name}", texts[0], texts[1]
 
 
 def _read_settings(record: Record, *, with_constants: bool) -> dict[str, Any]:

@@ -183,7 +183,8 @@ def change_constant(base: Base, capsys: pytest.CaptureFixture[str], seed: int) -
     log = compare(capsys, base, base.run(f"constant{seed}", calibration=changed))
     ((stage, its_name, was, now),) = settings(log)
     assert (stage, its_name) == ("estimate", f"calibration.{table}.{name}.value")
-    assert (float(was), float(now)) == (values["value"], pytest.approx(new, rel=1e-5))
+    assert float(was) == values["value"]
+    assert float(now) == pytest.approx(new, rel=1e-5)
 
 
 def change_message(base: Base, capsys: pytest.CaptureFixture[str], seed: int) -> None:
