@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from pyarrow import parquet
 
 from cwcli.logs.read.reader import Log
 from tests.recipes.conftest import Built
@@ -51,7 +52,8 @@ def test_a_stage_runs_is_judged_and_stands_in_info_config_help_docs_and_layout(b
     assert "| `lateral_accel_mps2` | double | m/s^2 | To the left. |" in docs
     assert shows(house, "/cwcli/ego/comfort")
     house.run("run", SAMPLES / "*.mcap", "-d", "many", "--stage", "estimate,comfort", "--quiet")
-    assert len([*(house.folder / "many").rglob("comfort.parquet")]) == len([*SAMPLES.glob("*.mcap")])
+    table = parquet.read_table(house.folder / "many" / "details" / "comfort.parquet")
+    assert set(table["log"].to_pylist()) == {path.stem for path in SAMPLES.glob("*.mcap")}
 
 
 def test_a_channel_is_written_read_back_bound_and_stands_in_docs_and_layout(built: Built) -> None:

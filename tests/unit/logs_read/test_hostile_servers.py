@@ -47,7 +47,7 @@ def test_hostile_server_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     answer, words = HOSTILE_SERVERS[name]
     with serve(answer) as url, pytest.raises(InputError) as told:
-        Log.open(url, timeout_s=1.0, max_pipe_bytes=20_000_000)
+        Log.open(url, timeout_s=3.0, max_pipe_bytes=20_000_000)
     said = f"{told.value} {told.value.hint}"
     assert re.search(words, said), said
     assert SECRET not in said and "\n" not in said
