@@ -134,7 +134,7 @@ def display_width(text: str) -> int:
 
 
 def wrap_text(text: str, width: int) -> list[str]:
-    """Wrap a text into lines of at most `width` cells, at spaces, else after `/ _ . ,`, else anywhere."""
+    """Wrap a text into lines of at most `width` cells, at spaces, else after `/ _ . ,`, else `-`, else anywhere."""
     lines: list[str] = []
     rest = text
     width = max(width, 1)
@@ -157,7 +157,7 @@ def _line_break_position(text: str, width: int) -> int:
     fits = max(fits, 1)
     if text[fits : fits + 1] == " ":
         return fits
-    for breaks in (" ", "/_.,"):
+    for breaks in (" ", "/_.,", "-"):
         best = max((text.rfind(mark, 1, fits) for mark in breaks), default=-1)
         if best > 0:
             return best + 1 if breaks != " " else best

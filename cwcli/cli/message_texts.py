@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from cwcli.cli.text import finite_or_none, format_count, format_number, shorten_and_escape
 
 if TYPE_CHECKING:
-    from cwcli.evaluation.message_changes import ChannelChange, LogDifference, SettingChange, WarningChange
+    from cwcli.evaluation.message_changes import ChannelChange, LogDifference, WarningChange
+    from cwcli.evaluation.setting_changes import SettingChange
     from cwcli.fleet.message_changes import RunDifference
 
 MAX_VALUE_CHARS = 60

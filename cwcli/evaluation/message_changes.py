@@ -10,19 +10,18 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.published import OWN_TOPIC_PREFIX, WARNINGS, schema_name_by_published_topic
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events
+from cwcli.evaluation.setting_changes import SettingChange, compare_settings
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import IMAGE_SCHEMAS
 from cwcli.logs.read.message_checksums import read_log_times_and_crc32_of_messages
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import read_configuration, read_run_records
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings
 from cwcli.signals.inputs import normalise_schema_name
 from cwcli.signals.units import NS_PER_S
@@ -30,26 +29,7 @@ from cwcli.signals.units import NS_PER_S
 SAME_WARNING_S = 3.0
 """Warnings of one rule about one vehicle that were raised so near each other are the same one, s. Chosen by hand:
 the hold-off of the rules is 1 s."""
-SELECTION_KEYS = ("topics",)
-"""Entries of a configuration that are compared as a whole."""
-
 BoolArray = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class SettingChange:
-    """A setting of a stage that differs between two runs.
-
-    Attributes:
-        stage: The stage.
-        name: `version`, or the dotted name in its configuration: `estimator.gate_probability`.
-        before, after: Its values as JSON; "" where a run has none.
-    """
-
-    stage: str
-    name: str
-    before: str
-    after: str
 
 
 @dataclass(frozen=True)
@@ -135,7 +115,7 @@ def compare_messages(before: Log, after: Log, tolerances: Mapping[str, float] | 
     topics = _topics_in_order(before, after)
     changes = [_compare_topic(before, after, topic, tolerances or {}) for topic in topics]
     return LogDifference(
-        tuple(_compare_settings(before, after)),
+        tuple(compare_settings(before, after)),
         tuple(change for change in changes if change is not None),
         tuple(_compare_warnings(before, after)),
         before.start_ns,
@@ -258,10 +238,28 @@ def _field_difference_mask(
             np.array([values.setdefault(text, len(values)) for text in each.values] + [-1]) for each in (one, other)
         ]
         return np.asarray(codes[0][one.codes[early_rows]] != codes[1][other.codes[late_rows]])
+    if isinstance(one, Ragged) and isinstance(other, Ragged):
+        return _sequence_difference_mask(one, other, early_rows, late_rows, tolerances.get(field_name, 0.0))
     texts = [
         [_field_text_of_row(each, int(row)) for row in those] for each, those in ((one, early_rows), (other, late_rows))
     ]
     return np.array([left != right for left, right in zip(*texts, strict=True)], np.bool_)
+
+
+def _sequence_difference_mask(
+    one: Ragged,
+    other: Ragged,
+    early_rows: npt.NDArray[np.intp],
+    late_rows: npt.NDArray[np.intp],
+    tolerance: float,
+) -> BoolArray:
+    """Return which pairs of sequences have other lengths, or numbers that differ by more than a tolerance."""
+    differs = np.diff(one.offsets)[early_rows] != np.diff(other.offsets)[late_rows]
+    for k in np.flatnonzero(~differs):
+        left = one.values[one.offsets[early_rows[k]] : one.offsets[early_rows[k] + 1]]
+        right = other.values[other.offsets[late_rows[k]] : other.offsets[late_rows[k] + 1]]
+        differs[k] = bool(_number_difference_mask(left.astype(float), right.astype(float), tolerance).any())
+    return np.asarray(differs)
 
 
 def _number_difference_mask(early_numbers: FloatArray, late_numbers: FloatArray, tolerance: float) -> BoolArray:
@@ -298,33 +296,6 @@ def _largest_number_difference(
     apart = np.abs(early_field[early_rows].astype(float) - late_field[late_rows].astype(float))
     known = apart[np.isfinite(apart)]
     return float(known.max()) if len(known) else math.nan
-
-
-def _compare_settings(before: Log, after: Log) -> Iterator[SettingChange]:
-    """Yield the settings that differ, stage by stage."""
-    early, late = read_run_records(before), read_run_records(after)
-    for stage in dict.fromkeys((*early, *late)):
-        settings = [
-            {"version": json.dumps(record.get("version", "")), **_dotted_name_to_json_text(read_configuration(record))}
-            if record
-            else {}
-            for record in (early.get(stage, {}), late.get(stage, {}))
-        ]
-        for name in dict.fromkeys((*settings[0], *settings[1])):
-            values = [each.get(name, "") for each in settings]
-            if values[0] != values[1]:
-                yield SettingChange(stage, name, *values)
-
-
-def _dotted_name_to_json_text(nested_objects: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """Return dotted name -> value as JSON of the entries of nested objects."""
-    found: dict[str, str] = {}
-    for name, value in nested_objects.items():
-        if isinstance(value, dict) and value and name not in SELECTION_KEYS:
-            found |= _dotted_name_to_json_text(value, f"{prefix}{name}.")
-        else:
-            found[f"{prefix}{name}"] = json.dumps(value, sort_keys=True)
-    return found
 
 
 def _compare_warnings(before: Log, after: Log) -> list[WarningChange]:

@@ -28,10 +28,13 @@ from cwcli.fleet.input_states import INPUTS_KEY
 from cwcli.fleet.run import lock_folder
 from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, write_tables
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.remote import copy_remote_folder, is_remote_url
 from cwcli.output import make_folder
 
 RUN_AGAIN_HINT = "run the shard again with the same command: it continues"
 """Advice on a shard that was killed."""
+COPIES_FOLDER = ".merge"
+"""Subfolder of the output folder with copies of shards from a store while they are merged; a run never uses it."""
 COMMON_KEYS = ("format", "cwcli", "run_id", "pipeline")
 """Keys of the manifest that all shards share."""
 
@@ -68,7 +71,7 @@ def merge_shards(
     linked where the file system can, else copied.
 
     Args:
-        folders: The output folders of the shards.
+        folders: The output folders of the shards, on this machine or as URLs of a store, which are copied first.
         out: The folder of the whole run: new, or of a merge that was killed.
         report: Called with the number of merged logs and of all.
 
@@ -78,10 +81,34 @@ def merge_shards(
             or the output is one of them.
         OutputError: The folder holds something else, is in use, or can't be written.
     """
-    shards = [_read_shard(Path(each)) for each in folders]
     target = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
+    scratch = target / COPIES_FOLDER
+    try:
+        return _merge_folders([_local_folder(each, scratch) for each in folders], target, report)
+    finally:
+        if any(map(is_remote_url, folders)):
+            shutil.rmtree(scratch, ignore_errors=True)
+            with suppress(OSError):  # it is empty where nothing was merged
+                target.rmdir()
+
+
+def _local_folder(folder: str, scratch: Path) -> Path:
+    """Return the folder, or that of a copy below `scratch` if it is a URL."""
+    if not is_remote_url(folder):
+        return Path(folder)
+    scheme, _, path = folder.partition("://")
+    copy = scratch.joinpath(scheme, *(part for part in path.split("/") if part not in {"", ".", ".."}))
+    copy_remote_folder(folder, copy)
+    return copy
+
+
+def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int, int], None]) -> MergeResult:
+    """Merge folders on this machine."""
+    shards = [_read_shard(each) for each in folders]
     if any(target.resolve() == each.path.resolve() for each in shards):
-        raise UsageError("the output folder is one of the shards", where=str(out), hint="name another folder with -d")
+        raise UsageError(
+            "the output folder is one of the shards", where=str(target), hint="name another folder with -d"
+        )
     _require_equal_runs(shards)
     _require_all_shards(shards)
     entries = _collect_entries(shards)

@@ -48,6 +48,11 @@ PARQUET_MAGIC = b"PAR1"
 """First and last bytes of a Parquet file. Source: the Parquet format."""
 ROWS_PER_GROUP, ROWS_PER_NESTED_GROUP = 65_536, 4_096
 """Rows of a row group, and of one with lists, which are larger. Chosen by hand: a few MB are held for each table."""
+ROWS_PER_READ = 4_096
+"""Rows that are read at a time of each table of each shard. Chosen by hand: 8 shards hold some MB."""
+PIECES_PER_BLOCK = 256
+"""Rows of so many logs are joined to one block: each log's piece takes some kB of memory, however few its rows. Chosen
+by hand."""
 MAX_OPEN_FILES = 400
 """Number of files that are open at a time; chosen: below the 1,024 that most systems allow."""
 
@@ -159,7 +164,7 @@ def _iter_rows_by_log(path: Path) -> Iterator[tuple[str, pa.RecordBatch]]:
 
     try:
         with parquet.ParquetFile(path) as file:
-            for batch in file.iter_batches(ROWS_PER_GROUP, use_threads=False):
+            for batch in file.iter_batches(ROWS_PER_READ, use_threads=False):
                 runs = pc.run_end_encode(batch.column(LOG_COLUMN))
                 start = 0
                 for id, end in zip(runs.values.to_pylist(), runs.run_ends.to_pylist(), strict=True):
@@ -242,7 +247,8 @@ class _TableWriter:
         output = stack.enter_context(open_output(path, force=True, durable=False, together=together))
         sink = stack.enter_context(pa.PythonFile(ArrowSink(output), "w"))
         self._writer = stack.enter_context(parquet.ParquetWriter(sink, self._schema, compression="zstd"))
-        self._pending: list[pa.Table] = []
+        self._pending: list[pa.Table] = []  # blocks in order
+        self._pieces: list[pa.Table] = []  # of single logs, after the blocks
         self._n_pending = 0
 
     def add(self, id: str, rows: pa.Table) -> None:
@@ -253,8 +259,11 @@ class _TableWriter:
         common = [pa.repeat(pa.scalar(id), n), pa.repeat(pa.scalar(self._run_id), n)]
         version = pa.repeat(pa.scalar(TABLES_SCHEMA_VERSION, pa.int32()), n)
         columns = conform_columns(decode_dictionaries(rows), self._own)
-        self._pending.append(pa.Table.from_arrays([common[0], *columns, common[1], version], schema=self._schema))
+        self._pieces.append(pa.Table.from_arrays([common[0], *columns, common[1], version], schema=self._schema))
         self._n_pending += n
+        if len(self._pieces) >= PIECES_PER_BLOCK:
+            self._pending.append(pa.concat_tables(self._pieces).combine_chunks())
+            self._pieces = []
         if self._n_pending >= self._n_rows:
             self._write_pending(all_rows=False)
 
@@ -266,13 +275,14 @@ class _TableWriter:
         import pyarrow as pa
 
         # how rows are cut into arrays shows in the file: they are made one array first
-        rows = pa.concat_tables(self._pending).combine_chunks() if self._pending else self._schema.empty_table()
+        parts = [*self._pending, *self._pieces]
+        rows = pa.concat_tables(parts).combine_chunks() if parts else self._schema.empty_table()
         n_whole = len(rows) if all_rows else len(rows) // self._n_rows * self._n_rows
         for start in range(0, n_whole, self._n_rows):
             group = rows.slice(start, min(self._n_rows, n_whole - start))
             self._writer.write_table(group, row_group_size=self._n_rows)
         rest = rows.slice(n_whole)
-        self._pending, self._n_pending = ([rest] if len(rest) else []), len(rest)
+        self._pending, self._pieces, self._n_pending = ([rest] if len(rest) else []), [], len(rest)
 
 
 def iter_table_names(out: Path) -> Iterator[str]:

@@ -443,7 +443,7 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
 
 def can_be_gps_seconds(instants: Instants) -> bool:
     """Tell whether numbers, as seconds since the GPS epoch, lie between the first logs of vehicles and today."""
-    values = instants.values()
+    values = instants.values_or_nan()
     finite = values[np.isfinite(values)]
     return bool(len(finite)) and _is_recent_gps_time(float(np.median(finite)))
 

@@ -12,6 +12,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import fsspec
 import pytest
 
 from cwcli.cli.main import run_command_line
@@ -56,6 +57,29 @@ def test_merged_shards_equal_one_run(runs: Path, tmp_path: Path) -> None:
     assert sorted(map(len, parts)) == [1, 2]
     assert merge(runs, "shard2", "shard1", out=tmp_path / "merged") == EXIT_DONE
     assert tree(tmp_path / "merged") == tree(runs / "whole")
+
+
+def test_shards_in_a_store_are_merged_like_those_of_this_machine(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = fsspec.filesystem("memory")
+    for k in range(1, N_SHARDS + 1):
+        store.put(f"{runs}/shard{k}/", f"/bucket/shard{k}/", recursive=True)
+    urls = [f"memory://bucket/shard{k}" for k in range(1, N_SHARDS + 1)]
+    target = str(tmp_path / "merged")
+    assert run_command_line(["merge", *urls, "-d", target, "-q"]) == EXIT_DONE
+    assert tree(Path(target)) == tree(runs / "whole")
+    assert not (Path(target) / ".merge").exists()
+    table = next(name for name in store.find("/bucket/shard2") if name.endswith("metrics.parquet"))
+    store.pipe_file(table, store.cat_file(table)[:-3])  # the upload of the shard broke off
+    other = tmp_path / "other"
+    assert run_command_line(["merge", *urls, "-d", str(other), "-q"]) == EXIT_BAD_INPUT
+    assert "tables of the run are missing or changed" in " ".join(capsys.readouterr().err.split())
+    assert run_command_line(["merge", "memory://bucket/none", "-d", str(other), "-q"]) == EXIT_BAD_INPUT
+    assert "memory://bucket/none: there is no such folder" in " ".join(capsys.readouterr().err.split())
+    assert run_command_line(["merge", "https://host/shard1", "-d", str(other), "-q"]) == EXIT_USAGE
+    assert "a web server has no folders" in " ".join(capsys.readouterr().err.split())
+    assert not other.exists()
 
 
 def test_merge_that_was_killed_goes_on(runs: Path, tmp_path: Path) -> None:

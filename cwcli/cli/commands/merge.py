@@ -18,7 +18,9 @@ EXAMPLES = (
 
 
 def command(
-    shards: Annotated[list[str], typer.Argument(metavar="SHARD", help="Output folders of all shards of one run.")],
+    shards: Annotated[
+        list[str], typer.Argument(metavar="SHARD", help="Output folders or s3:// URLs of all shards of one run.")
+    ],
     talk: TalkOptions,
     directory: Annotated[str, typer.Option("--directory", "-d", metavar="DIR", help="Write the whole run here.")],
 ) -> None:

@@ -13,7 +13,8 @@ import pytest
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, WARNINGS
 from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
-from cwcli.evaluation.message_changes import LogDifference, SettingChange, compare_messages
+from cwcli.evaluation.message_changes import LogDifference, compare_messages
+from cwcli.evaluation.setting_changes import SettingChange, compare_settings
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import Strings
@@ -30,7 +31,7 @@ CONFIGURATION: dict[str, Any] = {
 
 def write(path: Path, **changes: Any) -> Path:
     """An annotated log: a recorded topic, states in hindsight and online, two warnings, and a record."""
-    status = [{"speed": 0.5 * k, "name": "drive"} for k in range(N)]
+    status = [{"speed": 0.5 * k, "name": "drive", "ranges": [1.0] * (1 + k % 3)} for k in range(N)]
     for row, field, value in changes.get("status", ()):
         status[row][field] = value
     kept = [k for k in range(N) if k not in changes.get("missing", ())]
@@ -126,6 +127,54 @@ def test_tolerances_hide_small_differences_of_their_field_alone(tmp_path: Path) 
     assert difference(tmp_path, {"speed_mps": 0.3}, **changes).channels == ()
     assert len(difference(tmp_path, {"speed_mps": 0.2}, **changes).channels) == 1
     assert len(difference(tmp_path, {"x_m": 0.3}, **changes).channels) == 1
+
+
+def test_tolerances_hold_for_sequences_of_any_length(tmp_path: Path) -> None:
+    changes = {"status": [(4, "ranges", [1.0, 1.25])]}
+    assert difference(tmp_path, {"ranges": 0.3}, **changes).channels == ()
+    (change,) = difference(tmp_path, {"ranges": 0.2}, **changes).channels
+    assert (change.field, change.before, change.after) == ("ranges", "[1.0, 1.0]", "[1.0, 1.25]")
+    (longer,) = difference(tmp_path, {"ranges": 0.3}, status=[(4, "ranges", [1.0])]).channels
+    assert (longer.field, longer.n_different) == ("ranges", 1)
+
+
+CONSTANTS = (
+    '["/imu".yaw_rate]\nbias = {{ status = "found", value = {}, sigma = 0.1, interval = [{}, 9.0], logs = 2 }}\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [
+        pytest.param(
+            CONSTANTS.format(0.5, 0.3), CONSTANTS.format(0.6, 0.4),
+            [("calibration./imu.yaw_rate.bias.value", "0.5", "0.6")], id="a value, and the interval around it",
+        ),
+        pytest.param(CONSTANTS.format(0.5, 0.3), CONSTANTS.format(0.5, 0.4), [], id="information alone"),
+        pytest.param(None, CONSTANTS.format(0.5, 0.3), [("calibration", "null", '"constants from a file"')], id="new"),
+        pytest.param("= no TOML", "= nor this", [("calibration", '"= no TOML"', '"= nor this"')], id="damaged"),
+    ],
+)  # fmt: skip
+def test_constants_of_a_calibration_file_are_named(
+    tmp_path: Path, before: str | None, after: str | None, expected: list[tuple[str, str, str]]
+) -> None:
+    paths = []
+    for name, text in (("before", before), ("after", after)):
+        entries = {"version": "1", "configuration": '{"calibration": null}'}
+        paths.append(tmp_path / f"{name}.mcap")
+        with LogWriter(paths[-1]) as log:
+            for stage in ("estimate", "observe"):  # both read the file, and the change is named once
+                log.add_metadata(f"cwcli.run.{stage}", entries | ({} if text is None else {"calibration": text}))
+    with Log.open(paths[0]) as early, Log.open(paths[1]) as late:
+        found = list(compare_settings(early, late))
+    assert found == [SettingChange("estimate", *each) for each in expected]
+
+
+def test_option_that_becomes_a_table_is_one_change(tmp_path: Path) -> None:
+    config = json.loads(json.dumps(CONFIGURATION))
+    config["estimator"]["model"] = {"name": "cwcli"}
+    (change,) = difference(tmp_path, config=config).settings
+    assert (change.name, change.before, change.after) == ("estimator.model", '"cwcli"', '{"name": "cwcli"}')
 
 
 def test_another_version_is_named(tmp_path: Path) -> None:

@@ -82,6 +82,8 @@ def test_shards_merged_equal_one_run(
     rows = staged_rows(whole)
     names = write_tables(whole, dict.fromkeys(logs, rows), RUN_ID)
     assert names == sorted({name for own in logs.values() for name, _ in own})
+    monkeypatch.setattr(tables, "ROWS_PER_READ", 5)  # how rows are read and joined on the way does not show
+    monkeypatch.setattr(tables, "PIECES_PER_BLOCK", 2)
     shard_of = {id: int(rng.integers(3)) for id in logs}
     merged: dict[str, MergedRows] = {}
     for k in range(3):
@@ -93,6 +95,25 @@ def test_shards_merged_equal_one_run(
     (tmp_path / "merged").mkdir()
     assert write_tables(tmp_path / "merged", merged, RUN_ID) == names
     assert content(tmp_path / "merged") == content(whole)
+
+
+def test_memory_does_not_hold_a_piece_of_every_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A piece takes some kB however few its rows, so pieces are joined: of 60 logs at most 4 pieces and 15 blocks."""
+    monkeypatch.setattr(tables, "PIECES_PER_BLOCK", 4)
+    logs: Logs = {f"log{k:02}": [("metrics", table(at_s=np.array([float(k)])))] for k in range(60)}
+    stage(tmp_path, logs)
+    held: list[int] = []
+    add = tables._TableWriter.add
+
+    def add_and_count(self: tables._TableWriter, id: str, rows: pa.Table) -> None:
+        add(self, id, rows)
+        held.append(len(self._pieces) + len(self._pending))
+
+    monkeypatch.setattr(tables._TableWriter, "add", add_and_count)
+    write_tables(tmp_path, dict.fromkeys(logs, staged_rows(tmp_path)), RUN_ID)
+    assert len(held) == 60
+    assert max(held) <= 4 + 60 / 4
+    assert pq.read_table(tmp_path / "metrics.parquet")["at_s"].to_pylist() == [float(k) for k in range(60)]
 
 
 def test_new_rows_replace_those_of_the_same_log_and_others_stay(tmp_path: Path) -> None:
