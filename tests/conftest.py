@@ -15,7 +15,7 @@ from tests.requirements import FOLDER, describe_left_out, find_missing, is_avail
 SHARED = Path(__file__).parents[2] / "shared"
 BEGIN_S = pytest.StashKey[float]()
 CPU = "processor_s"
-LONG_HINT = "tests marked `long` are left out; `pytest --long` and .ci/run run them"
+LONG_HINT = "long tests are left out: `pytest --rest` runs what .ci/run adds, `pytest --long` all"
 
 
 def pytest_report_header() -> list[str]:
@@ -30,16 +30,20 @@ def pytest_report_header() -> list[str]:
 def pytest_addoption(parser: pytest.Parser) -> None:
     """The options by which .ci/run reaches everything."""
     group = parser.getgroup("cwcli")
-    group.addoption("--long", action="store_true", help="run the tests marked `long` too")
+    group.addoption("--long", action="store_true", help="run all tests, those marked `long` too")
     group.addoption("--cpu", action="store_true", help="print the processor seconds of each test file")
-    group.addoption("--rest", action="store_true", help="run only the peers and the long tests")
+    group.addoption(
+        "--rest", action="store_true", help="run only what .ci/run adds: the peers and the folders of long tests"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Name the markers, and let no example of Hypothesis fail because the machine is busy."""
     settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
     settings.load_profile("any machine")
-    config.addinivalue_line("markers", "long: takes many seconds; run by `pytest --long` and by .ci/run")
+    config.addinivalue_line(
+        "markers", "long: the whole of what another test samples; run by `pytest --long` and `.ci/run --long`"
+    )
     config.addinivalue_line("markers", "peer(module): needs a module of the extra `[peers]`")
 
 
@@ -62,10 +66,11 @@ def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
     marker = item.get_closest_marker("peer")
     if marker is not None and not all(map(is_available, marker.args)):
         return False
-    takes_long = item.get_closest_marker("long") is not None or is_long(item.path)
+    is_marked_long, wants_all = item.get_closest_marker("long") is not None, bool(config.getoption("--long"))
     if config.getoption("--rest"):
-        return takes_long or marker is not None or needs_more(item.path)
-    return not takes_long or bool(config.getoption("--long")) or is_named(config, item)
+        is_rest = is_long(item.path) or marker is not None or needs_more(item.path)
+        return wants_all if is_marked_long else is_rest
+    return wants_all or not (is_marked_long or is_long(item.path)) or is_named(config, item)
 
 
 def is_named(config: pytest.Config, item: pytest.Item) -> bool:

@@ -34,9 +34,10 @@ NEEDED: dict[str, tuple[str, ...]] = {
 }
 """File below `tests/` -> the modules, programs and npm packages (they begin with `@`) that it needs."""
 
-LONG_FOLDERS = ("cli", "fuzz", "papers", "recipes", "scenarios")
+LONG_FOLDERS = ("budget", "cli", "fuzz", "papers", "recipes", "scenarios")
 """Folders whose tests run commands, whole drives or copies of the checkout, and take many minutes together."""
 QUICK = (
+    "budget/test_budget.py",
     "cli/test_console.py",
     "cli/test_cookbook.py",
     "cli/test_info.py",

@@ -111,9 +111,10 @@ def test_plain(): pass
     [
         ([], {"test_peer", "test_plain"}),
         (["--long"], {"test_long", "test_peer", "test_plain"}),
-        (["--rest"], {"test_long", "test_peer"}),
+        (["--rest"], {"test_peer"}),
+        (["--rest", "--long"], {"test_long", "test_peer"}),
     ],
-    ids=["default", "long", "rest"],
+    ids=["default", "long", "rest", "rest-long"],
 )
 def test_a_run_collects_what_its_options_ask_for(tmp_path: Path, options: list[str], collected: set[str]) -> None:
     (tmp_path / "inner").mkdir()

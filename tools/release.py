@@ -4,7 +4,7 @@
 run, and changes nothing.
 
 Sets the version where it stands (`pyproject.toml`, `cwcli/__init__.py`, `CITATION.cff`) and the date of the changelog's
-first section, runs `.ci/run`, builds the source distribution and the wheel, commits and tags. What fails leaves the
+first section, runs `.ci/run --long`, builds the source distribution and the wheel, commits and tags. What fails leaves the
 files as they were. Pushing the tag starts the workflow that builds the other platforms' wheels; nothing is pushed here.
 """
 
@@ -31,7 +31,7 @@ PLACES = {
 SECTION = re.compile(r"^## (\S+) \(([^)]+)\)$", re.MULTILINE)
 UNRELEASED = "unreleased"
 COMMANDS = (
-    [".ci/run"],
+    [".ci/run", "--long"],
     [sys.executable, "-m", "build", "--outdir", "dist", "."],
     [sys.executable, "-m", "tools.sbom", "dist/cwcli.cdx.json"],
 )

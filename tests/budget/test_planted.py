@@ -5,15 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.budget.cases import READ_SIGNALS, command, cwcli, environment
 from tests.budget.counting import count_by_valgrind
 from tests.budget.ledger import REPEATABLE, find_excess
-
-pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[2]
 HELP = "import runpy, sys; sys.argv = ['cwcli', '--help']; runpy.run_module('cwcli', run_name='__main__')"
@@ -38,6 +38,12 @@ Log.columns = read_slowly
 """
 
 
+def first_and_long(cases: Iterable[str]) -> list[Any]:
+    """The first case as it is, the others as long tests."""
+    first, *others = cases
+    return [first, *(pytest.param(each, marks=pytest.mark.long) for each in others)]
+
+
 def count(script: str, folder: Path, *arguments: str) -> int:
     """The instructions of a Python script, whose modules are compiled by a first run that is not counted."""
     command = [sys.executable, "-c", script, *arguments]
@@ -57,7 +63,7 @@ def test_counts_repeat(plain_help: int, tmp_path: Path) -> None:
     assert find_excess({"help": again}, {"help": plain_help}) == []
 
 
-@pytest.mark.parametrize("modules", PLANTED_IMPORTS)
+@pytest.mark.parametrize("modules", first_and_long(PLANTED_IMPORTS))
 def test_an_import_is_seen(modules: str, plain_help: int, tmp_path: Path) -> None:
     planted = count(f"import {modules}\n{HELP}", tmp_path)
     assert find_excess({"help": planted}, {"help": plain_help}) == ["help"]
@@ -78,7 +84,7 @@ def plain_reading(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
     return folder, count_reading("", folder)
 
 
-@pytest.mark.parametrize("name", PLANTED_IN_READING)
+@pytest.mark.parametrize("name", first_and_long(PLANTED_IN_READING))
 def test_slower_reading_is_seen(name: str, plain_reading: tuple[Path, int]) -> None:
     folder, plain = plain_reading
     planted = count_reading(PLANT_IN_READING.format(planted=PLANTED_IN_READING[name]), folder)

@@ -152,8 +152,7 @@ def test_digest_goes_to_stderr_where_stdout_has_the_log(cwcli: Run, intersection
 
 
 @pytest.mark.parametrize("name", ["city", "cut-in", "following", "near-miss-crossing", "oncoming-left-turn"])
-@pytest.mark.parametrize("seed", [11, 12])
-@pytest.mark.long
+@pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.long)])
 def test_clean_drive_is_not_doubted(name: str, seed: int, tmp_path: Path) -> None:
     log, target = tmp_path / "log.mcap", tmp_path / "annotated.mcap"
     assert run_command_line(["simulate", name, "--seed", str(seed), "-o", str(log), "-q"]) == 0

@@ -196,15 +196,15 @@ def test_shards_are_all_logs_each_once() -> None:
         assert sorted(each for part in parts for each in part) == list(range(10))
 
 
-@pytest.mark.long
 def test_more_shards_than_logs(runs: Path, tmp_path: Path) -> None:
     code = run_command_line(["run", str(runs / "logs"), "-d", str(tmp_path / "s"), *STAGES, "--shard", "9/9"])
     assert code == EXIT_DONE
     assert json.loads((tmp_path / "s" / "manifest.json").read_text())["logs"] == []
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("n_logs", "n_shards", "n_kills"), [(12, 3, 5), (200, 8, 20)])
+@pytest.mark.parametrize(
+    ("n_logs", "n_shards", "n_kills"), [(12, 3, 5), pytest.param(200, 8, 20, marks=pytest.mark.long)]
+)
 def test_shards_that_are_killed_at_any_moment_and_rerun_equal_one_run(
     tmp_path: Path, n_logs: int, n_shards: int, n_kills: int
 ) -> None:
