@@ -4,8 +4,9 @@
 run, and changes nothing.
 
 Sets the version where it stands (`pyproject.toml`, `cwcli/__init__.py`, `CITATION.cff`) and the date of the changelog's
-first section, runs `.ci/run --long`, builds the source distribution and the wheel, commits and tags. What fails leaves the
-files as they were. Pushing the tag starts the workflow that builds the other platforms' wheels; nothing is pushed here.
+first section, runs `.ci/run --long`, builds the source distribution and the wheel, commits and tags. What fails leaves
+the files as they were. Pushing the tag starts the workflow that builds the other platforms' wheels; nothing is pushed
+here.
 """
 
 from __future__ import annotations
