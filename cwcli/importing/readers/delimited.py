@@ -191,7 +191,7 @@ class _TabsForBlanks(io.RawIOBase):
     def __init__(self, file: Any) -> None:
         self.file = file
 
-    def is_readable(self) -> bool:
+    def readable(self) -> bool:
         return True
 
     def read(self, size: int = -1) -> bytes:
