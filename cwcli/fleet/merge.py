@@ -28,7 +28,7 @@ from cwcli.fleet.input_states import INPUTS_KEY
 from cwcli.fleet.run import lock_folder
 from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, write_tables
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.read.remote import copy_remote_folder, is_remote_url
+from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import make_folder
 
 RUN_AGAIN_HINT = "run the shard again with the same command: it continues"
