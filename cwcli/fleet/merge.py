@@ -25,6 +25,7 @@ from cwcli.fleet.folder import (
 )
 from cwcli.fleet.index import FOLDERS_WITH_RESULTS
 from cwcli.fleet.input_states import INPUTS_KEY
+from cwcli.fleet.remote_folder import copy_remote_folder
 from cwcli.fleet.run import lock_folder
 from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, write_tables
 from cwcli.lazy_dataclass import dataclass
