@@ -360,4 +360,4 @@ def test_run_leaves_out_the_warnings_where_there_is_nobody_to_warn_of(
     assert done.returncode == 0
     told = json.loads(done.stdout)
     assert list(told["stages"]) == ["estimate", "predict"]
-    assert "remote vehicles" in told["left_out"]["warn"]
+    assert "no messages of other vehicles" in told["left_out"]["warn"]
