@@ -83,14 +83,17 @@ def merge_shards(
         OutputError: The folder holds something else, is in use, or can't be written.
     """
     target = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
-    scratch = target / COPIES_FOLDER
-    try:
-        return _merge_folders([_local_folder(each, scratch) for each in folders], target, report)
-    finally:
-        if any(map(is_remote_url, folders)):
+    if not any(map(is_remote_url, folders)):
+        return _merge_folders([Path(each) for each in folders], target, report)
+    is_new, scratch = not target.exists(), target / COPIES_FOLDER
+    with lock_folder(scratch):
+        try:
+            return _merge_folders([_local_folder(each, scratch) for each in folders], target, report)
+        finally:
             shutil.rmtree(scratch, ignore_errors=True)
-            with suppress(OSError):  # it is empty where nothing was merged
-                target.rmdir()
+            if is_new:
+                with suppress(OSError):  # it is empty where nothing was merged
+                    target.rmdir()
 
 
 def _local_folder(folder: str, scratch: Path) -> Path:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import re
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from cwcli.errors import UsageError
@@ -51,7 +52,7 @@ class AndOr:
     is_and: bool
 
 
-class ConditionParser:
+class ConditionParser(ABC):
     """A recursive-descent parser; a grammar adds the terms that `not`, `and` and `or` join.
 
     Attributes:
@@ -71,9 +72,9 @@ class ConditionParser:
         self.at = 0
         self._depth = 0
 
+    @abstractmethod
     def parse_term(self) -> Any:
         """Parse what `not`, `and` and `or` join."""
-        raise NotImplementedError
 
     def parse_condition(self) -> Any:
         """Parse `condition` of the grammar."""
@@ -100,9 +101,9 @@ class ConditionParser:
         node = self.parse_term()
         return Not(node) if negations % 2 else node
 
+    @abstractmethod
     def parse_operand(self) -> Any:
         """Parse one side of a comparison."""
-        raise NotImplementedError
 
     def parse_operands_and_signs(self) -> tuple[list[Any], list[str]]:
         """Parse a comparison or a chain of two; without a sign there is one operand."""

@@ -17,6 +17,7 @@ import pytest
 
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BAD_INPUT, EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE, UsageError
+from cwcli.fleet.run import lock_folder
 from cwcli.fleet.shard import Shard, parse_shard
 from tests.cli.conftest import SAMPLES
 from tests.cli.fleet_logs import cut, tree
@@ -80,6 +81,23 @@ def test_shards_in_a_store_are_merged_like_those_of_this_machine(
     assert run_command_line(["merge", "https://host/shard1", "-d", str(other), "-q"]) == EXIT_USAGE
     assert "a web server has no folders" in " ".join(capsys.readouterr().err.split())
     assert not other.exists()
+    other.mkdir()  # a folder that the user has made stays, though nothing is merged
+    assert run_command_line(["merge", "memory://bucket/none", "-d", str(other), "-q"]) == EXIT_BAD_INPUT
+    assert [*other.iterdir()] == []
+
+
+def test_a_merge_from_a_store_leaves_the_copies_of_another_merge_alone(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = fsspec.filesystem("memory")
+    store.put(f"{runs}/shard1/", "/busy/shard1/", recursive=True)
+    copies = tmp_path / "merged" / ".merge"
+    with lock_folder(copies):
+        (copies / "part").write_bytes(b"of the other merge")
+        code = run_command_line(["merge", "memory://busy/shard1", "-d", str(tmp_path / "merged"), "-q"])
+        assert code == EXIT_OUTPUT
+        assert (copies / "part").read_bytes() == b"of the other merge"
+    assert "another run is writing into the folder" in " ".join(capsys.readouterr().err.split())
 
 
 def test_merge_that_was_killed_goes_on(runs: Path, tmp_path: Path) -> None:

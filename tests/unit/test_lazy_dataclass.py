@@ -62,14 +62,14 @@ def classes(decorator: Decorator) -> dict[str, type[Any]]:
 
     @decorator(frozen=True, kw_only=True)
     class Named:
-        """By keyword only."""
+        """Its fields are given by keyword only."""
 
         a: int
         b: int = 2
 
     @decorator(frozen=True)
     class Both(Named):
-        """By keyword, but for one."""
+        """Only its field `place` can be given by position."""
 
         place: int = 3
         note: str = field(default="n", kw_only=True)
