@@ -151,9 +151,6 @@ def replay_with_policy(
     Args:
         host, other: Recorded motions; they are compared where both are known.
         warning_time_s: Shape (n,), on the motions' clock; infinity for "never warned" (the recorded motion itself).
-        policy: Pedals as a function of the situation.
-        car: The host's response.
-        step_s: Time step.
 
     Raises:
         ValueError: The two motions do not overlap in time.
@@ -231,12 +228,7 @@ def _compute_pedal_situation_at_step(
     """Compute a policy's inputs at step i from the cars' relative motion: time to collision and eq. 11's dv.
 
     Args:
-        since_warning_s: Shape (n,).
         offset_m: The other car's position minus the controlled car's: x, y and distance, map frame, shape (n,) each.
-        heading_rad: Heading of the controlled car, shape (n,).
-        car: State of the controlled car.
-        obstacle: The other car.
-        i: Index of the step.
     """
     (dx_m, dy_m, distance_m), speed_mps, accel_mps2 = offset_m, car.speed_mps, car.accel_mps2
     cosine, sine = np.cos(heading_rad), np.sin(heading_rad)

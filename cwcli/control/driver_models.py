@@ -222,10 +222,7 @@ def simulate_driver_cases(
     """Simulate every case with one driver model.
 
     Args:
-        driver: The driver model.
-        ego: The ego of each case.
         other_at: Step -> the other's poses, whether the driver reacts to it, and its size.
-        n_steps: Number of steps.
         step_s: Duration of a step; positions follow from the speed at its end.
     """
     n = len(ego.speed_mps)

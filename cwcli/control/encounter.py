@@ -152,13 +152,7 @@ def contiguous_rows_around(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = 
 
 
 def extend_motion(motion: RecordedMotion, end_s: float, step_s: float = EXTENSION_STEP_S) -> RecordedMotion:
-    """Extend the motion to `end_s` at its last speed and yaw rate (an arc).
-
-    Args:
-        motion: At least one point.
-        end_s: End on the motion's clock.
-        step_s: Time between the added points.
-    """
+    """Extend the motion to `end_s` at its last speed and yaw rate (an arc)."""
     last_s = float(motion.time_s[-1])
     if end_s <= last_s:
         return motion

@@ -61,8 +61,6 @@ class MamdaniInference:
     """An inference from two inputs to one output by a rule table.
 
     Args:
-        first, second: The inputs.
-        output: The output.
         rules: (term of first, term of second) -> term of output. Every pair must be there.
         n_points: Points at which the aggregated output set is sampled for its centroid.
 

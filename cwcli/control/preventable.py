@@ -75,7 +75,6 @@ def judge_preventability(
     Args:
         pair: The ego and the other, with their actual tracks.
         conflict_ns: Stamp of the crash, or of the most critical moment.
-        drivers: Name -> model.
     """
     host, other = (_finite_times_and_states(track, conflict_ns) for track in (pair.host, pair.other))
     first = max(host[0][0], other[0][0], -JUDGED_BEFORE_CONFLICT_S) if len(host[0]) and len(other[0]) else np.inf

@@ -168,10 +168,8 @@ def fuse_latencies_with_calibration(
     """Combine the latencies of log and calibration, on the calibration's clock; returns them and notes.
 
     Args:
-        series: All series.
         latencies_of_log: Latencies found in the log, parallel to `series`, relative to the reference source of
             `references`.
-        calibration: Calibration of the car.
         causal: Use the latencies of the calibration unchanged; else the weighted mean of both, unless they contradict.
     """
     reference = next(

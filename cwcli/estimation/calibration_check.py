@@ -53,7 +53,6 @@ def notes_on_worse_prediction_with_calibration(
 
     Args:
         measurements: Measurements of the ego; at least one finite POSITION.
-        config: Settings, with a calibration that knows the sources.
     """
     calibration = config.calibration
     assert calibration is not None

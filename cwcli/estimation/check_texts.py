@@ -48,12 +48,7 @@ class SourceComparisonCheck(StrEnum):
         return -ratio_or_difference
 
     def contradiction_text(self, blamed_kind: Kind, other_kind: Kind, ratio_or_difference: float) -> str:
-        """Return a text on how one source contradicts another.
-
-        Args:
-            blamed_kind, other_kind: Measured quantity of the blamed source and of the other one.
-            ratio_or_difference: Ratio or difference of the first relative to the second.
-        """
+        """Return a text on how one source contradicts another."""
         if self is SourceComparisonCheck.WAY:
             return _distance_contradiction_text(blamed_kind, other_kind, ratio_or_difference)
         if self is SourceComparisonCheck.TURN:

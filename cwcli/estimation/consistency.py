@@ -15,9 +15,6 @@ def effective_sample_count(correlated_values: FloatArray, max_lag: int = 200) ->
     """Return how many independent values a correlated series is worth: n / (1 + 2 sum of its autocorrelations).
 
     The sum stops at the first autocorrelation below 0 (Geyer's initial positive sequence, simplified).
-
-    Args:
-        correlated_values: Shape (n,).
     """
     n = len(correlated_values)
     centred = correlated_values - correlated_values.mean() if n else correlated_values

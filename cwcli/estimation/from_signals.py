@@ -37,7 +37,6 @@ def ego_signal_to_measurements(signal: EgoSignal, local_map: LocalMap | None) ->
     """Convert an ego signal to measurements, one per quantity that it carries.
 
     Args:
-        signal: A canonical signal of the ego.
         local_map: The map frame; None where the first position is Cartesian.
 
     Raises:
@@ -91,7 +90,6 @@ def drop_stretches_without_position_and_note(
     time of such rows is wrong, or their channel uses another epoch.
 
     Args:
-        measurements: At least one position.
         max_pause_s: A longer pause of all sources together separates two stretches.
     """
     measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
@@ -119,7 +117,6 @@ def merge_remotes_placed_in_map(
     """Merge the signals of remote vehicles that can be placed in the ego's map; returns one signal and notes.
 
     Args:
-        signals: Signals; those of remote vehicles are used.
         position: Position signal of the ego: Cartesian remote vehicles must be in the same frame.
         local_map: The map frame; None where the ego's position is Cartesian.
         is_stitched: Join the ids of a vehicle that changed its id.
@@ -146,7 +143,6 @@ def remote_station_to_measurements(
     """Convert the messages of one station to measurements of its motion.
 
     Args:
-        remote: The V2X signal.
         rows: Indices of the station's messages, in stamp order.
         local_map: The map frame; None where the signal is Cartesian.
         senders: How senders of BSMs filtered their motion, see `EstimatorConfig`.

@@ -56,8 +56,6 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows, fixes: Fi
     A speed and a velocity may repeat a zero, and a heading any value, as long as the car stands.
 
     Args:
-        kind: Kind of the rows.
-        time_s: Shape (n,), sorted.
         values: Shape (n, d), finite.
         fixes: Positions of the same vehicle.
     """

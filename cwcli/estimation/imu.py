@@ -118,7 +118,6 @@ def level_imu(
     drive average out over minutes and gravity remains, so a pitched or rolled mount needs no calibration.
 
     Args:
-        time_s: Shape (n,), sorted.
         values: Shape (n, 6): accelerometer, gyroscope (forward, left, up).
         variance: Shape (n, 6) or None.
         mounting: Known from other drives; None: found here.
@@ -180,10 +179,6 @@ def _remove_bias_and_yaw_from_pitch_rate(left_axis_rate_radps: FloatArray, yaw_r
 
     Pitching of road and body does not correlate with turning, so the part that does is due to a rolled mount. Least
     squares find it without the accelerometer, whose left axis measures acceleration in bends too.
-
-    Args:
-        left_axis_rate_radps: Shape (n,): measured turn rate about the left axis, rad/s.
-        yaw_rate_radps: Shape (n,), rad/s.
     """
     turning = yaw_rate_radps - np.mean(yaw_rate_radps) if len(yaw_rate_radps) else yaw_rate_radps
     power = float(np.einsum("i,i", turning, turning))
@@ -200,7 +195,6 @@ def interpolated_sample_mask(time_s: FloatArray, values: FloatArray) -> npt.NDAr
     curvature is mostly zero (a noise-free simulation) is left alone.
 
     Args:
-        time_s: Shape (n,), sorted.
         values: Shape (n, k).
 
     Returns:

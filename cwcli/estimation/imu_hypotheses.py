@@ -129,7 +129,6 @@ def find_imu_unit_sign_or_axis_fault(
     """Return units, signs and axes that clearly explain an IMU better than none, or None.
 
     Args:
-        time_s: Shape (n,), sorted.
         values: Shape (n, 6): accelerometer and gyroscope.
         others: Series of the other sources, at least one a position.
     """

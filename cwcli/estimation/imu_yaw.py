@@ -38,7 +38,6 @@ def find_imu_yaw_hypothesis_and_evidence(
     products) (Horn, 1987, in the plane). Noise of either makes both sums smaller and does not move it.
 
     Args:
-        time_s: Shape (n,), sorted.
         values: Shape (n, 6): accelerometer and gyroscope, levelled.
         others: Series of the other sources, positions first.
     """

@@ -69,10 +69,6 @@ def disputed_clock_sigma_s(source_latencies: Sequence[SourceLatency], shifted_la
     """Return one sigma of the clock of the states where one source alone is ahead of the reference, s; else 0.
 
     Either that source's stamps are early, or the reference is late: the log does not tell.
-
-    Args:
-        source_latencies: Latencies relative to the reference.
-        shifted_latencies: The same after `shift_latencies_to_agreed_clock_and_note`.
     """
     late_s = [
         latency.applied_s

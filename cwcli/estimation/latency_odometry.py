@@ -61,7 +61,6 @@ def refine_position_latencies(series: Sequence[SensorSeries], latencies: Sequenc
     """Replace the latencies of positions that the search leaves unclear where odometry knows them better.
 
     Args:
-        series: All series.
         latencies: Parallel to the series, relative to the reference of the search.
     """
     refined = list(latencies)

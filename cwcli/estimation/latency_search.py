@@ -95,7 +95,6 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
     """Replace every None of the predetermined latencies by what the log says.
 
     Args:
-        layout: All series, bias states set, with the motion model.
         predetermined: Parallel to the series, see `latencies_known_without_search`.
     """
     decided = [role for role in predetermined if role is not None]

@@ -127,8 +127,6 @@ def find_spoiling_sources(
     """Return the quantities without which all misfit is gone and the others are predicted best; () if there are none.
 
     Args:
-        reports: Reports of the estimate with all sources.
-        reports_without: Estimates without some quantities and returns the reports.
         trusted: Sources that are never left out.
     """
     if not quantities_with_unusual_noise_or_error(reports):

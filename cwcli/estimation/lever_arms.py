@@ -33,7 +33,6 @@ def move_states_and_covariances_to_antenna(
     define p, and the states stay at p.
 
     Args:
-        series: Series as the filter used them.
         state: Shape (m, n): states at p.
         covariance: Shape (m, n, n).
 

@@ -30,12 +30,7 @@ sheets, of which the limit is twice. Not fitted."""
 def find_values_beyond_sensor_limits(
     reports: Sequence[SourceReport], known_contradictions: Sequence[Contradiction] = ()
 ) -> tuple[Contradiction, ...]:
-    """Return contradictions for the sources with a constant beyond the limits of such sensors.
-
-    Args:
-        reports: Reports of one vehicle's sources.
-        known_contradictions: Known contradictions: their sources are not reported again.
-    """
+    """Return contradictions for the sources with a constant beyond the limits of such sensors."""
     told = {quantity for each in known_contradictions for quantity in (each.who, each.against)}
     found = []
     for report in reports:

@@ -24,7 +24,6 @@ def reports_without_net_acceleration(
 
     Args:
         reports: Reports whose mountings were found by the mean specific force of the drive.
-        stamp_ns, state: Shapes (m,) and (m, 8): the track of the same drive.
     """
     duration_s = float(stamp_ns[-1] - stamp_ns[0]) / NS_PER_S if len(stamp_ns) else 0.0
     if not duration_s > 0.0:

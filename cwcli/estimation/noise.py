@@ -181,15 +181,7 @@ def _match_noise_to_innovations(fit: NoiseFit, result: PassResult) -> NoiseFit:
 def _refit_manoeuvre_sigma_and_get_likelihood(
     trials: FilterTrials, layout: StateLayout, fit: NoiseFit, sigma_name: str, likelihood_of_fit: float
 ) -> tuple[NoiseFit, float]:
-    """Move one sigma of the motion towards the largest likelihood; returns the fit and its likelihood.
-
-    Args:
-        trials: Passes over the window.
-        layout: The layout at which the fit began.
-        fit: The fit so far.
-        sigma_name: Which sigma, one of `MANOEUVRE_SIGMA_LIMITS`.
-        likelihood_of_fit: Likelihood of `fit`.
-    """
+    """Move one sigma of the motion towards the largest likelihood; returns the fit and its likelihood."""
 
     def log_likelihood(parameters: MotionParameters) -> float:
         return trials.log_likelihood(_layout_of_fit(layout, replace(fit, parameters=parameters)))

@@ -32,7 +32,6 @@ def noise_variance_factor(s: SensorSeries, nis: FloatArray, so_far: float | None
     and the innovations along the path, which depend little on it, would outweigh those across.
 
     Args:
-        s: The series with its present noise.
         nis: Shape (n, 5): see `PassResult.nis`.
         so_far: Factor on the noise of the message until now; None: not known, then one call at most halves it.
     """

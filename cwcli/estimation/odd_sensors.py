@@ -96,11 +96,6 @@ def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: ValueRows)
 
     Receivers and buses send a zero or their last position before they have measured anything. A filter that starts
     there is sure of a wrong state and rejects good rows for long.
-
-    Args:
-        kind: Kind of the rows.
-        time_s: Shape (n,), sorted.
-        values: Shape (n, d).
     """
     if kind not in MAX_CHANGE_PER_SECOND or len(time_s) < 2 * N_AGREEING_ROWS:
         return False
@@ -110,13 +105,7 @@ def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: ValueRows)
 
 
 def stuck_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows) -> npt.NDArray[np.bool_]:
-    """Return a mask (n,) of rows in which a speed or velocity that usually changes repeats a value other than zero.
-
-    Args:
-        kind: Kind of the rows.
-        time_s: Shape (n,), sorted.
-        values: Shape (n, d).
-    """
+    """Return a mask (n,) of rows in which a speed or velocity that usually changes repeats a value other than zero."""
     n = len(time_s)
     stuck = np.zeros(n, np.bool_)
     if kind not in (Kind.SPEED, Kind.VELOCITY) or n < 2 * MIN_STUCK_ROWS:

@@ -187,8 +187,6 @@ def order_rows_by_time(
     """Return the time order of the rows of a pass from `start_s` on.
 
     Args:
-        series: The measurements of each source.
-        start_s: Start, seconds; rows measured before it (latency subtracted) are left out.
         output_s: Shape (m,), increasing, seconds: times of the output states.
         reset_after: Rejections in a row after which a source is used again.
     """
@@ -213,9 +211,7 @@ def run_filter_pass(
     Args:
         series: The measurements. Rows before `start.time_s` are left out: at the start they would be old.
         start: Initial state, as long as the motion model's.
-        motion: Motion model with its numbers.
         output_s: Shape (m,), increasing; rows before the start are taken at the start.
-        smooth: Run the smoother too.
         reset_after: See `EstimatorConfig`.
         restarts: Starts that replace the motion states at their times, in time order: see `ekf.Restarts`.
     """
@@ -285,8 +281,6 @@ def build_pass_input(
     """Put the series into time order from `start_s` on.
 
     Args:
-        series, output_s, reset_after, restarts: See `run_filter_pass`.
-        start_s: Time of the start.
         time_order: That of an earlier pass over the same times, start, outputs and patience; None: it is found.
     """
     order_of = time_order or order_rows_by_time(series, start_s, output_s, reset_after)

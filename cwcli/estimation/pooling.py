@@ -109,7 +109,6 @@ def calibrate_from_drives(drives: Sequence[DriveEvidence], name: str = "") -> Ca
 
     Args:
         drives: At least one; their tracks have been found with latencies.
-        name: Name of the calibration, for messages.
     """
     reports = [(report, drive) for drive in drives for report in drive.track.sources if report.n_used]
     keys = dict.fromkeys((report.source, report.kind) for report, _ in reports)

@@ -76,7 +76,6 @@ def clean_and_sort_measurements(
     """Clean, sort and split the measurements.
 
     Args:
-        measurements: Measurements as read.
         epoch: Stamp (ns) that becomes zero.
         mountings: Source -> mounting of its IMU, where that is known.
 
@@ -195,9 +194,6 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
 
     Only the last row of a burst is current; the others are older than their stamps, and the car seems too fast. A burst
     is BURST_ROWS or more gaps in a row that are shorter than BURST_PART of the median gap.
-
-    Args:
-        time_s: Shape (n,), sorted.
 
     Returns:
         Shape (n,), True for rows of a burst except its last.

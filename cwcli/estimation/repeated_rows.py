@@ -106,13 +106,7 @@ NO_STALE_ROWS = StaleRows(np.zeros(0, np.bool_), np.zeros(0, np.bool_))
 
 
 def find_stale_rows(kind: Kind, time_s: FloatArray, values: ValueRows) -> StaleRows:
-    """Find the rows of a source that hold no new measurement.
-
-    Args:
-        kind: Kind of the rows.
-        time_s: Shape (n,), sorted.
-        values: Shape (n, d).
-    """
+    """Find the rows of a source that hold no new measurement."""
     none = np.zeros(len(time_s), np.bool_)
     if len(time_s) < 2 * MIN_REPETITIONS:
         return StaleRows(none, none)

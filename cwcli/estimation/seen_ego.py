@@ -36,7 +36,6 @@ def drop_ego_seen_by_others(
 
     Args:
         signal: Remote vehicles; only its perceived objects are examined.
-        ego: Online states of the ego.
         size_m: Length and width of the ego, None where unknown.
         local_map: Map of the track; without one no object can be placed.
     """

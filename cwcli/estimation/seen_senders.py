@@ -216,7 +216,6 @@ def _sender_and_overlap_masks_with_distance(
 
     Args:
         compared: Moments in the order in which they were received.
-        stamp_ns, log_time_ns: Times of the signal's rows.
 
     Returns:
         Whether the object is the sender and no car beside it; the squared distance in sigmas (infinite where the motion

@@ -265,7 +265,6 @@ class _SensorModelTrials:
         """Run the filter until the noise agrees with the innovations; a trial that was made before is returned.
 
         Args:
-            model: The model.
             near: A trial whose noise is a good first guess.
         """
         key = model.lookup_key, None if near is None else near.factors
@@ -338,12 +337,7 @@ class _SensorModelTrials:
 
 
 def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: StateLayout) -> FoundSensorModel:
-    """Keep the found model if it predicts the whole log, with outliers, better than none; else return an empty one.
-
-    Args:
-        found: The found model.
-        plain, modelled: Layouts without and with it, with their noise.
-    """
+    """Keep the found model if it predicts the whole log, with outliers, better than none; else return an empty one."""
     scores = []
     for layout in (plain, modelled):
         series = [gate_outliers(average_rows_to_rate(s, AVERAGING_HZ)) for s in layout.series]

@@ -36,12 +36,7 @@ def largest_slow_position_error_m(s: SensorSeries, state: FloatArray) -> float:
 
 
 def find_drifting_fixes(reports: Sequence[SourceReport], known: Sequence[Contradiction]) -> list[Contradiction]:
-    """Return contradictions of the positions that drift off the way by the other sources.
-
-    Args:
-        reports: Reports of one vehicle's sources.
-        known: Known contradictions: their sources are not reported again.
-    """
+    """Return contradictions of the positions that drift off the way by the other sources."""
     told = {quantity for each in known for quantity in (each.who, each.against)}
     found = []
     for report in _drifting_fixes(reports):

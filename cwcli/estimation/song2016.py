@@ -167,8 +167,6 @@ def append_jerk_and_yaw_acceleration(
 
     Args:
         state, covariance: Shapes (n, 6) and (n, 6, 6), at the steps.
-        steps: Shape (n,), increasing: numbers of the steps.
-        step_s: dT.
 
     Returns:
         Shapes (n, 8) and (n, 8, 8), order `vehicle_state.STATE_NAMES`.
@@ -217,9 +215,6 @@ def filtered_states_and_covariances_of_matrix(
     Args:
         measurement_matrix: Shape (n, 6): x, y, v, heading, a, yaw rate; NaN = not measured at this step.
         sigma: One sigma of each component (root of the diagonal of R, eq. 5).
-        step_s: dT.
-        process_noise: Shape (6, 6), default `process_noise`.
-        smooth: Smooth afterwards.
 
     Returns:
         States (n, 6) and covariances (n, 6, 6); the first state is the first vector with covariance R.

@@ -35,8 +35,6 @@ def standstill_flip_mask(time_s: FloatArray, heading_rad: FloatArray, speed_mps:
     last one before it and from the first one after it is wrong.
 
     Args:
-        time_s: Shape (n,), sorted.
-        heading_rad: Shape (n,).
         speed_mps: Shape (n,): absolute speed at the rows, from another source; NaN where it is not known.
     """
     with np.errstate(invalid="ignore"):

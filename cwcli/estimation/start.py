@@ -94,7 +94,6 @@ def _heading_candidates(
     """Return the first heading of each source that shows one, as tuples like that of `_earliest_heading_candidate`.
 
     Args:
-        series: All series.
         newest: Return the last row of headings and velocities instead of the first.
     """
     candidates: list[tuple[float, float, float, float, float]] = []

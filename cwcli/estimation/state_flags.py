@@ -156,8 +156,6 @@ def add_variance_of_rejected_rows(
     The state may be the one that errs; then it errs by the innovation.
 
     Args:
-        covariance: Of the filter.
-        series, result: The series, and what the filter did with their rows.
         output_s: Shape (m,), increasing: times of the states.
     """
     grown = covariance

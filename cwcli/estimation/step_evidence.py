@@ -56,12 +56,7 @@ class StepResiduals:
 def log_likelihood_gains(
     uncorrected_residuals: Sequence[StepResiduals], residuals_by_candidate: Sequence[Sequence[StepResiduals]]
 ) -> list[float]:
-    """Return the log-likelihood of each candidate minus that without a correction, summed over pairs and steps.
-
-    Args:
-        uncorrected_residuals: Residuals of each pair without a correction.
-        residuals_by_candidate: Candidate -> residuals of the same pairs.
-    """
+    """Return the log-likelihood of each candidate minus that without a correction, summed over pairs and steps."""
     gains = [0.0] * len(residuals_by_candidate)
     for k, own in enumerate(uncorrected_residuals):
         columns = [own.values, *(each[k].values for each in residuals_by_candidate)]

@@ -94,7 +94,6 @@ def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     """Compute the motion by a source between neighbouring edges.
 
     Args:
-        s: Series with at least two rows.
         edges_s: Shape (n + 1,), increasing, equally spaced.
     """
     n = len(edges_s) - 1

@@ -109,12 +109,8 @@ def estimate_track(
 
     Args:
         measurements: Any mix of sources and kinds; at least one POSITION.
-        config: Settings.
         output_stamp_ns: Shape (m,), increasing: times of the states. None: a grid of `config.rate_hz` over
             the span of the measurements.
-
-    Returns:
-        The track at the output stamps.
 
     Raises:
         DataError: If no position is finite.

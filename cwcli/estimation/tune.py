@@ -92,7 +92,6 @@ def tune_latencies_and_noise(
 
     Args:
         prepared: All series; at least one POSITION with a row.
-        config: Settings.
         parameters: Motion model to begin with.
     """
     series, walk, prior = add_bias_states_and_their_variances(prepared, parameters)

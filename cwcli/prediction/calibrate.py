@@ -251,7 +251,6 @@ def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings
     """Plan the paths of all rows, with their measured gains and each vehicle's covariance scaled by its own outcomes.
 
     Args:
-        model, settings: As in `rollout`.
         starts: The rows; what is known first counts as the record (`outcome_history.state_histories_by_vehicle`).
     """
     learns = model in MODELS and MODELS[model].learns

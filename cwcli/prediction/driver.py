@@ -60,9 +60,6 @@ class DriverPrior:
         Args:
             state: Shape (n, 8).
             covariance: Shape (n, 8, 8); None: full trust.
-
-        Returns:
-            Shape (n, 4) for acceleration, jerk, yaw rate, yaw acceleration.
         """
         n = len(state)
         if covariance is None:

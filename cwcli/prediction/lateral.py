@@ -90,8 +90,6 @@ def predict_paths_from_observer(
 
     Args:
         track: From the observer, n frames. A preview point nearer than `MIN_PREVIEW_M` counts as so far ahead.
-        vehicle: The car.
-        config: Options; None: the defaults.
 
     Returns:
         n paths; NaN where the track has no state.
@@ -140,7 +138,6 @@ def road_curvature_here_and_ahead(track: LateralTrack, reach_m: FloatArray) -> t
     at the preview point.
 
     Args:
-        track: n frames.
         reach_m: Shape (n,): from the centre of gravity to the preview point.
     """
     ahead = -np.asarray(track.curvature_1pm, dtype=np.float64)

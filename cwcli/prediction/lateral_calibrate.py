@@ -28,12 +28,7 @@ OBSERVER_ERROR_CORRELATION_S = 0.1
 
 
 def scale_lateral_covariance(paths: Paths, track: LateralTrack) -> Paths:
-    """Scale the covariance of paths in the body frame across the path, by one factor for each time ahead.
-
-    Args:
-        paths: From `predict_paths_from_observer`, body frame.
-        track: The observer's, of the same frames.
-    """
+    """Scale the covariance of paths in the body frame across the path, by one factor for each time ahead."""
     factor = sigma_factors_from_driven_track(paths, track)
     cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
     along, _, across = np.moveaxis(rotate_plane_covariance(paths.position_covariance_m2, paths.heading_rad), -1, 0)

@@ -61,8 +61,6 @@ def horizon_errors(
     """Compare predicted points with a track.
 
     Args:
-        paths: n starts.
-        start_stamp_ns: Shape (n,): time of each start.
         track_stamp_ns: Shape (m,), strictly increasing.
         track_xy: Shape (m, 2), metres, the same map.
         horizons_s: Times from the start; each within the paths.

@@ -245,7 +245,6 @@ def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -
     `fleet.acting_time_from_displacement_share_s`.
 
     Args:
-        starts: The states.
         prior: None: the fleet's.
     """
     chosen = prior or load_fleet_prior()

@@ -50,7 +50,6 @@ class PathPlan:
         """Compute the paths of some starts.
 
         Args:
-            rows: The starts.
             points: The points to compute, without any scale of the covariance; None: all points, scaled.
             has_core: The paths get a `core_factor`.
         """

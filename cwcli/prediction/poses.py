@@ -55,7 +55,6 @@ def body_poses_from_states(stamp_ns: Int64Array, state: StateRows, track: Latera
 
     Args:
         stamp_ns, state: The ego's states (m,) and (m, 8), in the order of their stamps.
-        track: The observed motion, n frames.
     """
     x_m, y_m, course_rad = resample(stamp_ns, state[:, [X, Y, HEADING]], track.stamp_ns, max_gap_s=MAX_GAP_S).T
     yaw_rad = course_rad - side_slip_rad(track.state[:, 0], track.speed_mps)

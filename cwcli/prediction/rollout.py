@@ -95,7 +95,6 @@ def roll_out_paths(
         model: A key of `MODELS` or `HYPOTHESES`.
         state: Shape (n, 8): x_m, y_m, speed_mps, heading_rad, accel_mps2, yaw_rate_radps, jerk_mps3, yaw_accel_radps2.
         covariance: Shape (n, 8, 8), same order; None: the start is taken as known, only the driver's noise grows.
-        settings: Horizon, step, discretisation and prior.
         points: Shape (p,), increasing: which points of `path_time_grid_s` are wanted; None: all. They are the same
             numbers, and come sooner.
         acting_s: Shape (n, 2, k): for how long acceleration and yaw rate act, by

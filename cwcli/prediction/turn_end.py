@@ -56,7 +56,6 @@ def turned_before_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: Floa
 
     Args:
         stamp_ns, log_time_ns: Shape (n,): times of a car's states, stamps increasing, and when each was known.
-        state: Shape (n, 8).
     """
     if not len(stamp_ns):
         return np.zeros(0)

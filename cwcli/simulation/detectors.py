@@ -57,9 +57,7 @@ def simulate_detections(
 
     Args:
         sensor: `lidar` or `radar`.
-        host, others: True motion of the host and of the other vehicles.
         settings: As checked by `spec.DETECTOR_KEYS`.
-        run: Start and length of the run, and its seed.
     """
     plan = draw_message_schedule(settings, end_s=run.end_s, seed=run.seed, names=("host", sensor))
     true_s = plan.time_s - settings["latency_s"]

@@ -64,7 +64,6 @@ def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedD
     """Simulate a scenario once.
 
     Args:
-        scenario: See `scenario.load_scenario`.
         seed: Seed of all draws; None takes the scenario's own. The truth doesn't depend on it.
     """
     chosen = scenario.seed if seed is None else seed

@@ -82,11 +82,7 @@ def simulate_lane_sensors_of_run(
     """Simulate the sensors over one run of a drive.
 
     Args:
-        truth_of_runs: The truth of all runs.
         run_index: Column of the run in the truth.
-        road, vehicle: The road and the car of the drive.
-        noise: Errors and rates; None: the defaults.
-        seed: Seed of all noise.
         preview_m: Distance of the preview point ahead of the camera.
     """
     noise = noise or LaneSensorNoise()
@@ -140,8 +136,6 @@ def lane_samples_from_boundaries(
     """y_L, e_L, K_L at the preview point from both boundaries, as `cwcli.vision.ground` defines them.
 
     Args:
-        stamp_ns: Shape (n,).
-        left_body, right_body: Shape (n, 3).
         covariance: Shape (3, 3): covariance of each boundary's fit.
         preview_m: Distance of the preview point ahead of the camera.
     """

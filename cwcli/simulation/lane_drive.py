@@ -110,15 +110,7 @@ class LaneDriveTruth:
 def simulate_lane_runs(
     road: Road, vehicle: Vehicle, runs: LaneRuns, *, driver: TargetLineDriver | None = None, seed: int = 0
 ) -> LaneDriveTruth:
-    """Simulate all runs by Runge-Kutta steps of 10 ms; the driver's unrest is held over each.
-
-    Args:
-        road: The lane.
-        vehicle: The car, with its load.
-        runs: Speeds and drifts.
-        driver: None: the default driver.
-        seed: Seed of the unrest.
-    """
+    """Simulate all runs by Runge-Kutta steps of 10 ms; the driver's unrest is held over each."""
     driver = driver or TargetLineDriver()
     m = len(runs.speed_mps)
     n = round(runs.duration_s / INTEGRATION_STEP_S) + 1

@@ -82,8 +82,6 @@ def read_motion_profile(
 
     Args:
         longitudinal, lateral: What the file holds; None means constant speed, straight on.
-        speed_mps: Speed at the start.
-        end_s: End of the run.
         path, source: Place of the vehicle in the file, and the file, for messages.
 
     Raises:

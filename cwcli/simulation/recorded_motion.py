@@ -96,7 +96,6 @@ def replace_vehicles(scenario: Scenario, tracks: Mapping[str, RecordedTrack], *,
     Args:
         scenario: Whose sensors and link the vehicles get.
         tracks: By name: `host` and the others. The run lasts as long as the host's track.
-        name: Of the new scenario.
 
     Raises:
         UsageError: There is no host, or a track is none.

@@ -175,7 +175,6 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
     """Check a scenario file's content.
 
     Args:
-        document: The content.
         name: Name of the scenario; error messages name `<name>.toml`.
 
     Raises:

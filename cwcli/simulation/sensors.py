@@ -145,12 +145,8 @@ def simulate_sensor_messages(
     """Simulate the messages of one sensor over the drive.
 
     Args:
-        sensor: A key of `SENSORS`.
-        motion: The vehicle's true motion.
         settings: As checked by `spec.SENSOR_KEYS`.
-        run: Start and length of the run, and its seed.
         vehicle: Name of the vehicle, which selects the random streams with the seed.
-        attitude: Pitch and roll of the vehicle.
     """
     seed, start_ns = run.seed, run.start_ns
     plan = draw_message_schedule(settings, end_s=run.end_s, seed=seed, names=(vehicle, sensor))

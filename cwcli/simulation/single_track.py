@@ -89,7 +89,6 @@ def simulate_paper_run(
     """Drive the car of `run.load` on the linear model, exactly over each step.
 
     Args:
-        run: The run.
         vehicle: The car; its load is set by the run.
         start: "turning": in a steady turn from the first frame on, so the observer begins with the whole of v_y and
             gamma as its error. "straight": from v_y = gamma = 0, as the steering steps.

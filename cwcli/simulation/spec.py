@@ -320,8 +320,6 @@ def check_scenario_table(
     """Check one table of a scenario against its keys.
 
     Args:
-        table: What the file holds there.
-        keys: The keys that it may hold.
         path: Dotted place of the table in the file, "" for the top level.
         source: File, for messages.
         others: Further keys that the caller reads itself.

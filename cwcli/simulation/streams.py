@@ -61,7 +61,6 @@ def draw_message_schedule(
     """Draw the stamps, arrival times and losses of a source's messages.
 
     Args:
-        settings: `rate_hz`, `phase_s`, `delay_s`, `jitter_s`, `drop_probability`, `outages`.
         end_s: Length of the run; the last message is stamped before or at it.
         seed, names: Select the source's random streams, one for losses and one for jitter.
     """

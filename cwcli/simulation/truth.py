@@ -198,7 +198,6 @@ def check_motion_is_drivable(
     Args:
         motion: The motion, checked every 10 ms of the run and at its end.
         end_s: Length of the run.
-        friction: The tyres' combined acceleration is at most friction * g.
         turning_radius_m: The tightest radius.
         path, source: Place in the file, and the file, for the message.
 

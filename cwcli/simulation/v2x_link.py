@@ -65,9 +65,7 @@ def simulate_received_messages(
 
     Args:
         vehicle: Name of the vehicle, which selects the random streams with the seed.
-        motion: True motion of the vehicle.
         settings: As checked by `spec.V2X_KEYS`.
-        run: Start and length of the run, and its seed.
         station_id, length_m, width_m: Id and size that the vehicle sends.
     """
     seed, start_ns = run.seed, run.start_ns

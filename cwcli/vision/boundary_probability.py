@@ -84,8 +84,6 @@ def boundary_probabilities(
     """Probability of each boundary that it lies where the lane has it.
 
     Args:
-        evidence, lane: The stripes of the frame, and the lane, shape (6,).
-        lane_objective: The lane's objective in this frame.
         carried_side: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
             objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
@@ -101,7 +99,6 @@ def probabilities_with_scene_votes(probabilities: LeftRightProbabilities, vote_s
     """The probabilities of both boundaries in a scene whose straight edges hardly meet in one point.
 
     Args:
-        probabilities: Probabilities without that.
         vote_share: Share of the votes for the vanishing point, 0 to 1 (`vanishing.VanishingPoint`).
     """
     factor = math.exp(LOG_ODDS_PER_VOTE_SHARE * min(vote_share - CLEAR_VOTE_SHARE, 0.0))

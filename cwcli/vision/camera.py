@@ -155,9 +155,6 @@ class Camera:
     def ground_points_from_image(self, u_px: FloatArray, v_px: FloatArray) -> BodyXyColumns:
         """Points on the road, in the body frame, that image points show.
 
-        Args:
-            u_px, v_px: Shape (n,).
-
         Returns:
             x_m, y_m: Shape (n,); NaN at and above the horizon.
         """
@@ -289,8 +286,6 @@ def default_camera(
     """The assumed camera of a log without calibration: square pixels, the axis at the image's centre, no distortion.
 
     Args:
-        width_px, height_px: Image size.
-        mounting: The camera's mounting on the car.
         field_of_view_rad: Horizontal, over the whole width.
     """
     focal_px = width_px / 2.0 / math.tan(field_of_view_rad / 2.0)
@@ -310,8 +305,6 @@ def camera_from_calibration(info: CameraInfoSignal, mounting: Mounting, *, is_re
     """The camera of a calibration message.
 
     Args:
-        info: The message.
-        mounting: The camera's mounting on the car.
         is_rectified: The images are rectified already: P holds their intrinsics, and there is no distortion. (The
             rectifying rotation of a stereo camera is left out: the mounting is that of the rectified image.)
 

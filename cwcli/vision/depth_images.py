@@ -34,7 +34,6 @@ def decode_compressed_depth_as_grey(format_name: str, data: bytes | memoryview) 
 
     Args:
         format_name: Its format, e.g. `32FC1; compressedDepth png`.
-        data: The bytes of the message, with the header.
 
     Raises:
         DepthImageError: It is of another compression, or damaged.

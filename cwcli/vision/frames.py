@@ -105,7 +105,6 @@ def decode_frames(
     """Decode frames in threads; they come out in the order in which they went in.
 
     Args:
-        frames: The encoded frames.
         wanted_size_of: (width_px, height_px) of a frame -> size of the wanted grey image; None: colour, full size.
         prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
         n_threads: Number of decoding threads, the calling one included; None: one for each processor, at most 4.
@@ -250,8 +249,6 @@ def decode_frame(
     """Decode one frame; `wanted_size_of` as in `decode_frames`. Never raises for what the data holds.
 
     Args:
-        index, frame: The frame and its number.
-        wanted_size_of: As in `decode_frames`.
         in_colour: In colour too, beside grey, if the camera has colour.
     """
     if not 0 <= frame.log_time_ns <= MAX_STAMP_NS:

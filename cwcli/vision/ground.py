@@ -122,8 +122,6 @@ def compute_lane_geometry(
     Args:
         fits: n fits; their pitch and yaw replace the mounting's where they are not NaN.
         camera: The camera in the pixels of the search image.
-        preview_m: Distance of the preview point ahead of the camera.
-        sigmas: Sigmas of the error propagation; None: the default ones.
     """
     blocks = [fits[slice(i, i + FRAMES_PER_BLOCK)] for i in range(0, len(fits), FRAMES_PER_BLOCK)] or [fits]
     geometries = [_lane_geometry_of_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
@@ -138,7 +136,6 @@ def image_hyperbolas_of_flat_road(fits: FitColumns, camera: Camera) -> FarNearBe
     holds near the horizon too, where a parabola is off by lanes.
 
     Args:
-        fits: n fits.
         camera: The camera in the pixels of the search image.
 
     Returns:
@@ -189,7 +186,6 @@ def boundary_end_rows_px(fits: FitColumns, camera: Camera, horizon_px: FloatArra
     for. Else nothing is known of what lies above the paper's rows.
 
     Args:
-        fits: n fits.
         camera: The camera in the pixels of the search image.
         horizon_px: Shape (n,): row of the horizon; NaN where it is not known.
     """
@@ -318,7 +314,6 @@ def _ground_place_slope_curvature_and_used_samples(
     Args:
         parabolas: Shape (n, 2, 3): a, b, c.
         pitch_yaw_height: Shape (n, 3): pitch, yaw, height.
-        camera: The camera in the pixels of the search image.
         road_minus_parabola_px: Shape (n, 2, samples): offset of the road from the parabolas.
         is_sample_used: Shape (n, 2, samples): the samples to use; None: those in the image and at a fair distance.
     """

@@ -200,11 +200,8 @@ def measure_stripe_evidence(
 
     Args:
         grey: The frame, shape (height, width).
-        rows: The rows that are sampled.
         horizon_px: The horizon for which the widths of stripes are taken.
-        pinhole: Intrinsics of the camera.
         buffer: A buffer of 3 x rows x width numbers or more, which the result fills and refers to; None: new memory.
-        with_joints: Joints count as well.
     """
     height, width = grey.shape
     size = 3 * len(rows) * width
@@ -284,11 +281,8 @@ def refine_lanes(
     """Refine lanes by a pattern search from each; returns the lanes, shape (k, 6), and their objectives, shape (k,).
 
     Args:
-        evidence: The stripes of the frame.
         lanes: Where the searches begin, shape (k, 6) or (6,).
         table: The prior's table (`LanePrior.table`).
-        size: Width and height of the image.
-        use_wide_evidence: Use the widened evidence.
         step_scale: Factor of the first steps.
         neighbour_weight: Weight of the neighbouring lanes' boundaries.
     """
@@ -373,10 +367,8 @@ def search_first_frame(
     """Search a first frame for the lanes that it supports best, knowing nothing but the prior.
 
     Args:
-        grey: The frame, of the camera's size.
         camera: The camera in the pixels of the frame.
         prior: The prior, with a narrow horizon.
-        evidence_source: Measures the evidence.
 
     Returns:
         Lanes, shape (k, 6): the mean of the lanes around the best one (`lane_mean`), then those with other lines, best
@@ -423,9 +415,6 @@ def search_rival_lanes(
     """Search for other lanes at a known horizon, under a narrow prior of direction and bend.
 
     Args:
-        evidence: The stripes of the frame.
-        prior: The narrow prior.
-        size: Width and height of the image.
         known_lanes: The lanes that are followed already; none of them is returned.
 
     Returns:

@@ -153,10 +153,7 @@ def pitch_candidates(lane: ImageLane, prior: LanePrior, table: LanePriorTable, d
     A search that moves one number after the other takes a bump for a bend, or stays where it is.
 
     Args:
-        lane: The predicted lane, shape (6,).
-        prior: The prior of a followed lane.
         table: The prior's table around the prediction; candidates stay within its limits.
-        dt_s: Time since the frame before.
     """
     candidates = np.empty((len(PITCH_CANDIDATES_SIGMAS), len(lane)))
     candidates[:] = lane
@@ -176,10 +173,8 @@ def curvature_candidates(lane: ImageLane, prior: LanePrior, table: LanePriorTabl
     dk (1 / h - t)^2 h + dq (1 / h - t)^3 h.
 
     Args:
-        lane: The predicted lane, shape (6,).
         prior: The prior of a followed lane; the sigma of its change of curvature is the grid's unit.
         table: The prior's table around the prediction; candidates stay within its limits.
-        height_px: Height of the image.
     """
     t, sigma = 1.0 / (PIVOT_ROW_SHARE * (height_px - float(lane[HORIZON]))), float(prior.table[SPIRAL, SIGMA])
     spirals, bends = sigma * SPIRAL_CANDIDATES_SIGMAS, sigma * t * BEND_CANDIDATES_SIGMAS
@@ -232,11 +227,8 @@ def predict_lane(
     middle moves sideways by that direction times v dt, and the bend changes as it does ahead.
 
     Args:
-        lane: The lane in this frame, shape (6,).
         camera: The camera in the pixels of the search image.
         speed_mps, yaw_rate_radps: The car's motion; NaN where it is not known.
-        dt_s: Time to the next frame.
-        prior: The prior, which knows the camera's mounting.
     """
     next_lane = np.array(lane)
     height_m = camera.mounting.height_m
@@ -281,9 +273,6 @@ def narrow_prior_table(
     bend get the latter alone. The lane's place and width stay within what a car and a taper can do.
 
     Args:
-        prior: The prior of a followed lane.
-        lane: The predicted lane, shape (6,).
-        dt_s: Time since the frame before.
         sideways_mps: Greatest lateral speed at which the prediction of the place may be wrong.
     """
     dt_s = max(dt_s, MIN_TIME_STEP_S)

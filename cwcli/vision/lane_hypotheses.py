@@ -78,11 +78,6 @@ def refine_predicted_lane(
     """Refine a predicted lane on a frame; returns the lane, shape (6,), and its objective.
 
     Args:
-        evidence: The stripes of the frame.
-        lane: The predicted lane, shape (6,).
-        prior: The prior of a followed lane.
-        size: Width and height of the image.
-        dt_s: Time since the frame before.
         sideways_mps: Greatest lateral speed at which the prediction may be wrong.
         is_slow: The car is slow, so that bends may begin and end within sight: other bends are tried too.
     """
@@ -124,7 +119,6 @@ def choose_tight_or_gentle_bend(
     """A tight bend, its objective and True; or a gentle one and False, if that is as good and nothing jumps.
 
     Args:
-        evidence, lane, size, dt_s, sideways_mps: As for the refinement of a predicted lane.
         tight_lane_and_objective: The tight bend, shape (6,), and its objective.
         prior: The prior of gentle bends.
     """
@@ -162,9 +156,7 @@ def share_probability_with_rivals(
     frame. A rival that has a line where a boundary lies, as the next lane has, takes nothing from that boundary.
 
     Args:
-        probabilities: Probabilities of the left and of the right boundary without rivals.
         lane, rivals: The published hypothesis, and the other ones.
-        height_px: Height of the image.
     """
     parts = [1.0, 1.0]
     for rival in rivals:

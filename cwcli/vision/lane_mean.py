@@ -72,8 +72,6 @@ def weighted_mean_lane(
     Args:
         objectives_of_lanes: Maps lanes (k, 6) to their objectives (k,).
         lane: Shape (6,): the lane around which the points lie at first.
-        table: The prior's table (`LanePrior.table`).
-        size: Width and height of the image.
 
     Returns:
         Shape (6,), within the prior's bounds.

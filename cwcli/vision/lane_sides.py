@@ -154,10 +154,8 @@ def lane_by_one_line_and_paint_share(
     The line is searched as the boundary of a lane that is so wide that its other boundary is out of sight.
 
     Args:
-        evidence: The stripes of the frame.
         lane: The predicted lane, shape (6,).
         table: The prior's table around the prediction.
-        size: Width and height of the image.
         side: `LEFT` or `RIGHT`.
         width_camera_heights: Width of the lane, over the camera's height.
     """
@@ -213,10 +211,7 @@ def update_lane_and_line_state(
 
     Args:
         sides: The state before; its lanes are predicted for this frame.
-        evidence: The stripes of the frame.
         lane_by_both_lines: The lane by both lines, shape (6,).
-        prior: The prior of a followed lane.
-        driven_bend_px2: The bend in which the car drives (px^2).
         step: The step from the state before.
 
     Returns:

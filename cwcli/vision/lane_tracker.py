@@ -198,7 +198,6 @@ class LaneTracker:
         What the next searched frame finds does not depend on it.
 
         Args:
-            stamp_ns: Time of the frame.
             speed_mps, yaw_rate_radps: The car's motion; NaN where it is not known: then the lane stays where it was.
         """
         last = self._last_fit

@@ -100,8 +100,6 @@ class LineClassifier:
         """The fit with the kind and the colour of its boundaries.
 
         Args:
-            fit: The fit of this frame.
-            frame, evidence: The frame, and the stripes that it shows.
             lane: The fitted lane, shape (6,); None where there is none.
         """
         if fit.lane_change:

@@ -34,7 +34,6 @@ def classify_line_colours(picture: Image, evidence: StripeEvidence, lane: ImageL
 
     Args:
         picture: Shape (height, width, 3): blue, green, red, of the size of the frame that was searched.
-        evidence, lane: The stripes of the frame, and the lane, shape (6,).
     """
     pinhole = evidence.pinhole
     first = int(np.searchsorted(evidence.rows, float(lane[HORIZON]) + MIN_COLOUR_DEPTH_PX / pinhole.focal_length_ratio))

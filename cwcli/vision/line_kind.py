@@ -84,12 +84,7 @@ class LineStretch:
 
 
 def classify_lines_in_frame(evidence: StripeEvidence, lane: ImageLane) -> tuple[LineKindInFrame, LineKindInFrame]:
-    """Kinds of the left and of the right boundary as one frame shows them.
-
-    Args:
-        evidence: The stripes of the frame.
-        lane: The lane, shape (6,), see `lane_model`.
-    """
+    """Kinds of the left and of the right boundary as one frame shows them."""
     _, middle, width, _, horizon, _ = lane.tolist()
     rows = evidence.rows[::-1]
     h: FloatArray = rows - horizon
@@ -118,7 +113,6 @@ def classify_line_kind(is_row_painted: Sequence[bool], row_lengths_lane_widths: 
     """The kind of a line from its rows, the nearest first.
 
     Args:
-        is_row_painted: Whether each row shows paint.
         row_lengths_lane_widths: Length of each row on the ground, in lane widths; they grow.
     """
     total = sum(row_lengths_lane_widths)

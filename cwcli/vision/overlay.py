@@ -102,7 +102,6 @@ def draw_boundaries(image: Image, lines: Sequence[FloatArray], names: Sequence[s
     Args:
         image: Shape (height, width, 3), blue, green, red.
         lines: The left and the right one, shape (k, 2) each: u, v.
-        names: The labels beside them.
     """
     import cv2
 

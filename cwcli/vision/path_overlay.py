@@ -99,9 +99,7 @@ def project_path_into_image(
     where the covariance is not known.
 
     Args:
-        path: The path.
         camera: The camera in the pixels of the image, with the pitch and yaw of this frame.
-        width_m: Width of the car.
         camera_forward_m: Distance of the camera ahead of the centre of gravity.
     """
     x_m, y_m, heading_rad, across_m = _sample_path_and_band_width(path, camera, camera_forward_m)
@@ -159,7 +157,6 @@ def draw_path(image: Image, lines: PathLines) -> Image:
 
     Args:
         image: Shape (height, width, 3), blue, green, red.
-        lines: The path in the image's pixels.
     """
     import cv2
 

@@ -32,10 +32,6 @@ class SearchClock:
 
         It is, unless the frame after it comes early enough, if it follows as soon as this one did. The first frame, a
         frame of another size, and one whose time goes back are searched too.
-
-        Args:
-            time_ns: Time of the frame.
-            size: Width and height of the frame in pixels.
         """
         step_ns = time_ns - self._last_ns
         is_due = (

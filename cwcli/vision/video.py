@@ -53,7 +53,6 @@ def decode_video(
     """Decode the messages of one stream, in order; about 50 are read ahead.
 
     Args:
-        messages: Each holds one picture, or parameters only.
         video_format: The format that the messages name.
         max_pixels: Larger pictures are not converted.
         where: File and topic, for messages.

@@ -139,10 +139,8 @@ def search_boundary(
     """Search one boundary of one frame.
 
     Args:
-        responses: The block responses of this side.
         phase: Bits, generations and region.
         previous: The boundary in the frame before; not used in the first phase.
-        is_left: Whether the left boundary is searched.
         seed, stream: Seed and stream of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
     """
     if phase.region_half_widths is None:

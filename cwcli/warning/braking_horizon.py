@@ -58,7 +58,6 @@ def measure_to_braking_horizon(
     Args:
         measures: Shape (m,) each: of the present moment.
         pairs: The m pairs of paths.
-        config: `horizon_s` and `max_horizon_s`.
         persistence_s: How much farther the late probability looks.
         is_wanted: Shape (m,): rows that are measured; None: all.
 

@@ -51,7 +51,6 @@ class PathPairs:
         Args:
             min_distance_m: Shape (m,): the least distance of the centres, NaN where a path is not finite.
             time_s: Shape (q,): the paths' times, from 0 to the last of the ends, and with all of them.
-            ends_s: Increasing.
         """
         out = np.zeros((len(self.host_row), len(ends_s)))
         out[np.isnan(min_distance_m)] = np.nan

@@ -64,7 +64,6 @@ def parse_conflict_definition(text: str, *, distance_m: float) -> ConflictDefini
     """Parse a definition of a conflict: `NAME`, `NAME < NUMBER` or `NAME > NUMBER`, or several with ` or ` between.
 
     Args:
-        text: The definition.
         distance_m: Threshold of `distance` without a number.
 
     Raises:

@@ -95,9 +95,7 @@ def find_warnings(
     its age (`warning.remote_alignment`); the rule then judges the two paths from the same moment on.
 
     Args:
-        host: The vehicle that is warned.
         others: The remote vehicles and targets. Their paths should reach `horizon_s + max_age_s`.
-        config: Options; None: the defaults.
 
     Raises:
         UsageError: Unknown rule, a threshold out of range, or host paths shorter than the horizon.

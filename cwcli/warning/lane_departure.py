@@ -210,10 +210,6 @@ def evaluate_lane_departure(
         stamp_ns: Shape (n,), strictly increasing.
         log_time_ns: Shape (n,), non-decreasing.
         paths: n paths of the centre of gravity in each frame's body frame, at least `warn_s` long.
-        boundaries: Both boundaries in the same frames.
-        speed_mps: Shape (n,).
-        config: Options; None: the defaults.
-        host: Front axle and name of the warned vehicle.
 
     Raises:
         UsageError: The paths are too short.

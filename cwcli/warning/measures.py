@@ -132,8 +132,6 @@ def add_contact_probabilities(
     """Add the probabilities of contact to the measures.
 
     Args:
-        measures: Measures without probabilities.
-        pairs: The paths that were measured.
         time_s: Shape (q,): the times of the paths; the last is the horizon plus the persistence.
         horizon_s: One of the times.
         min_probability_to_brake: Where contact is at least this probable, the probability under braking is computed.

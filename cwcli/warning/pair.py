@@ -110,7 +110,6 @@ def evaluate_pairs(
 
     Args:
         time_s: Shape (q,): times along the paths, from 0 to the horizon plus the rule's persistence.
-        window_rows: Number of stamps at a time.
     """
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
     pairings = [pair_with_newest_state(host, other, config.use, config.max_age_s) for other in others]

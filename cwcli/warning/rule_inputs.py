@@ -51,10 +51,6 @@ def evaluate_named_measures(
     """Evaluate named measures at m moments: name -> values (m,), NaN where it has none.
 
     Args:
-        names: Names of measures.
-        host, other: The two vehicles.
-        host_rows: Shape (m,): rows of the host's states.
-        paths: Some of the other's paths.
         at_moments: Shape (m,) each: rows of the other's states, rows of their paths, and ages of the states.
     """
     if not names:

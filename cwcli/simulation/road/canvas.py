@@ -34,7 +34,6 @@ def draw_shapes(
     """Draw shapes over each other, then their union over the image, in place.
 
     Args:
-        image: Shape (height, width).
         shapes: Shapes in drawing order; those with a corner that is not finite are left out.
         opacity: Opacity of the union, 0 to 1.
         hidden: Shape (height, width), if given: pixels that are covered by half or more become True.

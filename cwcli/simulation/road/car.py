@@ -48,8 +48,6 @@ def times_and_states_of_drive_along_lane(
     Args:
         curvature_at: Station -> curvature of the lane, left positive.
         speed_at: Time -> longitudinal speed, at least 3 m/s.
-        driver: The driver that steers.
-        duration_s: Duration of the drive.
         vehicle: The car, with its load.
 
     Returns:

@@ -288,7 +288,6 @@ def iter_set_drives(
         name: Name of the set: good, complex or hard.
         n_drives: Number of drives; each has its own road, traffic, speed (17 to 33 m/s) and weather.
         seed: Another seed gives another set with the same distribution.
-        camera: The camera; None: zhang2011's.
         n_frames: Frames of each drive; 20 drives of 25 make the 500 of a set.
     """
     spec = FRAME_SETS[name]

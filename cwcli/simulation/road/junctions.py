@@ -55,10 +55,8 @@ def add_junctions_to_scene(scene: RoadScene, kind: str, length_m: float, rng: np
     """The scene with exits or on-ramps one after the other on its right, a lane on its left, and no other cars.
 
     Args:
-        scene: The scene without them.
         kind: none, exits or merges.
         length_m: Length of the road.
-        rng: Random stream of the junctions.
     """
     if kind == "none":
         return scene

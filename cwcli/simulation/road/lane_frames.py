@@ -73,10 +73,8 @@ def road_drive_from_lane_run(
     """Convert one run of a lane drive to a drive whose frames can be rendered.
 
     Args:
-        truth: The truth of all runs.
         run: Column of the run in the truth.
         road: The road of the runs; its curvature and the lane's width are kept.
-        settings: Settings of the frames.
         seed: Seed of the look and of the frames' noise.
     """
     look, weather, rate_hz = settings.road, settings.weather, settings.rate_hz

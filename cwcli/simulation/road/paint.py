@@ -29,8 +29,6 @@ def paint_marking(image: Float32Array, rows: ImageRows, marking: Marking, *, gai
 
     Args:
         image: Shape (n, width): grey before the light.
-        rows: The rows.
-        marking: The marking.
         gain: Factor on the paint's grey (wet or retro-reflecting paint).
     """
     sign = 1.0 if marking.offset_m >= 0 else -1.0

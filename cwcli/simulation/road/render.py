@@ -41,9 +41,7 @@ def render_frame(scene: RoadScene, camera: RoadCamera, road: RoadAhead, rng: np.
     """Render one frame.
 
     Args:
-        scene: The scene.
         camera: The camera with the pitch of this moment.
-        road: The road ahead of the camera.
         rng: Random stream of rain and sensor noise.
     """
     light = scene.light

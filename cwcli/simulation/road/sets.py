@@ -144,9 +144,7 @@ def iter_set_frames(
 
     Args:
         name: Name of the set: good, complex or hard.
-        n: Number of frames.
         seed: Another seed gives another set with the same distribution.
-        camera: The camera; None: zhang2011's.
     """
     for index in range(n):
         yield render_set_frame(name, index, seed=seed, camera=camera)

@@ -44,7 +44,6 @@ def draw_tree(image: Float32Array, box: FloatArray, number: int, dark: float, li
     """Draw a tree into a box, in place.
 
     Args:
-        image: Shape (height, width).
         box: Shape (2, 2): top left and bottom right corner (u, v).
         number: Number of the tree shape, 0 to 11.
         dark, light: Greys of its shadow and light sides.

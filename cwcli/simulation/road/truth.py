@@ -125,10 +125,7 @@ def compute_lane_truth(
     """Compute the truth of a frame.
 
     Args:
-        camera, road: Camera and road of the frame.
-        lane_width_m: Distance of the boundaries.
         marking_width_m: Width of the left and of the right boundary's stripe.
-        condition: Name of the weather.
         occluded: Shape (height, width): pixels where a vehicle hides the road.
         lane_m: Offset of the lane's centre line.
     """
