@@ -1,7 +1,7 @@
 """Write the tables of V2X messages from compiled ASN.1 modules: `python -m tools.message_tables`.
 
 `cwcli/signals/radio/*.json` hold the types of messages as far as the packed encoding sees them;
-`cwcli.signals.radio.tables` says how. ETSI's modules are under the 3-clause BSD licence
+`cwcli.signals.radio.program` says how. ETSI's modules are under the 3-clause BSD licence
 (https://forge.etsi.org/rep/ITS/asn1). The library `pycrate` ships those of CAM and DENM compiled; of the others, which
 it does not have, `tools/asn1` holds the part that is read.
 """

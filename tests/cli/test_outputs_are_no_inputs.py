@@ -403,7 +403,7 @@ OPENERS = {
     "prediction/fleet.py": "comes with cwcli",
     "simulation/catalogue.py": "comes with cwcli",
     "report/page.py": "comes with cwcli",
-    "signals/radio/tables.py": "comes with cwcli",
+    "signals/radio/program.py": "comes with cwcli",
     "signals/v2x_tables.py": "comes with cwcli",
     "reproduction/expectations.py": "comes with cwcli",
     **dict.fromkeys(

@@ -11,8 +11,8 @@ from typing import Any
 
 import asn1tools
 
-from cwcli.signals.radio.etsi import CPM, VAM
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, DecodedMessages, decode_messages
+from cwcli.signals.radio.standard_messages import CPM, VAM
 from tests.fuzz.mutate import Rng
 from tests.unit.signals.radio import test_bsm, test_cpm, test_vam
 from tests.unit.signals.radio.test_bsm import mutated, octets_of

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from pycrate_asn1dir import ITS_CAM_2, ITS_DENM_3
 
-from cwcli.signals.radio import tables
-from cwcli.signals.radio.etsi import CAM
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
-from cwcli.signals.radio.program import compile_type
-from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Seq, Sized, Type
+from cwcli.signals.radio.program import Asn1Type, compile_type, load_message_type
+from cwcli.signals.radio.standard_messages import CAM
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
 from tests.unit.signals.radio.vectors import CAM_ASN1TOOLS, CAM_OF_ISSUE, CAM_PYCRATE
 from tools.message_tables import messages, table
@@ -22,53 +20,53 @@ N_RANDOM = 150
 OFFICIAL = {"cam": ITS_CAM_2.CAM_PDU_Descriptions.CAM, "denm": ITS_DENM_3.DENM_PDU_Descriptions.DENM}
 
 
-def any_value(rng: np.random.Generator, node: Type, official: Any, path: str, found: dict[str, int]) -> Any:  # noqa: PLR0911
+def any_value(rng: np.random.Generator, node: Asn1Type, official: Any, path: str, found: dict[str, int]) -> Any:  # noqa: PLR0911
     """A value for the official encoder, and in `found` what the decoder should make of its components."""
     match node:
-        case Int(low, high, extensible):
+        case ["int", low, high, extensible]:
             assert low is not None
             assert high is not None
             limits: list[Any] = [low, high, rng.integers(low, high, endpoint=True)]
             value = int(rng.choice(limits))
             found[path] = high + 5 if extensible and rng.random() < 0.2 else value
             return bool(value) if official.TYPE == "BOOLEAN" else found[path]
-        case Enum(n, extensible):
+        case ["enum", n, _]:
             found[path] = int(rng.integers(n))
             return official._root[found[path]]
-        case Sized(unit_bits, low, high):
+        case ["sized", unit_bits, low, high, _]:
             size = int(rng.integers(low if high is not None else 1, (9 if high is None else high) + 1))
             units = rng.integers(0, 2 if unit_bits == 1 else 10, size)
             if unit_bits == 1:
                 found[path] = int("".join(map(str, units[:low])) or "0", 2)
                 return int("".join(map(str, units)) or "0", 2), size
             return units.astype(np.uint8).tobytes() if official.TYPE == "OCTET STRING" else "".join(map(str, units))
-        case Seq(parts):
+        case ["sequence", parts, _]:
             made = {}
-            for part in parts:
-                if not part.optional or rng.random() < 0.5:
-                    inner = f"{path}.{part.name}" if path else part.name
-                    made[part.name] = any_value(rng, part.type, official._cont[part.name], inner, found)
+            for name, part, is_optional in parts:
+                if not is_optional or rng.random() < 0.5:
+                    inner = f"{path}.{name}" if path else name
+                    made[name] = any_value(rng, part, official._cont[name], inner, found)
             return made
-        case Choice(alternatives):
+        case ["choice", alternatives, _]:
             found[path] = int(rng.integers(len(alternatives)))
-            part = alternatives[found[path]]
-            return part.name, any_value(rng, part.type, official._cont[part.name], f"{path}.{part.name}", found)
-        case ListOf(element, low, high):
+            name, part = alternatives[found[path]]
+            return name, any_value(rng, part, official._cont[name], f"{path}.{name}", found)
+        case ["list", element, low, high, _]:
             n = int(rng.integers(low, min(low + 4, high or low + 4) + 1))
             return [any_value(rng, element, official._cont, path, {}) for _ in range(n)]
         case _:
-            assert node == Null()
+            assert node == ["null"]
             return 0
 
 
-def paths_of(node: Type, path: str = "") -> list[str]:
+def paths_of(node: Asn1Type, path: str = "") -> list[str]:
     """Every component outside lists."""
     match node:
-        case Seq(parts) | Choice(parts):
-            own = [path] if isinstance(node, Choice) else []
-            inner = ((part.type, f"{path}.{part.name}" if path else part.name) for part in parts)
+        case ["sequence" | "choice" as kind, parts, _]:
+            own = [path] if kind == "choice" else []
+            inner = ((part, f"{path}.{name}" if path else name) for name, part, *_ in parts)
             return own + [each for part, name in inner for each in paths_of(part, name)]
-        case Int() | Enum() | Sized(1):
+        case ["int" | "enum", *_] | ["sized", 1, *_]:
             return [path]
         case _:
             return []
@@ -77,7 +75,7 @@ def paths_of(node: Type, path: str = "") -> list[str]:
 def check_random(message: str, n: int, seed: int) -> None:
     """Every component of any message is what the official encoder packed."""
     rng = np.random.default_rng(seed)
-    node, official = tables.load_message_type(message), OFFICIAL[message]
+    node, official = load_message_type(message), OFFICIAL[message]
     packed, expected = [], []
     for _ in range(n):
         found: dict[str, int] = {}
@@ -96,7 +94,7 @@ def check_random(message: str, n: int, seed: int) -> None:
 def check_mutated(message: str, n: int, seed: int) -> dict[str, int]:
     """Any octets are decoded or counted, and what is decoded lies inside the type's ranges."""
     rng = np.random.default_rng(seed)
-    node, official = tables.load_message_type(message), OFFICIAL[message]
+    node, official = load_message_type(message), OFFICIAL[message]
     some = []
     for _ in range(50):
         official.set_val(any_value(rng, node, official, "", {}))

@@ -16,10 +16,10 @@ from functools import partial
 import numpy as np
 from pycrate_asn1dir import ITS_CAM_2
 
-from cwcli.signals.radio.etsi import CAM, CPM
+from cwcli.signals.radio.standard_messages import CAM, CPM
 from cwcli.signals.radio.messages import Octets, decode_messages
 from cwcli.signals.radio.program import Program
-from cwcli.signals.radio.sae import BSM, SDSM
+from cwcli.signals.radio.standard_messages import BSM, SDSM
 from tests.unit.signals.pseudonyms import score
 from tests.unit.signals.radio import packing, test_bsm, test_cam, test_cpm, test_sdsm
 from tests.unit.signals.radio.sdsm_packing import any_sdsm

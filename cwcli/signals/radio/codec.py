@@ -17,8 +17,7 @@ from cwcli.signals import cpm, etsi, j2735, sdsm
 from cwcli.signals.columns import Columns, Field, Strings
 from cwcli.signals.denm import events_from_codes, format_event_counts_notice
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.radio import etsi as packed_etsi
-from cwcli.signals.radio import frames, messages, sae
+from cwcli.signals.radio import frames, messages, standard_messages
 from cwcli.signals.road_events import RoadEvents, join_road_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
 
@@ -75,14 +74,16 @@ MESSAGE_FAULT_TEXTS: dict[int, str] = {
 }
 """The reason for rejecting a message, by status code."""
 SENDER_MESSAGES: dict[str, RoadUserMessage] = {
-    "BSM": RoadUserMessage(sae.BSM, sae.bsm_fields_from_decoded, j2735.JSON_BSM),
-    "CAM": RoadUserMessage(packed_etsi.CAM, packed_etsi.cam_fields_from_decoded, etsi.CAM),
-    "VAM": RoadUserMessage(packed_etsi.VAM, packed_etsi.vam_fields_from_decoded, etsi.CAM),
+    "BSM": RoadUserMessage(standard_messages.BSM, standard_messages.bsm_fields_from_decoded, j2735.JSON_BSM),
+    "CAM": RoadUserMessage(standard_messages.CAM, standard_messages.cam_fields_from_decoded, etsi.CAM),
+    "VAM": RoadUserMessage(standard_messages.VAM, standard_messages.vam_fields_from_decoded, etsi.CAM),
 }
 """The messages that describe their sender, by name."""
 PERCEPTION_MESSAGES: dict[str, RoadUserMessage] = {
-    "CPM": RoadUserMessage(packed_etsi.CPM, packed_etsi.CPM.read_quantities, cpm.OBJECT_CODEC),
-    "SDSM": RoadUserMessage(sae.SDSM, sae.sdsm_objects_from_decoded, sdsm.CODED_OBJECT_CODEC),
+    "CPM": RoadUserMessage(standard_messages.CPM, standard_messages.CPM.read_quantities, cpm.OBJECT_CODEC),
+    "SDSM": RoadUserMessage(
+        standard_messages.SDSM, standard_messages.sdsm_objects_from_decoded, sdsm.CODED_OBJECT_CODEC
+    ),
 }
 """The messages that describe objects that their sender perceived, by name."""
 
@@ -178,9 +179,9 @@ def _decode_denms(
     columns: Columns, found: frames.UnwrappedFrames, form: str
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages, RoadEvents]:
     """Decode the DENMs; return their rows, their contents, and the events that they notify."""
-    rows, decoded = _rows_and_contents_of_messages_named(found, form, "DENM", packed_etsi.DENM)
+    rows, decoded = _rows_and_contents_of_messages_named(found, form, "DENM", standard_messages.DENM)
     is_ok = decoded.status == 0
-    codes = {name: decoded.component_numbers(path)[is_ok] for name, path in packed_etsi.DENM.components.items()}
+    codes = {name: decoded.component_numbers(path)[is_ok] for name, path in standard_messages.DENM.components.items()}
     return rows, decoded, events_from_codes(codes, columns.log_time_ns[rows][is_ok])
 
 

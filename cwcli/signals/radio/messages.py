@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -11,8 +11,7 @@ import numpy.typing as npt
 from cwcli.kernels import uper
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Field, FloatArray, Int64Array, Strings
-from cwcli.signals.radio.program import Program, compile_type
-from cwcli.signals.radio.types import Type
+from cwcli.signals.radio.program import Program, compile_type, load_message_type
 
 MISSING_CODE = int(np.iinfo(np.int64).min)
 """The code of a component that a message does not have."""
@@ -72,13 +71,13 @@ class PackedMessage:
     """A message in the packed encoding, and the components of it that are read.
 
     Attributes:
-        load_type: Returns its ASN.1 type.
+        name: Name of its ASN.1 type, see `load_message_type`.
         components: The path of each quantity's component.
         objects_path: The list of the road users that it describes; "" where it describes its sender.
         message_id, version: The required values of the header, for ETSI's messages.
     """
 
-    load_type: Callable[[], Type]
+    name: str
     components: Mapping[str, str]
     objects_path: str = ""
     message_id: int | None = None
@@ -88,7 +87,7 @@ class PackedMessage:
     def program(self) -> Program:
         """The program that decodes the components."""
         lists = (self.objects_path,) if self.objects_path else ()
-        return compile_type(self.load_type(), tuple(self.components.values()), lists)
+        return compile_type(load_message_type(self.name), tuple(self.components.values()), lists)
 
     def read_quantities(self, decoded: DecodedMessages) -> dict[str, Field]:
         """Return the numbers of each quantity, NaN where it is absent: one row a message, or one row an object."""

@@ -1,16 +1,35 @@
-"""Compiling an ASN.1 type into the operations of the kernel `uper`."""
+"""Compiling an ASN.1 type into the operations of the kernel `uper`.
+
+A type is read from the file beside this one that is named like its message (`tools/message_tables.py` writes them). It
+is a list, its kind and what follows, as far as the unaligned packed encoding sees it:
+
+- `["int", low, high, extensible]`, without `high` as many octets as it takes;
+- `["enum", n, extensible]`, n values counted from 0;
+- `["sized", bits of a unit, low, high, extensible]`, a string of `low` to `high` units;
+- `["list", type, low, high, extensible]`;
+- `["sequence", [[name, type, optional], ...], extensible]`, where what later versions add at the end is skipped;
+- `["choice", [[name, type], ...], extensible]`, where an alternative of a later version is skipped;
+- `["open", [[number, type], ...]]`, contents by the number right before it; unknown contents are skipped;
+- `["null"]`, which takes no bits, and `["unread"]`: everything from here on is skipped.
+
+The types of CAM and DENM are those of ETSI's ASN.1 modules (3-clause BSD licence, copyright ETSI).
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection
+from importlib.resources import files
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import uper
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Open, Part, Seq, Sized, Type, Unread
 
+Asn1Type = list[Any]
+"""An ASN.1 type as the list that stands for it, see above."""
 MAX_NESTING_DEPTH = 48
 """The largest depth of nested types that the kernel's stack allows."""
 NO_COLUMN = -1
@@ -36,7 +55,13 @@ class Program:
         return max([0, *(column for of, column in self.columns.values() if of == table)]) + 1
 
 
-def compile_type(root: Type, wanted: Collection[str], lists: Collection[str] = ()) -> Program:
+def load_message_type(message: str) -> Asn1Type:
+    """Read the type of a message: `bsm`, `cam`, `cpm`, `denm`, `sdsm` or `vam`."""
+    found: Asn1Type = json.loads(files(__package__).joinpath(f"{message}.json").read_text(encoding="utf-8"))
+    return found
+
+
+def compile_type(root: Asn1Type, wanted: Collection[str], lists: Collection[str] = ()) -> Program:
     """Compile a type into the kernel's operations.
 
     Args:
@@ -78,83 +103,81 @@ class _Compiler:
             self.rows[row][5:7] = self.columns[path]
             self.widths[table] += 1
 
-    def compile_node(self, node: Type, path: str, table: int, depth: int) -> None:
+    def compile_node(self, node: Asn1Type, path: str, table: int, depth: int) -> None:
         if depth > MAX_NESTING_DEPTH:
             raise ValueError(f"{path}: nested too deeply")
         match node:
-            case Int():
-                self.assign_column(self._emit_integer(node), path, table)
-            case Enum():
-                operation = uper.UPER_ENUM_EXT if node.extensible else uper.UPER_INT
-                self.assign_column(self.emit_operation(operation, _bits_for_values(node.n), 0, node.n - 1), path, table)
-            case Sized():
-                high = -1 if node.high is None else node.high
-                width = 0 if node.high is None else _bits_for_values(node.high - node.low + 1)
-                row = self.emit_operation(
-                    uper.UPER_SIZED, node.unit_bits, node.low, high, width, jump=int(node.extensible)
-                )
+            case ["int", low, high, extensible]:
+                self.assign_column(self._emit_integer(low, high, extensible), path, table)
+            case ["enum", n, extensible]:
+                operation = uper.UPER_ENUM_EXT if extensible else uper.UPER_INT
+                self.assign_column(self.emit_operation(operation, _bits_for_values(n), 0, n - 1), path, table)
+            case ["sized", unit_bits, low, high, extensible]:
+                size = _kernel_limit_and_bits_of_size(low, high)
+                row = self.emit_operation(uper.UPER_SIZED, unit_bits, low, *size, jump=int(extensible))
                 self.assign_column(row, path, table)
-            case Seq():
-                self._emit_sequence(node, path, table, depth)
-            case Choice():
-                self._emit_choice(node, path, table, depth)
-            case ListOf():
-                self._emit_list(node, path, table, depth)
-            case Open():
-                self._emit_open_type(node, path, table, depth)
-            case Null():
+            case ["sequence", parts, extensible]:
+                self._emit_sequence(parts, path, table, depth, is_extensible=extensible)
+            case ["choice", alternatives, extensible]:
+                self._emit_choice(alternatives, path, table, depth, is_extensible=extensible)
+            case ["list", element, low, high, extensible]:
+                high, width = _kernel_limit_and_bits_of_size(low, high)
+                loop = self.emit_operation(uper.UPER_LIST, width, low, high, int(extensible))
+                self._emit_elements(loop, element, path, table, depth)
+            case ["open", cases]:
+                self._emit_open_type(cases, path, table, depth)
+            case ["null"]:
                 pass
-            case Unread():
+            case ["unread"]:
                 self.emit_operation(uper.UPER_END)
+            case _:
+                raise ValueError(f"unknown node {node!r}")
 
-    def _emit_integer(self, node: Int) -> int:
-        if node.low is None or node.high is None:
-            return self.emit_operation(uper.UPER_BIG, int(node.low is not None), node.low or 0)
-        span = node.high - node.low
-        operation = uper.UPER_INT_EXT if node.extensible else uper.UPER_INT
-        return self.emit_operation(operation, _bits_for_values(span + 1), node.low, span)
+    def _emit_integer(self, low: int | None, high: int | None, extensible: bool) -> int:
+        if low is None or high is None:
+            return self.emit_operation(uper.UPER_BIG, int(low is not None), low or 0)
+        operation = uper.UPER_INT_EXT if extensible else uper.UPER_INT
+        return self.emit_operation(operation, _bits_for_values(high - low + 1), low, high - low)
 
-    def _emit_sequence(self, node: Seq, path: str, table: int, depth: int) -> None:
-        self.emit_operation(uper.UPER_SEQUENCE, int(node.extensible), sum(part.optional for part in node.parts))
-        for part in node.parts:
-            option = self.emit_operation(uper.UPER_OPTION) if part.optional else None
-            self._emit_component(part, path, table, depth)
+    def _emit_sequence(self, parts: list[Any], path: str, table: int, depth: int, *, is_extensible: bool) -> None:
+        self.emit_operation(uper.UPER_SEQUENCE, int(is_extensible), sum(optional for _, _, optional in parts))
+        for name, part, is_optional in parts:
+            option = self.emit_operation(uper.UPER_OPTION) if is_optional else None
+            self.compile_node(part, _path_of_component(path, name), table, depth + 1)
             if option is not None:
                 self.rows[option][7] = len(self.rows)
         self.emit_operation(uper.UPER_SEQUENCE_END)
 
-    def _emit_choice(self, node: Choice, path: str, table: int, depth: int) -> None:
-        n = len(node.alternatives)
-        choice = self.emit_operation(uper.UPER_CHOICE, _bits_for_values(n), n, int(node.extensible))
+    def _emit_choice(self, alternatives: list[Any], path: str, table: int, depth: int, *, is_extensible: bool) -> None:
+        n = len(alternatives)
+        choice = self.emit_operation(uper.UPER_CHOICE, _bits_for_values(n), n, int(is_extensible))
         self.assign_column(choice, path, table)
-        doors = [self.emit_operation(uper.UPER_ALTERNATIVE) for _ in node.alternatives]
+        doors = [self.emit_operation(uper.UPER_ALTERNATIVE) for _ in alternatives]
         exits = []
-        for door, part in zip(doors, node.alternatives, strict=True):
+        for door, (name, part) in zip(doors, alternatives, strict=True):
             self.rows[door][7] = len(self.rows)
-            self._emit_component(part, path, table, depth)
+            self.compile_node(part, _path_of_component(path, name), table, depth + 1)
             exits.append(self.emit_operation(uper.UPER_ALTERNATIVE))
         for row in (*exits, choice):
             self.rows[row][7] = len(self.rows)
 
-    def _emit_list(self, node: ListOf, path: str, table: int, depth: int) -> None:
+    def _emit_elements(self, loop: int, element: Asn1Type, path: str, table: int, depth: int) -> None:
+        """Append the operations of a list's elements; a wanted list gets a table of its own."""
         inner = table
         if path in self.tabled:
             inner = len(self.widths)
             self.widths.append(1)
             self.lists[path] = inner
-        high = -1 if node.high is None else node.high
-        width = 0 if node.high is None else _bits_for_values(node.high - node.low + 1)
-        loop = self.emit_operation(uper.UPER_LIST, width, node.low, high, int(node.extensible))
         self.rows[loop][5] = inner if inner != table else 0
-        self.compile_node(node.element, path, inner, depth + 1)
+        self.compile_node(element, path, inner, depth + 1)
         self.emit_operation(uper.UPER_LIST_END)
         self.rows[loop][7] = len(self.rows)
 
-    def _emit_open_type(self, node: Open, path: str, table: int, depth: int) -> None:
-        start = self.emit_operation(uper.UPER_OPEN, 0, len(node.cases))
-        doors = [self.emit_operation(uper.UPER_CASE, number) for number in node.cases]
+    def _emit_open_type(self, cases: list[Any], path: str, table: int, depth: int) -> None:
+        start = self.emit_operation(uper.UPER_OPEN, 0, len(cases))
+        doors = [self.emit_operation(uper.UPER_CASE, number) for number, _ in cases]
         exits = []
-        for door, contents in zip(doors, node.cases.values(), strict=True):
+        for door, (_, contents) in zip(doors, cases, strict=True):
             self.rows[door][7] = len(self.rows)
             self.compile_node(contents, path, table, depth + 1)
             self.emit_operation(uper.UPER_OPEN_END)
@@ -162,8 +185,14 @@ class _Compiler:
         for row in (*exits, start):
             self.rows[row][7] = len(self.rows)
 
-    def _emit_component(self, part: Part, path: str, table: int, depth: int) -> None:
-        self.compile_node(part.type, f"{path}.{part.name}" if path else part.name, table, depth + 1)
+
+def _path_of_component(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def _kernel_limit_and_bits_of_size(low: int, high: int | None) -> tuple[int, int]:
+    """Return the greatest number of elements (-1: any) and the bits of their number, as the kernel takes them."""
+    return (-1, 0) if high is None else (high, _bits_for_values(high - low + 1))
 
 
 def _bits_for_values(n_values: int) -> int:

@@ -7,8 +7,8 @@ import pytest
 
 from cwcli.signals.bsm_flags import HARD_BRAKING_BIT
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, DecodedMessages, Octets, decode_messages
-from cwcli.signals.radio.program import compile_type
-from cwcli.signals.radio.sae import BSM, EVENTS_PATH
+from cwcli.signals.radio.program import compile_type, load_message_type
+from cwcli.signals.radio.standard_messages import EVENTS_PATH
 from tests.unit.signals.radio import packing
 from tests.unit.signals.radio.vectors import BSM_ODE, CORE_ODE, CRUMBS_ODE, PREDICTION_ODE
 
@@ -18,11 +18,13 @@ CRUMB_NAMES = ("latOffset", "lonOffset", "elevationOffset", "timeOffset")
 CRUMBS_PATH = "partII.partII-Value.pathHistory.crumbData"
 PREDICTION_PATH = "partII.partII-Value.pathPrediction"
 CORE_PROGRAM = compile_type(
-    BSM.load_type(),
+    load_message_type("bsm"),
     (*packing.CORE, EVENTS_PATH, *(f"{PREDICTION_PATH}.{name}" for name in ("radiusOfCurve", "confidence"))),
 )
 """All components of part I, and some of part II, more than cwcli reads."""
-HISTORY_PROGRAM = compile_type(BSM.load_type(), tuple(f"{CRUMBS_PATH}.{name}" for name in CRUMB_NAMES), (CRUMBS_PATH,))
+HISTORY_PROGRAM = compile_type(
+    load_message_type("bsm"), tuple(f"{CRUMBS_PATH}.{name}" for name in CRUMB_NAMES), (CRUMBS_PATH,)
+)
 """The points of the path history."""
 
 

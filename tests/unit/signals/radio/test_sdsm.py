@@ -8,7 +8,7 @@ import pytest
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
-from cwcli.signals.radio.sae import SDSM
+from cwcli.signals.radio.standard_messages import SDSM
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.packing import framed
 from tests.unit.signals.radio.sdsm_packing import any_sdsm

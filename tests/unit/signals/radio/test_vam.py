@@ -10,8 +10,8 @@ import pytest
 
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.radio.etsi import VAM
 from cwcli.signals.radio.messages import MISSING_CODE, decode_messages
+from cwcli.signals.radio.standard_messages import VAM
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.test_bsm import octets_of
 from tests.unit.signals.v2x_messages import radio
