@@ -57,22 +57,32 @@ def load_attribute_of_signals(name: str) -> Any:
     return import_target(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
 
-def lazy_builder(name: str, room: str = "builders") -> Build:
-    """Return the builder `room.module.name`, imported when a channel is built, because binding (`cwcli info`) needs no
-    NumPy."""
+def lazy_builder(*places: str) -> Build:
+    """Return the builder at the first place, `module.name` of this package, which takes what is at the others first.
+
+    All are imported when a channel is built, because binding (`cwcli info`) needs no NumPy.
+    """
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        built: tuple[Signal, Quality] = load_attribute_of_signals(f"{room}.{name}")(columns, reading)
+        function, *first_arguments = map(load_attribute_of_signals, places)
+        built: tuple[Signal, Quality] = function(*first_arguments, columns, reading)
         return built
 
     return build
 
 
 def inputs_of_message(fields: Fields, rank: int | None = 0, **builder_by_role: str) -> tuple[Input, ...]:
-    """Return the registry rows of a message; `builder_by_role` has the builder, `module.function`, of each role."""
+    """Return the registry rows of a message; `builder_by_role` has each role's function of `builders`."""
     return tuple(
-        Input(Role[role.upper()], fields, lazy_builder(name), rank=rank) for role, name in builder_by_role.items()
+        Input(Role[role.upper()], fields, lazy_builder(f"builders.{name}"), rank=rank)
+        for role, name in builder_by_role.items()
     )
+
+
+def inputs_of_receiver_message(fields: Fields, rank: int | None, reader: str, *roles: Role) -> tuple[Input, ...]:
+    """Return the registry rows of a message that `builders.<reader>` reads as a `GnssFix`: one for each role."""
+    build = lazy_builder("builders.gnss.build_signal_of_fix", f"builders.{reader}")
+    return tuple(Input(role, fields, build, rank=rank) for role in roles)
 
 
 class LazyFields(Mapping[str, tuple[str, ...]]):

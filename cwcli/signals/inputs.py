@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from cwcli.registry import Plugin, Registry, accept_dataclass_of
-from cwcli.signals.builders.base import Build, Fields, Input, Reading
+from cwcli.signals.builders.base import Fields, Input, Reading
 from cwcli.signals.detection_inputs import DETECTION_INPUTS
 from cwcli.signals.input_rows import (
     ODOMETRY_RANK,
@@ -26,7 +26,6 @@ from cwcli.signals.input_rows import (
     is_measured_pose_topic,
     is_target_truth_topic,
     lazy_builder,
-    load_attribute_of_signals,
     quaternion_leaf_paths,
     ros_leaf_fields,
     xyz_leaf_paths,
@@ -35,11 +34,7 @@ from cwcli.signals.receiver_inputs import RECEIVER_INPUTS
 from cwcli.signals.role import Role
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cwcli.signals.canonical import Signal
     from cwcli.signals.columns import Columns
-    from cwcli.signals.quality import Quality
 
 
 @lru_cache(maxsize=256)
@@ -70,12 +65,12 @@ def _schema_names_of_foxglove_messages(*names: str) -> tuple[str, ...]:
 
 
 def _fix_inputs(fields: Fields) -> tuple[Input, ...]:
-    build = lazy_builder("position.build_fix")
+    build = lazy_builder("builders.position.build_fix")
     return (Input(Role.EGO_POSITION, fields, build), Input(Role.TRUTH, fields, build, fits_topic=is_ego_truth_topic))
 
 
 def _twist_inputs(fields: Fields) -> tuple[Input, ...]:
-    build = lazy_builder("motion.build_twist")
+    build = lazy_builder("builders.motion.build_twist")
     return (
         Input(Role.EGO_VELOCITY, fields, build, fits_topic=is_gnss_twist_topic),
         Input(Role.EGO_SPEED, fields, build, fits_topic=is_body_twist_topic),
@@ -83,7 +78,7 @@ def _twist_inputs(fields: Fields) -> tuple[Input, ...]:
 
 
 def _pose_inputs(fields: Fields, after: int = 0) -> tuple[Input, ...]:
-    build, build_target = lazy_builder("pose.build_pose"), lazy_builder("targets.build_pose_truth")
+    build, build_target = lazy_builder("builders.pose.build_pose"), lazy_builder("builders.targets.build_pose_truth")
     return (
         Input(Role.TRUTH, fields, build, rank=after, fits_topic=is_ego_truth_topic),
         Input(Role.TARGET_TRUTH, fields, build_target, rank=after, fits_topic=is_target_truth_topic),
@@ -100,7 +95,10 @@ def _odometry_inputs() -> tuple[Input, ...]:
 def _vehicle_state_inputs() -> tuple[Input, ...]:
     motion = ("x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps")
     fields = {"protobuf": ("stamp_ns", "id", *motion, "latitude_deg", "longitude_deg")}
-    build, build_target = lazy_builder("pose.build_vehicle_state"), lazy_builder("targets.build_state_truth")
+    build, build_target = (
+        lazy_builder("builders.pose.build_vehicle_state"),
+        lazy_builder("builders.targets.build_state_truth"),
+    )
     return (
         Input(Role.TRUTH, fields, build, fits_topic=is_ego_truth_topic),
         Input(Role.TARGET_TRUTH, fields, build_target, fits_topic=is_target_truth_topic),
@@ -118,35 +116,31 @@ def _imu_inputs() -> tuple[Input, ...]:
 
 
 _OWN_BUILDER_NAMES_BY_ROLE = {
-    Role.EGO_POSITION: "own_position_builder",
-    Role.EGO_SPEED: "own_speed_builder",
-    Role.EGO_HEADING: "own_heading_builder",
+    Role.EGO_POSITION: "build_own_position",
+    Role.EGO_SPEED: "build_own_speed",
+    Role.EGO_HEADING: "build_own_heading",
 }
-"""The function of `builders.v2x` that makes the builder, by role of the ego."""
-
-
-def _lazy_v2x_builder(maker: str, codec: str) -> Build:
-    """Return the builder that `builders.v2x.<maker>` makes for a codec, both imported when a channel is built."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        make: Callable[[object], Build] = load_attribute_of_signals(f"builders.v2x.{maker}")
-        return make(load_attribute_of_signals(codec))(columns, reading)
-
-    return build
+"""The function of `builders.v2x` that builds the signal, by role of the ego."""
 
 
 def _v2x_inputs(codec: str, fields: Fields, *, says_who_is_ego: bool = False) -> tuple[Input, ...]:
     """Return the registry rows of a V2X schema: remote vehicles, and the ego's own messages where these are known."""
     own = (
-        Input(role, fields, _lazy_v2x_builder(maker, codec), rank=OWN_V2X_RANK, needs_ego_station=not says_who_is_ego)
-        for role, maker in _OWN_BUILDER_NAMES_BY_ROLE.items()
+        Input(
+            role,
+            fields,
+            lazy_builder(f"builders.v2x.{name}", codec),
+            rank=OWN_V2X_RANK,
+            needs_ego_station=not says_who_is_ego,
+        )
+        for role, name in _OWN_BUILDER_NAMES_BY_ROLE.items()
     )
-    return (Input(Role.REMOTE, fields, _lazy_v2x_builder("remote_builder", codec)), *own)
+    return (Input(Role.REMOTE, fields, lazy_builder("builders.v2x.build_remote", codec)), *own)
 
 
 def _perceived_object_inputs(codec: str, fields: Fields) -> tuple[Input, ...]:
     """Return the registry row of a schema whose messages tell of other objects or events only."""
-    return (Input(Role.REMOTE, fields, _lazy_v2x_builder("remote_builder", codec), is_additive=True),)
+    return (Input(Role.REMOTE, fields, lazy_builder("builders.v2x.build_remote", codec), is_additive=True),)
 
 
 _JSON_BSM_FIELDS = LazyFields("j2735.JSON_LEAF_FIELDS", ("json",))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cwcli.signals.builders.base import Fields, Input
+from cwcli.signals.builders.base import Input
 from cwcli.signals.input_rows import (
     FUSED_INS_RANK,
     NMEA_SENTENCE_RANK,
@@ -10,9 +10,11 @@ from cwcli.signals.input_rows import (
     RECEIVER_SUMMARY_RANK,
     header_free_leaf_fields,
     inputs_of_message,
+    inputs_of_receiver_message,
     ros_leaf_fields,
     xyz_leaf_paths,
 )
+from cwcli.signals.role import Role
 
 _NAV_PVT_FIELDS = header_free_leaf_fields(
     *("year", "month", "day", "hour", "min", "sec", "valid", "nano", "flags", "lon", "lat", "height"),
@@ -39,130 +41,131 @@ _SBG_POSITION_PATHS = ("latitude", "longitude", "altitude", "undulation", "posit
 """The leaf paths of an SBG position."""
 _SBG_VELOCITY_PATHS = tuple(f"{name}.{axis}" for name in ("velocity", "velocity_accuracy") for axis in "xy")
 """The leaf paths of an SBG velocity."""
+_SBG_EKF_NAV_FIELDS = ros_leaf_fields(
+    *("status.position_valid", "status.velocity_valid", *xyz_leaf_paths("position")),
+    *(*_SBG_POSITION_PATHS, *_SBG_VELOCITY_PATHS),
+)
+"""The leaf fields of an `SbgEkfNav`, by encoding."""
 
 
-def _ins_inputs(fields: Fields, message: str) -> tuple[Input, ...]:
-    return inputs_of_message(
-        fields,
-        FUSED_INS_RANK,
-        ego_position=f"novatel.build_{message}_position",
-        ego_velocity=f"novatel.build_{message}_velocity",
-        ego_heading=f"novatel.build_{message}_heading",
-    )
-
+_POSITION_AND_VELOCITY = (Role.EGO_POSITION, Role.EGO_VELOCITY)
+"""The roles that a message with position and velocity can fill."""
+_WHOLE_MOTION = (*_POSITION_AND_VELOCITY, Role.EGO_HEADING)
+"""The roles that a message with position, velocity and heading can fill."""
 
 RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
     **dict.fromkeys(
         ("gps_msgs/GPSFix", "gps_common/GPSFix"),
-        inputs_of_message(
+        inputs_of_receiver_message(
             ros_leaf_fields(
                 *("status.status", "latitude", "longitude", "altitude", "track", "speed"),
                 *("err_horz", "err_track", "err_speed", "position_covariance", "position_covariance_type"),
             ),
             RECEIVER_SUMMARY_RANK,
-            ego_position="gps_fix.build_position",
-            ego_velocity="gps_fix.build_velocity",
+            "gps_fix.read_gps_fix",
+            *_POSITION_AND_VELOCITY,
         ),
     ),
-    "nmea_msgs/Sentence": inputs_of_message(
-        ros_leaf_fields("sentence"),
-        NMEA_SENTENCE_RANK,
-        ego_position="nmea.build_position",
-        ego_velocity="nmea.build_velocity",
-        ego_heading="nmea.build_heading",
+    "nmea_msgs/Sentence": inputs_of_receiver_message(
+        ros_leaf_fields("sentence"), NMEA_SENTENCE_RANK, "nmea.read_sentences", *_WHOLE_MOTION
     ),
     "ublox_msgs/NavPVT": (
-        *inputs_of_message(
-            _NAV_PVT_FIELDS,
-            RECEIVER_RANK,
-            ego_position="ublox.build_position",
-            ego_velocity="ublox.build_velocity",
-        ),
+        *inputs_of_receiver_message(_NAV_PVT_FIELDS, RECEIVER_RANK, "ublox.read_nav_pvt", *_POSITION_AND_VELOCITY),
         # only of receivers with an IMU or two antennas
-        *inputs_of_message(_NAV_PVT_FIELDS, None, ego_heading="ublox.build_heading"),
+        *inputs_of_receiver_message(_NAV_PVT_FIELDS, None, "ublox.read_nav_pvt", Role.EGO_HEADING),
     ),
-    "novatel_oem7_msgs/BESTPOS": inputs_of_message(
+    "novatel_oem7_msgs/BESTPOS": inputs_of_receiver_message(
         ros_leaf_fields(
             *(*_OEM7_TIME_PATHS, "sol_status.status", "pos_type.type"),
             *("lat", "lon", "hgt", "undulation", "lat_stdev", "lon_stdev"),
         ),
         RECEIVER_RANK,
-        ego_position="novatel.build_position",
+        "novatel.read_bestpos",
+        Role.EGO_POSITION,
     ),
-    "novatel_gps_msgs/NovatelPosition": inputs_of_message(
+    "novatel_gps_msgs/NovatelPosition": inputs_of_receiver_message(
         ros_leaf_fields(
             *(*_OEM6_TIME_PATHS, "solution_status", "position_type"),
             *("lat", "lon", "height", "undulation", "lat_sigma", "lon_sigma"),
         ),
         RECEIVER_RANK,
-        ego_position="novatel.build_position",
+        "novatel.read_bestpos",
+        Role.EGO_POSITION,
     ),
-    "novatel_oem7_msgs/BESTVEL": inputs_of_message(
+    "novatel_oem7_msgs/BESTVEL": inputs_of_receiver_message(
         ros_leaf_fields(*_OEM7_TIME_PATHS, "sol_status.status", "vel_type.type", "latency", "hor_speed", "trk_gnd"),
         RECEIVER_RANK,
-        ego_velocity="novatel.build_velocity",
+        "novatel.read_bestvel",
+        Role.EGO_VELOCITY,
     ),
-    "novatel_gps_msgs/NovatelVelocity": inputs_of_message(
+    "novatel_gps_msgs/NovatelVelocity": inputs_of_receiver_message(
         ros_leaf_fields(
             *(*_OEM6_TIME_PATHS, "solution_status", "velocity_type"), *("latency", "horizontal_speed", "track_ground")
         ),
         RECEIVER_RANK,
-        ego_velocity="novatel.build_velocity",
+        "novatel.read_bestvel",
+        Role.EGO_VELOCITY,
     ),
-    "novatel_oem7_msgs/INSPVAX": _ins_inputs(
+    "novatel_oem7_msgs/INSPVAX": inputs_of_receiver_message(
         ros_leaf_fields(
             *(*_OEM7_TIME_PATHS, "ins_status.status", *_INS_PATHS, "height"),
             *(f"{name}_stdev" for name in _INSPVAX_NAMES),
         ),
-        "ins",
+        FUSED_INS_RANK,
+        "novatel.read_inspvax",
+        *_WHOLE_MOTION,
     ),
-    "novatel_gps_msgs/Inspvax": _ins_inputs(
+    "novatel_gps_msgs/Inspvax": inputs_of_receiver_message(
         ros_leaf_fields(
             *(*_OEM6_TIME_PATHS, "ins_status", *_INS_PATHS, "altitude"), *(f"{name}_std" for name in _INSPVAX_NAMES)
         ),
-        "ins",
+        FUSED_INS_RANK,
+        "novatel.read_inspvax",
+        *_WHOLE_MOTION,
     ),
-    "novatel_oem7_msgs/INSPVA": _ins_inputs(ros_leaf_fields(*_OEM7_TIME_PATHS, *_INSPVA_PATHS), "inspva"),
-    "novatel_gps_msgs/Inspva": _ins_inputs(ros_leaf_fields(*_OEM6_TIME_PATHS, *_INSPVA_PATHS), "inspva"),
-    "septentrio_gnss_driver/PVTGeodetic": inputs_of_message(
+    "novatel_oem7_msgs/INSPVA": inputs_of_receiver_message(
+        ros_leaf_fields(*_OEM7_TIME_PATHS, *_INSPVA_PATHS), FUSED_INS_RANK, "novatel.read_inspva", *_WHOLE_MOTION
+    ),
+    "novatel_gps_msgs/Inspva": inputs_of_receiver_message(
+        ros_leaf_fields(*_OEM6_TIME_PATHS, *_INSPVA_PATHS), FUSED_INS_RANK, "novatel.read_inspva", *_WHOLE_MOTION
+    ),
+    "septentrio_gnss_driver/PVTGeodetic": inputs_of_receiver_message(
         ros_leaf_fields(*_SEPTENTRIO_PATHS, "mode", "h_accuracy"),
         RECEIVER_RANK,
-        ego_position="septentrio.build_position",
-        ego_velocity="septentrio.build_velocity",
+        "septentrio.read_pvt_geodetic",
+        *_POSITION_AND_VELOCITY,
     ),
-    "septentrio_gnss_driver/INSNavGeod": inputs_of_message(
+    "septentrio_gnss_driver/INSNavGeod": inputs_of_receiver_message(
         ros_leaf_fields(*_SEPTENTRIO_PATHS, *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn"))),
         FUSED_INS_RANK,
-        ego_position="septentrio.build_ins_position",
-        ego_velocity="septentrio.build_ins_velocity",
+        "septentrio.read_ins_nav_geod",
+        *_POSITION_AND_VELOCITY,
     ),
     # the driver sends a sensor_msgs/Imu of the same
     "sbg_driver/SbgImuData": inputs_of_message(
         ros_leaf_fields(*xyz_leaf_paths("accel"), *xyz_leaf_paths("gyro")), RECEIVER_RANK, imu="sbg.build_imu"
     ),
-    "sbg_driver/SbgGpsPos": inputs_of_message(
+    "sbg_driver/SbgGpsPos": inputs_of_receiver_message(
         ros_leaf_fields("status.status", "status.type", *_SBG_POSITION_PATHS),
         RECEIVER_RANK,
-        ego_position="sbg.build_position",
+        "sbg.read_sbg_gps_position",
+        Role.EGO_POSITION,
     ),
-    "sbg_driver/SbgGpsVel": inputs_of_message(
+    "sbg_driver/SbgGpsVel": inputs_of_receiver_message(
         ros_leaf_fields("status.vel_status", "status.vel_type", *_SBG_VELOCITY_PATHS),
         RECEIVER_RANK,
-        ego_velocity="sbg.build_velocity",
+        "sbg.read_gps_vel",
+        Role.EGO_VELOCITY,
     ),
-    "sbg_driver/SbgEkfNav": inputs_of_message(
-        ros_leaf_fields(
-            *("status.position_valid", "status.velocity_valid", *xyz_leaf_paths("position")),
-            *(*_SBG_POSITION_PATHS, *_SBG_VELOCITY_PATHS),
-        ),
-        FUSED_INS_RANK,
-        ego_position="sbg.build_ekf_position",
-        ego_velocity="sbg.build_ekf_velocity",
+    "sbg_driver/SbgEkfNav": (
+        *inputs_of_receiver_message(_SBG_EKF_NAV_FIELDS, FUSED_INS_RANK, "sbg.read_ekf_nav", Role.EGO_POSITION),
+        *inputs_of_receiver_message(_SBG_EKF_NAV_FIELDS, FUSED_INS_RANK, "sbg.read_ekf_velocity", Role.EGO_VELOCITY),
     ),
-    "sbg_driver/SbgEkfEuler": inputs_of_message(
+    "sbg_driver/SbgEkfEuler": inputs_of_receiver_message(
         ros_leaf_fields("status.heading_valid", "angle.z", "accuracy.z"),
         FUSED_INS_RANK,
-        ego_heading="sbg.build_heading",
+        "sbg.read_ekf_euler",
+        Role.EGO_HEADING,
     ),
 }
 """The registry rows of messages of receivers and inertial units, by schema name."""

@@ -20,6 +20,7 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, nan_beyond_limit, reject_rows_beyond_limit
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
+from cwcli.signals.role import Role
 
 NO_VELOCITY_REASON = "no velocity"
 """The reason for rejecting a message without a velocity."""
@@ -55,79 +56,74 @@ class GnssFix:
     heading_variance_rad2: FloatArray | None = None
 
 
-Read = Callable[[Columns, RowLedger], GnssFix]
+ReadFix = Callable[[Columns, RowLedger], GnssFix]
+"""A function that reads the messages of a channel as a `GnssFix`, and tells the ledger what it leaves out."""
 
 
-def make_position_builder(read: Read) -> Callable[[Columns, Reading], tuple[PositionSignal, Quality]]:
-    """Return a builder of positions from messages that `read` understands."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
-        ledger = RowLedger(columns, reading.role)
-        fix = read(columns, ledger)
-        ledger.reject(~fix.is_fix, NO_FIX_REASON)
-        latitude_deg, longitude_deg = (
-            _values_or_nan(fix.latitude_deg, columns),
-            _values_or_nan(fix.longitude_deg, columns),
-        )
-        reject_invalid_positions(ledger, latitude_deg, longitude_deg)
-        altitude_m = nan_beyond_limit(ledger, _values_or_nan(fix.altitude_m, columns), MAX_ALTITUDE_M, "altitude")
-        given = _values_or_nan(fix.position_covariance_m2, columns, 3)
-        covariance = usable_plane_covariance_or_nan(ledger, given[:, 0], given[:, 1], given[:, 2])
-        values = [latitude_deg, longitude_deg, altitude_m]
-        timeline = _timeline_with_clock_note(ledger, fix, reading, values)
-        return build_signal_and_quality(
-            PositionSignal,
-            ledger,
-            timeline,
-            latitude_deg=latitude_deg,
-            longitude_deg=longitude_deg,
-            altitude_m=altitude_m,
-            covariance_m2=covariance,
-        )
-
-    return build
+def build_signal_of_fix(
+    read_fix: ReadFix, columns: Columns, reading: Reading
+) -> tuple[PositionSignal | VelocitySignal | HeadingSignal, Quality]:
+    """Build the signal of the role (position, velocity or heading) from messages that `read_fix` understands."""
+    ledger = RowLedger(columns, reading.role)
+    return _BUILDERS_BY_ROLE[reading.role](read_fix(columns, ledger), reading, ledger)
 
 
-def make_velocity_builder(read: Read) -> Callable[[Columns, Reading], tuple[VelocitySignal, Quality]]:
-    """Return a builder of velocities over ground from messages that `read` understands."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[VelocitySignal, Quality]:
-        ledger = RowLedger(columns, reading.role)
-        fix = read(columns, ledger)
-        ledger.reject(~fix.is_fix, NO_FIX_REASON)
-        velocity_mps = _values_or_nan(fix.velocity_mps, columns, 2)
-        ledger.reject(np.asarray(np.isnan(velocity_mps).any(axis=1)), NO_VELOCITY_REASON)
-        reject_rows_beyond_limit(ledger, velocity_mps, MAX_SPEED_MPS)
-        given = _values_or_nan(fix.velocity_covariance_m2ps2, columns, 3)
-        covariance = usable_plane_covariance_or_nan(ledger, given[:, 0], given[:, 1], given[:, 2])
-        timeline = _timeline_with_clock_note(ledger, fix, reading, [velocity_mps])
-        return build_signal_and_quality(
-            VelocitySignal,
-            ledger,
-            timeline,
-            east_mps=velocity_mps[:, 0],
-            north_mps=velocity_mps[:, 1],
-            covariance_m2ps2=covariance,
-        )
-
-    return build
+def _build_position(fix: GnssFix, reading: Reading, ledger: RowLedger) -> tuple[PositionSignal, Quality]:
+    columns = ledger.columns
+    ledger.reject(~fix.is_fix, NO_FIX_REASON)
+    latitude_deg, longitude_deg = _values_or_nan(fix.latitude_deg, columns), _values_or_nan(fix.longitude_deg, columns)
+    reject_invalid_positions(ledger, latitude_deg, longitude_deg)
+    altitude_m = nan_beyond_limit(ledger, _values_or_nan(fix.altitude_m, columns), MAX_ALTITUDE_M, "altitude")
+    covariance_m2 = _usable_covariance_or_nan(fix.position_covariance_m2, ledger)
+    timeline = _timeline_with_clock_note(ledger, fix, reading, [latitude_deg, longitude_deg, altitude_m])
+    return build_signal_and_quality(
+        PositionSignal,
+        ledger,
+        timeline,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=altitude_m,
+        covariance_m2=covariance_m2,
+    )
 
 
-def make_heading_builder(read: Read) -> Callable[[Columns, Reading], tuple[HeadingSignal, Quality]]:
-    """Return a builder of headings from messages that `read` understands."""
+def _build_velocity(fix: GnssFix, reading: Reading, ledger: RowLedger) -> tuple[VelocitySignal, Quality]:
+    ledger.reject(~fix.is_fix, NO_FIX_REASON)
+    velocity_mps = _values_or_nan(fix.velocity_mps, ledger.columns, 2)
+    ledger.reject(np.asarray(np.isnan(velocity_mps).any(axis=1)), NO_VELOCITY_REASON)
+    reject_rows_beyond_limit(ledger, velocity_mps, MAX_SPEED_MPS)
+    covariance_m2ps2 = _usable_covariance_or_nan(fix.velocity_covariance_m2ps2, ledger)
+    timeline = _timeline_with_clock_note(ledger, fix, reading, [velocity_mps])
+    east_mps, north_mps = velocity_mps.T
+    return build_signal_and_quality(
+        VelocitySignal,
+        ledger,
+        timeline,
+        east_mps=east_mps,
+        north_mps=north_mps,
+        covariance_m2ps2=covariance_m2ps2,
+    )
 
-    def build(columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
-        ledger = RowLedger(columns, reading.role)
-        fix = read(columns, ledger)
-        heading_rad = _values_or_nan(fix.heading_rad, columns)
-        ledger.reject(~fix.is_fix | ~np.isfinite(heading_rad), NO_ORIENTATION_REASON)
-        variance = usable_variances_or_nan(ledger, _values_or_nan(fix.heading_variance_rad2, columns))
-        timeline = _timeline_with_clock_note(ledger, fix, reading, [heading_rad])
-        return build_signal_and_quality(
-            HeadingSignal, ledger, timeline, heading_rad=heading_rad, variance_rad2=variance
-        )
 
-    return build
+def _build_heading(fix: GnssFix, reading: Reading, ledger: RowLedger) -> tuple[HeadingSignal, Quality]:
+    heading_rad = _values_or_nan(fix.heading_rad, ledger.columns)
+    ledger.reject(~fix.is_fix | ~np.isfinite(heading_rad), NO_ORIENTATION_REASON)
+    variance = usable_variances_or_nan(ledger, _values_or_nan(fix.heading_variance_rad2, ledger.columns))
+    timeline = _timeline_with_clock_note(ledger, fix, reading, [heading_rad])
+    return build_signal_and_quality(HeadingSignal, ledger, timeline, heading_rad=heading_rad, variance_rad2=variance)
+
+
+_BUILDERS_BY_ROLE = {
+    Role.EGO_POSITION: _build_position,
+    Role.EGO_VELOCITY: _build_velocity,
+    Role.EGO_HEADING: _build_heading,
+}
+"""The function that makes the signal of each role from a fix."""
+
+
+def _usable_covariance_or_nan(covariance: FloatArray | None, ledger: RowLedger) -> FloatArray:
+    """Return plane covariances (n, 3), NaN where not given or unusable; the latter are counted."""
+    return usable_plane_covariance_or_nan(ledger, *_values_or_nan(covariance, ledger.columns, 3).T)
 
 
 def isotropic_covariance(variance: FloatArray) -> FloatArray:

@@ -11,8 +11,6 @@ import numpy as np
 from cwcli.signals.builders.gnss import (
     GnssFix,
     isotropic_covariance,
-    make_position_builder,
-    make_velocity_builder,
     velocity_from_speed_and_course,
 )
 from cwcli.signals.columns import Columns, FloatArray
@@ -39,10 +37,6 @@ def read_gps_fix(columns: Columns, ledger: RowLedger) -> GnssFix:
         velocity_mps=velocity_from_speed_and_course(speed_mps, course_deg),
         velocity_covariance_m2ps2=_velocity_covariance_from_errors(columns, speed_mps, course_deg),
     )
-
-
-build_position = make_position_builder(read_gps_fix)
-build_velocity = make_velocity_builder(read_gps_fix)
 
 
 def _one_sigma_from_stated_error(columns: Columns, name: str, sigmas: float) -> FloatArray:

@@ -18,21 +18,18 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.gnss import (
     GnssFix,
     heading_from_compass_or_nan,
-    make_heading_builder,
-    make_position_builder,
-    make_velocity_builder,
     velocity_from_speed_and_course,
 )
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaf_fields import read_stamps, read_texts
 from cwcli.signals.quality import RowLedger
+from cwcli.signals.role import Role
+from cwcli.signals.units import MPS_PER_KMH
 
 STANDARD_ADDRESS = re.compile(r"[A-OQ-Z0-9][A-Z0-9]{4}")
 """A talker of two characters and a sentence type of three (NMEA 0183); `P` begins a maker's own sentences."""
 MPS_PER_KNOT = 1852.0 / 3600.0
 """One knot in m/s (1852 m per hour)."""
-MPS_PER_KMH = 1.0 / 3.6
-"""One km/h in m/s."""
 NAN = float("nan")
 """The value of a quantity that a sentence does not give."""
 NO_SENTENCE_REASON = "no NMEA sentence"
@@ -45,7 +42,11 @@ SENTENCE_TOO_SHORT_REASON = "NMEA sentence too short"
 """The reason for rejecting a sentence with too few fields."""
 OTHER_SENTENCE_REASON = "other NMEA sentence"
 """The reason for setting aside a sentence of a type that is not needed."""
-POSITION_SENTENCE_TYPES, VELOCITY_SENTENCE_TYPES, HEADING_SENTENCE_TYPES = ("GGA", "RMC"), ("RMC", "VTG"), ("HDT",)
+SENTENCE_TYPES_BY_ROLE: dict[str, tuple[str, ...]] = {
+    Role.EGO_POSITION: ("GGA", "RMC"),
+    Role.EGO_VELOCITY: ("RMC", "VTG"),
+    Role.EGO_HEADING: ("HDT",),
+}
 """The sentence types that give position, velocity and heading, best first."""
 UNMEASURED_GGA_QUALITIES = ("0", "7")
 """The GGA quality codes of fixes that are not measured: 0 is no fix, 7 is typed in by hand (NMEA 0183)."""
@@ -146,40 +147,30 @@ def parse_number_or_nan(text: str) -> float:
     return float(text) if unsigned.replace(".", "", 1).isdecimal() else NAN
 
 
-def _make_sentence_reader(kinds: tuple[str, ...]) -> Callable[[Columns, RowLedger], GnssFix]:
-    """Return a reader of the sentences of the first of these types that the channel has."""
+def read_sentences(columns: Columns, ledger: RowLedger) -> GnssFix:
+    """Read the sentences of the first type that the channel has of those that give what the role needs."""
+    kinds = SENTENCE_TYPES_BY_ROLE[ledger.quality.role]
+    field = read_texts(columns, "sentence")
+    values = () if field is None else field.values
+    split = [*map(split_sentence, values), (NO_SENTENCE_REASON, [])]
+    codes = np.full(len(columns), -1, np.int64) if field is None else field.codes.astype(np.int64)
+    names = np.array([kind for kind, _ in split])
+    wanted = next((kind for kind in kinds if kind in names), kinds[0])
+    for reason in (NO_SENTENCE_REASON, NO_CHECKSUM_REASON, BAD_CHECKSUM_REASON, SENTENCE_TOO_SHORT_REASON):
+        ledger.reject((names == reason)[codes], reason)
+    ledger.set_aside((names != wanted)[codes], OTHER_SENTENCE_REASON)
+    said = [SENTENCE_PARSERS[kind][1](fields) if kind == wanted else SentenceValues(False) for kind, fields in split]
 
-    def read(columns: Columns, ledger: RowLedger) -> GnssFix:
-        field = read_texts(columns, "sentence")
-        values = () if field is None else field.values
-        split = [*map(split_sentence, values), (NO_SENTENCE_REASON, [])]
-        codes = np.full(len(columns), -1, np.int64) if field is None else field.codes.astype(np.int64)
-        names = np.array([kind for kind, _ in split])
-        wanted = next((kind for kind in kinds if kind in names), kinds[0])
-        for reason in (NO_SENTENCE_REASON, NO_CHECKSUM_REASON, BAD_CHECKSUM_REASON, SENTENCE_TOO_SHORT_REASON):
-            ledger.reject((names == reason)[codes], reason)
-        ledger.set_aside((names != wanted)[codes], OTHER_SENTENCE_REASON)
-        said = [
-            SENTENCE_PARSERS[kind][1](fields) if kind == wanted else SentenceValues(False) for kind, fields in split
-        ]
+    def column(name: str) -> FloatArray:
+        return np.array([getattr(each, name) for each in said], np.float64)[codes]
 
-        def column(name: str) -> FloatArray:
-            return np.array([getattr(each, name) for each in said], np.float64)[codes]
-
-        course_deg = column("course_deg")
-        return GnssFix(
-            *read_stamps(columns),
-            is_fix=np.array([each.is_fix for each in said])[codes],
-            latitude_deg=column("latitude_deg"),
-            longitude_deg=column("longitude_deg"),
-            altitude_m=column("altitude_m"),
-            velocity_mps=velocity_from_speed_and_course(column("speed_mps"), course_deg),
-            heading_rad=heading_from_compass_or_nan(course_deg),
-        )
-
-    return read
-
-
-build_position = make_position_builder(_make_sentence_reader(POSITION_SENTENCE_TYPES))
-build_velocity = make_velocity_builder(_make_sentence_reader(VELOCITY_SENTENCE_TYPES))
-build_heading = make_heading_builder(_make_sentence_reader(HEADING_SENTENCE_TYPES))
+    course_deg = column("course_deg")
+    return GnssFix(
+        *read_stamps(columns),
+        is_fix=np.array([each.is_fix for each in said])[codes],
+        latitude_deg=column("latitude_deg"),
+        longitude_deg=column("longitude_deg"),
+        altitude_m=column("altitude_m"),
+        velocity_mps=velocity_from_speed_and_course(column("speed_mps"), course_deg),
+        heading_rad=heading_from_compass_or_nan(course_deg),
+    )

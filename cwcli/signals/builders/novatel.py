@@ -14,9 +14,6 @@ from cwcli.signals.builders.gnss import (
     GnssFix,
     covariance_of_east_north_sigmas,
     heading_from_compass_or_nan,
-    make_heading_builder,
-    make_position_builder,
-    make_velocity_builder,
     velocity_from_speed_and_course,
 )
 from cwcli.signals.columns import Columns, StampsNsAndIsGiven, Strings
@@ -97,16 +94,6 @@ def read_inspva(columns: Columns, ledger: RowLedger) -> GnssFix:
         is_fix=_accepted_status_mask(columns, "status", USABLE_INS_STATUSES),
         altitude_m=read_numbers(columns, "height"),
     )
-
-
-build_position = make_position_builder(read_bestpos)
-build_velocity = make_velocity_builder(read_bestvel)
-build_ins_position = make_position_builder(read_inspvax)
-build_ins_velocity = make_velocity_builder(read_inspvax)
-build_ins_heading = make_heading_builder(read_inspvax)
-build_inspva_position = make_position_builder(read_inspva)
-build_inspva_velocity = make_velocity_builder(read_inspva)
-build_inspva_heading = make_heading_builder(read_inspva)
 
 
 def _read_stamps_or_gps_time_and_is_usable(columns: Columns, ledger: RowLedger) -> StampsNsAndIsGiven:

@@ -18,9 +18,6 @@ from cwcli.signals.builders.gnss import (
     GnssFix,
     covariance_of_east_north_sigmas,
     heading_from_compass_or_nan,
-    make_heading_builder,
-    make_position_builder,
-    make_velocity_builder,
 )
 from cwcli.signals.canonical import ImuSignal
 from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
@@ -108,13 +105,6 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
         accel_variance=nothing,
         gyro_variance=nothing,
     )
-
-
-build_position = make_position_builder(read_sbg_gps_position)
-build_velocity = make_velocity_builder(read_gps_vel)
-build_ekf_position = make_position_builder(read_ekf_nav)
-build_ekf_velocity = make_velocity_builder(read_ekf_velocity)
-build_heading = make_heading_builder(read_ekf_euler)
 
 
 def _axes_of_frame_name(columns: Columns) -> str:

@@ -12,8 +12,6 @@ from cwcli.signals.builders.gnss import (
     GnssFix,
     covariance_of_east_north_sigmas,
     isotropic_covariance,
-    make_position_builder,
-    make_velocity_builder,
 )
 from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven
 from cwcli.signals.gnss_time import utc_ns_and_is_time_from_gps_weeks
@@ -70,12 +68,6 @@ def read_pvt_geodetic(columns: Columns, ledger: RowLedger) -> GnssFix:
         position_covariance_m2=isotropic_covariance(sigma_m**2),
         velocity_mps=np.stack([_read_usable_numbers(columns, "ve"), _read_usable_numbers(columns, "vn")], axis=1),
     )
-
-
-build_position = make_position_builder(read_pvt_geodetic)
-build_velocity = make_velocity_builder(read_pvt_geodetic)
-build_ins_position = make_position_builder(read_ins_nav_geod)
-build_ins_velocity = make_velocity_builder(read_ins_nav_geod)
 
 
 def _read_stamps_or_gps_time_and_is_usable(columns: Columns, ledger: RowLedger) -> StampsNsAndIsGiven:

@@ -11,9 +11,6 @@ from cwcli.signals.builders.gnss import (
     GnssFix,
     heading_from_compass_or_nan,
     isotropic_covariance,
-    make_heading_builder,
-    make_position_builder,
-    make_velocity_builder,
 )
 from cwcli.signals.columns import Columns
 from cwcli.signals.gnss_time import undo_week_rollover, utc_ns_and_is_time_from_date
@@ -70,11 +67,6 @@ def read_nav_pvt(columns: Columns, ledger: RowLedger) -> GnssFix:
             heading_rad=np.where(has_heading, heading_from_compass_or_nan(compass_deg), np.nan),
             heading_variance_rad2=heading_sigma**2,
         )
-
-
-build_position = make_position_builder(read_nav_pvt)
-build_velocity = make_velocity_builder(read_nav_pvt)
-build_heading = make_heading_builder(read_nav_pvt)
 
 
 def _all_bits_set_mask(columns: Columns, name: str, bits: int) -> BoolArray:

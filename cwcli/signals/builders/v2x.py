@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 
 from cwcli.signals.bsm_flags import format_flag_notes
-from cwcli.signals.builders.base import Build, Reading
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.position import reject_invalid_positions
-from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, Signal, SpeedSignal
-from cwcli.signals.clocks import Timeline, repair_and_order_times
-from cwcli.signals.columns import Columns, Int64Array, Strings, key_numbers_and_rows_of_first_appearance
+from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, SpeedSignal
+from cwcli.signals.clocks import Timeline, build_signal_and_quality, repair_and_order_times
+from cwcli.signals.columns import Columns, Strings, key_numbers_and_rows_of_first_appearance
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
@@ -29,113 +27,93 @@ MAX_STAMP_AHEAD_OF_LOG_NS = 2_000_000
 """The time by which a stamp may be after its log time, in ns: two steps of the message clock (1 ms)."""
 
 
-def remote_builder(codec: V2xCodec) -> Build:
-    """Return a builder of a `RemoteSignal` from a V2X channel: the senders, and the objects that they perceived.
+def build_remote(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
+    """Build a `RemoteSignal` from a V2X channel: the senders, and the objects that they perceived.
 
     The objects are counted for themselves.
     """
-
-    def build(columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
-        signal, quality = build_one(codec, columns, reading)
-        for part, inner in codec.objects(columns):
-            more, its = build_one(inner, part, reading)
-            quality.objects = its if quality.objects is None else quality.objects.combine_with(its)
-            quality.notes += its.notes
-            signal = join_remote_signals([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
-        senders = codec.identify(columns)
-        events, is_unread = codec.events(columns)
-        events = _drop_own_events(events, senders, reading) if len(events) else events
-        quality.notes += format_flag_notes(events, is_unread & ~_own_message_mask(senders, reading))
-        return replace(signal, events=_align_flag_events_with_states(events, signal)) if len(
-            events
-        ) else signal, quality
-
-    def build_one(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
-        ledger = RowLedger(columns, reading.role)
-        senders = codec.identify(columns)
-        ledger.set_aside(senders.is_roadside, ROADSIDE_UNIT_REASON)
-        ledger.set_aside(_own_message_mask(senders, reading), OWN_STATION_REASON)
-        decoded = codec.decode(columns, ledger)
-        timeline = _timeline_per_station(columns, reading, ledger, decoded, senders.station)
-        _note_timing_anomalies(ledger, decoded, senders.station, timeline)
-        rows = timeline.rows
-        codes = senders.station.codes[rows]
-        signal = RemoteSignal(
-            source=columns.topic,
-            station=_encode_used_station_names(codes, senders.station.values),
-            stamp_ns=timeline.stamp_ns,
-            log_time_ns=columns.log_time_ns[rows],
-            **{entry.name: getattr(decoded, entry.name)[rows] for entry in fields(RemoteQuantities)},
-        )
-        return signal, ledger.quality
-
-    return build
+    signal, quality = _build_senders(codec, columns, reading)
+    for part, inner in codec.objects(columns):
+        more, its = _build_senders(inner, part, reading)
+        quality.objects = its if quality.objects is None else quality.objects.combine_with(its)
+        quality.notes += its.notes
+        signal = join_remote_signals([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
+    senders = codec.identify(columns)
+    events, is_unread = codec.events(columns)
+    events = _drop_own_events(events, senders, reading) if len(events) else events
+    quality.notes += format_flag_notes(events, is_unread & ~_own_message_mask(senders, reading))
+    if len(events):
+        signal = replace(signal, events=_align_flag_events_with_states(events, signal))
+    return signal, quality
 
 
-def own_position_builder(codec: V2xCodec) -> Build:
-    """Return a builder of the ego's `PositionSignal` from its own messages."""
-    return _make_own_signal_builder(
-        codec,
-        lambda decoded, rows, base: PositionSignal(
-            **base,
-            latitude_deg=decoded.latitude_deg[rows],
-            longitude_deg=decoded.longitude_deg[rows],
-            altitude_m=decoded.altitude_m[rows],
-            covariance_m2=decoded.position_covariance_m2[rows],
-        ),
+def _build_senders(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
+    ledger = RowLedger(columns, reading.role)
+    senders = codec.identify(columns)
+    ledger.set_aside(senders.is_roadside, ROADSIDE_UNIT_REASON)
+    ledger.set_aside(_own_message_mask(senders, reading), OWN_STATION_REASON)
+    decoded = codec.decode(columns, ledger)
+    timeline = _timeline_per_station(columns, reading, ledger, decoded, senders.station)
+    _note_timing_anomalies(ledger, decoded, senders.station, timeline)
+    rows = timeline.rows
+    signal = RemoteSignal(
+        source=columns.topic,
+        station=_encode_used_station_names(senders.station.codes[rows], senders.station.values),
+        stamp_ns=timeline.stamp_ns,
+        log_time_ns=columns.log_time_ns[rows],
+        **{entry.name: getattr(decoded, entry.name)[rows] for entry in fields(RemoteQuantities)},
+    )
+    return signal, ledger.quality
+
+
+def build_own_position(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
+    """Build the ego's position from its own messages."""
+    ledger, decoded, timeline = _decode_own_messages(codec, columns, reading)
+    return build_signal_and_quality(
+        PositionSignal,
+        ledger,
+        timeline,
+        latitude_deg=decoded.latitude_deg,
+        longitude_deg=decoded.longitude_deg,
+        altitude_m=decoded.altitude_m,
+        covariance_m2=decoded.position_covariance_m2,
     )
 
 
-def own_speed_builder(codec: V2xCodec) -> Build:
-    """Return a builder of the ego's `SpeedSignal` (speed and yaw rate) from its own messages."""
-    return _make_own_signal_builder(
-        codec,
-        lambda decoded, rows, base: SpeedSignal(
-            **base,
-            speed_mps=decoded.speed_mps[rows],
-            yaw_rate_radps=decoded.yaw_rate_radps[rows],
-            speed_variance_m2ps2=decoded.speed_sigma_mps[rows] ** 2,
-            yaw_rate_variance_rad2ps2=decoded.yaw_rate_sigma_radps[rows] ** 2,
-        ),
-        needs="speed_mps",
+def build_own_speed(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+    """Build the ego's speed and yaw rate from its own messages."""
+    ledger, decoded, timeline = _decode_own_messages(codec, columns, reading, needs="speed_mps")
+    return build_signal_and_quality(
+        SpeedSignal,
+        ledger,
+        timeline,
+        speed_mps=decoded.speed_mps,
+        yaw_rate_radps=decoded.yaw_rate_radps,
+        speed_variance_m2ps2=decoded.speed_sigma_mps**2,
+        yaw_rate_variance_rad2ps2=decoded.yaw_rate_sigma_radps**2,
     )
 
 
-def own_heading_builder(codec: V2xCodec) -> Build:
-    """Return a builder of the ego's `HeadingSignal` from its own messages."""
-    return _make_own_signal_builder(
-        codec,
-        lambda decoded, rows, base: HeadingSignal(
-            **base, heading_rad=decoded.heading_rad[rows], variance_rad2=decoded.heading_sigma_rad[rows] ** 2
-        ),
-        needs="heading_rad",
+def build_own_heading(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
+    """Build the ego's heading from its own messages."""
+    ledger, decoded, timeline = _decode_own_messages(codec, columns, reading, needs="heading_rad")
+    variance_rad2 = decoded.heading_sigma_rad**2
+    return build_signal_and_quality(
+        HeadingSignal, ledger, timeline, heading_rad=decoded.heading_rad, variance_rad2=variance_rad2
     )
 
 
-def _make_own_signal_builder(
-    codec: V2xCodec, make: Callable[[RemoteRows, Int64Array, dict[str, Any]], Signal], needs: str = ""
-) -> Build:
-    """Return a builder of a signal of the ego.
-
-    Args:
-        codec: The channel's codec.
-        make: Decoded messages, the rows in use, and source and times of these -> the signal.
-        needs: A message without this quantity is set aside.
-    """
-
-    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        ledger = RowLedger(columns, reading.role)
-        senders = codec.identify(columns)
-        ledger.set_aside(~_own_message_mask(senders, reading), OTHER_STATION_REASON)
-        decoded = codec.decode(columns, ledger)
-        if needs:
-            ledger.set_aside(~np.isfinite(getattr(decoded, needs)), MISSING_QUANTITY_REASON)
-        timeline = _timeline_per_station(columns, reading, ledger, decoded, senders.station)
-        rows = timeline.rows
-        times = {"stamp_ns": timeline.stamp_ns, "log_time_ns": columns.log_time_ns[rows]}
-        return make(decoded, rows, {"source": columns.topic, **times}), ledger.quality
-
-    return build
+def _decode_own_messages(
+    codec: V2xCodec, columns: Columns, reading: Reading, needs: str = ""
+) -> tuple[RowLedger, RemoteRows, Timeline]:
+    """Decode the ego's own messages; those of others, and those without the quantity `needs`, are set aside."""
+    ledger = RowLedger(columns, reading.role)
+    senders = codec.identify(columns)
+    ledger.set_aside(~_own_message_mask(senders, reading), OTHER_STATION_REASON)
+    decoded = codec.decode(columns, ledger)
+    if needs:
+        ledger.set_aside(~np.isfinite(getattr(decoded, needs)), MISSING_QUANTITY_REASON)
+    return ledger, decoded, _timeline_per_station(columns, reading, ledger, decoded, senders.station)
 
 
 def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:

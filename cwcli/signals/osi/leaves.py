@@ -6,6 +6,8 @@ from cwcli.signals.builders.base import Fields, Input
 from cwcli.signals.input_rows import lazy_builder
 from cwcli.signals.role import Role
 
+GROUND_TRUTH_PREFIX = ""
+"""The path prefix of the GroundTruth in a message that is one."""
 SENSOR_VIEW_PREFIX = "global_ground_truth."
 """The path prefix of the GroundTruth in a SensorView."""
 SENSOR_DATA_PREFIX = f"sensor_view.{SENSOR_VIEW_PREFIX}"
@@ -79,52 +81,35 @@ _HOST_VEHICLE_DATA_FIELDS: Fields = {
 """The leaf fields of a HostVehicleData, by encoding."""
 
 
-def _ground_truth_inputs(fields: Fields, module: str, rank: int) -> tuple[Input, ...]:
-    """Return the registry rows of ego and truth in a GroundTruth; a sensor of the same log is preferred."""
+def _input(role: Role, fields: Fields, rank: int, *places: str) -> Input:
+    return Input(role, fields, lazy_builder(*(f"osi.{place}" for place in places)), rank=rank, says_what_it_is=True)
+
+
+def _ground_truth_inputs(fields: Fields, prefix: str, rank: int, *, with_remote: bool = True) -> tuple[Input, ...]:
+    """Return the registry rows of a GroundTruth behind a prefix; a sensor of the same log is preferred."""
+    builder_names_by_role = {
+        Role.EGO_POSITION: "build_pose",
+        Role.EGO_SPEED: "build_speed",
+        Role.TRUTH: "build_pose",
+        Role.TARGET_TRUTH: "build_target_truth",
+        **({Role.REMOTE: "build_remote"} if with_remote else {}),
+    }
     return tuple(
-        Input(role, fields, lazy_builder(f"{module}.build_{name}", "osi"), rank=rank, says_what_it_is=True)
-        for role, name in (
-            (Role.EGO_POSITION, "pose"),
-            (Role.EGO_SPEED, "speed"),
-            (Role.TRUTH, "pose"),
-            (Role.TARGET_TRUTH, "target_truth"),
-        )
+        _input(role, fields, rank, f"roles.{name}", f"leaves.{prefix}") for role, name in builder_names_by_role.items()
     )
 
 
-def _remote_input(fields: Fields, module: str, rank: int) -> Input:
-    return Input(Role.REMOTE, fields, lazy_builder(f"{module}.build_remote", "osi"), rank=rank, says_what_it_is=True)
-
-
-HOST_VEHICLE_DATA = tuple(
-    Input(
-        role,
-        _HOST_VEHICLE_DATA_FIELDS,
-        lazy_builder(f"host_vehicle_data.build_{name}", "osi"),
-        rank=3,
-        says_what_it_is=True,
-    )
-    for role, name in ((Role.EGO_POSITION, "pose"), (Role.EGO_SPEED, "speed"))
+HOST_VEHICLE_DATA = (
+    _input(Role.EGO_POSITION, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_pose"),
+    _input(Role.EGO_SPEED, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_speed"),
 )
 """The registry rows of `osi3.HostVehicleData`."""
-GROUND_TRUTH_INPUTS = (
-    *_ground_truth_inputs(_GROUND_TRUTH_FIELDS, "ground_truth", 4),
-    _remote_input(_GROUND_TRUTH_FIELDS, "ground_truth", 4),
-)
-"""Rows of the input registry (`Input`) for `osi3.GroundTruth`: which roles it can fill, from which fields, by which
-builder."""
-SENSOR_VIEW = (
-    *_ground_truth_inputs(_SENSOR_VIEW_FIELDS, "sensor_view", 5),
-    _remote_input(_SENSOR_VIEW_FIELDS, "sensor_view", 5),
-)
-"""The registry rows of `osi3.SensorView`."""
+GROUND_TRUTH_INPUTS = _ground_truth_inputs(_GROUND_TRUTH_FIELDS, "GROUND_TRUTH_PREFIX", 4)
+"""The registry rows of `osi3.GroundTruth`."""
+SENSOR_VIEW = _ground_truth_inputs(_SENSOR_VIEW_FIELDS, "SENSOR_VIEW_PREFIX", 5)
+"""The registry rows of `osi3.SensorView`: the GroundTruth that a sensor is given. Its host carries the sensor."""
 SENSOR_DATA = (
-    *_ground_truth_inputs(_SENSOR_DATA_WORLD_FIELDS, "sensor_data", 6),
-    Input(
-        Role.DETECTIONS,
-        _DETECTED_OBJECT_FIELDS,
-        lazy_builder("sensor_data.build_detections", "osi"),
-        says_what_it_is=True,
-    ),
+    *_ground_truth_inputs(_SENSOR_DATA_WORLD_FIELDS, "SENSOR_DATA_PREFIX", 6, with_remote=False),
+    _input(Role.DETECTIONS, _DETECTED_OBJECT_FIELDS, 0, "sensor_data.build_detections"),
 )
 """The registry rows of `osi3.SensorData`."""

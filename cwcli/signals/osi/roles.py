@@ -1,4 +1,4 @@
-"""Building signals from an OSI GroundTruth, wherever in a message it lies."""
+"""Building signals from an OSI GroundTruth; `prefix` is its path in the message, with its dot."""
 
 from __future__ import annotations
 
@@ -35,14 +35,8 @@ SIMULATED_YAW_RATE_SIGMA_RADPS = 0.005
 """The assumed error (one sigma) of a simulated yaw rate, in rad/s; chosen by hand."""
 
 
-def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[PoseSignal, Quality]:
-    """Build the host vehicle's poses: the centre of its box, in the axes of the world.
-
-    Args:
-        columns: The channel.
-        reading: The settings for reading it.
-        prefix: Path of the GroundTruth in the message, with its dot.
-    """
+def build_pose(prefix: str, columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
+    """Build the host vehicle's poses: the centre of its box, in the axes of the world."""
     ledger = RowLedger(columns, reading.role)
     world, at, timeline = _read_objects_and_host_rows(columns, reading, ledger, prefix)
     n = len(at)
@@ -66,7 +60,7 @@ def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[Po
     return signal, ledger.quality
 
 
-def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[SpeedSignal, Quality]:
+def build_speed(prefix: str, columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
     """Build the host vehicle's speed along its heading, and its yaw rate."""
     ledger = RowLedger(columns, reading.role)
     world, at, timeline = _read_objects_and_host_rows(columns, reading, ledger, prefix)
@@ -84,7 +78,7 @@ def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[S
     return signal, ledger.quality
 
 
-def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[RemoteSignal, Quality]:
+def build_remote(prefix: str, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
     """Build remote vehicles from all objects but the host, as if each reported itself by radio under its id."""
     ledger = RowLedger(columns, reading.role)
     world, at, row, timeline = _objects_other_rows_timeline_rows_and_times(columns, reading, ledger, prefix)
@@ -119,7 +113,7 @@ def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[
     return signal, ledger.quality
 
 
-def build_target_truth(columns: Columns, reading: Reading, prefix: str = "") -> tuple[TargetTruthSignal, Quality]:
+def build_target_truth(prefix: str, columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:
     """Build the truth of all objects but the host."""
     ledger = RowLedger(columns, reading.role)
     world, at, row, timeline = _objects_other_rows_timeline_rows_and_times(columns, reading, ledger, prefix)

@@ -7,8 +7,6 @@ Source: ASAM OSI 3.8.0, osi_sensordata.proto, osi_detectedobject.proto.
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from cwcli.signals.builders.base import Reading
@@ -17,7 +15,6 @@ from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_elements_of_sequences
 from cwcli.signals.leaf_fields import read_numbers
-from cwcli.signals.osi import roles
 from cwcli.signals.osi.leaves import DETECTED_STATIONARY_PATH, SENSOR_DATA_PREFIX
 from cwcli.signals.osi.world import (
     read_moving_objects,
@@ -25,10 +22,6 @@ from cwcli.signals.osi.world import (
     read_world_stamps_ns_and_is_given,
 )
 from cwcli.signals.quality import Quality, RowLedger
-
-build_pose = partial(roles.build_pose, prefix=SENSOR_DATA_PREFIX)
-build_speed = partial(roles.build_speed, prefix=SENSOR_DATA_PREFIX)
-build_target_truth = partial(roles.build_target_truth, prefix=SENSOR_DATA_PREFIX)
 
 REFERENCE_POINT_FORWARD = np.array([0, 0, 0, 0, 0, -1, -1, -1, 1, 1, 1], np.float64)
 """The forward position of `DetectedMovingObject.ReferencePoint` on the box, in half lengths, by its number."""

@@ -15,9 +15,8 @@ def test_every_named_builder_exists() -> None:
     for build in builds:
         assert build.__closure__ is not None
         names = dict(zip(build.__code__.co_freevars, (cell.cell_contents for cell in build.__closure__), strict=True))
-        places = [names["codec"], f"builders.v2x.{names['maker']}"] if "codec" in names else ["{room}.{name}"]
-        for place in places:
-            assert load_attribute_of_signals(place.format(**names)) is not None
+        for place in names["places"]:
+            assert load_attribute_of_signals(place) is not None
 
 
 def test_fields_of_every_input_can_be_looked_up() -> None:
