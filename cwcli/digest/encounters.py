@@ -13,7 +13,7 @@ from cwcli.channels.warning import WarningEvent, warning_events
 from cwcli.digest.drive import Drive, OtherTrack, ego_length_and_width_m
 from cwcli.evaluation.conflicts import RealConflict, WarningVerdict, find_real_conflicts, judge_warning
 from cwcli.lazy_dataclass import dataclass
-from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.distances import GAP
 from cwcli.measures.pair import ActualTrack, Pair, interpolate_x_y_speed_heading
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array

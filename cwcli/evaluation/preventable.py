@@ -8,7 +8,7 @@ from cwcli.control.preventable import DRIVER_MODELS, DriverVerdict, judge_preven
 from cwcli.evaluation.actual_outcomes import ActualOutcomes
 from cwcli.evaluation.conflicts import RealConflict
 from cwcli.lazy_dataclass import dataclass
-from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.distances import GAP
 from cwcli.measures.pair import Pair
 from cwcli.metrics.headline import HeadlineCollector
 from cwcli.signals.units import NS_PER_S

@@ -22,7 +22,7 @@ from cwcli.evaluation.conflicts import (
 )
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures import MEASURES
-from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.distances import GAP
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.units import NS_PER_S

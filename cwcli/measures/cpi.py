@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair, PairNumber
+from cwcli.measures.required_acceleration import A_LONG_REQ
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.normal_distribution import normal_cdf
 

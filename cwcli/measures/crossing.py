@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.measures.pair import Pair
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair, SecondsAtStamps
 
 MIN_CROSSING_SINE = 0.5
 """Smallest sine of the angle between the paths: below 30 degrees vehicles merge or follow, rather than cross."""
@@ -41,3 +42,51 @@ class StraightCrossing:
         self.host_entry_s, self.host_exit_s = (host_way - host_half) / own, (host_way + host_half) / own
         self.other_entry_s, self.other_exit_s = (other_way - other_half) / theirs, (other_way + other_half) / theirs
         self.is_crossing_ahead = cross & (self.host_exit_s > 0.0) & (self.other_exit_s > 0.0)
+
+
+def predicted_post_encroachment_time(pair: Pair) -> SecondsAtStamps:
+    """Predicted post-encroachment time (s) at each stamp, (n,); 0 where both would be in the area at once."""
+    at = StraightCrossing(pair)
+    gap = np.maximum(at.host_entry_s - at.other_exit_s, at.other_entry_s - at.host_exit_s)
+    return pair.expand_to_all_rows(np.where(at.is_crossing_ahead, np.maximum(gap, 0.0), np.nan))
+
+
+PPET = Measure(
+    summary="post-encroachment time at constant speeds",
+    symbol="PPET",
+    column="ppet_s",
+    critical="low",
+    formula=(
+        "max(t_entry,e - t_exit,o, t_entry,o - t_exit,e, 0) of the area that both outlines sweep, straight on at "
+        "constant speeds"
+    ),
+    source="Allen, Shin and Cooper 1978; SUMO device.ssm",
+    compute=predicted_post_encroachment_time,
+    threshold=1.0,
+    threshold_source="cwcli; SUMO reports from 2 s",
+    undefined="the ways cross under less than 30 degrees, or one has left the area, or stands",
+    misleads="for a vehicle that brakes before the crossing",
+    is_pointwise=True,
+)
+
+
+def gap_time(pair: Pair) -> SecondsAtStamps:
+    """Time (s) between both arrivals at the crossing, at each stamp, (n,); NaN where no crossing is ahead."""
+    at = StraightCrossing(pair)
+    return pair.expand_to_all_rows(
+        np.where(at.is_crossing_ahead, np.abs(at.host_arrival_s - at.other_arrival_s), np.nan)
+    )
+
+
+GAP_TIME = Measure(
+    summary="time between both arrivals at the crossing of their ways",
+    symbol="GT",
+    column="gap_time_s",
+    critical="low",
+    formula="|s_e / v_e - s_o / v_o|, s the way of a centre to the crossing of the two straight ways",
+    source="Allen, Shin and Cooper 1978, for the centres",
+    compute=gap_time,
+    undefined="the ways cross under less than 30 degrees, or one is past the crossing, or stands",
+    misleads="for a vehicle that turns off before the crossing",
+    is_pointwise=True,
+)

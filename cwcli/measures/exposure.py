@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.measures.base import Measure
+from cwcli.measures.collision_time import TTC
 from cwcli.measures.pair import Pair, PairNumber
-from cwcli.measures.ttc import MEASURE as TTC
 
 EXPOSURE_TTC_S = 2.0
 """Greatest time to collision, s, that counts as exposure (TET and TIT). Chosen by hand; not fitted."""

@@ -7,5 +7,3 @@ CAR_BRAKING_LIMIT_MPS2 = 11.5
 2017)."""
 CAR_LATERAL_LIMIT_MPS2 = 8.0
 """Largest lateral acceleration on dry asphalt (CommonRoad-CriMe)."""
-OTHER_MASS_SHARE = 0.5
-"""The other's share of the mass of both: messages carry no masses, so they are taken as equal."""

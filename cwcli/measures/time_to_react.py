@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.measures.base import Measure
+from cwcli.measures.collision_time import TTC
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s, straight_contact_time_s
 from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2, CAR_LATERAL_LIMIT_MPS2
 from cwcli.measures.pair import Pair, SecondsAtStamps
-from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 N_HALVINGS = 10

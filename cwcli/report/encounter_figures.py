@@ -9,11 +9,10 @@ import numpy as np
 
 from cwcli.digest.drive import Drive, ego_length_and_width_m
 from cwcli.digest.encounters import Encounter, NearestApproach
-from cwcli.measures.distance import MEASURE as DISTANCE
-from cwcli.measures.drac import MEASURE as DRAC
-from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.collision_time import TTC
+from cwcli.measures.deceleration import DRAC
+from cwcli.measures.distances import DISTANCE, GAP
 from cwcli.measures.pair import ActualTrack, Pair, interpolate_x_y_speed_heading
-from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.prediction.paths import Paths
 from cwcli.report.decimate import min_max_row_indices, simplified_track_row_indices
 from cwcli.report.drawing import (

@@ -9,11 +9,10 @@ import numpy as np
 from cwcli.digest.drive import Drive
 from cwcli.digest.encounters import Conflict, DriveEncounters, rows_of_moving_pair_and_if_always_standing
 from cwcli.digest.story import short_vehicle_name
-from cwcli.measures.distance import MEASURE as DISTANCE
-from cwcli.measures.drac import MEASURE as DRAC
-from cwcli.measures.gap import MEASURE as GAP
+from cwcli.measures.collision_time import TTC
+from cwcli.measures.deceleration import DRAC
+from cwcli.measures.distances import DISTANCE, GAP
 from cwcli.measures.pair import Pair, PairQuantity
-from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.report.anchor_names import stable_anchor_names
 from cwcli.report.views import TableView
 from cwcli.signals.row_order import Rows

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.measures.gap import MEASURE as GAP
-from cwcli.measures.pair import Pair
-from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.measures.base import Measure
+from cwcli.measures.collision_time import TTC
+from cwcli.measures.distances import GAP
+from cwcli.measures.pair import MetresAtStamps, Pair, SecondsAtStamps
 from cwcli.signals.columns import FloatArray
 
 
@@ -44,3 +45,43 @@ def time_and_distance_of_closest_encounter(pair: Pair) -> tuple[FloatArray, Floa
     hits = np.isfinite(ttc)
     best_m, best_s = np.where(hits, 0.0, best_m), np.where(hits, ttc, best_s)
     return np.where(speed > 1e-9, best_s, np.nan), best_m
+
+
+def time_to_closest_encounter(pair: Pair) -> SecondsAtStamps:
+    """Time to the closest encounter (s) at each stamp, (n,)."""
+    time_s, _ = time_and_distance_of_closest_encounter(pair)
+    return pair.expand_to_all_rows(time_s)
+
+
+TTCE = Measure(
+    summary="time to the closest encounter at constant velocities",
+    symbol="TTCE",
+    column="ttce_s",
+    critical="low",
+    formula="first t >= 0 at which the distance of the rectangles, moved by v_e t and v_o t, is least",
+    source="Eggert 2014",
+    compute=time_to_closest_encounter,
+    undefined="the centres are more than 200 m apart, or nothing moves relative to the other",
+    misleads="alone: a short time does not mean a short distance; read it with DCE",
+    is_pointwise=True,
+)
+
+
+def distance_of_closest_encounter(pair: Pair) -> MetresAtStamps:
+    """Distance (m) of the outlines at their closest encounter, computed at each stamp, (n,)."""
+    _, distance_m = time_and_distance_of_closest_encounter(pair)
+    return pair.expand_to_all_rows(distance_m)
+
+
+DCE = Measure(
+    summary="distance of the outlines at the closest encounter",
+    symbol="DCE",
+    column="dce_m",
+    critical="low",
+    formula="least distance of the rectangles for t >= 0, moved by v_e t and v_o t; 0 on a collision course",
+    source="Eggert 2014",
+    compute=distance_of_closest_encounter,
+    undefined="the centres are more than 200 m apart",
+    misleads="far ahead in time: a small DCE in 20 s means little; read it with TTCE",
+    is_pointwise=True,
+)

@@ -156,7 +156,7 @@ def _host_and_other_rows_overlapping_at_lag(
     return mine + rows, them + rows
 
 
-MEASURE = Measure(
+PET = Measure(
     summary="post-encroachment time",
     symbol="PET",
     column="pet_s",
@@ -169,4 +169,27 @@ MEASURE = Measure(
     misleads="when following a vehicle: there it is the time gap, which is small for hours in dense traffic",
     is_series=False,
     with_warnings=True,
+)
+
+
+def encroachment_time_of_pair_s(pair: Pair) -> PairNumber:
+    """Encroachment time (s) of the pair, (), at its narrowest encroachment."""
+    return np.array(host_encroachment_duration_s(pair))
+
+
+ET = Measure(
+    summary="time that the host is in the area where both drive",
+    symbol="ET",
+    column="et_s",
+    critical="high",
+    formula=(
+        "from the first to the last moment around that of PET at which the host's outline overlaps the other's of some"
+        " other moment within 5 s, in steps of 0.1 s"
+    ),
+    source="Allen, Shin and Cooper 1978",
+    compute=encroachment_time_of_pair_s,
+    is_series=False,
+    is_symmetric=False,
+    undefined="as for PET, or the two drive within 30 degrees of parallel",
+    misleads="in a queue: it lasts as long as the host stands",
 )
