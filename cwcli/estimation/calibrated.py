@@ -17,8 +17,7 @@ from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, Constant
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, is_reference_of_each_series
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
-from cwcli.estimation.model import MotionParameters
-from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
+from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
 from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries

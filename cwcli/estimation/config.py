@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Annotated, Literal
 
 from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.calibration import Calibration
-from cwcli.estimation.stated_noise import Sigmas, parse_sigma_options
+from cwcli.estimation.stated_noise import Sigmas, parse_sigma_options, parse_values_by_name
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
+from cwcli.text import parse_float_or_nan
 
 ModelName = Literal["cwcli", "song2016"]
 SensorModelOption = Literal["auto", "none"]
@@ -37,21 +37,12 @@ def parse_latency_option(entries: Sequence[str]) -> LatencyOption:
         return "auto"
     if list(entries) == ["none"]:
         return "none"
-    found: dict[str, float] = {}
-    for entry in entries:
-        name, _, text = entry.rpartition("=")
-        try:
-            latency_s = float(text.removesuffix("ms")) / MS_PER_S
-        except ValueError:
-            latency_s = math.nan
-        if not name or not abs(latency_s) <= MAX_LATENCY_S:
-            raise UsageError(
-                f"--latency {entry!r} is not auto, none or NAME=MS", hint="for example --latency /gps/fix=80"
-            )
-        if name in found:
-            raise UsageError(f"--latency names {name} twice")
-        found[name] = latency_s
-    return found
+
+    def parse_ms(text: str) -> float | None:
+        latency_s = parse_float_or_nan(text.removesuffix("ms")) / MS_PER_S
+        return latency_s if abs(latency_s) <= MAX_LATENCY_S else None
+
+    return parse_values_by_name("--latency", entries, parse_ms, "auto, none or NAME=MS", "/gps/fix=80")
 
 
 def parse_lever_arm_options(entries: Sequence[str]) -> LeverArms:
@@ -60,23 +51,13 @@ def parse_lever_arm_options(entries: Sequence[str]) -> LeverArms:
     Raises:
         UsageError: An entry is malformed or off the car, or a source comes twice.
     """
-    found: dict[str, tuple[float, float]] = {}
-    for entry in entries:
-        name, _, text = entry.rpartition("=")
-        try:
-            ahead_m, left_m = (float(part) for part in text.split(","))
-        except ValueError:
-            ahead_m = left_m = math.nan
-        if not name or not is_lever_arm_on_car(ahead_m, left_m):
-            raise UsageError(
-                f"--lever-arm {entry!r} is not NAME=AHEAD,LEFT in metres, at most {MAX_LEVER_ARM_AHEAD_M:g} and "
-                f"{MAX_LEVER_ARM_LEFT_M:g}",
-                hint="for example --lever-arm /gps/fix=1.2,0",
-            )
-        if name in found:
-            raise UsageError(f"--lever-arm names {name} twice")
-        found[name] = (ahead_m, left_m)
-    return found
+
+    def parse_ahead_and_left_m(text: str) -> tuple[float, float] | None:
+        parts = [parse_float_or_nan(part) for part in text.split(",")]
+        return (parts[0], parts[1]) if len(parts) == 2 and is_lever_arm_on_car(*parts) else None
+
+    permitted = f"NAME=AHEAD,LEFT in metres, at most {MAX_LEVER_ARM_AHEAD_M:g} and {MAX_LEVER_ARM_LEFT_M:g}"
+    return parse_values_by_name("--lever-arm", entries, parse_ahead_and_left_m, permitted, "/gps/fix=1.2,0")
 
 
 def parse_source_units(entries: Sequence[str]) -> Mapping[str, str]:

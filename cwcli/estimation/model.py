@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, replace
+from typing import Any
 
 import numpy as np
 
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
+
+MANOEUVRE_SIGMA_LIMITS: dict[str, tuple[float, float]] = {
+    "jerk_sigma_mps3": (1.0 / 8.0, 2.0),
+    "yaw_accel_sigma_radps2": (1.0 / 8.0, 2.0),
+}
+"""Fitted sigma of the motion -> least and greatest factor on its first value, chosen by what a driver can do."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,17 @@ class MotionParameters:
     yaw_rate_bias_walk: float = 1e-5
     time_constant_s: Mapping[int, float] = field(default_factory=dict)
     turn_noise: Mapping[int, float] = field(default_factory=dict)
+
+    def with_manoeuvre_sigma_within_limits(self, name: str, sigma: float, begin: MotionParameters) -> MotionParameters:
+        """Return the parameters with one of the two manoeuvre sigmas replaced, limited relative to its first value."""
+        first = float(getattr(begin, name))
+        limited = float(np.clip(np.log(sigma / first), *np.log(MANOEUVRE_SIGMA_LIMITS[name])))
+        return self.with_manoeuvre_sigma(name, first * float(np.exp(limited)))
+
+    def with_manoeuvre_sigma(self, name: str, sigma: float) -> MotionParameters:
+        """Return the parameters with one of the two manoeuvre sigmas replaced."""
+        change: dict[str, Any] = {name: sigma}
+        return replace(self, **change)
 
     @property
     def hashable_key_of_equal_parameters(self) -> tuple[object, ...]:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.passes import PassResult, SensorSeries
 from cwcli.estimation.prepare import average_rows_to_rate
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.stamp_noise import NoiseFit, fit_stamp_errors, may_have_stamp_errors
-from cwcli.estimation.start import find_start_with_parameter_states
-from cwcli.estimation.trial import FilterTrials, trial_key
+from cwcli.estimation.trial import FilterTrials, cut_to_window, trial_key
 from cwcli.lazy_dataclass import dataclass
 
 AVERAGING_HZ = 10.0
@@ -29,11 +27,6 @@ ENOUGH_WINDOW_ROWS = 300
 """Number of rows in the window from which the whole log is not needed for the noise. Chosen by hand; not fitted."""
 LOG_SIGMA_STEP = np.log(2.0)
 """Step of the parabola over a sigma of the motion, natural logarithm: half, once and twice the value are tried."""
-MANOEUVRE_SIGMA_LIMITS: dict[str, tuple[float, float]] = {
-    "jerk_sigma_mps3": (1.0 / 8.0, 2.0),
-    "yaw_accel_sigma_radps2": (1.0 / 8.0, 2.0),
-}
-"""Fitted sigma of the motion -> least and greatest factor on its first value, chosen by what a driver can do."""
 N_MATCHING_ROUNDS = 2
 """Number of rounds of innovation matching. Chosen by hand; not fitted."""
 SETTLED_NOISE_FACTOR = 1.05
@@ -123,20 +116,16 @@ def _fit_window(layout: StateLayout) -> WindowFit | None:
     trials, has_hint = FilterTrials(), (False,) * len(window)
     fit = NoiseFit(window, (1.0,) * len(window), layout.parameters)
     for _ in range(N_MATCHING_ROUNDS):
-        result = trials.run_filter(_layout_of_fit(layout, fit))
+        result = trials.run_filter(fit.apply_to_layout(layout))
         has_hint = tuple(may_have_stamp_errors(s, nis) for s, nis in zip(fit.series, result.nis, strict=True))
         fit = _refit_noise_and_motion(trials, layout, fit, result)
     return WindowFit(layout, window, fit, has_hint)
 
 
-def _layout_of_fit(layout: StateLayout, fit: NoiseFit) -> StateLayout:
-    return replace(layout, series=list(fit.series), parameters=fit.parameters)
-
-
 def _refit_noise_and_motion(trials: FilterTrials, layout: StateLayout, fit: NoiseFit, result: PassResult) -> NoiseFit:
     """Return the fit after a round: noise by the innovations of its pass, then the sigmas of the motion."""
     fit = _match_noise_to_innovations(fit, result)
-    base = trials.log_likelihood(_layout_of_fit(layout, fit))
+    base = trials.log_likelihood(fit.apply_to_layout(layout))
     for name in MANOEUVRE_SIGMA_LIMITS:
         fit, base = _refit_manoeuvre_sigma_and_get_likelihood(trials, layout, fit, name, base)
     return fit
@@ -145,23 +134,11 @@ def _refit_noise_and_motion(trials: FilterTrials, layout: StateLayout, fit: Nois
 def _fit_with_stamp_errors(found: WindowFit) -> NoiseFit:
     """Return the fit of a window with the stamp errors that it shows; the given fit where it shows none."""
     layout, fit = found.begin, found.fit
-    start = find_start_with_parameter_states(fit.series, layout.prior, causal=False)
-    trials = FilterTrials(start)
-
-    def run_filter(series: Sequence[SensorSeries], parameters: MotionParameters) -> PassResult:
-        return trials.run_filter(replace(layout, series=list(series), parameters=parameters))
-
-    def scale_manoeuvres(parameters: MotionParameters, factors: Sequence[float]) -> MotionParameters:
-        for name, factor in zip(MANOEUVRE_SIGMA_LIMITS, factors, strict=True):
-            value = float(getattr(parameters, name)) * factor
-            parameters = _set_sigma_within_limits(parameters, name, value, layout.parameters)
-        return parameters
-
-    with_errors = fit_stamp_errors(fit, found.has_hint, run_filter, scale_manoeuvres)
+    with_errors = fit_stamp_errors(fit, found.has_hint, layout)
     if with_errors is fit:
         return fit
     trials = FilterTrials()
-    result = trials.run_filter(_layout_of_fit(layout, with_errors))
+    result = trials.run_filter(with_errors.apply_to_layout(layout))
     return _refit_noise_and_motion(trials, layout, with_errors, result)
 
 
@@ -184,11 +161,11 @@ def _refit_manoeuvre_sigma_and_get_likelihood(
     """Move one sigma of the motion towards the largest likelihood; returns the fit and its likelihood."""
 
     def log_likelihood(parameters: MotionParameters) -> float:
-        return trials.log_likelihood(_layout_of_fit(layout, replace(fit, parameters=parameters)))
+        return trials.log_likelihood(replace(fit, parameters=parameters).apply_to_layout(layout))
 
     parameters, limits = fit.parameters, MANOEUVRE_SIGMA_LIMITS[sigma_name]
     now, first = float(getattr(parameters, sigma_name)), float(getattr(layout.parameters, sigma_name))
-    sides = [_replace_parameter(parameters, sigma_name, now * f) for f in (0.5, 2.0)]
+    sides = [parameters.with_manoeuvre_sigma(sigma_name, now * f) for f in (0.5, 2.0)]
     left, right = (log_likelihood(side) for side in sides)
     bend = left - 2.0 * likelihood_of_fit + right
     if bend < 0.0:
@@ -197,25 +174,13 @@ def _refit_manoeuvre_sigma_and_get_likelihood(
     else:
         move = LOG_SIGMA_STEP * (1.0 if right > left else -1.0)
     scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
-    better = _replace_parameter(parameters, sigma_name, first * float(np.exp(scale)))
+    better = parameters.with_manoeuvre_sigma(sigma_name, first * float(np.exp(scale)))
     options = [(likelihood_of_fit, parameters), (log_likelihood(better), better), (left, sides[0]), (right, sides[1])]
     reached, best = max(options, key=lambda option: option[0])
-    limited = _set_sigma_within_limits(best, sigma_name, float(getattr(best, sigma_name)), layout.parameters)
-    return replace(fit, parameters=limited), reached
-
-
-def _set_sigma_within_limits(
-    parameters: MotionParameters, name: str, new_sigma: float, begin: MotionParameters
-) -> MotionParameters:
-    """Return the motion parameters with a new value of one sigma, kept within limits relative to its first value."""
-    first = float(getattr(begin, name))
-    limited = float(np.clip(np.log(new_sigma / first), *np.log(MANOEUVRE_SIGMA_LIMITS[name])))
-    return _replace_parameter(parameters, name, first * float(np.exp(limited)))
-
-
-def _replace_parameter(parameters: MotionParameters, name: str, value: float) -> MotionParameters:
-    change: dict[str, Any] = {name: value}
-    return replace(parameters, **change)
+    sigma = float(getattr(best, sigma_name))
+    return replace(
+        fit, parameters=best.with_manoeuvre_sigma_within_limits(sigma_name, sigma, layout.parameters)
+    ), reached
 
 
 def _drop_rows_before_first_position(series: Sequence[SensorSeries]) -> list[SensorSeries]:
@@ -243,11 +208,7 @@ def _cut_to_busiest_window(series: Sequence[SensorSeries]) -> list[SensorSeries]
     slowest = max((float(np.median(np.diff(s.time_s))) for s in series if len(s) > MIN_ROWS_FOR_NOISE), default=0.0)
     span = min(max(span, 2.0 * MIN_ROWS_FOR_NOISE * slowest), end - begin)
     left = longest_driven_window_start_s(series, begin, end, span)
-    cut = []
-    for s in series:
-        time = s.time_s - s.latency_s
-        cut.append(s.select_rows((time >= left) & (time <= left + span)))
-    return cut
+    return [cut_to_window(s, left, left + span) for s in series]
 
 
 def longest_driven_window_start_s(

@@ -9,7 +9,7 @@ only where it is farther from zero than they scatter.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
@@ -18,8 +18,8 @@ from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock_and_note
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
-from cwcli.estimation.parameter import Parameter, ParameterStatus
+from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS
+from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import chi_square_quantile
@@ -117,9 +117,12 @@ def calibrate_from_drives(drives: Sequence[DriveEvidence], name: str = "") -> Ca
     for key in keys:
         own = [(report, drive) for report, drive in reports if (report.source, report.kind) == key]
         constants = {"latency_s": latencies[key]}
-        for constant, of in CONSTANT_READERS.items():
+        read = [(_values_and_sigmas_of_constants(r, drive.duration_minutes), drive) for r, drive in own]
+        for constant in POOLED_CONSTANT_NAMES:
             said = [
-                replace(each, log=drive.log) for report, drive in own for each in of(report, drive.duration_minutes)
+                ConstantOfDrive(*found[constant], drive.duration_minutes, drive.log)
+                for found, drive in read
+                if constant in found
             ]
             if said:
                 constants[constant] = pool_constant_over_drives(said)
@@ -157,64 +160,36 @@ def calibrate_from_drives(drives: Sequence[DriveEvidence], name: str = "") -> Ca
     )
 
 
-def _iter_noise_sigma(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
-    """Yield the noise sigma if it was found from the log; its relative sigma from n rows is 1 / sqrt(2 n)."""
-    if report.noise_origin == "log":
-        yield ConstantOfDrive(report.sigma, report.sigma / math.sqrt(2.0 * report.n_used), minutes)
+POOLED_CONSTANT_NAMES = (
+    "noise_sigma", "noise_scale", "stamp_sigma_s", "interval_s", "slow_sigma", "slow_time_s", "bias", "scale",
+    "lever_arm_m", "ahead_m",
+)  # fmt: skip
+"""Names of the constants of a source that are pooled one by one, in the order of the calibration file."""
 
 
-def _iter_noise_scale(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
-    """Yield the factor on the variances that the messages state."""
-    if report.noise_origin.startswith("message"):
-        yield ConstantOfDrive(report.noise_scale, report.noise_scale * math.sqrt(2.0 / report.n_used), minutes)
-
-
-def _iter_row_interval(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
-    yield ConstantOfDrive(report.interval_s, FITTED_RELATIVE_SIGMA * report.interval_s, minutes)
-
-
-def _iter_bias(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
+def _values_and_sigmas_of_constants(report: SourceReport, minutes: float) -> dict[str, tuple[float, float]]:
+    """Return the constants that a drive of so many minutes shows of a source: name -> value and one sigma of it."""
+    found = {"interval_s": (report.interval_s, FITTED_RELATIVE_SIGMA * report.interval_s)}
+    if report.noise_origin == "log":  # the relative sigma of a sigma from n rows is 1 / sqrt(2 n)
+        found["noise_sigma"] = report.sigma, report.sigma / math.sqrt(2.0 * report.n_used)
+    elif report.noise_origin.startswith("message"):
+        found["noise_scale"] = report.noise_scale, report.noise_scale * math.sqrt(2.0 / report.n_used)
     if math.isfinite(report.bias):
-        yield ConstantOfDrive(report.bias, report.bias_sigma, minutes)
-
-
-def _make_iterator_of_used_parameter(
-    select_parameter: Callable[[SourceReport], Parameter],
-) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
-    def iter_parameter(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
-        parameter = select_parameter(report)
+        found["bias"] = report.bias, report.bias_sigma
+    if (slow := report.slow_error).status is ParameterStatus.USED:
+        # A drive has as many independent values of the error as it has time constants.
+        n = max(minutes * SECONDS_PER_MINUTE / slow.time_s, 1.0)
+        found["slow_sigma"] = slow.sigma, slow.sigma / math.sqrt(2.0 * n)
+        found["slow_time_s"] = slow.time_s, slow.time_s * math.sqrt(2.0 / n)
+    for name, parameter in (
+        ("stamp_sigma_s", report.stamp_error),
+        ("scale", report.scale),
+        ("lever_arm_m", report.lever_arm_m),
+        ("ahead_m", report.ahead_m),
+    ):
         if parameter.status in (ParameterStatus.USED, ParameterStatus.NOT_BETTER):
-            yield ConstantOfDrive(parameter.value, parameter.sigma, minutes)
-
-    return iter_parameter
-
-
-def _make_iterator_of_slow_error_field(field_name: str) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
-    def iter_slow_error(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
-        value, time_s = getattr(report.slow_error, field_name), report.slow_error.time_s
-        if report.slow_error.status is ParameterStatus.USED:
-            # A drive has as many independent values of the error as it has time constants.
-            n = max(minutes * SECONDS_PER_MINUTE / time_s, 1.0)
-            yield ConstantOfDrive(
-                value, value / math.sqrt(2.0 * n) if field_name == "sigma" else value * math.sqrt(2.0 / n), minutes
-            )
-
-    return iter_slow_error
-
-
-CONSTANT_READERS: dict[str, Callable[[SourceReport, float], Iterator[ConstantOfDrive]]] = {
-    "noise_sigma": _iter_noise_sigma,
-    "noise_scale": _iter_noise_scale,
-    "stamp_sigma_s": _make_iterator_of_used_parameter(lambda report: report.stamp_error),
-    "interval_s": _iter_row_interval,
-    "slow_sigma": _make_iterator_of_slow_error_field("sigma"),
-    "slow_time_s": _make_iterator_of_slow_error_field("time_s"),
-    "bias": _iter_bias,
-    "scale": _make_iterator_of_used_parameter(lambda report: report.scale),
-    "lever_arm_m": _make_iterator_of_used_parameter(lambda report: report.lever_arm_m),
-    "ahead_m": _make_iterator_of_used_parameter(lambda report: report.ahead_m),
-}
-"""Name of a constant -> function that yields its value from the report of a source, if there is one."""
+            found[name] = parameter.value, parameter.sigma
+    return found
 
 
 def _pool_latencies(

@@ -114,6 +114,28 @@ class GatedMeasurements:
         return len(self.stamp_ns)
 
 
+@dataclass(frozen=True)
+class TrackSummary:
+    """Summary of a track without its arrays.
+
+    Attributes:
+        n_states, span_s, max_speed_mps: Its size.
+        median_sigma_m: Median of the horizontal one-sigma per axis, NaN without states.
+        n_flagged: States with each `StateFlag`, by its name.
+        sources, notes, contradictions, corrections: As in `Track`.
+    """
+
+    n_states: int
+    span_s: float
+    max_speed_mps: float
+    median_sigma_m: float
+    n_flagged: Mapping[str, int]
+    sources: tuple[SourceReport, ...]
+    notes: tuple[str, ...]
+    contradictions: tuple[Contradiction, ...] = ()
+    corrections: tuple[Correction, ...] = ()
+
+
 NO_GATED_MEASUREMENTS = GatedMeasurements(
     np.zeros(0, np.int64), repeat_string("", 0), repeat_string("", 0), np.zeros(0), np.zeros(0)
 )

@@ -12,15 +12,15 @@ it, than expected (a score test).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter, ParameterStatus
-from cwcli.estimation.passes import PassResult, SensorSeries
+from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.score import (
     GATE_PROBABILITY,
     MIN_GAIN_SIGMAS,
@@ -30,7 +30,9 @@ from cwcli.estimation.score import (
     row_log_likelihoods,
 )
 from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
-from cwcli.estimation.trial import gate_outliers
+from cwcli.estimation.sensor_model import StateLayout
+from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.trial import FilterTrials, gate_outliers
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
@@ -74,8 +76,9 @@ class NoiseFit:
     factors: tuple[float, ...]
     parameters: MotionParameters
 
-
-Run = Callable[[Sequence[SensorSeries], MotionParameters], PassResult]
+    def apply_to_layout(self, layout: StateLayout) -> StateLayout:
+        """Return the layout with the series and the motion model of the fit."""
+        return replace(layout, series=list(self.series), parameters=self.parameters)
 
 
 def may_have_stamp_errors(s: SensorSeries, nis: FloatArray) -> bool:
@@ -92,12 +95,7 @@ def may_have_stamp_errors(s: SensorSeries, nis: FloatArray) -> bool:
     return bool(np.nansum(slope) > MIN_GAIN_SIGMAS * np.sqrt(np.nansum(slope**2)))
 
 
-def fit_stamp_errors(
-    fit: NoiseFit,
-    has_hint: Sequence[bool],
-    run_filter: Run,
-    scale_manoeuvres: Callable[[MotionParameters, Sequence[float]], MotionParameters],
-) -> NoiseFit:
+def fit_stamp_errors(fit: NoiseFit, has_hint: Sequence[bool], layout: StateLayout) -> NoiseFit:
     """Return the fit with stamp errors for those positions whose log is predicted better with them.
 
     White noise and motion are optimised with and without the error, so that they favour neither.
@@ -105,21 +103,19 @@ def fit_stamp_errors(
     Args:
         fit: Fit without stamp errors.
         has_hint: For each series, see `may_have_stamp_errors`.
-        run_filter: Runs a filter pass.
-        scale_manoeuvres: Scales jerk and yaw acceleration sigma by two factors, within their limits.
+        layout: The layout at which the fit began.
     """
+    trials = FilterTrials(find_start_with_parameter_states(fit.series, layout.prior, causal=False))
     for i in np.flatnonzero(has_hint).tolist():
-        fit = _StampErrorSearch(fit, i, run_filter, scale_manoeuvres).search_best_fit()
+        fit = _StampErrorSearch(fit, i, layout, trials).search_best_fit()
     return fit
 
 
 class _StampErrorSearch:
     """Trials of one position's noise on a grid of logarithms."""
 
-    def __init__(
-        self, fit: NoiseFit, i: int, run: Run, scaled: Callable[[MotionParameters, Sequence[float]], MotionParameters]
-    ) -> None:
-        self._fit, self._i, self._run, self._scaled = fit, i, run, scaled
+    def __init__(self, fit: NoiseFit, i: int, layout: StateLayout, trials: FilterTrials) -> None:
+        self._fit, self._i, self._layout, self._trials = fit, i, layout, trials
         s = fit.series[i]
         self._variance = 0.5 * float((s.noise[:, 0] + s.noise[:, 2]).mean())
         few = s.select_rows(
@@ -146,7 +142,8 @@ class _StampErrorSearch:
         plain = max(plain, self._climb_to_best_point((None, *best[1:]), (1, 2, 3)), key=self._log_likelihood_at)
         gains = self._log_likelihood_at(best) > self._log_likelihood_at(plain) + MIN_LIKELIHOOD_GAIN_PER_PARAMETER
         if not gains or not is_prediction_clearly_better(
-            self._row_log_likelihoods_at(best) - self._row_log_likelihoods_at(plain), MIN_LIKELIHOOD_GAIN_PER_PARAMETER
+            self._total_and_row_log_likelihoods_at(best)[1] - self._total_and_row_log_likelihoods_at(plain)[1],
+            MIN_LIKELIHOOD_GAIN_PER_PARAMETER,
         ):
             return self._fit
         return self._fit_at_parabola_vertex(best)
@@ -176,15 +173,11 @@ class _StampErrorSearch:
         move = 0.5 * (after - before) / bend if bend > 0.0 else 0.0
         value = STAMP_SIGMA_AT_STEP_ZERO_S * 2.0 ** (best[0] / GRID_STEPS_PER_OCTAVE) * math.exp(unit * move)
         sigma = value * unit / math.sqrt(bend) if bend > 0.0 else math.nan
-        if not STAMP_SIGMA_RANGE.contains_or_is_nan(value):
-            return self._given_fit_with_contradicted_stamp_error()
+        if not STAMP_SIGMA_RANGE.contains_or_is_nan(value):  # no link has one as large as that
+            series = list(self._fit.series)
+            series[self._i] = replace(series[self._i], stamp_error=Parameter(0.0, status=ParameterStatus.CONTRADICTS))
+            return replace(self._fit, series=tuple(series))
         return self._refine_white_noise(best, Parameter(value, sigma, ParameterStatus.USED))
-
-    def _given_fit_with_contradicted_stamp_error(self) -> NoiseFit:
-        """The fit without an error of the stamps, because no link has one as large as what was found."""
-        series = list(self._fit.series)
-        series[self._i] = replace(series[self._i], stamp_error=Parameter(0.0, status=ParameterStatus.CONTRADICTS))
-        return replace(self._fit, series=tuple(series))
 
     def _refine_white_noise(self, best: Point, error: Parameter) -> NoiseFit:
         """Return the fit with the likeliest white noise for a given stamp error.
@@ -192,11 +185,13 @@ class _StampErrorSearch:
         On the grid white noise is total noise minus the stamps' share, which is coarse where that share is large.
         """
         white = self._white_noise_variance_factor(best, error)
-        score = self._log_likelihood_with_white_noise(best, error, white)
+        score = self._total_and_row_log_likelihoods_with_white(best, error, white)[0]
         for factor in (1.0 / WHITE_VARIANCE_STEP_FACTOR, WHITE_VARIANCE_STEP_FACTOR):
             for _ in range(MAX_WHITE_VARIANCE_STEPS):
                 other = max(white * factor, self._least)
-                better = self._log_likelihood_with_white_noise(best, error, other) if other != white else -math.inf
+                if other == white:
+                    break
+                better = self._total_and_row_log_likelihoods_with_white(best, error, other)[0]
                 if not better > score:
                     break
                 white, score = other, better
@@ -221,9 +216,6 @@ class _StampErrorSearch:
             self._scores[point] = self._total_and_row_log_likelihoods_at(point)[0]
         return self._scores[point]
 
-    def _row_log_likelihoods_at(self, point: Point) -> FloatArray:
-        return self._total_and_row_log_likelihoods_at(point)[1]
-
     def _total_and_row_log_likelihoods_at(self, point: Point) -> tuple[float, FloatArray]:
         error = (
             NO_STAMP_ERROR
@@ -233,9 +225,6 @@ class _StampErrorSearch:
         return self._total_and_row_log_likelihoods_with_white(
             point, error, self._white_noise_variance_factor(point, error)
         )
-
-    def _log_likelihood_with_white_noise(self, point: Point, error: Parameter, white: float) -> float:
-        return self._total_and_row_log_likelihoods_with_white(point, error, white)[0]
 
     def _total_and_row_log_likelihoods_with_white(
         self, point: Point, error: Parameter, white: float
@@ -248,7 +237,7 @@ class _StampErrorSearch:
         key = error.value, white, fit.parameters.hashable_key_of_equal_parameters
         if key not in self._passes:
             gated = [gate_outliers(s) for s in fit.series]
-            result = self._run(gated, fit.parameters)
+            result = self._trials.run_filter(replace(self._layout, series=gated, parameters=fit.parameters))
             rows = row_log_likelihoods(gated[self._i], result.nis[self._i])
             self._passes[key] = bounded_log_likelihood_without_inertial_sensors(gated, result), rows
         return self._passes[key]
@@ -262,8 +251,11 @@ class _StampErrorSearch:
         series, factors = list(self._fit.series), list(self._fit.factors)
         series[self._i] = replace(series[self._i].scale_noise_variance(white), stamp_error=error)
         factors[self._i] *= white
-        motion = [2.0 ** (step / GRID_STEPS_PER_OCTAVE) for step in point[2:]]
-        return NoiseFit(tuple(series), tuple(factors), self._scaled(self._fit.parameters, motion))
+        parameters = self._fit.parameters
+        for name, step in zip(MANOEUVRE_SIGMA_LIMITS, point[2:], strict=True):
+            sigma = float(getattr(parameters, name)) * 2.0 ** (step / GRID_STEPS_PER_OCTAVE)
+            parameters = parameters.with_manoeuvre_sigma_within_limits(name, sigma, self._layout.parameters)
+        return NoiseFit(tuple(series), tuple(factors), parameters)
 
 
 def _neighbouring_point(point: Point, axis: int, step: int) -> Point | None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
 from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.signals.role import Role
+from cwcli.text import parse_float_or_nan
 
+Value = TypeVar("Value")
 Sigmas = Mapping[str, tuple[float, ...]]
 """Role or topic -> one sigma, or two of an IMU: of its accelerometer and of its gyroscope."""
 KIND_BY_ROLE = {
@@ -28,35 +31,44 @@ MAX_SIGMA = 1e4
 """Greatest sigma that is accepted, in the unit of the quantity. Chosen to catch typing errors; not fitted."""
 
 
+def parse_values_by_name(
+    option: str, entries: Sequence[str], parse_value: Callable[[str], Value | None], permitted: str, example: str
+) -> dict[str, Value]:
+    """Return the values of an option's `NAME=VALUE` entries by name; `parse_value` gives None for a wrong one.
+
+    Raises:
+        UsageError: An entry is malformed, or a name comes twice.
+    """
+    found: dict[str, Value] = {}
+    for entry in entries:
+        name, _, text = entry.rpartition("=")
+        value = parse_value(text)
+        if not name or value is None:
+            raise UsageError(f"{option} {entry!r} is not {permitted}", hint=f"for example {option} {example}")
+        if name in found:
+            raise UsageError(f"{option} names {name} twice")
+        found[name] = value
+    return found
+
+
 def parse_sigma_options(entries: Sequence[str]) -> Sigmas:
     """Return the sigmas of each source from `NAME=VALUE` entries.
 
     Raises:
         UsageError: An entry is malformed, or a source comes twice.
     """
-    found: dict[str, tuple[float, ...]] = {}
-    for entry in entries:
-        name, _, text = entry.rpartition("=")
-        sigmas = tuple(_parse_sigma_or_nan(part) for part in text.split("/"))
-        if not name or len(sigmas) > 2 or not all(0.0 < sigma <= MAX_SIGMA for sigma in sigmas):
-            raise UsageError(
-                f"--sigma {entry!r} is not NAME=VALUE with a value above 0",
-                hint="for example --sigma ego_speed=0.5, --sigma ego_heading=1deg or --sigma imu=0.05/0.1deg",
-            )
-        if name in found:
-            raise UsageError(f"--sigma names {name} twice")
-        found[name] = sigmas
-    return found
 
+    def parse_sigmas(text: str) -> tuple[float, ...] | None:
+        numbers = [part.removesuffix(DEGREES_SUFFIX) for part in text.split("/")]
+        values = [parse_float_or_nan(number) for number in numbers]
+        sigmas = tuple(
+            value if number == part else math.radians(value)
+            for value, number, part in zip(values, numbers, text.split("/"), strict=True)
+        )
+        return sigmas if len(sigmas) <= 2 and all(0.0 < sigma <= MAX_SIGMA for sigma in sigmas) else None
 
-def _parse_sigma_or_nan(text: str) -> float:
-    """Parse one sigma; NaN where it is no number."""
-    number = text.removesuffix(DEGREES_SUFFIX)
-    try:
-        value = float(number)
-    except ValueError:
-        return math.nan
-    return value if number == text else math.radians(value)
+    example = "ego_speed=0.5, --sigma ego_heading=1deg or --sigma imu=0.05/0.1deg"
+    return parse_values_by_name("--sigma", entries, parse_sigmas, "NAME=VALUE with a value above 0", example)
 
 
 def require_known_names_and_sigma_counts(sigmas: Sigmas, topics: Sequence[str], *, where: str) -> None:

@@ -4,42 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from cwcli.estimation.contradiction import Contradiction
-from cwcli.estimation.correction import Correction
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS
-from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.verdict import NeesOfQuantity, consistency_verdict_sentence
-from cwcli.lazy_dataclass import dataclass
+from cwcli.estimation.result import SourceReport, Track, TrackSummary
 from cwcli.metrics.table import MetricRow, Table, table_of_metric_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
 from cwcli.text import finite_or_none
-
-
-@dataclass(frozen=True)
-class TrackSummary:
-    """Summary of a track without its arrays.
-
-    Attributes:
-        n_states, span_s, max_speed_mps: Its size.
-        median_sigma_m: Median of the horizontal one-sigma per axis, NaN without states.
-        n_flagged: States with each `StateFlag`, by its name.
-        sources, notes, contradictions, corrections: As in `Track`.
-    """
-
-    n_states: int
-    span_s: float
-    max_speed_mps: float
-    median_sigma_m: float
-    n_flagged: Mapping[str, int]
-    sources: tuple[SourceReport, ...]
-    notes: tuple[str, ...]
-    contradictions: tuple[Contradiction, ...] = ()
-    corrections: tuple[Correction, ...] = ()
 
 
 def summarise_track(track: Track) -> TrackSummary:
@@ -56,18 +30,6 @@ def summarise_track(track: Track) -> TrackSummary:
         notes=track.notes,
         contradictions=track.contradictions,
         corrections=track.corrections,
-    )
-
-
-def ego_verdict_sentence(ego: TrackSummary, nees: Sequence[NeesOfQuantity] = ()) -> str:
-    """Return the sentence on the consistency of the ego's track; `nees` is used where there is a truth."""
-    return consistency_verdict_sentence(
-        ego.sources,
-        n_states=ego.n_states,
-        n_flagged=ego.n_flagged,
-        nees=nees,
-        contradictions=ego.contradictions,
-        corrections=ego.corrections,
     )
 
 

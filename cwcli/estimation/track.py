@@ -38,9 +38,8 @@ from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, 
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
 from cwcli.estimation.median import median_of_finite_column
-from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
 from cwcli.estimation.net_acceleration import reports_without_net_acceleration
-from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.passes import (
     N_MOTION_STATES,

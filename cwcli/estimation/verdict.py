@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from cwcli.estimation.contradiction import Contradiction
-from cwcli.estimation.correction import Correction
 from cwcli.estimation.measurements import RATE_KINDS, Kind
-from cwcli.estimation.result import SourceReport
+from cwcli.estimation.result import SourceReport, TrackSummary
 from cwcli.estimation.tolerances import (
     MAX_BRIDGED_SHARE,
     MAX_GATED_SHARE,
@@ -41,46 +39,22 @@ class NeesOfQuantity:
         return None if math.isnan(self.per_dof) else self.bounds[0] <= self.per_dof <= self.bounds[1]
 
 
-def consistency_verdict_sentence(
-    sources: Sequence[SourceReport],
-    *,
-    n_states: int,
-    n_flagged: Mapping[str, int],
-    nees: Sequence[NeesOfQuantity] = (),
-    contradictions: Sequence[Contradiction] = (),
-    corrections: Sequence[Correction] = (),
-) -> str:
+def consistency_verdict_sentence(track: TrackSummary, nees: Sequence[NeesOfQuantity] = ()) -> str:
     """Whether the estimate is as good as it says; what was corrected of the input comes first.
 
     The worst comes first: sources of which one must be wrong, states that err by more than they say, sources that
     contradict the others, states that hang in the air, sources that are noisier than taken for, and what is better than
-    it says.
-
-    Args:
-        sources: Of one vehicle.
-        n_states: Of its track.
-        n_flagged: How many of them have each flag, by its name.
-        nees: Where there is a truth.
-        contradictions: Sources that can't both be right.
-        corrections: Sources that were wrong in a known way. Those that the user asked for are not repeated.
+    it says. Corrections that the user asked for are not repeated. `nees` is used where there is a truth.
     """
-    corrected = [each.sentence_on_fault_and_undoing for each in corrections if not each.is_by_user]
+    corrected = [each.sentence_on_fault_and_undoing for each in track.corrections if not each.is_by_user]
     before = f"input corrected: {'; '.join(corrected)}. With that: " if corrected else ""
-    return before + _verdict_on_estimate(
-        sources, n_states=n_states, n_flagged=n_flagged, nees=nees, contradictions=contradictions
-    )
+    return before + _verdict_on_estimate(track, nees)
 
 
-def _verdict_on_estimate(
-    sources: Sequence[SourceReport],
-    *,
-    n_states: int,
-    n_flagged: Mapping[str, int],
-    nees: Sequence[NeesOfQuantity],
-    contradictions: Sequence[Contradiction],
-) -> str:
-    """Return the verdict on the estimate from what was used of the input; arguments as above."""
-    if not n_states:
+def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) -> str:
+    """Return the verdict on the estimate from what was used of the input."""
+    sources = track.sources
+    if not track.n_states:
         return "nothing was estimated"
     surer = [
         f"the {each.name} error is {math.sqrt(each.per_dof):.1f} times its sigma: multiply its covariance by "
@@ -88,12 +62,13 @@ def _verdict_on_estimate(
         for each in nees
         if each.is_within_bounds is False and each.per_dof > TOLERATED_VARIANCE_FACTOR
     ]
-    wrong = [f"{each.contradiction_sentence} ({each.consequence_text})" for each in contradictions]
+    bridged_share = track.n_flagged.get("bridged", 0) / track.n_states
+    bridged = [f"{100 * bridged_share:.0f} % of the states bridge gaps: leave out those flagged bridged"]
     faults = [
-        *wrong,
+        *(f"{each.contradiction_sentence} ({each.consequence_text})" for each in track.contradictions),
         *surer,
         *_contradiction_texts(sources),
-        *_too_many_bridged_states_texts(n_states, n_flagged),
+        *(bridged if bridged_share > MAX_BRIDGED_SHARE else ()),
         *_understated_noise_texts(sources),
     ]
     if faults:
@@ -167,13 +142,6 @@ def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:
                 f"{_source_and_quantity_text(s)} jumped {s.n_resets} x: leave out the states flagged after_reset"
             )
     return found
-
-
-def _too_many_bridged_states_texts(n_states: int, n_flagged: Mapping[str, int]) -> list[str]:
-    share = n_flagged.get("bridged", 0) / n_states
-    return [f"{100 * share:.0f} % of the states bridge gaps: leave out those flagged bridged"] * (
-        share > MAX_BRIDGED_SHARE
-    )
 
 
 def _understated_noise_texts(sources: Sequence[SourceReport]) -> list[str]:

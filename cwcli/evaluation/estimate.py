@@ -13,7 +13,8 @@ from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, driven_distance_m, read_vehicle_states
 from cwcli.estimation.consistency import effective_count_of_squared_errors, nees
-from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.estimation.summary import summarise_track
+from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.evaluation.evaluation_context import TRUTH_AUTO, EgoStatesAndTruth, EgoTruth, EvaluationContext
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry
 from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states
@@ -67,7 +68,7 @@ def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> Stage
         sections=(*link.build_sections(), build_truth_errors_section(errors), build_nees_section(errors)),
         tables={"estimate": table, **link.build_tables()},
         notes=errors.notes,
-        verdict=ego_verdict_sentence(summarise_track(made.ego), errors.nees),
+        verdict=consistency_verdict_sentence(summarise_track(made.ego), errors.nees),
         entries=entries,
     )
 

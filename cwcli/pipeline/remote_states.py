@@ -12,7 +12,8 @@ from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.from_signals import remote_station_to_measurements
 from cwcli.estimation.online_availability import not_overtaken_message_mask
-from cwcli.estimation.summary import TrackSummary, summarise_track
+from cwcli.estimation.result import TrackSummary
+from cwcli.estimation.summary import summarise_track
 from cwcli.estimation.track import estimate_hindsight_and_online, map_in_threads
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.canonical import RemoteSignal

@@ -37,19 +37,14 @@ from cwcli.estimation.online_availability import (
     available_times_of_states_ns,
     parameter_origin_text,
 )
-from cwcli.estimation.result import Track
+from cwcli.estimation.result import Track, TrackSummary
 from cwcli.estimation.seen_ego import drop_ego_seen_by_others
 from cwcli.estimation.seen_senders import drop_senders_seen_by_others
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.stated_noise import Sigmas, apply_stated_noise, require_known_names_and_sigma_counts
-from cwcli.estimation.summary import (
-    TrackSummary,
-    build_estimate_table,
-    ego_verdict_sentence,
-    format_source_diagnostics_json,
-    summarise_track,
-)
+from cwcli.estimation.summary import build_estimate_table, format_source_diagnostics_json, summarise_track
 from cwcli.estimation.track import estimate_hindsight_and_online
+from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
@@ -424,7 +419,7 @@ def _build_summary(
         (*estimate_tables(tracks), online_states_table(online)),
         (*_count_corrections(sources.input_message_counts(), corrections), *transforms),
         tuple(dict.fromkeys(notes)),
-        ego_verdict_sentence(tracks[EGO_ID]),
+        consistency_verdict_sentence(tracks[EGO_ID]),
         tuple(each.contradiction_sentence for each in tracks[EGO_ID].contradictions),
         corrections=(
             *clock_corrections,

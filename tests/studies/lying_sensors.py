@@ -27,7 +27,8 @@ from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimat
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.source_judgement import JudgedSources, judge_sources
-from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.estimation.summary import summarise_track
+from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.logs.read.reader import Log
 from cwcli.signals.role import Role
 from cwcli.simulation.catalogue import scenario_names
@@ -145,7 +146,7 @@ def run_fault(drive: SimulatedDrive, right: Sequence[Measurements], fault: Fault
     sensor_faults.STANDING_SPEED[:] = [time_s, np.abs(true[:, 2])]
     sensor_faults.TRUE_HEADING[:] = [time_s, true[:, 3]]
     error_m, nees, track = estimated(drive, fault.apply(right), fault.ahead_m)
-    verdict = ego_verdict_sentence(summarise_track(track))
+    verdict = consistency_verdict_sentence(summarise_track(track))
     return Case(error_m / least_m, is_named(fault, track), nees, verdict, "; ".join(told_of(track)),
                 fault.is_drift)  # fmt: skip
 

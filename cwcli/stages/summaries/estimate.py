@@ -10,7 +10,8 @@ from cwcli.estimation.limit_check import is_bias_within_sensor_limits
 from cwcli.estimation.measurements import QUANTITIES, Kind
 from cwcli.estimation.online_availability import OnlineAvailability
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.summary import TrackSummary, quantity_text
+from cwcli.estimation.result import TrackSummary
+from cwcli.estimation.summary import quantity_text
 from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag

@@ -18,7 +18,8 @@ from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.estimation.summary import summarise_track
+from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from tests.studies.sensor_model import measurements_of
@@ -182,6 +183,6 @@ def test_a_speed_in_km_h_that_nobody_compares_is_absorbed_by_no_parameter() -> N
         if report.latency.status is LatencyStatus.APPLIED:
             assert sensor_limits.LATENCY_RANGE.contains_or_is_nan(report.latency.found_s)
     assert {report.scale.status for report in track.sources} & {BEYOND}
-    assert ego_verdict_sentence(summarise_track(track)).startswith(
+    assert consistency_verdict_sentence(summarise_track(track)).startswith(
         "not consistent: ego_position (gnss) contradicts ego_speed (speed)"
     )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.result import SourceReport
+from cwcli.estimation.result import SourceReport, TrackSummary
 from cwcli.estimation.verdict import NeesOfQuantity, consistency_verdict_sentence
 
 GOOD = SourceReport(
@@ -21,8 +22,12 @@ FLAGS = {"starting": 40, "after_reset": 0, "bridged": 0}
 TRUE = NeesOfQuantity("position", 1.0, (0.6, 1.5))
 
 
+def _track(*sources: SourceReport, n_states: int = 1000, bridged: int = 0, **more: Any) -> TrackSummary:
+    return TrackSummary(n_states, 50.0, 20.0, 0.5, {**FLAGS, "bridged": bridged}, sources, (), **more)
+
+
 def _said(*sources: SourceReport, bridged: int = 0, nees: tuple[NeesOfQuantity, ...] = (TRUE,)) -> str:
-    return consistency_verdict_sentence(sources, n_states=1000, n_flagged={**FLAGS, "bridged": bridged}, nees=nees)
+    return consistency_verdict_sentence(_track(*sources, bridged=bridged), nees)
 
 
 def test_what_lies_in_its_bounds_is_consistent() -> None:
@@ -95,7 +100,7 @@ def test_the_worst_two_are_told_and_the_others_counted() -> None:
 def test_without_enough_rows_nothing_is_claimed() -> None:
     few = replace(GOOD, nis_inside=None)
     assert _said(few, nees=()) == "too little was measured to judge whether the estimate is consistent"
-    assert consistency_verdict_sentence((GOOD,), n_states=0, n_flagged={}) == "nothing was estimated"
+    assert consistency_verdict_sentence(_track(GOOD, n_states=0)) == "nothing was estimated"
 
 
 def test_sources_that_contradict_each_other_come_before_all_else() -> None:
@@ -104,13 +109,11 @@ def test_sources_that_contradict_each_other_come_before_all_else() -> None:
     told = (
         "ego_speed (/wheel) contradicts ego_position (/gps): the car covered 3.60 times the distance between the fixes"
     )
-    alone = consistency_verdict_sentence(
-        (GOOD, IMU), n_states=1000, n_flagged=FLAGS, nees=(TRUE,), contradictions=(wrong,)
-    )
+    alone = consistency_verdict_sentence(_track(GOOD, IMU, contradictions=(wrong,)), (TRUE,))
     assert alone == f"not consistent: {told} (no third source tells which of them is wrong; both are used)"
     outvoted = replace(wrong, allies=(SourceQuantity("/imu", Kind.ACCEL),)).with_left_out(speed)
     noisy = (NeesOfQuantity("speed", 16.0, (0.7, 1.3)),)
-    both = consistency_verdict_sentence((GOOD,), n_states=1000, n_flagged=FLAGS, nees=noisy, contradictions=(outvoted,))
+    both = consistency_verdict_sentence(_track(GOOD, contradictions=(outvoted,)), noisy)
     assert both.startswith(
         f"not consistent: {told} (imu accel (/imu) agrees with ego_position (/gps); ego_speed (/wheel) is left out of "
         "the estimate); the speed error is 4.0 times its sigma"

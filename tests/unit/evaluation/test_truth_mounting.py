@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, estimate_track
-from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.estimation.summary import summarise_track
+from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.evaluation.truth import TruthErrors, compare_track_with_truth
 from cwcli.signals.build import build_signal
 from cwcli.signals.columns import Columns
@@ -44,8 +45,8 @@ def test_mounting_of_the_device_changes_no_error_and_no_verdict() -> None:
     for before, after in zip(along.nees, mounted.nees, strict=True):
         assert after.per_dof == pytest.approx(before.per_dof, rel=0.01), before.name
     summary = summarise_track(TRACK)
-    assert ego_verdict_sentence(summary, mounted.nees) == ego_verdict_sentence(summary, along.nees)
-    assert "covariance times" not in ego_verdict_sentence(summary, mounted.nees)
+    assert consistency_verdict_sentence(summary, mounted.nees) == consistency_verdict_sentence(summary, along.nees)
+    assert "covariance times" not in consistency_verdict_sentence(summary, mounted.nees)
 
 
 def test_mounting_is_told_where_there_is_one() -> None:

@@ -12,7 +12,8 @@ import pytest
 from cwcli.estimation import Kind, Latency, LatencyStatus, SourceReport
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
-from cwcli.estimation.summary import TrackSummary, build_estimate_table, format_source_diagnostics_json
+from cwcli.estimation.result import TrackSummary
+from cwcli.estimation.summary import build_estimate_table, format_source_diagnostics_json
 from cwcli.stages.summaries.estimate import estimate_tables
 
 NAN = math.nan
