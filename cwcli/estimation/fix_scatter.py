@@ -7,13 +7,17 @@ the noise with them; then everything looks consistent. The scatter does not know
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cwcli.estimation.measurements import Kind
+from cwcli.estimation.measurements import QUANTITIES, Kind
 from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_column
-from cwcli.estimation.passes import SensorSeries
+from cwcli.estimation.parameter import ParameterStatus
+from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
+from cwcli.estimation.result import SourceReport
+from cwcli.signals.columns import StateCovariance
+from cwcli.signals.vehicle_state import X, Y
 
 MAX_NOISE_TO_SCATTER_RATIO = 2.0
 """Greatest ratio of the noise by the estimator to the scatter. Chosen by hand: it is 0.9 to 1.1 in simulated drives
@@ -58,3 +62,25 @@ def is_noise_like_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
     if kind not in MIN_LASTING_ERRORS:
         return True
     return not sigma > max(MAX_AGREEING_RATIO * scatter, 0.5 * MIN_LASTING_ERRORS[kind])
+
+
+def covariance_from_lasting_errors(reports: Sequence[SourceReport]) -> StateCovariance:
+    """Return the covariance (8, 8) that fixes add whose noise is larger than their scatter.
+
+    What neighbouring rows do not scatter lasts, and no filter averages it out. It is that of the position source with
+    the least of it; 0 where one has no more noise than scatter, states its noise, or has a slow error in the model.
+    """
+    added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
+    variances_m2 = [
+        _lasting_variance_m2(r) if r.noise_origin in ("log", "message, scaled") else 0.0
+        for r in reports
+        if r.kind is Kind.POSITION and r.n_used
+    ]
+    added[X, X] = added[Y, Y] = min(variances_m2, default=0.0)
+    return added
+
+
+def _lasting_variance_m2(fixes: SourceReport) -> float:
+    scatter_m = max(fixes.scatter, QUANTITIES[Kind.POSITION].floor_sigma)  # NaN stays, and no noise is beyond it
+    is_lasting = fixes.sigma > MAX_AGREEING_RATIO * scatter_m and fixes.slow_error.status is not ParameterStatus.USED
+    return fixes.sigma**2 - scatter_m**2 if is_lasting else 0.0

@@ -26,6 +26,7 @@ from cwcli.estimation.result import SourceReport
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 from cwcli.estimation.slow_drift import find_drifting_fixes
 from cwcli.estimation.source_vote import quantity_of_series, without_any_rows
+from cwcli.estimation.tolerances import MAX_GATED_SHARE
 
 MAX_USUAL_SLOW_ERROR_M = 2.5
 """Greatest sigma on each axis of a slow error of fixes that raises no doubt, m. The GPS Standard Positioning Service
@@ -47,7 +48,7 @@ _MOTIONS_OF_KIND = {
 
 
 def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
-    """Return the quantities whose noise or slow error is larger than usual, or a constant beyond what sensors have."""
+    """Return the quantities with unusually large noise or slow errors, many rejected rows, or impossible constants."""
     found = {
         SourceQuantity(r.source, r.kind)
         for r in reports
@@ -55,6 +56,7 @@ def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> s
         and (
             (r.noise_origin != "message" and is_noise_beyond_scatter(r.kind, r.sigma, r.scatter))
             or (r.slow_error.status is ParameterStatus.USED and r.slow_error.sigma > _usual_slow_error_of_kind(r.kind))
+            or (r.kind not in RATE_KINDS and r.n_gated > MAX_GATED_SHARE * (r.n_used + r.n_gated))
         )
     }
     return found | {each.who for each in find_values_beyond_sensor_limits(reports)}

@@ -89,6 +89,11 @@ BIAS_CHECKS = (SourceComparisonCheck.YAW_RATE_BIAS, SourceComparisonCheck.ACCEL_
 """Comparisons that can only contradict: agreement without motion does not show that units and signs agree."""
 
 
+def student_99_quantile(n: int) -> float:
+    """Return half the width of the 99 % interval in sigma of the mean of n values, four or more."""
+    return STUDENT_99_QUANTILES[max(size for size in STUDENT_99_QUANTILES if size <= n)]
+
+
 class Judgement(StrEnum):
     """Judgement on two sources.
 
@@ -160,7 +165,7 @@ class MedianInterval:
         spread = (
             MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_TO_MEAN_SIGMA_RATIO * median_of_finite_column(np.abs(values - middle))
         )
-        half = STUDENT_99_QUANTILES[max(size for size in STUDENT_99_QUANTILES if size <= n)] * spread / math.sqrt(n)
+        half = student_99_quantile(n) * spread / math.sqrt(n)
         return cls(middle, middle - half, middle + half, n)
 
     def judge_against_range(self, limit: ParameterRange) -> Judgement:

@@ -137,7 +137,16 @@ def _replace_coarse_stamps_and_note(
     notes: dict[str, str] = {}
     for m in measurements:
         stamped = m
-        if m.source not in trusted and m.log_time_ns is not None and len(m) >= 2 * MIN_STEP_ROWS and not m.is_exact:
+        if m.source not in trusted and len(m) >= 2 * MIN_STEP_ROWS and not m.is_exact:
+            spread = _spread_rows_of_equal_stamp_and_step_s(m) if (m.received_ns == m.stamp_ns).all() else None
+            if spread is not None:
+                stamped = spread[0]
+                notes[m.source] = (
+                    f"{m.source}: its stamps are cut to {spread[1]:.2g} s, and its log times too; the rows of each are "
+                    "spread evenly"
+                )
+                found.append(stamped)
+                continue
             order = np.argsort(m.received_ns, kind="stable")
             log_ns, stamp_ns = m.received_ns[order], m.stamp_ns[order]
             is_equal = np.diff(stamp_ns) == 0
@@ -152,6 +161,31 @@ def _replace_coarse_stamps_and_note(
                 stamped = replace(m, stamp_ns=m.received_ns - least_ns)
         found.append(stamped)
     return found, list(notes.values())
+
+
+def _spread_rows_of_equal_stamp_and_step_s(m: Measurements) -> tuple[Measurements, float] | None:
+    """Return the measurements with the rows of each cut stamp spread evenly behind it, and the step of the stamps, s.
+
+    Row j of k rows with one stamp is taken to be measured (j + 1/2) / k steps after it. The first stamp may have only
+    the last of its rows, and the last stamp only the first ones. None where the stamps are not cut: most rows share
+    theirs with another value, and all stamps are whole multiples of one step.
+    """
+    stamp_ns, first, size = np.unique(m.stamp_ns, return_index=True, return_counts=True)
+    if len(stamp_ns) <= MIN_STEP_ROWS or not (np.diff(m.stamp_ns) >= 0).all():
+        return None
+    is_equal = np.diff(m.stamp_ns) == 0
+    is_new = (np.diff(m.values, axis=0) != 0.0).any(axis=1)
+    step_ns = int(np.min(np.diff(stamp_ns)))
+    if (is_equal & is_new).mean() < MIN_EQUAL_STAMP_SHARE or (stamp_ns % step_ns).any():
+        return None
+    usual = int(np.median(size))
+    n_rows = size.copy()
+    n_rows[[0, -1]] = np.maximum(size[[0, -1]], usual)
+    order = np.arange(len(m)) - np.repeat(first, size)
+    order[: size[0]] += n_rows[0] - size[0]
+    share = (order + 0.5) / np.repeat(n_rows, size)
+    spread_ns = m.stamp_ns + np.rint(share * step_ns).astype(np.int64)
+    return replace(m, stamp_ns=spread_ns, log_time_ns=None if m.log_time_ns is None else spread_ns), step_ns / NS_PER_S
 
 
 def notes_on_hidden_clock_steps(measurements: Sequence[Measurements], sources: Sequence[str]) -> list[str]:

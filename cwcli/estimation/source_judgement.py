@@ -34,6 +34,7 @@ from cwcli.estimation.source_vote import (
     without_any_rows,
 )
 from cwcli.estimation.standstill_heading import has_heading_jumps
+from cwcli.estimation.way_ratio import correct_and_list_scaled_speeds
 from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
 from cwcli.lazy_dataclass import dataclass
 
@@ -109,8 +110,9 @@ def judge_sources(
             break
         take(attempt)
     current, turned = correct_and_list_turned_imus(current, voted.prepared, trusted)
-    if turned:
-        corrections += turned
+    current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
+    if turned or scaled:
+        corrections += [*turned, *scaled]
         prepared, notes = prepare(current)
         voted = leave_out_outvoted_sources(
             [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p for p in prepared],
@@ -193,7 +195,13 @@ def correct_and_list_turned_imus(
             rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
             rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
             time_s = seconds_since_epoch(m.stamp_ns[rows], earliest_stamp_ns(measurements))
-            found = find_imu_yaw_hypothesis_and_evidence(time_s, m.values[rows], fixes)
+            helpers = [
+                p.series
+                for p in prepared
+                if len(p.series) >= MIN_ROWS
+                and (p.series.kind is Kind.SPEED or (p.series.kind is Kind.YAW_RATE and p.series.source == m.source))
+            ]
+            found = find_imu_yaw_hypothesis_and_evidence(time_s, m.values[rows], [fixes[0], *helpers])
         if found is not None:
             corrections.append(correction_of_all_rows(m, *found))
         corrected.append(m if found is None else found[0].correct_measurements(m))

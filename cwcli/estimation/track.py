@@ -20,12 +20,13 @@ from cwcli.estimation.calibrated import (
 )
 from cwcli.estimation.calibration_check import notes_on_worse_prediction_with_calibration
 from cwcli.estimation.coarse_fixes import covariance_from_coarse_fixes
+from cwcli.estimation.coarse_speeds import select_changes_of_coarse_speeds_and_note
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_delays
-from cwcli.estimation.fix_scatter import noise_sigma_from_scatter_about_neighbours
+from cwcli.estimation.fix_scatter import covariance_from_lasting_errors, noise_sigma_from_scatter_about_neighbours
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.leave_one_out import (
     can_third_source_judge,
@@ -216,6 +217,9 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
             correct_and_list_imu_units_and_tilt(measurements, trusted) if looks_ahead else (measurements, [])
         )
         judged = JudgedSources(*prepare(corrected), tuple(found), ())
+    if looks_ahead:
+        prepared, coarse_notes = select_changes_of_coarse_speeds_and_note(judged.prepared)
+        judged = replace(judged, prepared=prepared, notes=[*judged.notes, *coarse_notes])
     corrections = (*by_user, *judged.corrections)
     notes = (
         *clock_notes,
@@ -307,7 +311,8 @@ def _filter_and_smooth(
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
         errors = find_standstill_errors(without_model, output_s, state, covariance)
-        covariance = covariance + covariance_from_standstill_errors(state, errors) + covariance_from_drifts(reports)
+        covariance = covariance + covariance_from_standstill_errors(state, errors)
+        covariance = covariance + covariance_from_drifts(reports) + covariance_from_lasting_errors(reports)
     contradictions = tuned_measurements.contradictions
     if not config.blind:
         contradictions = (*contradictions, *find_values_beyond_sensor_limits(reports, contradictions))

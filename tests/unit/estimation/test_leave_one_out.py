@@ -46,6 +46,9 @@ SPEED_QUANTITY, IMU = SourceQuantity("/speed", Kind.SPEED), (
         (replace(HEADING, sigma=0.08), True),
         (replace(ACCEL, slow_error=SlowError(0.7, 30.0, ParameterStatus.USED)), True),
         (replace(YAW_RATE, bias=0.11), True),
+        (replace(FIX, n_gated=20), False),
+        (replace(FIX, n_gated=40), True),
+        (replace(YAW_RATE, n_gated=40), False),
     ],
 )
 def test_what_is_a_misfit(report: SourceReport, is_misfit: bool) -> None:

@@ -179,3 +179,26 @@ def test_stamps_that_are_cut_to_seconds_are_replaced_by_the_log_times() -> None:
     np.testing.assert_allclose((aligned.stamp_ns - fixes.stamp_ns) / NS, 0.0, atol=0.011)
     assert note.startswith("/position: its stamps are cut to 1 s; the log times less 0.08")
     assert align_source_clocks_and_note([cut, *others], trusted=["/position"])[0][0] is cut
+
+
+@pytest.mark.parametrize("first", [0, 3])
+@pytest.mark.parametrize("has_log_times", [False, True])
+def test_rows_of_cut_stamps_and_log_times_are_spread_evenly(first: int, has_log_times: bool) -> None:
+    fixes, *others = drive()
+    fixes = fixes.select_rows(np.arange(len(fixes)) >= first)
+    cut_ns = fixes.stamp_ns // NS * NS
+    wrong = replace(fixes, stamp_ns=cut_ns, log_time_ns=cut_ns if has_log_times else None)
+    (aligned, *_), (note,) = align_source_clocks_and_note([wrong, *others])
+    np.testing.assert_allclose((aligned.stamp_ns - fixes.stamp_ns) / NS, 0.05, atol=0.01)
+    assert note == "/position: its stamps are cut to 1 s, and its log times too; the rows of each are spread evenly"
+
+
+def test_repeated_messages_and_stamps_of_batches_are_not_spread() -> None:
+    fixes, *others = drive()
+    fixes = replace(fixes, log_time_ns=None)
+    twice = replace(fixes, stamp_ns=np.repeat(fixes.stamp_ns, 2), values=np.repeat(fixes.values, 2, axis=0))
+    batch_ns = (fixes.stamp_ns // NS * NS + fixes.stamp_ns % 7 * 1_000_003)[np.arange(len(fixes)) // 10 * 10]
+    for each in (twice, replace(fixes, stamp_ns=np.sort(batch_ns) + np.arange(len(fixes)) // 10 * 12_345_677)):
+        aligned, notes = align_source_clocks_and_note([each, *others])
+        assert (aligned[0].stamp_ns == each.stamp_ns).all()
+        assert not notes

@@ -133,11 +133,16 @@ def test_a_tilted_imu_is_levelled() -> None:
         assert np.abs(difference - difference.mean(axis=0)).max() < 0.05  # m/s^2 and rad/s, from noise in the direction
 
 
-@pytest.mark.parametrize(("degrees", "side"), [(40.0, "right"), (-25.0, "left")])
-def test_an_imu_that_is_turned_about_the_vertical_is_turned_back(degrees: float, side: str) -> None:
+@pytest.mark.parametrize(
+    ("kinds", "degrees", "side"),
+    [(LEAN, 40.0, "right"), (LEAN, -25.0, "left"), (ALL, 10.0, "right"), (ALL, -10.0, "left")],
+)
+def test_an_imu_that_is_turned_about_the_vertical_is_turned_back(
+    kinds: Sequence[Kind], degrees: float, side: str
+) -> None:
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     # Forward axis to the right of the car's by that angle: it reads cos times forward minus sin times left.
-    judged = _judge(_with_fault(_drive(*LEAN), Kind.IMU, _turned((c, -s, 0), (s, c, 0), (0, 0, 1))))
+    judged = _judge(_with_fault(_drive(*kinds), Kind.IMU, _turned((c, -s, 0), (s, c, 0), (0, 0, 1))))
     (correction,) = judged.corrections
     told = re.match(rf"is mounted turned by (\d+) degrees to the {side} about the vertical", correction.fault)
     assert told is not None
@@ -145,9 +150,10 @@ def test_an_imu_that_is_turned_about_the_vertical_is_turned_back(degrees: float,
     assert judged.contradictions == ()
 
 
-def test_an_imu_that_is_turned_by_ten_degrees_is_left_as_it_is() -> None:
-    c, s = np.cos(np.radians(10.0)), np.sin(np.radians(10.0))
-    assert _judge(_with_fault(_drive(*LEAN), Kind.IMU, _turned((c, -s, 0), (s, c, 0), (0, 0, 1)))).corrections == ()
+@pytest.mark.parametrize(("kinds", "degrees"), [(LEAN, 10.0), (ALL, 4.0), (ALL, 0.0)])
+def test_an_imu_that_is_turned_by_less_than_shows_is_left_as_it_is(kinds: Sequence[Kind], degrees: float) -> None:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    assert _judge(_with_fault(_drive(*kinds), Kind.IMU, _turned((c, -s, 0), (s, c, 0), (0, 0, 1)))).corrections == ()
 
 
 def test_the_sentence_says_what_was_wrong_what_shows_it_and_how_to_undo_it() -> None:
