@@ -129,7 +129,7 @@ def _metadata(data: ByteSource, start: int, stop: int) -> Document:
 
 
 def _attachment_index(data: ByteSource, start: int, stop: int) -> Document:
-    found = records.read_attachment_index(data, start, stop)
+    found = records.read_record(records.AttachmentIndex, data, start, stop)
     return record("AttachmentIndex", **dict(zip(ATTACHMENT_INDEX_NAMES, found, strict=True)))
 
 
@@ -140,22 +140,22 @@ def _summary_offset(data: ByteSource, start: int, stop: int) -> Document:
 
 KINDS: dict[int, Callable[[ByteSource, int, int], Document]] = {
     records.OPCODE_HEADER: _header,
-    records.OPCODE_SCHEMA: lambda *place: schema(records.read_schema(*place)),
-    records.OPCODE_CHANNEL: lambda *place: channel(records.read_channel(*place)),
+    records.OPCODE_SCHEMA: lambda *place: schema(records.read_record(records.Schema, *place)),
+    records.OPCODE_CHANNEL: lambda *place: channel(records.read_record(records.Channel, *place)),
     records.OPCODE_MESSAGE: _message,
     records.OPCODE_ATTACHMENT: _attachment,
     records.OPCODE_METADATA: _metadata,
     records.OPCODE_DATA_END: lambda data, start, stop: record(
         "DataEnd", data_section_crc=int.from_bytes(data[start : start + 4], "little")
     ),
-    records.OPCODE_STATISTICS: lambda *place: statistics(records.read_statistics(*place)),
-    records.OPCODE_CHUNK_INDEX: lambda *place: _chunk_index(records.read_chunk_index(*place)),
+    records.OPCODE_STATISTICS: lambda *place: statistics(records.read_record(records.Statistics, *place)),
+    records.OPCODE_CHUNK_INDEX: lambda *place: _chunk_index(records.read_record(records.ChunkIndex, *place)),
     records.OPCODE_ATTACHMENT_INDEX: _attachment_index,
     records.OPCODE_METADATA_INDEX: lambda *place: record(
-        "MetadataIndex", **records.read_metadata_index(*place)._asdict()
+        "MetadataIndex", **records.read_record(records.MetadataIndex, *place)._asdict()
     ),
     records.OPCODE_SUMMARY_OFFSET: _summary_offset,
-    records.OPCODE_FOOTER: lambda *place: record("Footer", **records.read_footer(*place)._asdict()),
+    records.OPCODE_FOOTER: lambda *place: record("Footer", **records.read_record(records.Footer, *place)._asdict()),
 }
 
 
@@ -249,12 +249,12 @@ def written(wanted: Document) -> bytes:
         elif kind == "Schema":
             defined = records.Schema(int(given["id"]), given["name"], given["encoding"], octets(given["data"]))
             writer.write_schema(defined, listed_only="ch" in features)
-            in_chunk += record_bytes.encode_schema(defined) if "ch" in features else b""
+            in_chunk += record_bytes.encode_record(defined) if "ch" in features else b""
         elif kind == "Channel":
             ids = int(given["id"]), int(given["schema_id"])
             named = records.Channel(*ids, given["topic"], given["message_encoding"], given["metadata"])
             writer.write_channel(named, listed_only="ch" in features)
-            in_chunk += record_bytes.encode_channel(named) if "ch" in features else b""
+            in_chunk += record_bytes.encode_record(named) if "ch" in features else b""
         elif kind == "Message":
             numbers = [int(given[name]) for name in ("channel_id", "sequence", "log_time", "publish_time")]
             content = struct.pack("<HIQQ", *numbers) + octets(given["data"])

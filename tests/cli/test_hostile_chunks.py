@@ -57,8 +57,8 @@ def chunk(stored: bytes, compression: str, declared: int) -> bytes:
 def log_of(path: Path, *chunks: bytes, is_cut: bool = False) -> None:
     """A log without a summary: a channel of fixes, and chunks."""
     head = MCAP_MAGIC + record_bytes.encode_header("", "test")
-    head += record_bytes.encode_schema(Schema(1, "sensor_msgs/msg/NavSatFix", "ros2msg", DEFINITION))
-    head += record_bytes.encode_channel(Channel(1, 1, FIX, "cdr", {}))
+    head += record_bytes.encode_record(Schema(1, "sensor_msgs/msg/NavSatFix", "ros2msg", DEFINITION))
+    head += record_bytes.encode_record(Channel(1, 1, FIX, "cdr", {}))
     data = head + b"".join(chunks)
     path.write_bytes(
         data if is_cut else data + record_bytes.encode_data_end() + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC

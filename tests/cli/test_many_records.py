@@ -17,12 +17,13 @@ from cwcli.logs.format.records import (
     MCAP_MAGIC,
     RECORD_PREFIX,
     Channel,
+    Footer,
     MetadataIndex,
     Schema,
     Statistics,
     attachment_crc_offset,
-    read_footer,
     read_opcode_and_content_range,
+    read_record,
 )
 from cwcli.logs.read.reader import Log
 from tests.cli.bounded import bounded
@@ -32,7 +33,7 @@ T0_NS = 1_700_000_000_000_000_000
 N_RECORDS = 1_000_000
 HEAD = MCAP_MAGIC + record_bytes.encode_header("", "test")
 END = record_bytes.encode_data_end() + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
-SCHEMA = record_bytes.encode_schema(Schema(1, "a/B", "ros2msg", b"float64 x"))
+SCHEMA = record_bytes.encode_record(Schema(1, "a/B", "ros2msg", b"float64 x"))
 ATTACHED_BYTES = 500_000_000
 MARK = b"first and last"
 CALLS_OF_METADATA = 20 * N_RECORDS
@@ -49,12 +50,12 @@ def indexed_metadata() -> bytes:
     one = record_bytes.encode_metadata("m", {"a": "b"})
     places = (MetadataIndex(len(HEAD) + k * len(one), len(one), "m") for k in range(N_RECORDS))
     counted = Statistics(0, 0, 0, 0, N_RECORDS, 0, 0, 0, {})
-    summary = record_bytes.encode_statistics(counted) + b"".join(map(record_bytes.encode_metadata_index, places))
+    summary = record_bytes.encode_record(counted) + b"".join(map(record_bytes.encode_record, places))
     return with_summary(metadata_records(), summary)
 
 
 def channel_records() -> bytes:
-    channels = [record_bytes.encode_channel(Channel(k + 1, 1, f"/t{k}", "cdr", {})) for k in range(10)]
+    channels = [record_bytes.encode_record(Channel(k + 1, 1, f"/t{k}", "cdr", {})) for k in range(10)]
     return HEAD + SCHEMA + b"".join(channels) * (N_RECORDS // 10)
 
 
@@ -91,11 +92,11 @@ def test_more_metadata_than_memory_should_hold(tmp_path: Path) -> None:
 
 
 def test_name_of_three_megabytes(tmp_path: Path) -> None:
-    channel = record_bytes.encode_channel(Channel(1, 1, "/" + "n" * 3_000_000, "cdr", {}))
+    channel = record_bytes.encode_record(Channel(1, 1, "/" + "n" * 3_000_000, "cdr", {}))
     (tmp_path / "in.mcap").write_bytes(
         with_summary(
             HEAD + SCHEMA + channel,
-            SCHEMA + channel + record_bytes.encode_statistics(Statistics(0, 0, 0, 0, 0, 0, 0, 0, {})),
+            SCHEMA + channel + record_bytes.encode_record(Statistics(0, 0, 0, 0, 0, 0, 0, 0, {})),
         )
     )
     ended = bounded(tmp_path, "info", "in.mcap", most_mb=200)
@@ -114,7 +115,7 @@ def test_large_attachment_is_copied_by_range(intersection: Path, tmp_path: Path)
     data = intersection.read_bytes()
     footer_at = len(data) - len(MCAP_MAGIC) - len(record_bytes.encode_footer(0, 0, b""))
     _, start, end = read_opcode_and_content_range(memoryview(data), footer_at, len(data))
-    summary_at = read_footer(memoryview(data), start, end).summary_start
+    summary_at = read_record(Footer, memoryview(data), start, end).summary_start
     fields = struct.pack("<QQ", 1, 1) + b"\1\0\0\0a\1\0\0\0b" + struct.pack("<Q", ATTACHED_BYTES)
     with (tmp_path / "in.mcap").open("wb") as file:
         file.write(data[: summary_at - len(record_bytes.encode_data_end())])
@@ -150,10 +151,10 @@ def test_index_that_leaves_a_channel_out_costs_no_message(tmp_path: Path) -> Non
 
 def test_statistics_that_count_other_messages_are_a_fault(tmp_path: Path) -> None:
     content = struct.pack("<HIQQ", 1, 0, 5, 5) + b"\0\1\0\0" + bytes(8)
-    channel = record_bytes.encode_channel(Channel(1, 1, "/x", "cdr", {}))
+    channel = record_bytes.encode_record(Channel(1, 1, "/x", "cdr", {}))
     counted = Statistics(3, 1, 1, 0, 0, 0, 5, 5, {1: 3})
     data = HEAD + SCHEMA + channel + (RECORD_PREFIX.pack(5, len(content)) + content) * 2
-    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.encode_statistics(counted)))
+    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.encode_record(counted)))
     with Log.open(tmp_path / "in.mcap") as log:
         assert len(log.columns("/x")) == 2
         assert log.faults.counts_by_reason() == {"channels with a wrong message count in the summary": 1}
@@ -162,10 +163,10 @@ def test_statistics_that_count_other_messages_are_a_fault(tmp_path: Path) -> Non
 def test_statistics_without_counts_are_no_fault(tmp_path: Path) -> None:
     """An empty map says that nobody has counted."""
     content = struct.pack("<HIQQ", 1, 0, 5, 5) + b"\0\1\0\0" + bytes(8)
-    channel = record_bytes.encode_channel(Channel(1, 1, "/x", "cdr", {}))
+    channel = record_bytes.encode_record(Channel(1, 1, "/x", "cdr", {}))
     counted = Statistics(2, 1, 1, 0, 0, 0, 5, 5, {})
     data = HEAD + SCHEMA + channel + (RECORD_PREFIX.pack(5, len(content)) + content) * 2
-    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.encode_statistics(counted)))
+    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.encode_record(counted)))
     with Log.open(tmp_path / "in.mcap") as log:
         assert log.channels[0].message_count is None
         assert len(log.columns("/x")) == 2

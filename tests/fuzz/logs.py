@@ -207,5 +207,5 @@ def _told(inside: list[Record]) -> list[Record]:
         at += len(record.bytes)
     n_schemas = sum(each.opcode == OPCODE_SCHEMA for each in defined.values())
     counted = Statistics(sum(counts.values()), n_schemas, len(defined) - n_schemas, 0, 0, len(indexes), 0, 0, counts)
-    written = [record_bytes.encode_statistics(counted), *map(record_bytes.encode_chunk_index, indexes)]
+    written = [record_bytes.encode_record(counted), *map(record_bytes.encode_record, indexes)]
     return [*defined.values(), *split(b"".join(written))]

@@ -48,7 +48,7 @@ def _check_metadata(rng: Rng) -> bool:
     records = [
         record_bytes.encode_metadata(next(names), {next(names): next(names)} if rng.random() < 0.5 else {})
         if opcode == OPCODE_METADATA
-        else record_bytes.encode_metadata_index(MetadataIndex(int(rng.integers(1 << 63)), 7, next(names)))
+        else record_bytes.encode_record(MetadataIndex(int(rng.integers(1 << 63)), 7, next(names)))
         for _ in range(int(rng.integers(10)))
     ]
     data = mutate(rng, b"".join(records))

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Collection, Mapping
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 ByteRange = tuple[int, int]
 """Offset of the first byte, and that behind the last one."""
@@ -240,14 +240,14 @@ class FieldReader:
             found[key] = inner.read_string()
         return found
 
-    def read_count_map(self, entry: struct.Struct) -> dict[int, int]:
-        """Read a map of channel ids to numbers, with entries of this layout."""
+    def read_count_map(self) -> dict[int, int]:
+        """Read a map of channel ids to 64-bit numbers."""
         inner = self._nested_reader()
-        if (inner.end - inner.at) % entry.size:
+        if (inner.end - inner.at) % _U16_U64.size:
             raise RecordError("a map's length is not a multiple of its entries'")
         found = {}
         while inner.at < inner.end:
-            key, value = inner.read_numbers(entry)
+            key, value = inner.read_numbers(_U16_U64)
             found[key] = value
         return found
 
@@ -266,22 +266,30 @@ _U32 = struct.Struct("<I")
 """The layout of one little-endian 32-bit number."""
 _U64 = struct.Struct("<Q")
 """The layout of one little-endian 64-bit number."""
-_U16_U16 = struct.Struct("<HH")
-"""The layout of two 16-bit numbers."""
 _U16_U64 = struct.Struct("<HQ")
 """The layout of a map entry: channel id and 64-bit number."""
 _U64_U64 = struct.Struct("<QQ")
 """The layout of two 64-bit numbers."""
 _CHUNK_HEAD_FIELDS = struct.Struct("<QQQI")
 """The first fields of a chunk: first and last log time, uncompressed size, CRC."""
-_CHUNK_INDEX_HEAD_FIELDS = struct.Struct("<QQQQ")
-"""The first fields of a chunk index: first and last log time, start and length of the chunk."""
-_ATTACHMENT_INDEX_HEAD_FIELDS = struct.Struct("<QQQQQ")
-"""The first fields of an attachment index: offset, length, log time, creation time, size of the data."""
-_STATISTICS_HEAD_FIELDS = struct.Struct("<QHIIIIQQ")
-"""The first fields of the statistics: six counts, first and last log time."""
-_FOOTER_FIELDS = struct.Struct("<QQI")
-"""The fields of the footer: start of the summary, start of its offsets, CRC."""
+
+FieldLayout = struct.Struct | Callable[[FieldReader], Any]
+"""The layout of some fields of a record: numbers of fixed size, or the reader of one field of varying size."""
+_TEXT, _BYTES = FieldReader.read_string, FieldReader.read_byte_string
+"""The layouts of a text and of bytes, each after its length."""
+_COUNT_MAP = FieldReader.read_count_map
+"""The layout of a map of channel ids to numbers."""
+RECORD_LAYOUTS: dict[type[tuple[Any, ...]], tuple[int, tuple[FieldLayout, ...]]] = {
+    Schema: (OPCODE_SCHEMA, (_U16, _TEXT, _TEXT, _BYTES)),
+    Channel: (OPCODE_CHANNEL, (struct.Struct("<HH"), _TEXT, _TEXT, FieldReader.read_text_map)),
+    ChunkIndex: (OPCODE_CHUNK_INDEX, (struct.Struct("<QQQQ"), _COUNT_MAP, _U64, _TEXT, _U64_U64)),
+    AttachmentIndex: (OPCODE_ATTACHMENT_INDEX, (struct.Struct("<QQQQQ"), _TEXT, _TEXT)),
+    MetadataIndex: (OPCODE_METADATA_INDEX, (_U64_U64, _TEXT)),
+    Statistics: (OPCODE_STATISTICS, (struct.Struct("<QHIIIIQQ"), _COUNT_MAP)),
+    Footer: (OPCODE_FOOTER, (struct.Struct("<QQI"),)),
+}
+"""Class of a record -> its opcode, and the layout of its fields in their order (MCAP specification)."""
+AnyRecord = TypeVar("AnyRecord", bound=tuple[Any, ...])
 
 
 def read_opcode_and_content_range(data: ByteSource, offset: int, end: int) -> tuple[int, int, int]:
@@ -315,20 +323,16 @@ def read_profile_and_library(data: ByteSource, start: int, end: int) -> tuple[st
     return fields.read_string(), fields.read_string()
 
 
-def read_footer(data: ByteSource, start: int, end: int) -> Footer:
-    return Footer(*FieldReader(data, start, end).read_numbers(_FOOTER_FIELDS))
-
-
-def read_schema(data: ByteSource, start: int, end: int) -> Schema:
+def read_record(kind: type[AnyRecord], data: ByteSource, start: int, end: int) -> AnyRecord:
+    """Read a record of a class of `RECORD_LAYOUTS`, of which `start` to `end` is the content."""
     fields = FieldReader(data, start, end)
-    (schema_id,) = fields.read_numbers(_U16)
-    return Schema(schema_id, fields.read_string(), fields.read_string(), fields.read_byte_string())
-
-
-def read_channel(data: ByteSource, start: int, end: int) -> Channel:
-    fields = FieldReader(data, start, end)
-    channel_id, schema_id = fields.read_numbers(_U16_U16)
-    return Channel(channel_id, schema_id, fields.read_string(), fields.read_string(), fields.read_text_map())
+    values: list[Any] = []
+    for layout in RECORD_LAYOUTS[kind][1]:
+        if isinstance(layout, struct.Struct):
+            values += fields.read_numbers(layout)
+        else:
+            values.append(layout(fields))
+    return kind(*values)
 
 
 def read_chunk(data: ByteSource, start: int, end: int) -> Chunk:
@@ -346,24 +350,6 @@ def read_chunk_head(data: ByteSource, start: int, end: int) -> Chunk:
     (stored,) = fields.read_numbers(_U64)
     head = start - RECORD_PREFIX.size
     return Chunk(head, end - head, start_ns, end_ns, size, crc, compression, fields.at, stored)
-
-
-def read_chunk_index(data: ByteSource, start: int, end: int) -> ChunkIndex:
-    fields = FieldReader(data, start, end)
-    start_ns, end_ns, chunk_start, chunk_length = fields.read_numbers(_CHUNK_INDEX_HEAD_FIELDS)
-    offsets = fields.read_count_map(_U16_U64)
-    (index_length,) = fields.read_numbers(_U64)
-    compression = fields.read_string()
-    stored, size = fields.read_numbers(_U64_U64)
-    return ChunkIndex(start_ns, end_ns, chunk_start, chunk_length, offsets, index_length, compression, stored, size)
-
-
-def read_attachment_index(data: ByteSource, start: int, end: int) -> AttachmentIndex:
-    fields = FieldReader(data, start, end)
-    offset, length, log_time_ns, create_time_ns, size = fields.read_numbers(_ATTACHMENT_INDEX_HEAD_FIELDS)
-    return AttachmentIndex(
-        offset, length, log_time_ns, create_time_ns, size, fields.read_string(), fields.read_string()
-    )
 
 
 def read_attachment(data: ByteSource, start: int, end: int) -> AttachmentIndex:
@@ -384,24 +370,9 @@ def attachment_crc_offset(index: AttachmentIndex) -> int:
     return index.offset + RECORD_PREFIX.size + 2 * _U64.size + 2 * _U32.size + texts + _U64.size + index.size
 
 
-def read_metadata_index(data: ByteSource, start: int, end: int) -> MetadataIndex:
-    fields = FieldReader(data, start, end)
-    offset, length = fields.read_numbers(_U64_U64)
-    return MetadataIndex(offset, length, fields.read_string())
-
-
 def read_metadata_name_and_entries(data: ByteSource, start: int, end: int) -> tuple[str, dict[str, str]]:
     fields = FieldReader(data, start, end)
     return fields.read_string(), fields.read_text_map()
-
-
-def read_statistics(data: ByteSource, start: int, end: int) -> Statistics:
-    fields = FieldReader(data, start, end)
-    messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns = fields.read_numbers(
-        _STATISTICS_HEAD_FIELDS
-    )
-    counts = fields.read_count_map(_U16_U64)
-    return Statistics(messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns, counts)
 
 
 def channel_id_and_range_of_message_index_entries(data: ByteSource, start: int, end: int) -> tuple[int, int, int]:

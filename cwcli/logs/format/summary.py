@@ -24,17 +24,15 @@ from cwcli.logs.format.records import (
     RECORD_PREFIX,
     AttachmentIndex,
     ByteSource,
+    Channel,
     ChunkIndex,
     Footer,
+    MetadataIndex,
     RecordError,
-    read_attachment_index,
-    read_channel,
-    read_chunk_index,
-    read_footer,
-    read_metadata_index,
+    Schema,
+    Statistics,
     read_opcode_and_content_range,
-    read_schema,
-    read_statistics,
+    read_record,
 )
 
 DATA_END_BYTES = RECORD_PREFIX.size + 4
@@ -49,7 +47,7 @@ def find_footer_and_its_offset(data: ByteSource) -> tuple[Footer, int] | None:
     try:
         opcode, start, end = read_opcode_and_content_range(data, at, len(data) - len(MCAP_MAGIC))
         return (
-            (read_footer(data, start, end), at)
+            (read_record(Footer, data, start, end), at)
             if opcode == OPCODE_FOOTER and end == len(data) - len(MCAP_MAGIC)
             else None
         )
@@ -109,19 +107,19 @@ def _add_record_to_index(index: LogIndex, opcode: int, data: ByteSource, start: 
         RecordError: It is damaged, or belongs in the data section.
     """
     if opcode == OPCODE_SCHEMA:
-        schema = read_schema(data, start, end)
+        schema = read_record(Schema, data, start, end)
         index.schemas[schema.id] = schema
     elif opcode == OPCODE_CHANNEL:
-        channel = read_channel(data, start, end)
+        channel = read_record(Channel, data, start, end)
         index.channels[channel.id] = channel
     elif opcode == OPCODE_CHUNK_INDEX:
-        index.items.append(read_chunk_index(data, start, end))
+        index.items.append(read_record(ChunkIndex, data, start, end))
     elif opcode == OPCODE_STATISTICS:
-        index.statistics = read_statistics(data, start, end)
+        index.statistics = read_record(Statistics, data, start, end)
     elif opcode == OPCODE_ATTACHMENT_INDEX:
-        index.items.append(read_attachment_index(data, start, end))
+        index.items.append(read_record(AttachmentIndex, data, start, end))
     elif opcode == OPCODE_METADATA_INDEX:
-        index.metadata.append(*read_metadata_index(data, start, end))
+        index.metadata.append(*read_record(MetadataIndex, data, start, end))
     elif opcode < OPCODE_SUMMARY_OFFSET or opcode == OPCODE_DATA_END:
         raise RecordError("the summary holds a record of the data section")
 

@@ -32,17 +32,18 @@ from cwcli.logs.format.records import (
     RECORD_PREFIX,
     AttachmentIndex,
     ByteSource,
+    Channel,
     ChunkIndex,
     RecordError,
+    Schema,
     Statistics,
     channel_id_and_range_of_message_index_entries,
     read_attachment,
-    read_channel,
     read_chunk,
     read_chunk_head,
     read_metadata_name_and_entries,
     read_opcode_and_content_range,
-    read_schema,
+    read_record,
 )
 
 DATA_SECTION_OPCODES = frozenset(
@@ -325,9 +326,9 @@ class _DataSectionIndexer:
     def _add_definition_and_get_id(self, opcode: int, data: ByteSource, start: int, end: int) -> int:
         """Add a schema or a channel, unless one with its id is known; return the id."""
         if opcode == OPCODE_SCHEMA:
-            schema = read_schema(data, start, end)
+            schema = read_record(Schema, data, start, end)
             return self._index.schemas.setdefault(schema.id, schema).id
-        channel = read_channel(data, start, end)
+        channel = read_record(Channel, data, start, end)
         return self._index.channels.setdefault(channel.id, channel).id
 
     def _count_message_and_get_channel_id(self, data: ByteSource, start: int, end: int) -> int:

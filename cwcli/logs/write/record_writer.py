@@ -63,14 +63,14 @@ class RecordWriter:
         """Write a schema to the data section and the summary; with `listed_only` to the summary alone."""
         self._schemas[schema.id] = schema
         if not listed_only:
-            self._output.write(record_bytes.encode_schema(schema))
+            self._output.write(record_bytes.encode_record(schema))
 
     def write_channel(self, channel: Channel, *, listed_only: bool = False) -> None:
         """Write a channel to the data section and the summary; with `listed_only` to the summary alone."""
         self._channels[channel.id] = channel
         self._counts.setdefault(channel.id, 0)
         if not listed_only:
-            self._output.write(record_bytes.encode_channel(channel))
+            self._output.write(record_bytes.encode_record(channel))
 
     def write_chunk(self, payload: ChunkPayload) -> None:
         """Write new messages: a compressed chunk, and a message index for each of its channels."""
@@ -148,12 +148,12 @@ class RecordWriter:
         start = self._output.position
         summary, offsets = bytearray(), bytearray()
         groups = {
-            OPCODE_SCHEMA: [record_bytes.encode_schema(each) for each in self._schemas.values()],
-            OPCODE_CHANNEL: [record_bytes.encode_channel(each) for each in self._channels.values()],
-            OPCODE_STATISTICS: [record_bytes.encode_statistics(self._build_statistics())],
-            OPCODE_CHUNK_INDEX: [record_bytes.encode_chunk_index(each) for each in self._chunks],
-            OPCODE_ATTACHMENT_INDEX: [record_bytes.encode_attachment_index(each) for each in self._attachments],
-            OPCODE_METADATA_INDEX: [record_bytes.encode_metadata_index(each) for each in self._metadata],
+            OPCODE_SCHEMA: [record_bytes.encode_record(each) for each in self._schemas.values()],
+            OPCODE_CHANNEL: [record_bytes.encode_record(each) for each in self._channels.values()],
+            OPCODE_STATISTICS: [record_bytes.encode_record(self._build_statistics())],
+            OPCODE_CHUNK_INDEX: [record_bytes.encode_record(each) for each in self._chunks],
+            OPCODE_ATTACHMENT_INDEX: [record_bytes.encode_record(each) for each in self._attachments],
+            OPCODE_METADATA_INDEX: [record_bytes.encode_record(each) for each in self._metadata],
         }
         for opcode, records in groups.items():
             group = b"".join(records)

@@ -13,13 +13,12 @@ from cwcli.logs.format.records import (
     OPCODE_METADATA_INDEX,
     OPCODE_SCHEMA,
     OPCODE_STATISTICS,
+    Channel,
     ChunkIndex,
+    Footer,
     Statistics,
-    read_channel,
-    read_chunk_index,
-    read_footer,
     read_opcode_and_content_range,
-    read_statistics,
+    read_record,
 )
 
 
@@ -39,20 +38,20 @@ def retold(
     view = memoryview(data)
     footer_at = len(data) - len(MCAP_MAGIC) - len(record_bytes.encode_footer(0, 0, b""))
     _, start, end = read_opcode_and_content_range(view, footer_at, len(data))
-    summary_at = read_footer(view, start, end).summary_start
+    summary_at = read_record(Footer, view, start, end).summary_start
     records, at = [], summary_at
     while at < footer_at:
         opcode, start, end = read_opcode_and_content_range(view, at, footer_at)
         records.append((opcode, start, end, bytes(view[at:end])))
         at = end
-    channels = [read_channel(view, start, end) for opcode, start, end, _ in records if opcode == OPCODE_CHANNEL]
+    channels = [read_record(Channel, view, start, end) for opcode, start, end, _ in records if opcode == OPCODE_CHANNEL]
     ids = {channel.topic: channel.id for channel in channels}
     summary = b""
     for opcode, start, end, record in records:
         if opcode == OPCODE_CHUNK_INDEX:
-            summary += record_bytes.encode_chunk_index(chunk(read_chunk_index(view, start, end), ids))
+            summary += record_bytes.encode_record(chunk(read_record(ChunkIndex, view, start, end), ids))
         elif opcode == OPCODE_STATISTICS:
-            summary += record_bytes.encode_statistics(counted(read_statistics(view, start, end), ids))
+            summary += record_bytes.encode_record(counted(read_record(Statistics, view, start, end), ids))
         elif opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL, OPCODE_ATTACHMENT_INDEX, OPCODE_METADATA_INDEX):
             summary += record
     return with_summary(data[: summary_at - len(record_bytes.encode_data_end())], summary)

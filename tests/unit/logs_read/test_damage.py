@@ -21,9 +21,10 @@ from cwcli.logs.format.records import (
     OPCODE_FOOTER,
     OPCODE_MESSAGE,
     OPCODE_MESSAGE_INDEX,
+    ChunkIndex,
     read_chunk,
-    read_chunk_index,
     read_opcode_and_content_range,
+    read_record,
 )
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Columns
@@ -218,7 +219,7 @@ def huge_chunk_size(data: bytearray) -> None:
     struct.pack_into("<Q", data, start + 16, HUGE)
     for opcode, _, index_start, end in list(records(bytes(data))):
         if opcode == OPCODE_CHUNK_INDEX:
-            index = read_chunk_index(memoryview(bytes(data)), index_start, end)
+            index = read_record(ChunkIndex, memoryview(bytes(data)), index_start, end)
             if index.chunk_start == start - 9:
                 struct.pack_into("<Q", data, end - 8, HUGE)
 

@@ -15,9 +15,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 
 N = 6 * MIN_RECORDS_FOR_KERNEL
-HEAD = (
-    MCAP_MAGIC + record_bytes.encode_header("", "test") + record_bytes.encode_channel(Channel(1, 0, "/t", "json", {}))
-)
+HEAD = MCAP_MAGIC + record_bytes.encode_header("", "test") + record_bytes.encode_record(Channel(1, 0, "/t", "json", {}))
 END = record_bytes.encode_data_end() + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
 CONTENTS = [(f"nämé {k}" if k % 7 else "run", {"k": str(k), "ü": "é" * k} if k % 3 else {}) for k in range(N)]
 RECORDS = [record_bytes.encode_metadata(*each) for each in CONTENTS]
@@ -78,9 +76,9 @@ def test_a_damaged_one_is_told_or_left_out(tmp_path: Path, content: bytes) -> No
 
 def with_summary(path: Path, places: list[MetadataIndex]) -> Path:
     data = HEAD + b"".join(RECORDS) + record_bytes.encode_data_end()
-    summary = record_bytes.encode_statistics(Statistics(0, 0, 1, 0, len(places), 0, 0, 0, {}))
-    summary += record_bytes.encode_channel(Channel(1, 0, "/t", "json", {}))
-    summary += b"".join(map(record_bytes.encode_metadata_index, places))
+    summary = record_bytes.encode_record(Statistics(0, 0, 1, 0, len(places), 0, 0, 0, {}))
+    summary += record_bytes.encode_record(Channel(1, 0, "/t", "json", {}))
+    summary += b"".join(map(record_bytes.encode_record, places))
     path.write_bytes(data + summary + record_bytes.encode_footer(len(data), 0, summary) + MCAP_MAGIC)
     return path
 
