@@ -1,8 +1,6 @@
 """The ROS 2 messages of a simulated log, encoded as CDR, a whole channel at a time.
 
-With a constant `frame_id` every message of these types has the same layout, so that a channel is one NumPy array of
-records. (The writer of `mcap-ros2-support` writes files of CDR channels only, and has no public function that encodes a
-message.) The tests read the bytes with the official decoder.
+The tests read the bytes with the official decoder.
 
 Values are rounded to a fixed, tiny step (stated in each function), so that the last bits of a processor's sine can't
 change the bytes of a log.
@@ -10,19 +8,18 @@ change the bytes of a log.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
-from cwcli.signals.columns import Int64Array
+from cwcli.logs.encoders.byte_rows import ByteRows
+from cwcli.logs.encoders.cdr_encoder import encode_cdr
+from cwcli.signals.columns import FloatArray, OutputField, repeat_string
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.units import NS_PER_S
 from cwcli.simulation.sensors import SensorData
 
 BODY_FRAME_ID = "base_link"
 """Value of `frame_id` in all headers: the vehicle's body frame of REP-105."""
-CDR_LITTLE_ENDIAN_HEADER = b"\x00\x01\x00\x00"
-"""Encapsulation header of little-endian CDR, the first four bytes of a message."""
 
 _HEADER_DEFINITION = """
 ================================================================================
@@ -105,99 +102,60 @@ float64 z
 }
 """ROS 2 message definitions by schema name, from common_interfaces and autoware_msgs without their comments."""
 
-_MEMBER_LAYOUTS = {
-    "sensor_msgs/msg/NavSatFix": (
-        ("status", "<i1", 1),
-        ("service", "<u2", 1),
-        ("position", "<f8", 3),
-        ("covariance", "<f8", 9),
-        ("covariance_type", "<u1", 1),
-    ),
-    "geometry_msgs/msg/QuaternionStamped": (("quaternion", "<f8", 4),),
-    "autoware_vehicle_msgs/msg/VelocityReport": (("velocity", "<f4", 3),),
-    "sensor_msgs/msg/Imu": (
-        ("orientation", "<f8", 4),
-        ("orientation_covariance", "<f8", 9),
-        ("gyro", "<f8", 3),
-        ("gyro_covariance", "<f8", 9),
-        ("accel", "<f8", 3),
-        ("accel_covariance", "<f8", 9),
-    ),
-}
-"""Members of each message after the header: name, NumPy type and count; neighbours of one type are joined."""
 
-
-def encode_navsat_fixes(data: SensorData, local_map: LocalMap) -> list[bytes]:
+def encode_navsat_fixes(data: SensorData, local_map: LocalMap) -> ByteRows:
     """Encode `gnss` measurements as `sensor_msgs/msg/NavSatFix`; steps of 1e-9 deg and 0.1 mm."""
     lat_deg, lon_deg, alt_m = local_map.wgs84_from_map(*data.values.T)
-    records = _make_cdr_records("sensor_msgs/msg/NavSatFix", data.stamp_ns)
-    records["status"] = 2  # GBAS fix: differential corrections
-    records["service"] = 1  # GPS
-    records["position"] = np.column_stack([lat_deg.round(9), lon_deg.round(9), alt_m.round(4)])
-    records["covariance"][:, [0, 4, 8]] = data.sigma**2
-    records["covariance_type"] = 2  # diagonal known
-    return _split_records_into_messages(records)
+    n = len(data.stamp_ns)
+    fields = {
+        "status.status": np.full(n, 2),  # GBAS fix: differential corrections
+        "status.service": np.full(n, 1),  # GPS
+        "latitude": lat_deg.round(9),
+        "longitude": lon_deg.round(9),
+        "altitude": alt_m.round(4),
+        "position_covariance": _diagonal_covariances(data.sigma, n),
+        "position_covariance_type": np.full(n, 2),  # diagonal known
+    }
+    return _encode_with_header("sensor_msgs/msg/NavSatFix", data, fields)
 
 
-def encode_gnss_headings(data: SensorData) -> list[bytes]:
+def encode_gnss_headings(data: SensorData) -> ByteRows:
     """Encode headings of a GNSS as `geometry_msgs/msg/QuaternionStamped` (map from body); steps of 1e-12."""
-    records = _make_cdr_records("geometry_msgs/msg/QuaternionStamped", data.stamp_ns)
     half = data.values[:, 0] / 2
-    records["quaternion"][:, 2] = np.sin(half).round(12)
-    records["quaternion"][:, 3] = np.cos(half).round(12)
-    return _split_records_into_messages(records)
+    fields = {"quaternion.z": np.sin(half).round(12), "quaternion.w": np.cos(half).round(12)}
+    return _encode_with_header("geometry_msgs/msg/QuaternionStamped", data, fields)
 
 
-def encode_velocity_reports(data: SensorData) -> list[bytes]:
+def encode_velocity_reports(data: SensorData) -> ByteRows:
     """Encode `speed` measurements as `autoware_vehicle_msgs/msg/VelocityReport`; its yaw rate is NaN."""
-    records = _make_cdr_records("autoware_vehicle_msgs/msg/VelocityReport", data.stamp_ns)
-    records["velocity"][:, 0] = data.values[:, 0].round(6)
-    records["velocity"][:, 2] = np.nan
-    return _split_records_into_messages(records)
+    fields = {"longitudinal_velocity": data.values[:, 0].round(6), "heading_rate": np.full(len(data.values), np.nan)}
+    return _encode_with_header("autoware_vehicle_msgs/msg/VelocityReport", data, fields)
 
 
-def encode_imu_messages(data: SensorData) -> list[bytes]:
+def encode_imu_messages(data: SensorData) -> ByteRows:
     """Encode `imu` measurements as `sensor_msgs/msg/Imu` without orientation; steps of 1e-9."""
-    records = _make_cdr_records("sensor_msgs/msg/Imu", data.stamp_ns)
-    records["orientation"][:, 3] = 1.0
-    records["orientation_covariance"][:, 0] = -1.0  # REP-145: no orientation
-    records["accel"] = data.values[:, :3].round(9)
-    records["accel_covariance"][:, [0, 4, 8]] = data.sigma[:3] ** 2
-    records["gyro"] = data.values[:, 3:].round(9)
-    records["gyro_covariance"][:, [0, 4, 8]] = data.sigma[3:] ** 2
-    return _split_records_into_messages(records)
+    n, values = len(data.stamp_ns), data.values.round(9)
+    fields = {
+        "orientation.w": np.ones(n),
+        "orientation_covariance": np.tile([-1.0, *np.zeros(8)], (n, 1)),  # REP-145: no orientation
+        **{f"linear_acceleration.{axis}": values[:, k] for k, axis in enumerate("xyz")},
+        "linear_acceleration_covariance": _diagonal_covariances(data.sigma[:3], n),
+        **{f"angular_velocity.{axis}": values[:, 3 + k] for k, axis in enumerate("xyz")},
+        "angular_velocity_covariance": _diagonal_covariances(data.sigma[3:], n),
+    }
+    return _encode_with_header("sensor_msgs/msg/Imu", data, fields)
 
 
-def _make_cdr_records(schema_name: str, stamp_ns: Int64Array) -> np.ndarray[Any, np.dtype[np.void]]:
-    """Make zeroed records of one message type, shape (n,), with the CDR and the ROS header filled in.
-
-    CDR aligns each member to its size, counted from the end of the 4-byte encapsulation header.
-    """
-    frame = BODY_FRAME_ID.encode() + b"\0"
-    names, formats, offsets = ["cdr"], [f"V{len(CDR_LITTLE_ENDIAN_HEADER)}"], [0]
-    position = 0
-    members = (("sec", "<i4", 1), ("nanosec", "<u4", 1), ("frame_length", "<u4", 1), ("frame", f"V{len(frame)}", 1))
-    for name, code, count in (*members, *_MEMBER_LAYOUTS[schema_name]):
-        size = np.dtype(code).itemsize
-        alignment = 1 if code.startswith("V") else size
-        position += -position % alignment
-        names.append(name)
-        formats.append(code if count == 1 else f"({count},){code}")
-        offsets.append(len(CDR_LITTLE_ENDIAN_HEADER) + position)
-        position += size * count
-    layout = np.dtype(
-        {"names": names, "formats": formats, "offsets": offsets, "itemsize": len(CDR_LITTLE_ENDIAN_HEADER) + position}
-    )
-    records = np.zeros(len(stamp_ns), layout)
-    records["cdr"] = np.void(CDR_LITTLE_ENDIAN_HEADER)
-    records["sec"], records["nanosec"] = np.divmod(stamp_ns, NS_PER_S)
-    records["frame_length"] = len(frame)
-    records["frame"] = np.void(frame)
-    return records
+def _diagonal_covariances(sigma: FloatArray, n: int) -> FloatArray:
+    """Return n equal 3 x 3 covariances, row by row, of independent values with these three standard deviations."""
+    return np.tile(np.diag(sigma**2).ravel(), (n, 1))
 
 
-def _split_records_into_messages(records: np.ndarray[Any, np.dtype[np.void]]) -> list[bytes]:
-    """Split records (n,) into the bytes of n messages."""
-    size = records.dtype.itemsize
-    data = records.tobytes()
-    return [data[start : start + size] for start in range(0, len(data), size)]
+def _encode_with_header(schema_name: str, data: SensorData, fields: Mapping[str, OutputField]) -> ByteRows:
+    """Encode the messages of a sensor from their fields, with stamp and frame of reference in the header."""
+    n = len(data.stamp_ns)
+    header: dict[str, OutputField] = {
+        "header.stamp": data.stamp_ns,
+        "header.frame_id": repeat_string(BODY_FRAME_ID, n),
+    }
+    return encode_cdr(schema_name, {**header, **fields}, n)

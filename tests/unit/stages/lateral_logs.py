@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
+from cwcli.logs.encoders.byte_rows import ByteRows
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Strings
 from cwcli.simulate.cdr import ROS_MESSAGE_DEFINITIONS, encode_imu_messages, encode_velocity_reports
@@ -174,6 +175,6 @@ def _state_fields(driven: LaneDrive, stamp_ns: Int64Array, index: Int64Array | N
     }
 
 
-def _write(log: LogWriter, topic: str, schema: str, data: SensorData, messages: list[bytes]) -> None:
+def _write(log: LogWriter, topic: str, schema: str, data: SensorData, messages: ByteRows | list[bytes]) -> None:
     schema_id = log.add_schema(schema, "ros2msg", ROS_MESSAGE_DEFINITIONS[schema].encode())
     log.write_messages(log.add_channel(topic, "cdr", schema_id), data.log_time_ns, messages)
