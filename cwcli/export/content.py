@@ -26,7 +26,7 @@ from cwcli.channels.published import (
 from cwcli.channels.target import read_targets_as_states
 from cwcli.channels.vehicle_state import KINEMATIC_FIELDS, read_vehicle_states
 from cwcli.errors import DataError, MissingSignalError, UsageError
-from cwcli.export.formats.base import Track
+from cwcli.export.track_formats import Track
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.pipeline.records import map_from_record, read_run_records

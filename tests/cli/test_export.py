@@ -19,8 +19,7 @@ from cwcli import __version__
 from cwcli.cli.commands.export import CONTENT_NAMES_TEXT, EXPORT_FORMATS, format_of_each_suffix
 from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
 from cwcli.export.content import EXPORT_CONTENTS
-from cwcli.export.formats import TRACK_FORMATS, load_track_format
-from cwcli.export.formats.base import Track
+from cwcli.export.track_formats import TRACK_FORMATS, Track
 from tests.cli.conftest import SAMPLES, Run
 
 TOPICS = {"ego": "/cwcli/ego/state", "remote": "/cwcli/remote/state"}
@@ -66,9 +65,9 @@ def test_stamps_keep_every_nanosecond() -> None:
     stamp_ns = 1_700_000_000_123_456_789
     one = np.zeros(1)
     track = Track("1", np.array([stamp_ns]), one, one, one, one, one, one)
-    assert load_track_format("tum").encode([track]).startswith(b"1700000000.123456789 ")
-    assert b"2023-11-14T22:13:20.123456789Z" in load_track_format("gpx").encode([track])
-    assert b"2023-11-14T22:13:20.123456789Z" in load_track_format("kml").encode([track])
+    assert TRACK_FORMATS["tum"].encode([track]).startswith(b"1700000000.123456789 ")
+    assert b"2023-11-14T22:13:20.123456789Z" in TRACK_FORMATS["gpx"].encode([track])
+    assert b"2023-11-14T22:13:20.123456789Z" in TRACK_FORMATS["kml"].encode([track])
 
 
 def test_tables_hold_what_the_channel_holds(cwcli: Run, annotated: Path, tmp_path: Path) -> None:
@@ -114,7 +113,7 @@ def test_every_format_is_written_for_its_suffix_alone(
 
 def test_every_format_has_a_suffix_that_no_other_has() -> None:
     assert set(SUFFIXES.values()) == set(EXPORT_FORMATS)
-    of_tracks = [suffix for name in TRACK_FORMATS for suffix in load_track_format(name).suffixes]
+    of_tracks = [suffix for each in TRACK_FORMATS.values() for suffix in each.suffixes]
     assert sorted(set(of_tracks)) == sorted(of_tracks)
 
 

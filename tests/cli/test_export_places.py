@@ -22,7 +22,7 @@ import pytest
 from cwcli.cli.commands.export import EXPORT_FORMATS, TABLE_FORMATS
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_PIPE_CLOSED, EXIT_USAGE
-from cwcli.export.formats import TRACK_FORMATS, load_track_format
+from cwcli.export.track_formats import TRACK_FORMATS
 from cwcli.report import plots
 from tests.cli import rewritten_logs
 from tests.cli.conftest import ROOT, SAMPLES
@@ -33,7 +33,7 @@ VEHICLE = f"{ID}\x1b[31m"
 NO_LOCALE = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "NO_COLOR": "1"}
 MOST_BYTES = 4096
 """That a file may hold where the disk is full: less than any export."""
-TEXTS = tuple(name for name in TRACK_FORMATS if load_track_format(name).is_text) + TABLE_FORMATS[:1]
+TEXTS = tuple(name for name, each in TRACK_FORMATS.items() if each.is_text) + TABLE_FORMATS[:1]
 EXPORTS = {
     name: ["--format", name] if name == "ros2" else ["--format", name, "--what", "remote"] for name in EXPORT_FORMATS
 }

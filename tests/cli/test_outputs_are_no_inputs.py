@@ -398,7 +398,7 @@ OPENERS = {
     "conformance/cache.py": "results of earlier trials, which only `cwcli conform --cache` writes",
     "registry.py": "what tells of a plug-in",
     "logs/encoders/schemas.py": "comes with cwcli",
-    "export/formats/osi.py": "what it has just written",
+    "export/osi.py": "what it has just written",
     "dynamics/vehicle.py": "comes with cwcli",
     "prediction/fleet.py": "comes with cwcli",
     "simulation/catalogue.py": "comes with cwcli",

@@ -9,8 +9,7 @@ import numpy as np
 import pyogrio
 import pytest
 
-from cwcli.export.formats import load_track_format
-from cwcli.export.formats.base import Track
+from cwcli.export.track_formats import TRACK_FORMATS, Track
 from tests.cli.conftest import Run
 from tests.cli.test_export import TOPICS, annotated, states
 
@@ -54,7 +53,7 @@ def test_hostile_ids_leave_a_file_that_can_be_read(tmp_path: Path, name: str) ->
     evil = "</name><trk>&\x00\x1b[31m\ud800\"'<!--"
     track = Track(evil, np.array([0, 1]), two, two, two, two, two, two)
     path = tmp_path / f"evil.{name}"
-    path.write_bytes(load_track_format(name).encode([track]))
+    path.write_bytes(TRACK_FORMATS[name].encode([track]))
     read = fields(path, layer="tracks" if name == "gpx" else None)
     (told,) = read[{"gpx": "name", "kml": "Name", "geojson": "id"}[name]]
     assert told.startswith("</name><trk>&")

@@ -19,8 +19,8 @@ from osi_utilities import MultiTraceReader, create_reader
 
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
-from cwcli.export.formats.base import Track
-from cwcli.export.formats.osi import _unique_numeric_ids, encode_osi_mcap_trace
+from cwcli.export.osi import _unique_numeric_ids, encode_osi_mcap_trace
+from cwcli.export.track_formats import Track
 from cwcli.logs.encoders.schemas import OSI_DESCRIPTOR_SET_FILE, _serialize_descriptor_set, schema_folder
 from cwcli.logs.read.reader import Log
 from tests.osi_traces import Actor, along, time_to_contact_s, write_trace

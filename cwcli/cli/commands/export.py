@@ -14,7 +14,7 @@ from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, sour
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.errors import UsageError, names_hint
-from cwcli.export.formats import TRACK_FORMATS
+from cwcli.export.track_formats import TRACK_FORMATS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import escape_control_characters, join_names
 
@@ -94,7 +94,6 @@ def command(
     """
     from cwcli.array_memory import bound_array_memory
     from cwcli.export.content import content_names_of_ego_and_others, require_content_in_log
-    from cwcli.export.formats import load_track_format
     from cwcli.logs.read.reader import Log
     from cwcli.output import check_targets, write_file
 
@@ -104,7 +103,7 @@ def command(
     names = [] if content.what is None else content.what.split(",")
     form, vehicle = content.form or _format_of_file_name(output), content.vehicle
     _check_format_and_contents(names, form, vehicle)
-    is_text = load_track_format(form).is_text if form in TRACK_FORMATS else form == "csv"
+    is_text = TRACK_FORMATS[form].is_text if form in TRACK_FORMATS else form == "csv"
     check_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
     bound_array_memory()
     console = Console(quiet=talk.quiet)
@@ -115,7 +114,7 @@ def command(
             said = _write_ros_log(opened, output, force, console, progress)
         else:
             if not names:
-                of_all = form in TRACK_FORMATS and load_track_format(form).holds_all_vehicles
+                of_all = form in TRACK_FORMATS and TRACK_FORMATS[form].holds_all_vehicles
                 names = content_names_of_ego_and_others(opened) if of_all else ["ego"]
             for name in names:
                 require_content_in_log(opened, name)
@@ -192,9 +191,7 @@ def _check_format_and_contents(names: Sequence[str], form: str, vehicle: str | N
 
 def format_of_each_suffix() -> dict[str, str]:
     """Suffix of a file's name -> the format that it selects."""
-    from cwcli.export.formats import load_track_format
-
-    of_tracks = {suffix: name for name in TRACK_FORMATS for suffix in load_track_format(name).suffixes}
+    of_tracks = {suffix: name for name, each in TRACK_FORMATS.items() for suffix in each.suffixes}
     return {f".{name}": name for name in TABLE_FORMATS} | of_tracks | {f".{ROS_FORMAT}{LOG_SUFFIX}": ROS_FORMAT}
 
 
@@ -230,14 +227,13 @@ def _encode_contents_and_count_rows(
 ) -> tuple[bytes | memoryview, int]:
     """Encode contents of a log; returns the bytes of the file and the number of rows."""
     from cwcli.export.content import require_geographic_positions, table_to_export, tracks_to_export
-    from cwcli.export.formats import load_track_format
     from cwcli.metrics.table import encode_table_to_bytes
 
     if form in TABLE_FORMATS:
         table = table_to_export(opened, names[0], vehicle)
         return encode_table_to_bytes(table, f".{form}"), len(table)
     tracks = [track for name in names for track in tracks_to_export(opened, name, vehicle)]
-    wanted = load_track_format(form)
+    wanted = TRACK_FORMATS[form]
     if wanted.is_geographic:
         require_geographic_positions(tracks, opened, form)
     if wanted.holds_one_track and len(tracks) > 1:

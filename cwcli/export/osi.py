@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cwcli.export.formats.base import Track, TrackFormat
-from cwcli.export.text import format_iso_time
+from cwcli.export.track_formats import Track, format_iso_time
 from cwcli.logs.encoders.protobuf_encoder import encode_protobuf
 from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.write.writer import LogWriter
@@ -169,13 +168,3 @@ def _interpolate_states(track: Track, at_ns: Int64Array) -> FloatArray:
     found = resample(track.stamp_ns, lines, at_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
     heading = resample(track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATION_GAP_S, is_angle=True)
     return np.column_stack([found[:, :3], heading, found[:, 3:]])
-
-
-FORMAT = TrackFormat(
-    (".osi.mcap",),
-    "ASAM OSI trace, for simulators and their tools",
-    encode_osi_mcap_trace,
-    is_text=False,
-    holds_all_vehicles=True,
-)
-"""The description of this format for the table of formats."""
