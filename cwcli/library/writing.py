@@ -114,8 +114,7 @@ def _write_annotated_log_and_list_files(
     result: WritableRun, files: OutputFiles, target: str, together: AtomicGroup
 ) -> tuple[list[str], str]:
     """Write the annotated log; return the names of its files, and the profile that it could not keep or ""."""
-    from cwcli.logs.write.annotate import CopyOptions, annotate_log
-    from cwcli.logs.write.annotate_parts import annotate_parts
+    from cwcli.logs.write.annotate import CopyOptions, annotate_log, annotate_parts
 
     if files.is_folder_of_parts:
         parts = annotate_parts(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 import heapq
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -181,7 +182,7 @@ def _iter_frames_in_time_order(
     """Yield the frames in log-time order: a frame waits until no later chunk can hold an earlier one."""
     ids = [channel.id for channel in channels]
     reader.distrust_indexes_if_miscounted(ids)
-    tally = reader.counts.start_tally(ids)
+    n_read = Counter(dict.fromkeys(ids, 0))
     waiting: list[tuple[int, int, int, int, Frame | MessageBatch]] = []
 
     def pop_earliest() -> Iterator[Frame]:
@@ -195,7 +196,7 @@ def _iter_frames_in_time_order(
         while waiting and waiting[0][0] < start_ns:
             yield from pop_earliest()
         for batch in batches:
-            tally.add_messages(batch.channel_id)
+            n_read.update(batch.channel_id.tolist())
             packed = zstd_message_mask(batch.payloads)
             for row in np.flatnonzero(packed):  # decompressed when needed: a chunk of them may have any size
                 place = int(batch.payloads.starts[row])
@@ -203,7 +204,7 @@ def _iter_frames_in_time_order(
                 heapq.heappush(waiting, (int(batch.log_time_ns[row]), part, place, len(waiting), one))
             for log_time_ns, place, frame in decoding.decode_frames(batch.select_messages(np.flatnonzero(~packed))):
                 heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
-    tally.compare_with_summary()
+    reader.note_miscounted_channels(n_read)
     while waiting:
         yield from pop_earliest()
 

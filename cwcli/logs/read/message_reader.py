@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter, deque
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from heapq import merge
 from operator import itemgetter
 
@@ -31,7 +31,6 @@ from cwcli.logs.format.records import (
     crc32_of_range,
     read_opcode_and_content_range,
 )
-from cwcli.logs.read.message_counts import MessageCounts
 from cwcli.signals.columns import Int64Array
 
 MIN_MESSAGE_BYTES = RECORD_PREFIX.size + MESSAGE_HEADER_BYTES
@@ -92,7 +91,6 @@ class MessageReader:
         verify: Check CRCs and message indexes.
 
     Attributes:
-        counts: The message counts of the summary, to compare with the messages that are read.
         trusts_indexes: Chunks whose index does not list a channel are not opened for it.
     """
 
@@ -108,7 +106,7 @@ class MessageReader:
         self._verified: set[int] = set()
         self.trusts_indexes = index.has_message_counts
         self._checked: set[int] = set()
-        self.counts = MessageCounts(index.statistics, faults)
+        self._listed_counts = index.statistics.channel_counts if index.statistics else {}
         self._n_found_in: Counter[int] = Counter()
         self._n_found = 0
         self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), channel_mask(())
@@ -153,8 +151,40 @@ class MessageReader:
             for channel_id in listed.keys() & chunk.index_offsets.keys():
                 entries = find_message_index_entries(self._file, self._index, chunk, channel_id)
                 listed[channel_id] += 0 if entries is None else len(entries)
-        if self.counts.ids_of_miscounted_channels(listed):
+        if self._ids_of_miscounted_channels(listed):
             self.distrust_indexes_if_not_yet()
+
+    def note_miscounted_channels(self, n_read_by_channel_id: Mapping[int, int]) -> None:
+        """Add channels with another number of messages than the summary says to the faults.
+
+        None is added where damaged parts of the file explain the difference.
+        """
+        faults = self._faults
+        if not (faults.chunks_lost or faults.bytes_lost or faults.truncated):
+            faults.miscounted_channel_ids |= self._ids_of_miscounted_channels(n_read_by_channel_id)
+
+    def _ids_of_miscounted_channels(self, n_read_by_channel_id: Mapping[int, int]) -> set[int]:
+        """Return the ids of channels with another number of messages than the summary says, if it says any."""
+        listed = self._listed_counts
+        return {each for each, n in n_read_by_channel_id.items() if n != listed.get(each, 0)} if listed else set()
+
+    def read_log_times_ns(self, channel_ids: Collection[int]) -> npt.NDArray[np.uint64]:
+        """Return the sorted log times in ns of the messages of some channels; chunks with indexes are not opened.
+
+        Raises:
+            InputError: A chunk without message index is damaged, and `recover` is off.
+        """
+        self.distrust_indexes_if_miscounted(channel_ids)
+        found = [np.zeros(0, np.uint64)]
+        n_unlisted = 0
+        for chunk in self.chunks_with_channels(channel_ids):
+            own = chunk.index_offsets.keys() & set(channel_ids)
+            listed = [find_message_index_entries(self._file, self._index, chunk, each) for each in own]
+            found += [entries[:, 0] for entries in listed if entries is not None]
+            n_unlisted += not chunk.index_offsets or any(entries is None for entries in listed)
+        if n_unlisted or not self.trusts_indexes or self._spans:
+            found[1:] = [batch.log_time_ns.view(np.uint64) for batch in self.iter_batches(channel_ids)]
+        return np.sort(np.concatenate(found))
 
     def chunks_with_channels(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
         """Return the chunks that hold, or may hold, messages of these channels, in file order."""

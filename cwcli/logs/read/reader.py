@@ -267,10 +267,8 @@ class Log:
             MissingSignalError: There is no such topic.
             InputError: The file is damaged and `recover` is off.
         """
-        from cwcli.logs.read.log_times import read_log_times_ns
-
         ids = [channel.id for channel in self._file_channels_of_topic(topic)]
-        return read_log_times_ns(self.file, self._index, self._get_message_reader(), ids)
+        return self._get_message_reader().read_log_times_ns(ids)
 
     def iter_message_trees(self, topic: str) -> Iterator[tuple[int, object]]:
         """Yield log time in ns and tree (`cwcli.logs.codecs.tree`) of each message of a topic, in file order.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -63,12 +64,12 @@ def iter_message_trees(
     decode = _make_decoder(channels, name)
     ids = [channel.id for channel in channels]
     reader.distrust_indexes_if_miscounted(ids)
-    tally = reader.counts.start_tally(ids)
+    n_read = Counter(dict.fromkeys(ids, 0))
     for batch in reader.iter_batches(ids):
-        tally.add_messages(batch.channel_id)
+        n_read.update(batch.channel_id.tolist())
         for log_time_ns, payload in batch.iter_messages():
             try:
                 yield log_time_ns, decode(bytes(payload))
             except UndecodableMessage as error:
                 yield log_time_ns, error
-    tally.compare_with_summary()
+    reader.note_miscounted_channels(n_read)

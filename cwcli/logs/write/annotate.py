@@ -7,21 +7,24 @@ header is dropped if a channel is not of ROS.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from cwcli.errors import DataError, OutputError
+from cwcli.errors import DataError, OutputError, UsageError
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.format.faults import Faults
+from cwcli.logs.format.index import LogIndex
+from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.open_index import index_every_record
-from cwcli.logs.write.channel_ids import NewChannel, assign_channel_ids
-from cwcli.logs.write.message_merge import MessageMerge
-from cwcli.logs.write.new_messages import feed_from_columns
+from cwcli.logs.format.records import Channel, Schema
+from cwcli.logs.write.message_merge import MessageMerge, feed_from_columns
 from cwcli.logs.write.profile import profile_that_channels_keep
 from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.source_copy import SourceCopy
-from cwcli.output import AtomicGroup, open_output
+from cwcli.output import AtomicGroup, make_folder, open_output
 from cwcli.signals.columns import OutputChannel
 
 if TYPE_CHECKING:
@@ -30,6 +33,17 @@ if TYPE_CHECKING:
 MIN_NEW_CHUNK_BYTES = 1 << 16
 """The number of bytes of new messages that are worth a chunk; fewer wait for the source's next chunk, because tiny
 chunks are slow to read. Chosen by hand."""
+MAX_RECORD_ID = 0xFFFF
+"""The greatest id of a schema or a channel: the format has 16 bits for it (MCAP specification)."""
+
+
+@dataclass(frozen=True)
+class NewChannel:
+    """A channel that is added, as columns and with its schema and channel records."""
+
+    columns: OutputChannel
+    schema: Schema
+    channel: Channel
 
 
 class CopyOptions(NamedTuple):
@@ -111,7 +125,7 @@ def annotate_log(
         DataError: A new message would be logged before 1970.
         ValueError: A column does not fit its schema, or log times go back.
     """
-    channels, metadata = merge_with_in_memory_channels(source, channels, metadata, replace)
+    channels, metadata = _merge_with_in_memory_channels(source, channels, metadata, replace)
     topics = {channel.topic for channel in channels}
     faults = Faults()
     index = index_every_record(source.file, faults, recover=source.recover)
@@ -120,12 +134,12 @@ def annotate_log(
         for each in index.channels.values()
         if each.topic in topics or each.id in options.excluded_channel_ids
     }
-    raise_for_existing_names(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
-    raise_for_existing_names(
+    _raise_for_existing_names(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
+    _raise_for_existing_names(
         sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace
     )
     chosen = options.chosen_topics
-    new = assign_channel_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
+    new = _assign_channel_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
     kept = profile_that_channels_keep(
         index.profile if options.profile is None else options.profile,
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
@@ -148,7 +162,7 @@ def annotate_log(
             replaced_metadata=options.excluded_metadata_names.union(metadata),
             written_schema_ids=frozenset(each.schema.id for each in new),
         )
-        n_added = write_body_and_summary(writer, copy, new, merge, metadata)
+        n_added = _write_body_and_summary(writer, copy, new, merge, metadata)
         n_bytes = output.position
     return AnnotateReport(
         target=str(target),
@@ -164,7 +178,71 @@ def annotate_log(
     )
 
 
-def write_body_and_summary(
+def annotate_parts(
+    source: Log,
+    folder: str | Path,
+    *,
+    replace: bool = False,
+    force: bool = False,
+    chosen_topics: Container[str] | None = None,
+    together: AtomicGroup,
+) -> list[Path]:
+    """Write each part of the source with the new messages of its time, and return the file names.
+
+    A part gets the new messages from its first message up to that of the next part; the first part gets earlier ones
+    too. Each part has all new metadata records and is a log of its own.
+
+    Args:
+        source: A log in parts.
+        folder: Folder for the parts, which keep their names; created if it does not exist.
+        replace, force, chosen_topics, together: As in `annotate_log`.
+
+    Raises:
+        UsageError: The source is one file.
+        OutputError: The folder can't be made, or as `annotate_log`.
+        InputError: The source is damaged, or changed while it was read.
+    """
+    file = source.file
+    if not isinstance(file, JoinedFile):
+        raise UsageError("--split like-input: the log is one file", where=source.name, hint="leave --split away")
+    channels, metadata = _merge_with_in_memory_channels(source, (), {}, replace)
+    topics = {channel.topic for channel in channels}
+    indexes = [index_every_record(part, Faults(), recover=source.recover) for part in file.parts]
+    found = {each.topic for index in indexes for each in index.channels.values()}
+    _raise_for_existing_names(sorted(topics & found), "channel", source.name, replace)
+    records = {name for index in indexes for name in index.metadata.names}
+    _raise_for_existing_names(sorted(set(metadata) & records), "metadata record", source.name, replace)
+    new = _assign_channel_ids(
+        _index_with_largest_ids(indexes),
+        [each for each in channels if chosen_topics is None or each.topic in chosen_topics],
+        {},
+    )
+    merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new])
+    make_folder(folder)
+    written = [Path(folder) / name for name in _part_file_names(file)]
+    counted = [index.statistics for index in indexes]
+    starts = [each.start_ns if each is not None and each.n_messages else None for each in counted]
+    for k, (part, index, target) in enumerate(zip(file.parts, indexes, written, strict=True)):
+        until = min((start - 1 for start in starts[k + 1 :] if start is not None), default=None)
+        replaced = frozenset(each.id for each in index.channels.values() if each.topic in topics)
+        kept = (each for each in index.channels.values() if each.id not in replaced)
+        schemas = index.schemas | {each.schema.id: each.schema for each in new}
+        profile = profile_that_channels_keep(index.profile, [*kept, *(each.channel for each in new)], schemas)
+        copy = SourceCopy(part, index, Faults(), recover=source.recover)
+        with open_output(target, force=force, inputs=file.disk_files, together=together) as output:
+            writer = RecordWriter(output)
+            copy.write_beginning(
+                writer,
+                profile,
+                replaced_ids=replaced,
+                replaced_metadata=frozenset(metadata),
+                written_schema_ids=frozenset(each.schema.id for each in new),
+            )
+            _write_body_and_summary(writer, copy, new, merge, metadata, until_ns=until)
+    return written
+
+
+def _write_body_and_summary(
     writer: RecordWriter,
     copy: SourceCopy,
     new: Sequence[NewChannel],
@@ -208,7 +286,7 @@ def write_body_and_summary(
     return n_added
 
 
-def merge_with_in_memory_channels(
+def _merge_with_in_memory_channels(
     source: Log, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]], replace: bool
 ) -> tuple[list[OutputChannel], dict[str, Mapping[str, str]]]:
     """Merge the channels and metadata that the source holds in memory with new ones; new ones win.
@@ -220,17 +298,17 @@ def merge_with_in_memory_channels(
     by_topic: dict[str, OutputChannel] = {}
     for channel in (*source.added_channels, *channels):
         if channel.topic in by_topic:
-            raise_for_existing_names([channel.topic], "channel", source.name, replace)
+            _raise_for_existing_names([channel.topic], "channel", source.name, replace)
         by_topic[channel.topic] = channel
         if len(channel.log_time_ns) and int(channel.log_time_ns.min()) < 0:
             what = f"a message of {channel.topic} would be logged before 1970: its source is logged after 2262"
             raise DataError(what, where=source.name, hint="--start and --end leave such messages out")
     by_name = dict(source.added_metadata)
-    raise_for_existing_names(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
+    _raise_for_existing_names(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
     return list(by_topic.values()), {**by_name, **metadata}
 
 
-def raise_for_existing_names(existing_names: Sequence[str], kind: str, source: str, replace: bool) -> None:
+def _raise_for_existing_names(existing_names: Sequence[str], kind: str, source: str, replace: bool) -> None:
     """Check that the log does not hold these names already, unless they are to be replaced.
 
     Raises:
@@ -243,3 +321,63 @@ def raise_for_existing_names(existing_names: Sequence[str], kind: str, source: s
             found=tuple(existing_names[1:]),
             hint="--replace leaves the old one out of the copy",
         )
+
+
+def _assign_channel_ids(
+    index: LogIndex, channels: Sequence[OutputChannel], replaced: Mapping[int, Channel]
+) -> list[NewChannel]:
+    """Return schema and channel records for the new channels.
+
+    An equal schema of the source is used again. A new id is larger than all of the source's, even those of channels
+    that are left out, because their definitions may be repeated inside chunks that are copied. Only a channel that is
+    equal to the one that it replaces keeps its id.
+
+    Raises:
+        KeyError: A schema is unknown.
+        OutputError: There are no ids left.
+    """
+    schema_ids = {(each.name, each.encoding, each.data): each.id for each in index.schemas.values()}
+    next_schema_id = max(index.schemas, default=0) + 1
+    next_channel_id = max(index.channels, default=0) + 1
+    new: list[NewChannel] = []
+    for columns in channels:
+        message = find_output_schema(columns.schema_name)
+        key = (message.name, message.encoding, message.data)
+        if key not in schema_ids:
+            schema_ids[key] = next_schema_id
+            next_schema_id += 1
+        schema = Schema(schema_ids[key], *key)
+        channel = Channel(next_channel_id, schema.id, columns.topic, message.message_encoding, {})
+        equal = [old for old in replaced.values() if channel._replace(id=old.id) == old]
+        if equal:
+            channel = equal[0]
+        else:
+            next_channel_id += 1
+        new.append(NewChannel(columns, schema, channel))
+    if max(next_schema_id, next_channel_id) > MAX_RECORD_ID + 1:
+        raise OutputError("the log has no room for more channels: their ids end at 65,535")
+    return new
+
+
+def _index_with_largest_ids(indexes: list[LogIndex]) -> LogIndex:
+    """Return an index whose ids are as large as any part's, so that new ids clash with none."""
+    schema_id = max((each for index in indexes for each in index.schemas), default=0)
+    channel_id = max((each for index in indexes for each in index.channels), default=0)
+    return LogIndex(
+        schemas={schema_id: Schema(schema_id, "", "", b"")},
+        channels={channel_id: Channel(channel_id, schema_id, "", "", {})},
+    )
+
+
+def _part_file_names(file: JoinedFile) -> list[str]:
+    """Return the file name of each written part, with the suffix `.mcap`.
+
+    Raises:
+        OutputError: Two parts have the same name.
+    """
+    stems = [Path(part.name).name for part in file.parts]
+    for suffix in (".zstd", ".zst", ".mcap", ".db3", ".bag"):
+        stems = [stem.removesuffix(suffix) for stem in stems]
+    if repeated := [stem for stem, n in Counter(stems).items() if n > 1]:
+        raise OutputError(f"two parts are called {repeated[0]}", where=file.name, hint="rename one, or write one file")
+    return [f"{stem}.mcap" for stem in stems]

@@ -13,8 +13,10 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.encoders.byte_rows import ByteArray, ByteRows, copy_rows, offsets_from_sizes, sliding_byte_windows
+from cwcli.logs.encoders.column_tree import ColumnError
+from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.format.records import OPCODE_MESSAGE, RECORD_PREFIX
-from cwcli.signals.columns import Int64Array
+from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, slice_column
 
 MESSAGE_RECORD_DTYPE = np.dtype(
     [
@@ -36,6 +38,9 @@ ENCODE_BLOCK_BYTES = 4 << 20
 """Bytes of messages that are encoded at a time. Chosen by hand."""
 N_PROBE_ROWS = 64
 """The number of rows that are encoded to learn the mean size of a message. Chosen by hand."""
+N_PROBE_ROWS_OF_STREAM = 2
+"""The number of rows of a streamed channel that are encoded to learn the mean size of a message. Chosen by hand: each
+row may be an image."""
 MAX_ROWS_ENCODED_AT_ONCE = 512
 """The number of rows up to which a channel is encoded as a whole at once. Chosen by hand."""
 MAX_LOOK_AHEAD_MESSAGES = 1 << 16
@@ -109,6 +114,55 @@ class MessageFeed:
             for k, (log_time_ns, publish_time_ns) in enumerate(times):
                 message = bytes(data[offsets[k] : offsets[k + 1]])
                 yield log_time_ns, position, publish_time_ns, self.first_sequence + start + k, message
+
+
+def feed_from_columns(channel: OutputChannel, channel_id: int) -> MessageFeed:
+    """Return the messages of a channel given as columns; their publish time is their log time.
+
+    Raises:
+        KeyError: The schema is unknown.
+        ColumnError: A column has not as many rows as there are log times.
+        ValueError: The log times go back.
+    """
+    n, times = len(channel), channel.log_time_ns
+    schema = find_output_schema(channel.schema_name)
+    if isinstance(channel, StreamedChannel):
+        make_rows = channel.make_rows
+        return MessageFeed(
+            channel_id,
+            times,
+            times,
+            lambda start, stop: schema.encode(make_rows(start, stop), stop - start),
+            probe_rows=N_PROBE_ROWS_OF_STREAM,
+        )
+    for path, column in channel.fields.items():
+        if len(column) != n:
+            raise ColumnError(f"{channel.topic}: {path} has {len(column)} rows instead of {n}")
+
+    def encode(start: int, stop: int) -> ByteRows:
+        rows = {path: slice_column(column, start, stop) for path, column in channel.fields.items()}
+        return schema.encode(rows, stop - start)
+
+    return MessageFeed(channel_id, times, times, encode)
+
+
+def feed_from_encoded_messages(
+    channel_id: int,
+    messages: ByteRows,
+    log_time_ns: Int64Array,
+    publish_time_ns: Int64Array,
+    first_sequence: int = 0,
+) -> MessageFeed:
+    """Return messages that are encoded already, with their times (n,) in ns.
+
+    Raises:
+        ValueError: The numbers of messages and times differ, or the log times go back.
+    """
+    if not len(messages) == len(log_time_ns) == len(publish_time_ns):
+        raise ValueError(
+            f"{len(messages)} messages, {len(log_time_ns)} log times and {len(publish_time_ns)} publish times"
+        )
+    return MessageFeed(channel_id, log_time_ns, publish_time_ns, messages.slice_rows, first_sequence)
 
 
 @dataclass(frozen=True)

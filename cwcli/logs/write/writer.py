@@ -14,8 +14,12 @@ from mcap.writer import Writer
 
 from cwcli.logs.encoders.byte_rows import ByteRows, join_rows
 from cwcli.logs.encoders.output_schema import find_output_schema
-from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES, MessageFeed
-from cwcli.logs.write.new_messages import feed_from_columns, feed_from_encoded_messages
+from cwcli.logs.write.message_merge import (
+    NEW_CHUNK_BYTES,
+    MessageFeed,
+    feed_from_columns,
+    feed_from_encoded_messages,
+)
 from cwcli.output import open_output
 from cwcli.output_stream import OutputStream
 from cwcli.signals.columns import Int64Array, OutputChannel
