@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.encoders.schemas import schema_folder
 from cwcli.logs.write.writer import LogWriter
 from cwcli.output import write_file
 from cwcli.output_stream import OutputStream
@@ -23,6 +24,7 @@ from cwcli.signals.columns import (
     select_column_rows,
 )
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.simulate.cdr import (
     BODY_FRAME_ID,
@@ -32,10 +34,9 @@ from cwcli.simulate.cdr import (
     encode_navsat_fixes,
     encode_velocity_reports,
 )
-from cwcli.simulate.detections import DETECTIONS_SCHEMA_NAME, detections_schema, encode_detections
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, encode_bsm_json, encode_ode_json
 from cwcli.simulation.catalogue import scenario_text
-from cwcli.simulation.detectors import positions_in_body_frame
+from cwcli.simulation.detectors import DetectionScans, positions_in_body_frame
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle, load_scenario
 from cwcli.simulation.spec import TOP_KEYS
@@ -51,6 +52,12 @@ SENSOR_TOPICS = {
 """Topic and schema of each sensor of a scenario."""
 DETECTION_TOPICS = {"lidar": "/lidar/detections", "radar": "/radar/detections"}
 """Topic of the detections of each sensor of other vehicles."""
+DETECTIONS_SCHEMA_NAME = "cwcli.Detections"
+"""Schema name of the messages of detections, which are JSON."""
+DETECTION_DIGITS = 9
+"""Digits behind the point of detected values, so that the last bits of a processor's sine can't change a log."""
+DETECTION_VALUE_NAMES = {"lidar": ("x_m", "y_m"), "radar": ("range_m", "azimuth_rad", "range_rate_mps")}
+"""Sensor -> names of the values that it detects, as in schemas/detections.schema.json."""
 TARGET_TRUTH_TOPIC = "/truth/targets"
 """Topic of the true motion of what lidar and radar detect, in the car's frame (`cwcli.v1.Target`). It is written where
 the log has no GNSS, since tracks are in the car's frame then."""
@@ -180,8 +187,10 @@ def _write_detection_channels(log: LogWriter, drive: SimulatedDrive) -> list[Wri
     """Write one channel for the lidar and one for the radar, and the true motion of what they detect."""
     written = []
     for sensor, scans in drive.detections.items():
-        messages = encode_detections(scans)
-        schema_id = log.add_schema(DETECTIONS_SCHEMA_NAME, "jsonschema", detections_schema())
+        messages = _encode_detections(scans)
+        schema_id = log.add_schema(
+            DETECTIONS_SCHEMA_NAME, "jsonschema", (schema_folder() / "detections.schema.json").read_bytes()
+        )
         channel_id = log.add_channel(DETECTION_TOPICS[sensor], "json", schema_id)
         log.write_messages(channel_id, scans.log_time_ns, messages)
         written.append(WrittenChannel(DETECTION_TOPICS[sensor], DETECTIONS_SCHEMA_NAME, len(messages), scans.n_lost))
@@ -190,6 +199,32 @@ def _write_detection_channels(log: LogWriter, drive: SimulatedDrive) -> list[Wri
         log.write_columns(channel)
         written.append(WrittenChannel(channel.topic, channel.schema_name, len(channel), 0))
     return written
+
+
+def _encode_detections(scans: DetectionScans) -> list[bytes]:
+    """Encode the scans of one sensor as JSON messages, one a scan, with the noise that is in them."""
+    names = DETECTION_VALUE_NAMES[scans.sensor]
+    sigmas = [round(float(sigma), DETECTION_DIGITS) for sigma in scans.sigma]
+    if scans.sensor == "lidar":
+        noise = {"covariance_xx_m2": sigmas[0] ** 2, "covariance_xy_m2": 0.0, "covariance_yy_m2": sigmas[1] ** 2}
+    else:
+        noise = dict(zip(("range_sigma_m", "azimuth_sigma_rad", "range_rate_sigma_mps"), sigmas, strict=True))
+    rows = [
+        {**dict(zip(names, (round(value, DETECTION_DIGITS) for value in row), strict=True)), **noise}
+        for row in scans.values.tolist()
+    ]
+    messages = []
+    for stamp_ns, first, last in zip(
+        scans.stamp_ns.tolist(), scans.first[:-1].tolist(), scans.first[1:].tolist(), strict=True
+    ):
+        sec, nsec = divmod(stamp_ns, NS_PER_S)
+        document: dict[str, Any] = {
+            "timestamp": {"sec": int(sec), "nsec": int(nsec)},
+            "frame_id": BODY_FRAME_ID,
+            "detections": rows[first:last],
+        }
+        messages.append(json.dumps(document).encode())
+    return messages
 
 
 def _target_truth_channel(scenario: Scenario) -> OutputChannel:
