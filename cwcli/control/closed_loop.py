@@ -11,7 +11,11 @@ from collections.abc import Callable
 import numpy as np
 
 from cwcli.control.car import CarResponse, CarState, advance_car
-from cwcli.control.controller import fuzzy_throttle_and_pressure, speed_difference_along_heading_mps
+from cwcli.control.controller import (
+    ThrottleAndPressure,
+    fuzzy_throttle_and_pressure,
+    speed_difference_along_heading_mps,
+)
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
@@ -92,17 +96,16 @@ class PedalSituation:
     speed_difference_mps: FloatArray
 
 
-PedalPolicy = Callable[[PedalSituation], tuple[FloatArray, FloatArray]]
-"""A function from what is seen at one instant to throttle opening (0 to 1) and brake pressure (MPa), shape (n,)
-each."""
+PedalPolicy = Callable[[PedalSituation], ThrottleAndPressure]
+"""A function from what is seen at one instant to the pedals."""
 
 
-def fuzzy_controller_throttle_and_pressure(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
+def fuzzy_controller_throttle_and_pressure(situation: PedalSituation) -> ThrottleAndPressure:
     """Throttle and brake pressure of the fuzzy controller (song2016, section 4)."""
     return fuzzy_throttle_and_pressure(situation.ttc_s, situation.speed_difference_mps)
 
 
-def braking_driver_throttle_and_pressure(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
+def braking_driver_throttle_and_pressure(situation: PedalSituation) -> ThrottleAndPressure:
     """Throttle and brake pressure of a driver who brakes hard and steadily 1.5 s after the warning."""
     braking = situation.since_warning_s >= DRIVER_REACTION_TIME_S
     return np.zeros(len(braking)), np.where(braking, DRIVER_BRAKE_PRESSURE_MPA, 0.0)
@@ -166,7 +169,8 @@ def replay_with_policy(
     recorded_accel = recorded.acceleration_mps2
 
     n, k = len(warning_time_s), len(time_s)
-    rows = {name: np.empty((n, k)) for name in ("x", "y", "h", "v", "a", "u", "p", "d")}
+    names = ("x_m", "y_m", "heading_rad", "speed_mps", "accel_mps2", "throttle", "pressure_mpa", "distance_m")
+    rows = {name: np.empty((n, k)) for name in names}
     zeros = np.zeros(n)
     state = CarState(zeros, zeros, zeros, zeros, zeros)
     for i, now_s in enumerate(time_s):
@@ -178,7 +182,7 @@ def replay_with_policy(
             np.where(free, recorded.speed_mps[i], state.speed_mps),
             np.where(free, path.travelled_m[i], state.travelled_m),
         )
-        x, y, heading = path.position_and_heading_at(state.travelled_m)
+        x, y, heading = path.x_y_and_heading_at_distance(state.travelled_m)
         dx, dy = obstacle.x_m[i] - x, obstacle.y_m[i] - y
         distance = np.hypot(dx, dy)
         situation = _compute_pedal_situation_at_step(
@@ -195,24 +199,18 @@ def replay_with_policy(
         state = advance_car(response, state, throttle, pressure, step_s)
 
     after = time_s[None, :] >= warning_time_s[:, None]
-    nearest = rows["d"].argmin(axis=1)
-    jerk = np.abs(np.diff(rows["a"], axis=1, prepend=rows["a"][:, :1])) / step_s
+    distance_m, accel_mps2 = rows["distance_m"], rows["accel_mps2"]
+    min_distance_m = distance_m.min(axis=1)
+    jerk = np.abs(np.diff(accel_mps2, axis=1, prepend=accel_mps2[:, :1])) / step_s
     # The step from the recorded acceleration to the controlled one, and to standstill, is not the controller's jerk.
-    own = after & np.roll(after, 1, axis=1) & (rows["v"] > 0.0)
+    own = after & np.roll(after, 1, axis=1) & (rows["speed_mps"] > 0.0)
     return ReplayedRuns(
         time_s=time_s,
-        x_m=rows["x"],
-        y_m=rows["y"],
-        heading_rad=rows["h"],
-        speed_mps=rows["v"],
-        accel_mps2=rows["a"],
-        throttle=rows["u"],
-        pressure_mpa=rows["p"],
-        distance_m=rows["d"],
-        min_distance_m=rows["d"].min(axis=1),
-        min_distance_time_s=time_s[nearest],
-        collided=rows["d"].min(axis=1) < COLLISION_DISTANCE_M,
-        peak_deceleration_mps2=np.where(after, -rows["a"], 0.0).max(axis=1, initial=0.0),
+        **rows,
+        min_distance_m=min_distance_m,
+        min_distance_time_s=time_s[distance_m.argmin(axis=1)],
+        collided=min_distance_m < COLLISION_DISTANCE_M,
+        peak_deceleration_mps2=np.where(after, -accel_mps2, 0.0).max(axis=1, initial=0.0),
         peak_jerk_mps3=np.where(own, jerk, 0.0).max(axis=1, initial=0.0),
     )
 
@@ -283,7 +281,7 @@ class _RecordedPath:
         self._x, self._y = motion.x_m[moved], motion.y_m[moved]
         self._heading = motion.heading_rad[moved]
 
-    def position_and_heading_at(self, travelled_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def x_y_and_heading_at_distance(self, travelled_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y (m) and heading (rad) at the distances travelled (n,), shape (n,) each."""
         heading = np.interp(travelled_m, self._s, self._heading)
         beyond = np.maximum(travelled_m - self._s[-1], 0.0)

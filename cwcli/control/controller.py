@@ -11,6 +11,8 @@ import numpy as np
 from cwcli.control.fuzzy import FuzzySet, LinguisticVariable, MamdaniInference
 from cwcli.signals.columns import FloatArray
 
+ThrottleAndPressure = tuple[FloatArray, FloatArray]
+"""Throttle opening, 0 to 1, and pressure of the brake's master cylinder, MPa, shape (n,) each."""
 MAX_BRAKE_PRESSURE_MPA = 10.0
 """Largest brake pressure that the controller asks for, MPa. Chosen by hand (docs/papers/song2016-choices.md)."""
 
@@ -105,7 +107,7 @@ def speed_difference_along_heading_mps(
     return np.asarray(host_speed_mps - other_speed_mps * np.cos(heading_difference_rad))
 
 
-def fuzzy_throttle_and_pressure(ttc_s: FloatArray, speed_difference_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
+def fuzzy_throttle_and_pressure(ttc_s: FloatArray, speed_difference_mps: FloatArray) -> ThrottleAndPressure:
     """Infer throttle opening and pressure of the brake's master cylinder.
 
     Args:

@@ -118,10 +118,19 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
     motions, jerks, ends_s = [], [], []
     for track in (host, other):
         rows = contiguous_rows_around(track.stamp_ns, warning_ns)
-        motion = _recorded_motion_of_rows(track, rows, warning_ns)
+        state = track.state[rows]
+        motion = RecordedMotion(
+            (track.stamp_ns[rows] - warning_ns) / NS_PER_S,
+            state[:, 0],
+            state[:, 1],
+            np.unwrap(state[:, 3]),
+            np.maximum(state[:, 2], 0.0),
+            state[:, 4],
+            state[:, 5],
+        )
         motions.append(motion)
         ends_s.append(float(motion.time_s[-1]))
-        jerks.append(track.state[rows, 6])
+        jerks.append(state[:, 6])
     end_s = min(span.duration_s, max(min(ends_s), 0.0) + span.after_s)
     start_s = max(-REPLAY_BEFORE_WARNING_S, *(float(motion.time_s[0]) for motion in motions))
     # Whole steps before the warning, at least one: the grid has the warning at 0, and a recorded state before it.
@@ -135,28 +144,29 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
     return _summarise_replayed_runs(outcome, other_motion.resample_at(outcome.time_s), min(ends_s), known_jerk)
 
 
-def contiguous_rows_around(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_TRACK_GAP_S) -> slice:
-    """The rows around a time between which there is no gap longer than `max_gap_s`.
+def contiguous_rows_around(stamp_ns: Int64Array, at_ns: int) -> slice:
+    """The rows around a time between which there is no gap longer than `MAX_TRACK_GAP_S`.
 
     Raises:
-        ValueError: The first row is more than `max_gap_s` after the time.
+        ValueError: The first row is longer than that after the time.
     """
+    max_gap_ns = MAX_TRACK_GAP_S * NS_PER_S
     # A sender whose clock is ahead may be known before its stamp.
     here = max(int(np.searchsorted(stamp_ns, at_ns, side="right")) - 1, 0)
-    if stamp_ns[here] - at_ns > max_gap_s * NS_PER_S:
+    if stamp_ns[here] - at_ns > max_gap_ns:
         raise ValueError("the track begins after the warning")
-    breaks = np.flatnonzero(np.diff(stamp_ns) > max_gap_s * NS_PER_S)
+    breaks = np.flatnonzero(np.diff(stamp_ns) > max_gap_ns)
     first = int(breaks[breaks < here][-1]) + 1 if (breaks < here).any() else 0
     last = int(breaks[breaks >= here][0]) if (breaks >= here).any() else len(stamp_ns) - 1
     return slice(first, last + 1)
 
 
-def extend_motion(motion: RecordedMotion, end_s: float, step_s: float = EXTENSION_STEP_S) -> RecordedMotion:
+def extend_motion(motion: RecordedMotion, end_s: float) -> RecordedMotion:
     """Extend the motion to `end_s` at its last speed and yaw rate (an arc)."""
     last_s = float(motion.time_s[-1])
     if end_s <= last_s:
         return motion
-    more_s = np.append(np.arange(step_s, end_s - last_s - 1e-9, step_s), end_s - last_s)
+    more_s = np.append(np.arange(EXTENSION_STEP_S, end_s - last_s - 1e-9, EXTENSION_STEP_S), end_s - last_s)
     speed, heading = float(motion.speed_mps[-1]), float(motion.heading_rad[-1])
     turn_rate = float(motion.turn_rate_radps[-1])
     half_turn = 0.5 * turn_rate * more_s
@@ -176,20 +186,6 @@ def cut_motion(motion: RecordedMotion, start_s: float, end_s: float) -> Recorded
     """Cut the motion to `start_s` to `end_s`, with points at both ends."""
     inside = (motion.time_s > start_s) & (motion.time_s < end_s)
     return motion.resample_at(np.concatenate(([start_s], motion.time_s[inside], [end_s])))
-
-
-def _recorded_motion_of_rows(track: RecordedTrack, rows: slice, warning_ns: int) -> RecordedMotion:
-    """The motion of some rows of a track, with times in seconds after the warning."""
-    state = track.state[rows]
-    return RecordedMotion(
-        (track.stamp_ns[rows] - warning_ns) / NS_PER_S,
-        state[:, 0],
-        state[:, 1],
-        np.unwrap(state[:, 3]),
-        np.maximum(state[:, 2], 0.0),
-        state[:, 4],
-        state[:, 5],
-    )
 
 
 def _throttle_and_pressure_of_all_policies(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:

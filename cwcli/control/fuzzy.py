@@ -14,6 +14,9 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
+N_CENTROID_POINTS = 201
+"""Number of points at which an aggregated output set is sampled for its centroid. Chosen by hand."""
+
 
 @dataclass(frozen=True)
 class FuzzySet:
@@ -62,8 +65,6 @@ class MamdaniInference:
 
     Args:
         rules: (term of first, term of second) -> term of output. Every pair must be there.
-        n_points: Points at which the aggregated output set is sampled for its centroid.
-
     Raises:
         ValueError: A pair of terms has no rule, or a rule names an unknown term.
     """
@@ -74,7 +75,6 @@ class MamdaniInference:
         second: LinguisticVariable,
         output: LinguisticVariable,
         rules: Mapping[tuple[str, str], str],
-        n_points: int = 201,
     ) -> None:
         wanted = {(a, b) for a in first.sets for b in second.sets}
         if set(rules) != wanted or not set(rules.values()) <= set(output.sets):
@@ -83,7 +83,7 @@ class MamdaniInference:
         self._second = second
         self._terms = tuple(output.sets)
         self._rules = dict(rules)
-        self._points = np.linspace(output.low, output.high, n_points)
+        self._points = np.linspace(output.low, output.high, N_CENTROID_POINTS)
         self._shapes = np.array([output.sets[term](self._points) for term in self._terms])
 
     def __call__(self, first: FloatArray, second: FloatArray) -> FloatArray:

@@ -19,7 +19,6 @@ from cwcli.control.driver_models import (
     BoolArray,
     CasePoses,
     DriverModel,
-    DriverOutcome,
     EgoCases,
     simulate_driver_cases,
 )
@@ -102,21 +101,18 @@ def judge_preventability(
             n_steps=n_steps,
             step_s=SIMULATION_STEP_S,
         )
-        found.append(_driver_verdict(name, outcome, starts))
+        in_time = np.flatnonzero(~outcome.crashed)
+        found.append(
+            DriverVerdict(
+                driver=name,
+                avoided=not bool(outcome.crashed[0]),
+                braked_s=-float(starts[0] + outcome.braked_s[0]),
+                impact_mps=float(outcome.impact_mps[0]),
+                least_gap_m=float(outcome.least_gap_m[0]),
+                last_chance_s=-float(starts[in_time[-1]]) if len(in_time) else float("nan"),
+            )
+        )
     return found
-
-
-def _driver_verdict(name: str, outcome: DriverOutcome, starts: FloatArray) -> DriverVerdict:
-    """The result of one driver model from its drives with all take-over times `starts` (n,), s after the conflict."""
-    in_time = np.flatnonzero(~outcome.crashed)
-    return DriverVerdict(
-        driver=name,
-        avoided=not bool(outcome.crashed[0]),
-        braked_s=-float(starts[0] + outcome.braked_s[0]),
-        impact_mps=float(outcome.impact_mps[0]),
-        least_gap_m=float(outcome.least_gap_m[0]),
-        last_chance_s=-float(starts[in_time[-1]]) if len(in_time) else float("nan"),
-    )
 
 
 def _finite_times_and_states(track: ActualTrack, zero_ns: int) -> tuple[FloatArray, FloatArray]:

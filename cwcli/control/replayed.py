@@ -72,17 +72,9 @@ class PublishedReplay:
         time_s = outcome.time_s
         accel, heading = outcome.accel_mps2[policy], outcome.heading_rad[policy]
         yaw_rate = np.gradient(heading, time_s)
-        columns = (
-            outcome.x_m[policy],
-            outcome.y_m[policy],
-            outcome.speed_mps[policy],
-            heading,
-            accel,
-            yaw_rate,
-            np.gradient(accel, time_s),
-            np.full(len(time_s), np.nan),
-        )
-        return np.column_stack(columns)
+        place = outcome.x_m[policy], outcome.y_m[policy]
+        derivatives = accel, yaw_rate, np.gradient(accel, time_s), np.full(len(time_s), np.nan)
+        return np.column_stack([*place, outcome.speed_mps[policy], heading, *derivatives])
 
     def gap_m(self, policy: int) -> FloatArray:
         """The gap between the outlines, shape (k,), m; negative where they overlap."""

@@ -22,6 +22,7 @@ other models begin with 1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -256,14 +257,10 @@ def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings
     learns = model in MODELS and MODELS[model].learns
     acting_s = measure_acting_time_s(starts) if learns else None
     plan = PathPlan(model, settings, starts.state, starts.covariance, acting_s)
-    horizon_s, adaptation = float(plan.time_s[-1]), ScaleAdaptation()
-    knots = scale_knots_s(horizon_s)
-    log_scale = np.tile(initial_log_scale_at_knots(model, horizon_s), (len(plan), 1, 1))
+    adaptation, knots = ScaleAdaptation(), scale_knots_s(float(plan.time_s[-1]))
     tracks = state_histories_by_vehicle(replace(starts, covariance=None))
     squared = [_squared_outcome_distances_before_scaling(plan, track, adaptation) for track in tracks]
-    if learns and len(tracks) > 1:
-        every = concatenate_histories(tracks)
-        log_scale[every.rows] = log_scale_from_other_vehicles(every, np.concatenate(squared), knots)
+    log_scale = _log_scale_before_own_outcomes(plan, tracks, squared if learns else [])
     for track, distances in zip(tracks, squared, strict=True):
         own = _adapt_log_scale(distances[None], log_scale[track.rows][None], track.stamp_ns, knots, adaptation)[0]
         # a state that a newer one overtook takes the scale of the newest state before it
@@ -273,6 +270,21 @@ def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings
             log_scale[rows] = np.where((newest >= 0)[:, None, None], own[np.maximum(newest, 0)], log_scale[rows])
         log_scale[track.rows] = own
     return replace(plan, log_scale=log_scale)
+
+
+def _log_scale_before_own_outcomes(
+    plan: PathPlan, tracks: Sequence[StateHistory], squared_distances: Sequence[FloatArray]
+) -> LogScales:
+    """The log scales of all rows before each vehicle's own outcomes, (n, k, 2); those of other vehicles count if there
+    are any."""
+    horizon_s = float(plan.time_s[-1])
+    log_scale = np.tile(initial_log_scale_at_knots(plan.model, horizon_s), (len(plan), 1, 1))
+    if len(squared_distances) > 1:
+        every = concatenate_histories(tracks)
+        log_scale[every.rows] = log_scale_from_other_vehicles(
+            every, np.concatenate(squared_distances), scale_knots_s(horizon_s)
+        )
+    return log_scale
 
 
 def _squared_outcome_distances_before_scaling(
@@ -292,14 +304,7 @@ def initial_log_scale_of_each_row(
     The arguments are those of `plan_vehicle_paths`; `acting_s` comes from `outcome_history.measure_acting_time_s`.
     """
     plan = PathPlan(model, settings, starts.state, starts.covariance, acting_s)
-    horizon_s = float(plan.time_s[-1])
-    knots = scale_knots_s(horizon_s)
-    out = np.tile(initial_log_scale_at_knots(model, horizon_s), (len(plan), 1, 1))
     tracks = state_histories_by_vehicle(replace(starts, covariance=None))
-    if len(tracks) > 1:
-        every = concatenate_histories(tracks)
-        squared = np.concatenate(
-            [_squared_outcome_distances_before_scaling(plan, track, ScaleAdaptation()) for track in tracks]
-        )
-        out[every.rows] = log_scale_from_other_vehicles(every, squared, knots)
-    return out
+    several = tracks if len(tracks) > 1 else []
+    squared = [_squared_outcome_distances_before_scaling(plan, track, ScaleAdaptation()) for track in several]
+    return _log_scale_before_own_outcomes(plan, several, squared)

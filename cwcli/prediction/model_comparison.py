@@ -90,7 +90,9 @@ def compare_models_at_horizons(
                     name,
                     state,
                     starts.covariance,
-                    replace(settings, discretisation=discretisation) if _is_in_paper(name) else settings,
+                    replace(settings, discretisation=discretisation)
+                    if name not in MODELS or MODELS[name].in_paper
+                    else settings,
                     points=points,
                     acting_s=starts.acting_s,
                 )
@@ -109,10 +111,6 @@ def compare_models_at_horizons(
         for k, name in enumerate(some):
             errors[name] = together.select_starts(slice(k * n, (k + 1) * n))
     return errors
-
-
-def _is_in_paper(model: str) -> bool:
-    return model not in MODELS or MODELS[model].in_paper
 
 
 def _initial_log_scales(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> LogScales:

@@ -53,23 +53,13 @@ def road_clutter_share(evidence: StripeEvidence, lane: ImageLane) -> float:
     return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.scoring_settings())
 
 
-def probability_features(evidence: StripeEvidence, lane: ImageLane, value: float) -> FloatArray:
-    """The features from which the probability of each boundary follows.
-
-    Args:
-        evidence, lane: The stripes of the frame, and the lane, shape (6,).
-        value: The lane's objective in this frame.
-
-    Returns:
-        Shape (2, 4): 1, square root of the own support, logarithm of the objective, square root of the crowd.
-    """
-    return np.array(_probability_features_of_left_and_right(evidence, lane, value))
-
-
-def _probability_features_of_left_and_right(
+def probability_features_of_left_and_right(
     evidence: StripeEvidence, lane: ImageLane, lane_objective: float, carried_side: int = -1
 ) -> list[tuple[float, float, float, float]]:
-    """The features for each side; the objective that counts for a carried side is at most twice its own support."""
+    """The features of each side: 1, root of its own support, logarithm of the objective, root of the clutter.
+
+    The objective that counts for a carried side is at most twice its own support.
+    """
     by_chance = math.sqrt(road_clutter_share(evidence, lane))
     rows = []
     for side, own in enumerate(boundary_paint_shares(evidence, lane).tolist()):
@@ -90,7 +80,7 @@ def boundary_probabilities(
     coefficients: list[float] = LOG_ODDS_COEFFICIENTS.tolist()
     left, right = (
         (1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
-        for each in _probability_features_of_left_and_right(evidence, lane, lane_objective, carried_side)
+        for each in probability_features_of_left_and_right(evidence, lane, lane_objective, carried_side)
     )
     return left, right
 

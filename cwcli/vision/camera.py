@@ -169,16 +169,15 @@ class Camera:
             scale = np.where(down > MIN_RAY_COMPONENT, self.mounting.height_m / down, np.nan)
         return scale * body[:, 0], scale * body[:, 1] + self.mounting.lateral_offset_m
 
-    def image_points_from_ground(
-        self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray | float = 0.0
-    ) -> ImageUvColumns:
-        """Image points of points in the body frame.
+    def image_points_from_ground(self, x_m: FloatArray, y_m: FloatArray) -> ImageUvColumns:
+        """Image points of points on the road in the body frame.
 
         Returns:
             u_px, v_px: Shape (n,); NaN behind the camera.
         """
-        body = np.column_stack([x_m, y_m - self.mounting.lateral_offset_m, np.zeros_like(x_m) + z_m])
-        body[:, 2] -= self.mounting.height_m
+        body = np.column_stack(
+            [x_m, y_m - self.mounting.lateral_offset_m, np.full_like(x_m, 0.0 - self.mounting.height_m)]
+        )
         return self.image_points_from_rays(body @ self.body_from_optical_rotation())
 
     def image_points_from_rays(self, rays: OpticalRays) -> ImageUvColumns:

@@ -251,6 +251,8 @@ def decode_frame(
     Args:
         in_colour: In colour too, beside grey, if the camera has colour.
     """
+    import cv2
+
     if not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
         return _rejected_frame(index, frame, INVALID_LOG_TIME_REASON)
     is_depth = not frame.encoding and is_compressed_depth(frame.format)
@@ -272,9 +274,9 @@ def decode_frame(
         if header is None:
             image = decode_raw_as_grey(frame) if wanted_size_of else decode_raw_as_colour(frame)
         elif is_depth:
-            image = _grey_or_three_channels(
-                decode_compressed_depth_as_grey(frame.format, frame.data), is_grey=wanted_size_of is not None
-            )
+            image = decode_compressed_depth_as_grey(frame.format, frame.data)
+            if wanted_size_of is None:
+                image = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
         else:
             image = _decode_still_image(frame.data, header, wanted_size)
     except (RawImageError, DepthImageError) as error:
@@ -300,13 +302,6 @@ def _decode_colour_image(frame: FrameLike, header: ImageHeader | None, decoded: 
         )
     except RawImageError:
         return None
-
-
-def _grey_or_three_channels(grey: Image, *, is_grey: bool) -> Image:
-    """A grey image, as it is or in three equal channels."""
-    import cv2
-
-    return grey if is_grey else np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def _unreadable_data_reason(frame: FrameLike) -> str:

@@ -144,12 +144,12 @@ def propagate_covariance_to_fit(lane: ImageLane, covariance: FloatArray, camera:
     """
     sigma = np.sqrt(np.diagonal(covariance))
     steps = np.eye(N_LANE_NUMBERS, len(lane)) * sigma[:, None]
-    published = np.array([_both_parabolas_and_pitch_of_lane(each, camera) for each in (lane, *(lane + steps))])
+    published = np.array(
+        [
+            [*fit_boundary_parabolas(each, camera).ravel().tolist(), pitch_from_horizon_rad(each, camera)]
+            for each in (lane, *(lane + steps))
+        ]
+    )
     jacobian = (published[1:] - published[0]).T / sigma
     propagated: FloatArray = jacobian @ covariance @ jacobian.T
     return propagated
-
-
-def _both_parabolas_and_pitch_of_lane(lane: ImageLane, camera: Camera) -> list[float]:
-    """The numbers of a lane that are published: a, b, c of both boundaries, and the pitch."""
-    return [*fit_boundary_parabolas(lane, camera).ravel().tolist(), pitch_from_horizon_rad(lane, camera)]

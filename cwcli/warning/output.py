@@ -118,18 +118,6 @@ def warning_events_table(
 
 def evaluation_series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
     """The table with one row per evaluation of a pair within reach."""
-    names = (
-        "distance_m",
-        "closing_mps",
-        "ttc_s",
-        "horizon_distance_m",
-        "min_distance_m",
-        "entry_s",
-        "overlap_s",
-        "probability",
-        "braked_probability",
-    )
-    rename = {"min_distance_m": "min_predicted_distance_m", "horizon_distance_m": "predicted_distance_m"}
     total = sum(len(own.stamp_ns) for own in pairs)
 
     def concatenate(parts: list[Any], dtype: Any) -> Any:
@@ -144,8 +132,8 @@ def evaluation_series_table(pairs: Sequence[PairEvaluation], *, host_id: str) ->
         ),
         "age_s": concatenate([own.age_s for own in pairs], np.float64),
     }
-    for name in names:
-        columns[rename.get(name, name)] = concatenate([getattr(own.measures, name) for own in pairs], np.float64)
+    for column, field in _MEASURE_FIELDS_BY_SERIES_COLUMN.items():
+        columns[column] = concatenate([getattr(own.measures, field) for own in pairs], np.float64)
     columns["is_withheld"] = concatenate([own.is_withheld for own in pairs], np.bool_)
     columns["is_active"] = concatenate([_is_warning_active_mask(own) for own in pairs], np.bool_)
     return Table("series", columns)
@@ -159,6 +147,13 @@ def _is_warning_active_mask(own: PairEvaluation) -> Any:
     return active
 
 
+_MEASURE_FIELDS_BY_SERIES_COLUMN = {
+    **{name: name for name in ("distance_m", "closing_mps", "ttc_s")},
+    "predicted_distance_m": "horizon_distance_m",
+    "min_predicted_distance_m": "min_distance_m",
+    **{name: name for name in ("entry_s", "overlap_s", "probability", "braked_probability")},
+}
+"""Columns of the table of evaluations, in order -> fields of `Measures`."""
 _EVENT_TYPES: dict[str, type] = {
     "event_id": int,
     "rule": str,

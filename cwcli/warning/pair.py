@@ -169,12 +169,8 @@ def _evaluate_window(
     looks_farther = rule.uses_braking_horizon and config.max_horizon_s > config.horizon_s
     span_s = max(float(time_s[-1]), config.max_horizon_s + persistence_s) if looks_farther else float(time_s[-1])
     within = np.flatnonzero(_within_reach_mask(window.paths, theirs, at_moments[0], place, span_s, config))
-    host_row, other_row, place, age_s = (
-        at_moments[0][within],
-        at_moments[1][within],
-        place[within],
-        at_moments[2][within],
-    )
+    host_row, other_row, age_s = (each[within] for each in at_moments)
+    place = place[within]
     near = (host_row, place, age_s)
     sizes = host.length_and_width_m, other.length_and_width_m
     measures, beyond = _measures_and_short_paths_coarse_then_fine(window.points, theirs, near, time_s, config, sizes)
@@ -232,7 +228,12 @@ def _join_windows(
     is_withheld = _flagged_mask(host, host_row) | _flagged_mask(other, other_row)
     kinds = np.concatenate([part.kinds for part in parts])
     trusted = withhold_warnings(decision, is_withheld)
-    off = [kind for kind, is_on in _kinds_by_option(config) if not is_on]
+    is_kind_on = {
+        WarningKind.FROM_BEHIND: config.from_behind,
+        WarningKind.BESIDE_LANE: config.beside_lane,
+        WarningKind.HOST_STANDS: config.while_standing,
+    }
+    off = [kind for kind, is_on in is_kind_on.items() if not is_on]
     given = leave_out_raised_warnings(trusted, np.isin(kinds, off)) if kinds.any() else trusted
 
     def spans_of(each: Decision) -> list[EventSpan]:
@@ -260,15 +261,6 @@ def _join_windows(
         n_withheld=sum(bool(is_withheld[span.raised]) for span in spans_of_all),
         kinds=kinds,
         n_left_out={kind: sum(bool(kinds[span.raised] == kind) for span in spans_of_trusted) for kind in off},
-    )
-
-
-def _kinds_by_option(config: WarningConfig) -> tuple[tuple[WarningKind, bool], ...]:
-    """Return the kinds that an option turns on, and whether it does."""
-    return (
-        (WarningKind.FROM_BEHIND, config.from_behind),
-        (WarningKind.BESIDE_LANE, config.beside_lane),
-        (WarningKind.HOST_STANDS, config.while_standing),
     )
 
 
@@ -309,25 +301,16 @@ def _measures_and_short_paths_coarse_then_fine(
     sizes: tuple[Size, Size],
 ) -> tuple[Measures, BoolArray]:
     """Measure all rows at every fifth point, near ones at every point; also find paths that end too early, (m,)."""
-    thinned = np.union1d(
-        np.arange(0, len(time_s), COARSE_POINT_STRIDE), [_horizon_index(time_s, config), len(time_s) - 1]
-    )
+    horizon_index = int(np.searchsorted(time_s, config.horizon_s - 1e-9))
+    thinned = np.union1d(np.arange(0, len(time_s), COARSE_POINT_STRIDE), [horizon_index, len(time_s) - 1])
     coarse, beyond = _measures_and_short_paths_at_times(host_points, paths, at_moments, time_s, thinned, config, sizes)
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_MARGIN_M)
-    at_near = (
-        at_moments[0][near],
-        at_moments[1][near],
-        at_moments[2][near],
-    )
+    at_near = (at_moments[0][near], at_moments[1][near], at_moments[2][near])
     every = np.arange(len(time_s))
     fine, _ = _measures_and_short_paths_at_times(host_points, paths, at_near, time_s, every, config, sizes)
     for name in MEASURE_ARRAY_NAMES:
         getattr(coarse, name)[near] = getattr(fine, name)
     return coarse, beyond
-
-
-def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
-    return int(np.searchsorted(time_s, config.horizon_s - 1e-9))
 
 
 def _measures_and_short_paths_at_times(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -73,25 +73,15 @@ def build_warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -
     ordered = sorted(rows, key=lambda row: (row.log_time_ns, row.event_id, row.state))
     columns = dict(zip(WarningRow._fields, zip(*ordered, strict=True), strict=True)) if ordered else {}
 
-    def whole(name: str) -> Int64Array:
-        return np.array(columns.get(name, ()), np.int64)
-
-    def number(name: str) -> FloatArray:
-        return np.array(columns.get(name, ()), np.float64)
+    def arrays(dtype: Any, *names: str) -> dict[str, Any]:
+        return {name: np.array(columns.get(name, ()), dtype) for name in names}
 
     return WarningRows(
-        log_time_ns=whole("log_time_ns"),
-        stamp_ns=whole("stamp_ns"),
-        known_ns=whole("known_ns"),
         rule=repeat_string(rule, len(ordered)),
-        event_id=whole("event_id"),
-        state=whole("state").astype(np.int32),
         host_id=repeat_string(host_id, len(ordered)),
         other_id=encode_strings(list(columns.get("other_id", ()))),
-        time_to_event_s=number("time_to_event_s"),
-        predicted_distance_m=number("predicted_distance_m"),
-        ttc_s=number("ttc_s"),
-        probability=number("probability"),
-        alert_probability=number("alert_probability"),
         message=encode_strings(list(columns.get("message", ()))),
+        **arrays(np.int64, "log_time_ns", "stamp_ns", "known_ns", "event_id"),
+        **arrays(np.int32, "state"),
+        **arrays(np.float64, "time_to_event_s", "predicted_distance_m", "ttc_s", "probability", "alert_probability"),
     )

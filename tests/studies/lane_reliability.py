@@ -31,7 +31,11 @@ from cwcli.simulation.road.scene import Marking
 from cwcli.simulation.road.sets import FRAME_SETS, draw_scene, iter_set_frames
 from cwcli.simulation.streams import random_stream
 from cwcli.vision.boundary import Boundary
-from cwcli.vision.boundary_probability import LAPSE_PROBABILITY, LOG_ODDS_COEFFICIENTS, probability_features
+from cwcli.vision.boundary_probability import (
+    LAPSE_PROBABILITY,
+    LOG_ODDS_COEFFICIENTS,
+    probability_features_of_left_and_right,
+)
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.lane_detect import prior_with_vanishing_point, search_first_frame
 from cwcli.vision.lane_model import first_frame_prior, fit_boundary_parabolas, pitch_from_horizon_rad
@@ -110,7 +114,7 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
                 for side, share in enumerate((score.left_share, score.right_share)):
                     if np.isnan(share):
                         continue
-                    rows.append(probability_features(evidence, lanes[0], float(values[0]))[side])
+                    rows.append(probability_features_of_left_and_right(evidence, lanes[0], float(values[0]))[side])
                     right.append(float(share >= VISUAL_SHARE and name not in EMPTY))
                     empty.append(float(EMPTY.index(name) + 1 if name in EMPTY else 0))
     return np.array(rows), np.array(right), np.array(empty)
@@ -137,7 +141,7 @@ def labelled_samples() -> tuple[FloatArray, FloatArray, FloatArray]:
             fit = LaneFit(sides[0], sides[1], pitch_rad=pitch_from_horizon_rad(found[0], camera))
             beside = lanes_beside_ego(labels, rows_px, frame.width_px, frame.height_px)
             lines = lines_of(fit, camera, rows_px, frame.height_px)
-            rows.extend(probability_features(evidence, found[0], float(values[0])))
+            rows.extend(probability_features_of_left_and_right(evidence, found[0], float(values[0])))
             right.extend(float(matches(line, beside, rows_px)) for line in lines)
             numbers.extend([number, number])
     return np.array(rows), np.array(right), np.array(numbers)

@@ -16,7 +16,7 @@ from cwcli.vision.boundary_probability import (
     LOG_ODDS_COEFFICIENTS,
     boundary_paint_shares,
     boundary_probabilities,
-    probability_features,
+    probability_features_of_left_and_right,
     road_clutter_share,
 )
 from cwcli.vision.camera import Camera, Mounting, default_camera
@@ -60,7 +60,8 @@ def test_probability_by_hand() -> None:
     assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx(
         (1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-by_hand))
     )
-    np.testing.assert_array_equal(probability_features(seen, LANE, -1e30)[:, 2], math.log(0.02))
+    features = probability_features_of_left_and_right(seen, LANE, -1e30)
+    np.testing.assert_array_equal(np.array(features)[:, 2], math.log(0.02))
 
 
 def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
