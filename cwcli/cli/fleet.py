@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from cwcli.fleet.plan import FleetPlan, LogTask
     from cwcli.fleet.run import FleetResult
 
+STORE_NEXT_STEP = "copy the folder to this machine for cwcli report, evaluate and compare"
+"""Advice after a run into an object store, whose folders these commands do not read."""
 MAX_SHOWN_REASONS = 20
 """Largest number of errors that are printed; chosen by hand, the others are in the manifest."""
 
@@ -61,9 +63,12 @@ def run_on_many_logs(
 
 def fleet_document(fleet: FleetResult, directory: str) -> dict[str, Any]:
     """Make the content of `--json`."""
+    from cwcli.logs.read.remote import is_remote_url
+    from cwcli.url import display_name_of_url
+
     statuses = list(fleet.statuses.values())
     return {
-        "directory": directory,
+        "directory": display_name_of_url(directory) if is_remote_url(directory) else directory,
         "done": statuses.count("done"),
         "unchanged": statuses.count("unchanged"),
         "failed": statuses.count("failed"),
@@ -74,11 +79,14 @@ def fleet_document(fleet: FleetResult, directory: str) -> dict[str, Any]:
 def print_fleet_digest(console: Console, fleet: FleetResult, directory: str) -> None:
     """Print a line for each log, the worst first, and one on all of them."""
     from cwcli.digest.fleet import LogLine, format_fleet_lines
+    from cwcli.logs.read.remote import is_remote_url
+    from cwcli.url import display_name_of_url
 
-    folder = directory.rstrip("/")
+    is_remote = is_remote_url(directory)
+    folder = (display_name_of_url(directory) if is_remote else directory).rstrip("/")
     entries = fleet.manifest["logs"]
     logs = [LogLine.from_entry(entry, fleet.statuses[entry["id"]]) for entry in entries]
-    next_step = suggest_next_step("run", folder)
+    next_step = STORE_NEXT_STEP if is_remote else suggest_next_step("run", folder)
     console.print_heading(f"run: {format_count(len(entries), 'log')}; see {folder}/manifest.json")
     for line in format_fleet_lines(logs, next_step=next_step, width=terminal_width() or DEFAULT_WIDTH):
         console.print_summary(line)

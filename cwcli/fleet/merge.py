@@ -25,7 +25,7 @@ from cwcli.fleet.folder import (
 )
 from cwcli.fleet.index import FOLDERS_WITH_RESULTS
 from cwcli.fleet.input_states import INPUTS_KEY
-from cwcli.fleet.remote_folder import copy_remote_folder
+from cwcli.fleet.remote_folder import StoreFolder, copy_remote_folder
 from cwcli.fleet.run import lock_folder
 from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, write_tables
 from cwcli.lazy_dataclass import dataclass
@@ -73,7 +73,7 @@ def merge_shards(
 
     Args:
         folders: The output folders of the shards, on this machine or as URLs of a store, which are copied first.
-        out: The folder of the whole run: new, or of a merge that was killed.
+        out: The folder of the whole run, on this machine or as a URL of a store: new, or of a merge that was killed.
         report: Called with the number of merged logs and of all.
 
     Raises:
@@ -82,7 +82,16 @@ def merge_shards(
             or the output is one of them.
         OutputError: The folder holds something else, is in use, or can't be written.
     """
-    target = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
+    if is_remote_url(str(out)):
+        with StoreFolder(str(out)) as store:
+            result = _merge_into(folders, store.path, report)
+            store.send_all()
+            return result
+    return _merge_into(folders, Path(os.path.abspath(out)), report)  # noqa: PTH100 - links stay as they are
+
+
+def _merge_into(folders: Sequence[str], target: Path, report: Callable[[int, int], None]) -> MergeResult:
+    """Merge folders on this machine and in stores into one on this machine."""
     if not any(map(is_remote_url, folders)):
         return _merge_folders([Path(each) for each in folders], target, report)
     is_new, scratch = not target.exists(), target / COPIES_FOLDER

@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,7 @@ from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
 from cwcli.fleet.names import unique_log_ids
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
+from cwcli.fleet.remote_folder import StoreFolder
 from cwcli.fleet.tables import (
     MergedRows,
     StagedRows,
@@ -57,6 +59,11 @@ from cwcli.pipeline.selection import check_selection_options
 from cwcli.url import display_name_of_url
 
 Report = Callable[[LogTask, str, int, int], None]
+"""Called with a task, its status, the number of ended logs and of all."""
+TaskRunner = Callable[
+    [list[tuple[LogTask, FileState]], list[LogTask]], Generator[tuple[LogTask, "TaskResult | WorkerDied"]]
+]
+"""Yields each task with its result; the arguments of `_run_tasks` that are not settings."""
 RUN_FOLDERS = (*FOLDERS_WITH_RESULTS, SCRATCH_FOLDER)
 """Subfolders of the output folder that a run writes and may empty."""
 
@@ -96,7 +103,7 @@ def run_fleet(
     Args:
         sources: Files, folders, patterns and URLs.
         plan: What is done with each log.
-        out: The output folder.
+        out: The output folder, on this machine or as a URL of a store, to which each log's results are sent.
         jobs: Worker processes; None: as many as there are processors.
         ray: Address of a Ray cluster, `auto` for the one of this machine, `local` for one of its own; None: no Ray.
         force: Remove all results of earlier runs in the folder first.
@@ -104,14 +111,47 @@ def run_fleet(
 
     Raises:
         UsageError: A pattern matches nothing, a folder holds no log, a log lies in the output folder, or that holds
-            logs that this run does not name.
+            logs that this run does not name; or a Ray cluster is to write into a store.
         InputError: A folder can't be listed, or a remote store does not answer.
         OutputError: The folder is something else, is in use, or can't be written.
+    """
+    run_tasks = partial(_run_tasks, plan=plan, jobs=jobs, ray=ray)
+    if not is_remote_url(str(out)):
+        return _run_into_folder(sources, plan, _absolute_output_folder(out), run_tasks, force, report)
+    if ray is not None:
+        hint = "name a folder that all machines see, or use --shard"
+        raise UsageError("a Ray cluster does not write into a store", where=display_name_of_url(str(out)), hint=hint)
+    with StoreFolder(str(out)) as store:
+
+        def send_and_report(task: LogTask, status: str, done: int, total: int) -> None:
+            store.send_log(task.id)
+            report(task, status, done, total)
+
+        result = _run_into_folder(sources, plan, store.path, run_tasks, force, send_and_report, store.send_manifest)
+        store.send_all()
+        return result
+
+
+def _run_into_folder(
+    sources: Sequence[str],
+    plan: FleetPlan,
+    folder: Path,
+    run_tasks: TaskRunner,
+    force: bool,
+    report: Report,
+    after_begin: Callable[[], None] = lambda: None,
+) -> FleetResult:
+    """Run a pipeline on every log, as `run_fleet`, into a folder of this machine.
+
+    Args:
+        sources, plan, force, report: As in `run_fleet`.
+        folder: The output folder.
+        run_tasks: Yields the results of the tasks that are up to date, and of those that must be read.
+        after_begin: Called when the manifest says what is going to be done.
     """
     begin = time.monotonic()
     statuses: dict[str, str] = {}
     began = datetime.now(UTC).isoformat(timespec="seconds")
-    folder = _absolute_output_folder(out)
     check_selection_options(plan.topic, plan.start, plan.end)
     found = expand_sources(sources, [str(folder / part) for part in RUN_FOLDERS])
     ids = unique_log_ids([source for source, _ in found])
@@ -133,11 +173,12 @@ def run_fleet(
             return FleetResult(folder, index.manifest, statuses)
         tables = index.manifest.get(TABLES_KEY, [])
         write_json_object(_make_manifest(plan, tasks, {}, tables), folder / MANIFEST_NAME)
+        after_begin()
         entries: dict[str, Document] = {}
         states: dict[str, FileState] = {}
         times: dict[str, Any] = {}
         try:
-            with closing(_run_tasks(current, to_read, plan, jobs, ray)) as ended:
+            with closing(run_tasks(current, to_read)) as ended:
                 for task, answer in ended:
                     done = _record_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
                     statuses[task.id] = done.status
@@ -161,9 +202,7 @@ def run_fleet(
 
 
 def _absolute_output_folder(out: str | Path) -> Path:
-    """Return the output folder with its whole path; refuse what is no folder of this machine."""
-    if is_remote_url(str(out)):
-        raise UsageError("the output folder must lie on this machine", where=str(out), hint="copy it there afterwards")
+    """Return the output folder with its whole path; refuse what is no name of a folder."""
     if str(out) in {"", "-"}:
         raise UsageError(f"the output folder can't be '{out}'", hint="name it with -d")
     return Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.fleet_logs import tree
+
 
 @pytest.fixture(scope="module")
 def bucket() -> Iterator[dict[str, str]]:
@@ -115,3 +117,38 @@ s3.pipe_file("cars/drive/metadata.yaml", listing.encode())
         assert missing.returncode == 3
         assert missing.stderr.startswith(f"error: {url}: ")
         assert reason in missing.stderr
+
+
+def test_a_run_into_s3_that_was_killed_goes_on(bucket: dict[str, str], tmp_path: Path) -> None:
+    """`-d s3://`: killed after its first log was sent, run again, and equal to a run on this machine."""
+    samples = Path(__file__).parents[2] / "sample_logs"
+    logs = [str(samples / name) for name in ("straight.mcap", "curve.mcap", "rear-end.mcap")]
+    environment = {**os.environ, **bucket, "PYTHONPATH": str(samples.parent)}
+    options = ["--stage", "estimate", "--jobs", "1", "-q"]
+    command = [sys.executable, "-m", "cwcli", "run", *logs, *options, "-d"]
+    script = "import fsspec, sys; s3 = fsspec.filesystem('s3'); {}"
+
+    def in_store(work: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", script.format(work)],
+            check=True, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=600,
+        )  # fmt: skip
+        return done.stdout
+
+    in_store("s3.mkdir('results')")
+    process = subprocess.Popen([*command, "s3://results/run"], env=environment, cwd=tmp_path)
+    until = time.monotonic() + 300
+    while "entry.json" not in in_store("print(s3.find('results/run'))") and process.poll() is None:
+        assert time.monotonic() < until
+    process.kill()
+    process.wait()
+    for target in ("s3://results/run", "local"):
+        subprocess.run([*command, target], check=True, env=environment, cwd=tmp_path, timeout=600)
+    in_store("s3.get('results/run/', 'copy/', recursive=True)")
+    assert tree(tmp_path / "copy") == tree(tmp_path / "local")
+    denied = subprocess.run(
+        [*command, "s3://nobucket/run"],
+        check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=600,
+    )  # fmt: skip
+    assert denied.returncode == 6
+    assert "s3://nobucket/run/manifest.json: it can't be written" in " ".join(denied.stderr.split())

@@ -22,7 +22,10 @@ def command(
         list[str], typer.Argument(metavar="SHARD", help="Output folders or s3:// URLs of all shards of one run.")
     ],
     talk: TalkOptions,
-    directory: Annotated[str, typer.Option("--directory", "-d", metavar="DIR", help="Write the whole run here.")],
+    directory: Annotated[
+        str,
+        typer.Option("--directory", "-d", metavar="DIR", help="Write the whole run here: a folder or an s3:// URL."),
+    ],
 ) -> None:
     """Merge the output folders of a run's shards into the one that a single run would have written.
 
@@ -30,16 +33,20 @@ def command(
     The same command continues a merge that was killed.
     """
     from cwcli.fleet.merge import merge_shards
+    from cwcli.logs.read.remote import is_remote_url
     from cwcli.output import check_targets
+    from cwcli.url import display_name_of_url
 
-    check_targets([], [directory])
+    if not is_remote_url(directory):
+        check_targets([], [directory])
     console = Console(quiet=talk.quiet)
+    shown_directory = display_name_of_url(directory) if is_remote_url(directory) else directory
     with Progress(quiet=talk.quiet) as progress:
-        progress.begin_step(f"merging into {directory}")
+        progress.begin_step(f"merging into {shown_directory}")
         result = merge_shards(shards, directory, progress)
     if talk.json:
         said = {
-            "directory": directory,
+            "directory": shown_directory,
             "shards": result.n_shards,
             "logs": result.n_logs,
             "failed": result.n_failed,
@@ -49,4 +56,4 @@ def command(
         return
     failed = f", {result.n_failed} failed" if result.n_failed else ""
     shown = f"{format_count(result.n_logs, 'log')} of {format_count(result.n_shards, 'shard')}"
-    console.print_summary(f"merged {shown} into {directory}{failed}")
+    console.print_summary(f"merged {shown} into {shown_directory}{failed}")

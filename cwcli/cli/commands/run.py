@@ -81,7 +81,8 @@ class FleetOptions:
             "--directory",
             "-d",
             metavar="DIR",
-            help="Write each log's results into this folder; results that are up to date are not computed again.",
+            help="Write each log's results into this folder or s3:// URL; results that are up to date are not "
+            "computed again.",
         ),
     ] = None
     jobs: Annotated[
