@@ -30,7 +30,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 @contextmanager
-def array_memory_bound() -> Iterator[None]:
+def bounded_array_memory() -> Iterator[None]:
     """Bound the memory of the arrays that this thread allocates inside the block, as `bound_array_memory` does."""
     before = bound_array_memory()
     try:

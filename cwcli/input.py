@@ -168,7 +168,7 @@ class InputFile:
             from concurrent.futures import Future
 
             self._digest = Future()
-            Thread(target=self._compute_hash, args=(self._digest,), daemon=True).start()
+            Thread(target=self._compute_sha256, args=(self._digest,), daemon=True).start()
         return self._digest
 
     def check_unchanged(self) -> None:
@@ -238,7 +238,7 @@ class InputFile:
             data += self.read_into(memoryview(rest), start + len(data))
         return data
 
-    def _compute_hash(self, digest: Future[str]) -> None:
+    def _compute_sha256(self, digest: Future[str]) -> None:
         """Compute the hash and set the future's result, or its error, so that nobody waits for ever."""
         try:
             import hashlib

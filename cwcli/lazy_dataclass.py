@@ -48,14 +48,14 @@ _PlainField = tuple[str, Any, Any, bool]
 
 def _defer_class_methods(owner: type, settings: dict[str, bool]) -> type:
     """Put off the methods of a class; one that is out of the ordinary gets the standard ones at once."""
-    if not _is_ordinary(owner, frozen=settings.get("frozen", False)):
+    if not _can_defer_methods(owner, frozen=settings.get("frozen", False)):
         from dataclasses import dataclass as standard
 
         return standard(**settings)(owner)
     return _Deferred(owner, settings).owner
 
 
-def _is_ordinary(owner: type, *, frozen: bool) -> bool:
+def _can_defer_methods(owner: type, *, frozen: bool) -> bool:
     """Whether nothing but the standard decorator's own checks and methods takes part in making the class."""
     body = vars(owner)
     if _ANNOTATIONS_ARE_LAZY or type(owner) not in (type, ABCMeta) or {"__slots__", "__setattr__"} & body.keys():

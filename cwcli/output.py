@@ -43,7 +43,7 @@ def check_target(target: str | Path, *, force: bool = False) -> None:
     if str(target) == STDOUT:
         _stdout_descriptor()
     else:
-        _resolve_target(target, force=force, inputs=())
+        _real_path_and_whether_device(target, force=force, inputs=())
 
 
 def check_targets(
@@ -125,19 +125,19 @@ def _folder_error(path: str | Path, error: Exception) -> OutputError:
     return OutputError(f"the folder can't be made: {getattr(error, 'strerror', None) or error}", where=str(path))
 
 
-def _resolve_target(target: str | Path, *, force: bool, inputs: Sequence[InputFile]) -> tuple[Path, bool]:
+def _real_path_and_whether_device(target: str | Path, *, force: bool, inputs: Sequence[InputFile]) -> tuple[Path, bool]:
     """Return a target's real path, and whether it is a device, a pipe or a socket; raise as `check_target`."""
     name = str(target)
     _refuse_url(name)
     try:
         with translate_os_errors(name):
             path = Path(os.path.realpath(target))
-            return path, _check_file(path, name, force, inputs)
+            return path, _refuse_unwritable_path_and_tell_if_device(path, name, force, inputs)
     except ValueError as error:  # a zero byte in the name
         raise OutputError(str(error), where=name) from error
 
 
-def _check_file(path: Path, name: str, force: bool, inputs: Sequence[InputFile]) -> bool:
+def _refuse_unwritable_path_and_tell_if_device(path: Path, name: str, force: bool, inputs: Sequence[InputFile]) -> bool:
     """Refuse a path that must not be written; return whether it is a device, a pipe or a socket."""
     found = _stat_or_none(path)
     mode = None if found is None else found.st_mode
@@ -242,9 +242,9 @@ def open_output(
         yield output
         output.flush()
         return
-    path, is_special = _resolve_target(target, force=force, inputs=inputs)
+    path, is_special = _real_path_and_whether_device(target, force=force, inputs=inputs)
     if is_special:  # a device, a pipe or a socket can't be replaced by a file
-        with _open_special(path, str(target)) as output:
+        with _open_device_or_pipe(path, str(target)) as output:
             yield output
         return
     with nullcontext(together) if together is not None else AtomicGroup() as group:
@@ -252,14 +252,14 @@ def open_output(
             yield output
 
         def check() -> None:
-            _resolve_target(target, force=force, inputs=inputs)
+            _real_path_and_whether_device(target, force=force, inputs=inputs)
             check_unchanged(inputs)
 
         group.add_written_file(file, check, durable=durable)
 
 
 @contextmanager
-def _open_special(path: Path, name: str) -> Iterator[OutputStream]:
+def _open_device_or_pipe(path: Path, name: str) -> Iterator[OutputStream]:
     """Open a device, a pipe or a socket, which gets the bytes at once."""
     with translate_os_errors(name):
         descriptor = os.open(path, os.O_WRONLY | getattr(os, "O_CLOEXEC", 0))

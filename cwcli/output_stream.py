@@ -68,7 +68,7 @@ class OutputStream:
             self._pending += view
         else:
             self.flush()
-            self._write_through(view)
+            self._write_unbuffered(view)
         self.position += len(view)
         return len(view)
 
@@ -88,7 +88,7 @@ class OutputStream:
         """
         self._write_buffer()
         self.position += length
-        self._run_or_queue(length, lambda: self._copy_now(source, start, length))
+        self._run_task_now_or_in_background(length, lambda: self._copy_bytes_from_file_now(source, start, length))
 
     def flush(self) -> None:
         """Hand everything to the operating system."""
@@ -100,9 +100,9 @@ class OutputStream:
         """Write the buffered bytes, or queue them for the thread."""
         pending, self._pending = self._pending, bytearray()
         if pending:
-            self._run_or_queue(len(pending), lambda: self._write_through(memoryview(pending)))
+            self._run_task_now_or_in_background(len(pending), lambda: self._write_unbuffered(memoryview(pending)))
 
-    def _run_or_queue(self, n_bytes: int, task: Callable[[], None]) -> None:
+    def _run_task_now_or_in_background(self, n_bytes: int, task: Callable[[], None]) -> None:
         """Queue a task for the thread; run a short one at once if nothing waits."""
         while self._waiting and (self._waiting[0].done() or len(self._waiting) > MAX_QUEUED_TASKS):
             self._waiting.popleft().result()
@@ -111,16 +111,16 @@ class OutputStream:
         else:
             self._waiting.append(self._aside.submit(task))
 
-    def _copy_now(self, source: int, start: int, length: int) -> None:
+    def _copy_bytes_from_file_now(self, source: int, start: int, length: int) -> None:
         """Copy a range of the source, part by part."""
         end = start + length
         while start < end:
-            n = self._copy_part(source, start, end - start)
+            n = self._copy_some_bytes_and_count_them(source, start, end - start)
             if n == 0:
                 raise InputError("the input became shorter while it was copied")
             start += n
 
-    def _copy_part(self, source: int, start: int, length: int) -> int:
+    def _copy_some_bytes_and_count_them(self, source: int, start: int, length: int) -> int:
         """Copy up to `length` bytes, and return how many were copied."""
         if self._copies_in_kernel:
             try:
@@ -135,10 +135,10 @@ class OutputStream:
             data = os.pread(source, min(BUFFER_BYTES, length), start)
         except OSError as error:
             raise InputError(f"the input can't be read: {error.strerror}") from error
-        self._write_through(memoryview(data))
+        self._write_unbuffered(memoryview(data))
         return len(data)
 
-    def _write_through(self, view: memoryview) -> None:
+    def _write_unbuffered(self, view: memoryview) -> None:
         """Write all bytes to the descriptor, past the buffer."""
         while view:
             with translate_os_errors(self.name):

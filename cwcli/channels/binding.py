@@ -212,9 +212,8 @@ def bind_roles(
             raise _missing_role_error(role, rivals, channels, where, command)
         elif candidates:
             undecided[role] = tuple(rivals)
-            notes.append(
-                f"{_ambiguity_text(role, rivals)}; none is used (choose one with {_topic_option_text(role, rivals)})"
-            )
+            choice = _topic_option_text(role, rivals)
+            notes.append(f"{_text_about_rival_channels(role, rivals)}; none is used (choose one with {choice})")
     return Bindings(by_role=by_role, notes=tuple(notes), undecided=undecided)
 
 
@@ -278,7 +277,9 @@ def _rank_of_channel_for_role(channel: ChannelLike, role: str, ego_station: str 
             *([ONLINE_CHANNEL_OF_ROLE[role].topic] if role in ONLINE_CHANNEL_OF_ROLE else []),
         )
         return (
-            own.index(channel.topic) if channel.topic in own and _is_schema_of_role(role, channel.schema_name) else None
+            own.index(channel.topic)
+            if channel.topic in own and _can_schema_fill_role(role, channel.schema_name)
+            else None
         )
     entry = find_input_for_role(role, channel.schema_name)
     if entry is None or channel.topic.startswith(OWN_TOPIC_PREFIX) or (entry.needs_ego_station and ego_station is None):
@@ -288,7 +289,7 @@ def _rank_of_channel_for_role(channel: ChannelLike, role: str, ego_station: str 
     return entry.rank if entry.fits_topic(channel.topic) else None
 
 
-def _is_schema_of_role(role: str, schema_name: str) -> bool:
+def _can_schema_fill_role(role: str, schema_name: str) -> bool:
     own = CHANNEL_OF_ROLE.get(role)
     return (
         find_input_for_role(role, schema_name) is not None
@@ -348,7 +349,7 @@ def _bind_mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping,
 def _bind_named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:
     if role in ROLES_OF_RADIO_MESSAGES and ":" in topic:
         return _bind_radio_channel(channels, role, topic, where)
-    usable = {channel.topic: channel for channel in channels if _is_schema_of_role(role, channel.schema_name)}
+    usable = {channel.topic: channel for channel in channels if _can_schema_fill_role(role, channel.schema_name)}
     channel = usable.get(topic) or usable.get(f"/{topic}")
     if channel is not None:
         return _make_binding(channel, role, is_override=True)
@@ -383,7 +384,7 @@ def _missing_role_error(
     found = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name or 'no schema'})" for channel in channels))
     if candidates:
         return MissingSignalError(
-            f"{_ambiguity_text(role, candidates)}{needed}",
+            f"{_text_about_rival_channels(role, candidates)}{needed}",
             where=where,
             found=found,
             hint=f"choose one with {_topic_option_text(role, candidates)}",
@@ -427,7 +428,7 @@ def _camera_route_hint(role: str, channels: Sequence[ChannelLike], command: str)
     return f"no channel holds a position for `cwcli estimate`; from the camera: {', '.join(words)}"
 
 
-def _ambiguity_text(role: str, candidates: Sequence[Binding]) -> str:
+def _text_about_rival_channels(role: str, candidates: Sequence[Binding]) -> str:
     count = {2: "two"}.get(len(candidates), str(len(candidates)))
     names = [f"{candidate.topic} ({candidate.schema_name})" for candidate in candidates]
     return f"{count} channels hold {ROLE_TEXT[role]}: {', '.join(names[:-1])} and {names[-1]}"

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.channels.ego_viewers import make_pose_channel
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import CONTROL_POSE, CONTROL_STATE, CONTROL_STEP
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.control.encounter import POLICIES
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, repeat_string
@@ -46,7 +46,7 @@ class ReplayedSteps:
     series: tuple[Mapping[str, Field], ...]
 
 
-def write_replay_channels(
+def make_replay_channels(
     replays: Sequence[ReplayedSteps], *, host_size_m: tuple[float | None, float | None], local_map: LocalMap | None
 ) -> tuple[OutputChannel, ...]:
     """Make the state, step and pose channels of every policy.
@@ -62,7 +62,7 @@ def write_replay_channels(
         state = np.concatenate([one.states[policy] for one in replays])
         host = VehicleStates.from_ego_states(stamp_ns, state, size_m=host_size_m)
         channels += [
-            write_vehicle_states(CONTROL_STATE.for_policy(name), host, local_map, has_covariance=False),
+            make_vehicle_state_channel(CONTROL_STATE.for_policy(name), host, local_map, has_covariance=False),
             _control_step_channel(policy, stamp_ns, replays),
             make_pose_channel(CONTROL_POSE.for_policy(name), stamp_ns, state),
         ]

@@ -60,7 +60,7 @@ def line_thickness_px(width_px: float) -> float:
     return max(float(width_px) / IMAGE_WIDTH_PER_LINE_THICKNESS, MIN_THICKNESS_PX)
 
 
-def write_image_lines(
+def make_image_annotation_channel(
     channel: Channel,
     *,
     stamp_ns: Int64Array,

@@ -9,8 +9,14 @@ from functools import lru_cache, partial
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.image_lines import LINE_STRIP, ImageLabel, ImageShape, line_thickness_px, write_image_lines
-from cwcli.channels.lens import Lenses, lens_fields
+from cwcli.channels.image_lines import (
+    LINE_STRIP,
+    ImageLabel,
+    ImageShape,
+    line_thickness_px,
+    make_image_annotation_channel,
+)
+from cwcli.channels.lens import Lenses, lens_message_fields
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.painted_frames import StartImages, painted_frames_channel
 from cwcli.channels.published import LANE_LINES, LANES
@@ -106,7 +112,7 @@ class LaneFrames:
         return len(self.index)
 
 
-def write_lanes(frames: LaneFrames) -> OutputChannel:
+def make_lanes_channel(frames: LaneFrames) -> OutputChannel:
     """Make the channel of `cwcli.v1.Lanes`, one message a frame."""
     geometry, fits, n = frames.geometry, frames.fits, len(frames)
     fields: dict[str, Field] = {"stamp_ns": frames.stamp_ns}
@@ -146,7 +152,7 @@ def write_lanes(frames: LaneFrames) -> OutputChannel:
         "lane_change": fits.lane_change.astype(np.int32),
     }
     if frames.rectified_from is not None:
-        fields |= lens_fields(frames.rectified_from, frames.image_size)
+        fields |= lens_message_fields(frames.rectified_from, frames.image_size)
     return make_output_channel(LANES, frames.log_time_ns, fields)
 
 
@@ -192,26 +198,26 @@ class LaneRows:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def least_shared_yaw_sigma_rad(self) -> float:
+    def least_camera_yaw_sigma_rad(self) -> float:
         """Share of the camera's yaw error in the heading sigmas: the least value of all frames, 0 if unknown."""
         told_rad = self.camera_yaw_sigma_rad
         known = told_rad[np.isfinite(told_rad) & (told_rad >= 0.0)]
         return float(known.min(initial=math.pi)) if len(known) else 0.0
 
-    def plausible_road_lines(self) -> FloatArray:
+    def plausible_offset_slope_curvature_of_boundaries(self) -> FloatArray:
         """Lateral offset, slope and curvature of the boundaries found, shape (n, 2, 3); NaN where implausible."""
         with np.errstate(invalid="ignore"):
             is_line = self.found & (np.abs(self.road) <= ROAD_LINE_LIMITS).all(axis=2)
             is_line &= np.abs(self.curvature_change_1pm2[:, None]) <= MAX_CURVATURE_CHANGE_1PM2
         return np.where(is_line[..., None], self.road, np.nan)
 
-    def curved_road_lines(self) -> FloatArray:
+    def curved_offset_slope_curvature_of_boundaries(self) -> FloatArray:
         """The plausible road lines that are circles or clothoids, shape (n, 2, 3); NaN where no curve was fitted."""
         assert self.image_boundaries.pinhole is not None, "as they are read"
         is_curve = np.isfinite(self.image_boundaries.roads).all(axis=2) & np.isfinite(
             self.image_boundaries.pinhole[:, :1]
         )
-        return np.where(is_curve[..., None], self.plausible_road_lines(), np.nan)
+        return np.where(is_curve[..., None], self.plausible_offset_slope_curvature_of_boundaries(), np.nan)
 
     def boundaries_in_pixels(self, row: int, image_size: tuple[int, int]) -> list[FloatArray]:
         """The left and the right boundary of a frame in the pixels of an image of it, shape (k, 2) each.
@@ -297,7 +303,7 @@ def _read_image_boundaries(columns: Columns, parabolas: FloatArray, roads: Float
     return BoundaryLines(parabolas, roads, horizon_px, np.where(np.isnan(top_px), older_px, top_px), pinhole)
 
 
-def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
+def make_lane_annotation_channel(frames: LaneFrames) -> StreamedChannel:
     """Make the channel of the boundaries found, as annotations in the pixels of the camera's image."""
     lines = lru_cache(maxsize=1)(
         partial(_boundary_polylines, frames)
@@ -328,12 +334,14 @@ def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
             )
         ]
 
-    return write_image_lines(
+    return make_image_annotation_channel(
         LANE_LINES, stamp_ns=frames.stamp_ns, log_time_ns=frames.log_time_ns, shapes=shapes, labels=labels
     )
 
 
-def write_frames_with_lanes(frames: LaneFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
+def make_channel_of_frames_with_lanes(
+    frames: LaneFrames, topic: str, *, frame_id: str, images: StartImages
+) -> StreamedChannel:
     """The camera's frames with the lines burnt in, as JPEG `foxglove.CompressedImage`, made while they are written.
 
     Args:

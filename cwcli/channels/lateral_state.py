@@ -41,7 +41,7 @@ class ObservedDrive:
         return len(self.track)
 
 
-def write_observed_drive(observed: ObservedDrive) -> OutputChannel:
+def make_observer_channel(observed: ObservedDrive) -> OutputChannel:
     """Make the channel of the observer, one message a frame."""
     track, n = observed.track, len(observed)
     fields: dict[str, Field] = {
@@ -104,7 +104,7 @@ def read_lateral_truth_stamps_and_states(columns: Columns) -> tuple[Int64Array, 
     return stamp_ns[rows], np.column_stack([read_numbers(columns, name)[rows] for name in STATE_NAMES])
 
 
-def true_deviations_at_preview(
+def true_lateral_and_heading_deviations_at_preview(
     columns: Columns, at_ns: Int64Array, preview_m: FloatArray, max_gap_s: float
 ) -> FloatArray:
     """True lateral and heading deviation at an observer's preview points, shape (n, 2) in m and rad; NaN if unknown.

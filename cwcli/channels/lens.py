@@ -18,7 +18,7 @@ INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 _Key = tuple[tuple[float, ...], float, str, tuple[float, ...], tuple[int, int]]
 
 
-def lens_fields(camera_of: Callable[[int, int], Camera], image_size: Int64Array) -> dict[str, Field]:
+def lens_message_fields(camera_of: Callable[[int, int], Camera], image_size: Int64Array) -> dict[str, Field]:
     """Make the fields that describe the camera before rectification.
 
     Args:

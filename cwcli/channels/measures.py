@@ -25,7 +25,7 @@ def published_measure_names() -> tuple[str, ...]:
     return tuple(name for name in names if name not in PAIR_KEY_FIELDS)
 
 
-def write_measures(ego: VehicleStates, columns: Mapping[str, Any]) -> OutputChannel:
+def make_measures_channel(ego: VehicleStates, columns: Mapping[str, Any]) -> OutputChannel:
     """Make the channel of one message per pair and moment; log times are those of the ego's states.
 
     Args:

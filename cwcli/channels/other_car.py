@@ -48,7 +48,7 @@ def estimate_recorder_clock(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Re
     return RecorderClock(ahead_ns, sigma_ns, len(stamp_ns), is_on_epochs)
 
 
-def move_to_map_and_clock(
+def move_states_to_our_map_and_clock(
     states: VehicleStates, theirs: LocalMap, ours: LocalMap, *, name: str, stamp_shift_ns: int, log_shift_ns: int
 ) -> VehicleStates:
     """Convert a car's states and covariances to another map and clock.

@@ -6,7 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cwcli.channels.image_lines import LINE_LOOP, LINE_STRIP, ImageShape, line_thickness_px, write_image_lines
+from cwcli.channels.image_lines import (
+    LINE_LOOP,
+    LINE_STRIP,
+    ImageShape,
+    line_thickness_px,
+    make_image_annotation_channel,
+)
 from cwcli.channels.lanes import LaneRows
 from cwcli.channels.painted_frames import StartImages, painted_frames_channel
 from cwcli.channels.published import OBSERVER_PATH_LINES
@@ -117,9 +123,9 @@ class PathFrames:
         return self.lanes.boundaries_in_pixels(int(self.lane_rows[row]), self.image_size_px(row))
 
 
-def write_path_lines(frames: PathFrames) -> StreamedChannel:
+def make_path_annotation_channel(frames: PathFrames) -> StreamedChannel:
     """Make the channel of the paths, as annotations in the pixels of the camera's image."""
-    return write_image_lines(
+    return make_image_annotation_channel(
         OBSERVER_PATH_LINES,
         stamp_ns=frames.stamp_ns,
         log_time_ns=frames.log_time_ns,
@@ -127,7 +133,9 @@ def write_path_lines(frames: PathFrames) -> StreamedChannel:
     )
 
 
-def write_frames_with_paths(frames: PathFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
+def make_channel_of_frames_with_paths(
+    frames: PathFrames, topic: str, *, frame_id: str, images: StartImages
+) -> StreamedChannel:
     """Make the channel of the camera's frames with lanes and path painted on them while the log is written.
 
     Args:

@@ -42,13 +42,13 @@ OTHER_COLOR = (1.0, 0.55, 0.0, 0.9)
 """Colour of the paths of other vehicles: red, green, blue, alpha."""
 
 
-def write_path_scene(predicted: Sequence[AnyPaths]) -> OutputChannel:
+def make_path_scene_channel(predicted: Sequence[AnyPaths]) -> OutputChannel:
     """Make the scene of one line a path; its entity has the vehicle's id, so that the next path replaces it.
 
     Args:
         predicted: Paths in the map frame, each in the order of their log times.
     """
-    drawn = [_rows_to_draw(each) for each in predicted]
+    drawn = [_path_rows_to_draw(each) for each in predicted]
     log_time_ns = np.concatenate(
         [EMPTY_TIMES_NS, *(each.log_time_ns[rows] for each, rows in zip(predicted, drawn, strict=True))]
     )
@@ -64,12 +64,12 @@ def write_path_scene(predicted: Sequence[AnyPaths]) -> OutputChannel:
             own = row[start:stop][here]
             stamp_ns[here], points[here] = each.stamp_ns[own], _evenly_spaced_points(each, own)
             names[here] = [each.ids.values[code] for code in each.ids.codes[own]]
-        return _line_entities(stamp_ns, names.tolist(), points)
+        return _scene_entity_fields_of_lines(stamp_ns, names.tolist(), points)
 
     return StreamedChannel(PATH_SCENE.topic, PATH_SCENE.schema, log_time_ns[order], make_rows=rows)
 
 
-def _rows_to_draw(predicted: AnyPaths) -> Rows:
+def _path_rows_to_draw(predicted: AnyPaths) -> Rows:
     """Rows of the first path of each vehicle in each drawing period, increasing."""
     kept = [_first_row_of_each_period(rows, predicted.log_time_ns) for _, rows in iter_rows_by_id(predicted.ids)]
     return np.sort(np.concatenate([np.zeros(0, np.intp), *kept]))
@@ -90,7 +90,9 @@ def _first_row_of_each_period(rows: Rows, log_time_ns: Int64Array) -> Rows:
     return rows[np.concatenate(([True], np.diff(slot) > 0))]
 
 
-def _line_entities(stamp_ns: Int64Array, names: list[str], points: FloatArray) -> Mapping[str, OutputField]:
+def _scene_entity_fields_of_lines(
+    stamp_ns: Int64Array, names: list[str], points: FloatArray
+) -> Mapping[str, OutputField]:
     n = len(stamp_ns)
     one_each = np.arange(n + 1, dtype=np.int64)
     is_ego = np.array([name == EGO_ID for name in names], np.bool_)

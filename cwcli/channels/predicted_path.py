@@ -158,7 +158,7 @@ class LazyPathChannel(StreamedChannel):
     lazy_paths: LazyPaths = field(kw_only=True)
 
 
-def write_predicted_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = "") -> OutputChannel:
+def make_predicted_path_channel(channel: Channel, predicted: PredictedPaths, *, frame_id: str = "") -> OutputChannel:
     """Make the channel of one message a path.
 
     Args:
@@ -172,7 +172,7 @@ def write_predicted_paths(channel: Channel, predicted: PredictedPaths, *, frame_
     return make_output_channel(channel, predicted.log_time_ns, fields)
 
 
-def write_lazy_paths(channel: Channel, planned: LazyPaths, *, rate_hz: float) -> LazyPathChannel:
+def make_lazy_path_channel(channel: Channel, planned: LazyPaths, *, rate_hz: float) -> LazyPathChannel:
     """Make the channel of the first path of each vehicle in each period, with points a quarter of a second apart.
 
     Args:

@@ -124,9 +124,9 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
         if role in bindings.undecided:
             topics = ",".join(each.topic for each in bindings.undecided[role])
             texts.append(f"one of several candidates for {role}")
-            tries += format_option("--topic", f"{role}={channel.topic}")
+            tries += format_option_if_printable("--topic", f"{role}={channel.topic}")
             if entry.role in ROLES_WITH_MANY_TOPICS:
-                tries += format_option("--topic", f"{role}={topics}")
+                tries += format_option_if_printable("--topic", f"{role}={topics}")
         elif is_truth_topic(channel.topic) and role not in TRUTH_ROLES:
             continue
         elif others:
@@ -136,21 +136,21 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
             tries.append(EGO_STATION_OPTION)
         else:
             texts.append(f"{role}, only if you name it")
-            tries += format_option("--topic", f"{role}={channel.topic}")
+            tries += format_option_if_printable("--topic", f"{role}={channel.topic}")
     why = "; ".join(dict.fromkeys(texts)) or "its topic's name marks it as truth, and no truth has this type"
     return UnboundReason(why, tuple(dict.fromkeys(tries))[:MAX_SUGGESTIONS])
 
 
 def _explain_ambiguous_type(topic: str, name: str) -> UnboundReason:
     """Explain an ambiguous type by the words in its topic's name."""
-    words = _split_into_words(topic)
+    words = _split_name_into_words(topic)
     if not set(words) & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD)) or set(words) & _WORDS_OF_NO_MEASUREMENT:
         return UnboundReason("neither the type nor the topic's name says what it measures")
     unit = next((_SPEED_UNIT_OF_WORD[word] for word in words if word in _SPEED_UNIT_OF_WORD), "")
     lines = (
-        format_map_option("ego_speed", topic, f"data*{unit}")
+        format_map_option_if_readable("ego_speed", topic, f"data*{unit}")
         if unit and "Float" in name
-        else format_option("--topic", f"ego_speed={topic}")
+        else format_option_if_printable("--topic", f"ego_speed={topic}")
     )
     return UnboundReason("ego_speed (m/s), only if you name it", tuple(lines))
 
@@ -184,10 +184,10 @@ def suggest_warning_conditions(topic: str, kinds: Mapping[str, FieldKind]) -> tu
         topic: Topic of the channel.
         kinds: Path of each leaf field -> what it holds.
     """
-    is_warning_topic = bool(_WARNING_WORDS.intersection(_split_into_words(topic)))
+    is_warning_topic = bool(_WARNING_WORDS.intersection(_split_name_into_words(topic)))
     found: list[tuple[int, str]] = []
     for path, kind in kinds.items():
-        words = set(_split_into_words(path))
+        words = set(_split_name_into_words(path))
         if "stamp" in path or not (is_warning_topic or words & _WARNING_WORDS):
             continue
         if kind == "truth value":
@@ -206,7 +206,7 @@ def warning_condition_of_diagnostics(trees: Sequence[object]) -> str:
     """
     statuses = [status for tree in trees if isinstance(tree, dict) for status in tree.get("status") or ()]
     names = dict.fromkeys(str(status.get("name", "")) for status in statuses if isinstance(status, dict))
-    named = next((name for name in names if _WARNING_WORDS.intersection(_split_into_words(name))), None)
+    named = next((name for name in names if _WARNING_WORDS.intersection(_split_name_into_words(name))), None)
     if named is None:
         return ""
     return f"status[name=='{named}'].level>=1"
@@ -222,15 +222,15 @@ def format_system_warning_command(topic: str, condition: str) -> list[str]:
     except UsageError:
         return []
     command = "cwcli evaluate annotated.mcap --topic"
-    return [] if ":" in topic else format_option(command, f"warning={topic}:{condition}")
+    return [] if ":" in topic else format_option_if_printable(command, f"warning={topic}:{condition}")
 
 
-def format_option(flag: str, value: str) -> list[str]:
+def format_option_if_printable(flag: str, value: str) -> list[str]:
     """Format an option that a shell takes as it stands; [] where the value holds characters that can't be typed."""
     return [f"{flag} {shlex.quote(value)}"] if value.isprintable() else []
 
 
-def format_map_option(role: str, topic: str, fields: str) -> list[str]:
+def format_map_option_if_readable(role: str, topic: str, fields: str) -> list[str]:
     """Format a `--map` option that a shell takes as it stands; [] where `--map` could not read the names."""
     from cwcli.errors import UsageError
     from cwcli.signals.mapping import parse_field_mappings
@@ -239,7 +239,7 @@ def format_map_option(role: str, topic: str, fields: str) -> list[str]:
         [mapping] = parse_field_mappings(role, f"{topic}:{fields}")
     except (UsageError, ValueError):
         return []
-    return format_option("--map", f"{role}={topic}:{fields}") if mapping.topic == topic else []
+    return format_option_if_printable("--map", f"{role}={topic}:{fields}") if mapping.topic == topic else []
 
 
 def iter_field_kinds(channel: ChannelWithDefinition) -> Iterator[tuple[str, FieldKind]]:
@@ -302,7 +302,7 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
     by_parent: dict[str, dict[str, str]] = {}
     for path in paths:
         parent, _, leaf = path.rpartition(".")
-        words = set(_split_into_words(leaf))
+        words = set(_split_name_into_words(leaf))
         place = {"lat": "lat", "latitude": "lat", "lon": "lon", "lng": "lon", "longitude": "lon"}.get(leaf.lower())
         if place:
             by_parent.setdefault(parent, {})[place] = path
@@ -311,11 +311,11 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
         unit = (
             ""
             if has_units
-            else next((f"*{_UNIT_OF_WORD[word]}" for word in _split_into_words(path) if word in _UNIT_OF_WORD), "")
+            else next((f"*{_UNIT_OF_WORD[word]}" for word in _split_name_into_words(path) if word in _UNIT_OF_WORD), "")
         )
         if (
             words & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD))
-            and not set(_split_into_words(path)) & _WORDS_OF_NO_MEASUREMENT
+            and not set(_split_name_into_words(path)) & _WORDS_OF_NO_MEASUREMENT
         ):
             found.append((1 + 10 * ("[" in leaf), "ego_speed", f"{path}{unit if unit != '*deg' else ''}"))
         elif words & _STEERING_WORDS or ("angle" in words and "steer" in path.lower()):
@@ -328,14 +328,14 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
         if len(both) == len(("lat", "lon")):
             found.append((0, "ego_position", f"{both['lat']},{both['lon']}"))
     ranked = sorted(found, key=lambda each: each[0])
-    return tuple(line for _, role, fields in ranked for line in format_map_option(role, topic, fields))
+    return tuple(line for _, role, fields in ranked for line in format_map_option_if_readable(role, topic, fields))
 
 
 def _is_number_field(field: MessageField) -> bool:
     return field.type.startswith(("float", "int", "uint"))
 
 
-def _split_into_words(name: str) -> list[str]:
+def _split_name_into_words(name: str) -> list[str]:
     """Split a name into lower-case words: `vehicleSpeed_kmh` gives vehicle, speed, kmh."""
     spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     return [word for word in re.split(r"[^a-z]+", spaced.lower()) if word]

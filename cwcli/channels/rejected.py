@@ -15,12 +15,12 @@ GATED_REASON = "gated"
 """Published reason of a measurement that the gate rejected."""
 
 
-def write_rejected_measurements(gated: GatedMeasurements) -> OutputChannel:
+def make_rejected_measurement_channel(gated: GatedMeasurements) -> OutputChannel:
     """Make the channel of one message a gated measurement; its log time is its stamp."""
     return make_output_channel(REJECTED, gated.stamp_ns, _rejected_fields(gated))
 
 
-def rejected_table(gated: GatedMeasurements) -> Table:
+def table_of_rejected_measurements(gated: GatedMeasurements) -> Table:
     """Make a table of the gated measurements."""
     return Table("rejected", _rejected_fields(gated))
 

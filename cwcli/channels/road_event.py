@@ -13,7 +13,7 @@ from cwcli.signals.leaf_fields import read_integers, read_numbers, read_texts
 from cwcli.signals.road_events import RoadEvents
 
 
-def write_road_events(events: RoadEvents | None, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
+def make_road_event_channels(events: RoadEvents | None, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
     """Make the channel of one message a reported event, logged at its reception; no channel without events.
 
     Args:

@@ -43,7 +43,7 @@ TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
 """White, the colour in which a viewer shows targets' ids: red, green, blue and opacity, each 0 to 1. Chosen by eye."""
 
 
-def write_target_channels(
+def make_target_channels(
     result: TrackResult, *, in_map: bool, known_ns: tuple[Int64Array, Int64Array], channel: Channel = TARGETS
 ) -> tuple[OutputChannel, ...]:
     """Make the channel of the tracks, and a scene of them for viewers.
@@ -55,7 +55,7 @@ def write_target_channels(
         channel: The channel of smoothed or of online tracks; only smoothed tracks get a scene.
     """
     rows = target_rows_of_result(result)
-    motion = _acceleration_and_yaw_rate_rows(result)
+    motion = _accelerations_yaw_rates_and_their_sigmas(result)
     stamps, logged = known_ns
     log_time_ns = logged[np.searchsorted(stamps, rows.stamp_ns)] if len(rows.stamp_ns) else rows.stamp_ns
     order = np.lexsort((rows.id, rows.stamp_ns, log_time_ns))
@@ -87,19 +87,19 @@ def write_target_channels(
     return targets, _target_scene_channel(log_time_ns[order], rows.stamp_ns[order], ids, frame, state)
 
 
-def _acceleration_and_yaw_rate_rows(result: TrackResult) -> FloatArray:
+def _accelerations_yaw_rates_and_their_sigmas(result: TrackResult) -> FloatArray:
     """Acceleration, yaw rate and their sigmas, shape (n, 4), in the order of `target_rows_of_result`; NaN if not
     modelled."""
     parts = [
         np.zeros((0, 4)),
-        *(_acceleration_and_yaw_rate_of_track(track, result.state_names) for track in result.tracks),
+        *(_accelerations_yaw_rates_and_sigmas_of_track(track, result.state_names) for track in result.tracks),
     ]
     stamp = np.concatenate([np.zeros(0, np.int64), *(track.stamp_ns for track in result.tracks)])
     ids = np.concatenate([np.zeros(0, np.int64), *(np.full(len(track), track.id) for track in result.tracks)])
     return np.concatenate(parts)[np.lexsort((ids, stamp))]
 
 
-def _acceleration_and_yaw_rate_of_track(track: TargetTrack, names: tuple[str, ...]) -> FloatArray:
+def _accelerations_yaw_rates_and_sigmas_of_track(track: TargetTrack, names: tuple[str, ...]) -> FloatArray:
     out = np.full((len(track), 4), np.nan)
     if "turn_rate_radps" in names:
         k = names.index("turn_rate_radps")

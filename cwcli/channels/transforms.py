@@ -29,7 +29,7 @@ class TransformCount(NamedTuple):
     unreadable: int
 
 
-def read_lever_arms(
+def read_lever_arms_transform_counts_and_notes(
     log: Log, topics: Sequence[str], given: LeverArms
 ) -> tuple[LeverArms, tuple[TransformCount, ...], tuple[str, ...]]:
     """Read the lever arms of the ego's sensors by topic, message counts of the transforms, and notes.
@@ -54,7 +54,7 @@ def read_lever_arms(
     if not channels or not open_topics:
         return given, (), ()
     tree: dict[str, Transform] = {}
-    counts = tuple(fill_transform_tree(log, topic, tree) for topic in channels)
+    counts = tuple(add_transforms_of_topic_to_tree(log, topic, tree) for topic in channels)
     found, notes = dict(given), []
     for topic, frame in _frame_of_each_topic(log, open_topics).items():
         carried = find_carrying_body_frame_and_transform(tree, frame)
@@ -71,7 +71,9 @@ def read_lever_arms(
     return found, counts, tuple(notes)
 
 
-def fill_transform_tree(log: Log, topic: str, tree: dict[str, Transform], frame: str = "") -> TransformCount:
+def add_transforms_of_topic_to_tree(
+    log: Log, topic: str, tree: dict[str, Transform], frame: str = ""
+) -> TransformCount:
     """Add the transforms of one topic to the tree; with `frame`, only until the tree links it to the vehicle's base."""
     read, used, unreadable = 0, 0, 0
     for transforms in log.transforms(topic):

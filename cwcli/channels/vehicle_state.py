@@ -128,7 +128,7 @@ class VehicleStates:
         return self.select_rows(np.flatnonzero(keep))
 
 
-def write_vehicle_states(
+def make_vehicle_state_channel(
     channel: Channel, states: VehicleStates, local_map: LocalMap | None, *, has_covariance: bool = True
 ) -> OutputChannel:
     """Make the channel of one message a state.
@@ -192,7 +192,7 @@ def read_vehicle_states(columns: Columns, *, with_covariance: bool = True) -> Ve
         log_time_ns=columns.log_time_ns,
         state=np.column_stack([read_numbers(columns, name, required=True) for name in STATE_NAMES]),
         covariance=(
-            _full_or_packed_covariances(columns)
+            _read_full_or_packed_covariances(columns)
             if with_covariance
             else np.broadcast_to(np.nan, (len(columns), N_STATES, N_STATES))
         ),
@@ -202,7 +202,7 @@ def read_vehicle_states(columns: Columns, *, with_covariance: bool = True) -> Ve
     )
 
 
-def _full_or_packed_covariances(columns: Columns) -> Covariances:
+def _read_full_or_packed_covariances(columns: Columns) -> Covariances:
     """Read the covariances: packed, or full as older versions wrote them.
 
     Raises:

@@ -43,7 +43,7 @@ class WarningEvent:
     rows: Int64Array
 
 
-def write_warnings_and_log_channels(parts: Sequence[WarningRows]) -> tuple[OutputChannel, OutputChannel]:
+def make_warning_and_log_channels(parts: Sequence[WarningRows]) -> tuple[OutputChannel, OutputChannel]:
     """Make the channel of the warnings of all rules, and a log channel of those raised or cleared."""
     log_time_ns = np.concatenate([part.log_time_ns for part in parts])
     joined: dict[str, Field] = {

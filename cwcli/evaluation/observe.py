@@ -10,7 +10,7 @@ from cwcli.channels.binding import bind_roles
 from cwcli.channels.lateral_state import (
     read_lateral_truth_stamps_and_states,
     read_observed_drive,
-    true_deviations_at_preview,
+    true_lateral_and_heading_deviations_at_preview,
 )
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
@@ -80,7 +80,7 @@ def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
     true_ns, true_state = read_lateral_truth_stamps_and_states(truth)
     settled = _settled_frame_mask(track)
     true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_TRUTH_GAP_S)
-    at_preview = true_deviations_at_preview(truth, track.stamp_ns, track.preview_m, MAX_TRUTH_GAP_S)
+    at_preview = true_lateral_and_heading_deviations_at_preview(truth, track.stamp_ns, track.preview_m, MAX_TRUTH_GAP_S)
     is_covered = np.isfinite(true[:, : -len(PREVIEW_STATES)]).any(axis=1)
     true[:, -len(PREVIEW_STATES) :] = at_preview
     rows: list[tuple[str, int, int, float, float, float, float, float]] = []

@@ -55,7 +55,7 @@ def encode_osi_mcap_trace(tracks: Sequence[Track]) -> bytes:
         **{f"version.version_{name}": np.full(n, part) for name, part in zip(_VERSION_PARTS, OSI_VERSION, strict=True)},
         "timestamp.seconds": at_ns // NS_PER_S,
         "timestamp.nanos": at_ns % NS_PER_S,
-        "moving_object": _moving_objects(tracks, ids, at_ns),
+        "moving_object": _moving_objects_of_each_message(tracks, ids, at_ns),
     }
     if host is not None:
         fields["host_vehicle_id.value"] = np.full(n, ids[tracks.index(host)], np.uint64)
@@ -63,7 +63,7 @@ def encode_osi_mcap_trace(tracks: Sequence[Track]) -> bytes:
     with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
         path = Path(folder) / "trace.mcap"
         with LogWriter(path) as log:
-            made = _version_texts()
+            made = _osi_and_protobuf_version_texts()
             key = "net.asam.osi.trace.channel"
             channel = log.add_channel(
                 TRACE_TOPIC,
@@ -85,7 +85,7 @@ _VERSION_PARTS = ("major", "minor", "patch")
 """Names of the parts of a version."""
 
 
-def _version_texts() -> Mapping[str, str]:
+def _osi_and_protobuf_version_texts() -> Mapping[str, str]:
     osi = ".".join(map(str, OSI_VERSION))
     found = re.match(r"\d+\.\d+\.\d+", version("protobuf"))
     protobuf = found.group() if found else "0.0.0"
@@ -111,7 +111,7 @@ def _unique_numeric_ids(tracks: Sequence[Track]) -> list[int]:
     return [next(free) if number is None else number for number in ids]
 
 
-def _moving_objects(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> Repeated:
+def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> Repeated:
     """Make the moving objects of each message, in the order of the tracks."""
     parts = [_interpolate_states(track, at_ns) for track in tracks]
     there = [np.isfinite(part[:, :4]).all(axis=1) for part in parts]

@@ -112,12 +112,12 @@ class Log:
         Raises:
             CwcliError: As `run` does.
         """
-        from cwcli.array_memory import array_memory_bound
+        from cwcli.array_memory import bounded_array_memory
         from cwcli.library.result import Result
         from cwcli.pipeline.execute import run_stages
 
         self.require_open()
-        with array_memory_bound():
+        with bounded_array_memory():
             outcome, annotated = run_stages(
                 self._log,
                 calls,

@@ -13,7 +13,7 @@ from cwcli.pipeline.execute import RunRules, SkipRules
 from cwcli.pipeline.missing import SignalCheck, SkipStagesAlreadyRun
 from cwcli.pipeline.stage_options import (
     SensorReading,
-    check_python_values,
+    check_option_values_from_python,
     configure_stage,
     option_entries_of_stage,
 )
@@ -97,4 +97,4 @@ def configure_named_stage(name: str, values: Mapping[str, OptionValue], reading:
         UsageError: An option does not exist, or a value is wrong.
     """
     stage, entries = STAGES[name], option_entries_of_stage(STAGES[name])
-    return configure_stage(stage, entries, check_python_values(name, entries, values), reading)
+    return configure_stage(stage, entries, check_option_values_from_python(name, entries, values), reading)

@@ -97,14 +97,14 @@ def write_page(
     Raises:
         CwcliError: As `write_report` does.
     """
-    from cwcli.array_memory import array_memory_bound
+    from cwcli.array_memory import bounded_array_memory
     from cwcli.report.build import build_report
     from cwcli.report.pdf import find_browser, print_pdf
 
     say = progress or (lambda text: None)
     browser = find_browser() if content.is_pdf else None
     check_targets([target], force=force, inputs=[source])
-    with array_memory_bound():
+    with bounded_array_memory():
         report = build_report(
             source,
             gates=content.gates,

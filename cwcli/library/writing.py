@@ -7,7 +7,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from cwcli.array_memory import array_memory_bound
+from cwcli.array_memory import bounded_array_memory
 from cwcli.lazy_dataclass import dataclass
 from cwcli.output import AtomicGroup, check_targets, make_folder
 
@@ -99,7 +99,7 @@ def write_outputs(
     check_targets([path for path in tables if path.parent.is_dir()], force=files.force)  # others are made below
     names: list[str] = []
     dropped_profile = ""
-    with array_memory_bound(), AtomicGroup() as together:
+    with bounded_array_memory(), AtomicGroup() as together:
         if files.annotated is not None:
             step(f"writing {files.annotated}")
             names, dropped_profile = _write_annotated_log_and_list_files(result, files, files.annotated, together)

@@ -13,10 +13,10 @@ from cwcli.channels.other_car import (
     clock_difference_text,
     estimate_recorder_clock,
     merge_states_by_log_time,
-    move_to_map_and_clock,
+    move_states_to_our_map_and_clock,
 )
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel, read_vehicle_states
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
@@ -76,9 +76,9 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
         DataError: A car's positions are not on the globe, or the logs have no moment in common.
         CwcliError: As the stage does.
     """
-    ours, theirs = _with_estimated_states(ego, estimate), _with_estimated_states(other, estimate)
+    ours, theirs = _log_with_estimated_states(ego, estimate), _log_with_estimated_states(other, estimate)
     our_map, their_map = _read_local_map(ours), _read_local_map(theirs)
-    recorders = _find_recorder(ego), _find_recorder(other)
+    recorders = _estimate_recorder_clock_of_log(ego), _estimate_recorder_clock_of_log(other)
     stamp_shift_ns = -round(late_s * NS_PER_S)
     offset_ns = recorders[1].ahead_ns - stamp_shift_ns - recorders[0].ahead_ns
     added = {}
@@ -89,7 +89,7 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
         if not _has_messages(theirs, source.topic):
             continue
         log_shift_ns = stamp_shift_ns if source is EGO_STATE else -offset_ns  # in hindsight, log times are the stamps
-        states = move_to_map_and_clock(
+        states = move_states_to_our_map_and_clock(
             read_vehicle_states(theirs.columns(source.topic)),
             their_map,
             our_map,
@@ -119,12 +119,12 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
         "clock_offset_s": f"{offset_ns / NS_PER_S:.9f}",
         "stamps_late_s": repr(late_s),
     }
-    channels = [write_vehicle_states(target, states, our_map) for target, states in added.items()]
+    channels = [make_vehicle_state_channel(target, states, our_map) for target, states in added.items()]
     notes = _format_join_notes(recorders, offset_ns, n_outside)
     return JoinedLog(ours.with_channels(channels, {JOIN_RECORD_NAME: record}), offset_ns, counts, n_outside, notes)
 
 
-def _with_estimated_states(log: Log, estimate: Call) -> Log:
+def _log_with_estimated_states(log: Log, estimate: Call) -> Log:
     """Return the log with its car's states, estimated if it holds none; raise an error if there is still none."""
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
         with _hint_at_estimate_on_missing_signal(log):
@@ -161,7 +161,7 @@ def _read_local_map(log: Log) -> LocalMap:
     return found
 
 
-def _find_recorder(log: Log) -> RecorderClock:
+def _estimate_recorder_clock_of_log(log: Log) -> RecorderClock:
     """Estimate the recorder's clock from the positions that the log's estimate used, if its record names them."""
     sources = read_configuration(read_run_records(log).get("estimate", {})).get("sources")
     topics = sources.get("topics") if isinstance(sources, dict) else None

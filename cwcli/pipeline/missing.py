@@ -9,7 +9,7 @@ from cwcli.channels.published import REMOTE_PATH, REMOTE_STATE
 from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.needs import Table, stage_readiness
+from cwcli.pipeline.needs import Table, readiness_of_each_stage
 from cwcli.pipeline.stage import Stage
 from cwcli.pipeline.stations import add_stations_to_error
 from cwcli.signals.role import Role
@@ -105,7 +105,7 @@ class SignalCheck:
         bound = bind_roles(
             there, {}, required=(), optional=tuple(ROLE_TEXT), ego_station=self.ego_station, where=log.name
         ).by_role
-        for entry in stage_readiness(bound, self.stages):
+        for entry in readiness_of_each_stage(bound, self.stages):
             if entry.stage.instead_of == stage and not entry.missing:
                 return f" (another way: --stage {','.join((*entry.after, entry.stage.name))})"
         return ""

@@ -30,7 +30,7 @@ class StageReadiness:
     unused: tuple[str, ...]
 
 
-def stage_readiness(bound: Collection[str], stages: Table) -> list[StageReadiness]:
+def readiness_of_each_stage(bound: Collection[str], stages: Table) -> list[StageReadiness]:
     """Return for each stage whether it can run on a log.
 
     Args:

@@ -29,11 +29,13 @@ def resolve_selection(log: Log, topic: Sequence[str], start: str | None, end: st
 
     start_ns, end_ns = _parse_time_span(start, end, log.start_ns, "--{}")
     if log.n_messages:
-        _require_overlap(log, start, start_ns, end, end_ns)
+        _require_overlap_of_span_and_log(log, start, start_ns, end, end_ns)
     return Selection(topics=parse_role_overrides(topic), start_ns=start_ns, end_ns=end_ns)
 
 
-def _require_overlap(log: Log, start: str | None, start_ns: int | None, end: str | None, end_ns: int | None) -> None:
+def _require_overlap_of_span_and_log(
+    log: Log, start: str | None, start_ns: int | None, end: str | None, end_ns: int | None
+) -> None:
     """Refuse a span outside the log.
 
     Raises:

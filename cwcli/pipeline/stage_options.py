@@ -115,7 +115,9 @@ def configure_stage(
     return StageCall(stage, config)
 
 
-def check_python_values(stage: str, entries: Iterable[OptionEntry], values: Mapping[str, Any]) -> dict[str, Any]:
+def check_option_values_from_python(
+    stage: str, entries: Iterable[OptionEntry], values: Mapping[str, Any]
+) -> dict[str, Any]:
     """Check names and types of options that a Python program gives.
 
     Args:

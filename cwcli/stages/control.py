@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from cwcli.channels.binding import Bindings, bind_roles
-from cwcli.channels.control_step import ReplayedSteps, write_replay_channels
+from cwcli.channels.control_step import ReplayedSteps, make_replay_channels
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.control.encounter import POLICIES, RecordedTrack, ReplaySpan, replay_warning
 from cwcli.control.replayed import PublishedReplay, control_series_table, control_table, control_table_row
@@ -168,7 +168,7 @@ def control(log: Log, config: ControlConfig) -> StageResult:
     if replayed:
         local_map = map_from_record(read_run_records(log).get("estimate", {}))
         size_m = (host.length_m, host.width_m)
-        channels = write_replay_channels(_steps_not_published_before(replayed), host_size_m=size_m, local_map=local_map)
+        channels = make_replay_channels(_steps_not_published_before(replayed), host_size_m=size_m, local_map=local_map)
     return StageResult(
         "control",
         channels,

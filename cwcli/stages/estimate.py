@@ -8,12 +8,12 @@ from typing import Annotated
 
 import numpy as np
 
-from cwcli.channels.ego_viewers import write_ego_channels
+from cwcli.channels.ego_viewers import make_ego_channels
 from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
-from cwcli.channels.rejected import rejected_table, write_rejected_measurements
-from cwcli.channels.road_event import road_event_tables, write_road_events
-from cwcli.channels.transforms import read_lever_arms
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.rejected import make_rejected_measurement_channel, table_of_rejected_measurements
+from cwcli.channels.road_event import make_road_event_channels, road_event_tables
+from cwcli.channels.transforms import read_lever_arms_transform_counts_and_notes
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.errors import UsageError, names_hint
 from cwcli.estimation.calibration import Calibration, calibration_record_entry
 from cwcli.estimation.config import EstimatorConfig, LeverArms
@@ -173,14 +173,14 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         log_time_ns=_online_known_since_ns(measurements, online, estimator),
     )
     channels = [
-        *write_ego_channels(hindsight, local_map),
-        write_vehicle_states(EGO_ONLINE, knowable, local_map),
-        *([write_rejected_measurements(ego.gated)] if len(ego.gated) else []),
-        *write_road_events(events, local_map),
+        *make_ego_channels(hindsight, local_map),
+        make_vehicle_state_channel(EGO_ONLINE, knowable, local_map),
+        *([make_rejected_measurement_channel(ego.gated)] if len(ego.gated) else []),
+        *make_road_event_channels(events, local_map),
     ]
     if remote is not None:
-        channels.append(write_vehicle_states(REMOTE_STATE, remote.hindsight, local_map))
-        channels.append(write_vehicle_states(REMOTE_ONLINE, remote.online, local_map))
+        channels.append(make_vehicle_state_channel(REMOTE_STATE, remote.hindsight, local_map))
+        channels.append(make_vehicle_state_channel(REMOTE_ONLINE, remote.online, local_map))
     judged = replace(ego, state=hindsight.state, covariance=np.asarray(hindsight.covariance))
     tracks = {EGO_ID: summarise_track(ego), **(remote.tracks if remote else {})}
     notified = road_event_tables(events, local_map)
@@ -203,7 +203,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
-        tables={**build_estimate_table(tracks), "rejected": rejected_table(ego.gated), **notified},
+        tables={**build_estimate_table(tracks), "rejected": table_of_rejected_measurements(ego.gated), **notified},
         summary=summary,
         metadata=build_run_record(
             "estimate",
@@ -323,12 +323,14 @@ def _collect_ego_measurements(sources: SensorSignals, local_map: LocalMap | None
 def _read_lever_arms_if_used(
     log: Log, sources: SensorSignals, estimator: EstimatorConfig
 ) -> tuple[LeverArms, tuple[InputMessageCount, ...], tuple[str, ...]]:
-    """Return what `read_lever_arms` returns, or nothing for the paper's filter, which has no lever arms."""
+    """Return lever arms, counts and notes as read, or nothing for the paper's filter, which has no lever arms."""
     if estimator.model != "cwcli":
         return {}, (), ()
     known = {channel.topic for channel in log.channels}
     topics = [s.source for role in EGO_SENSOR_ROLES for s in sources.by_role.get(role, ()) if s.source in known]
-    found, counts, notes = read_lever_arms(log, list(dict.fromkeys(topics)), estimator.lever_arms)
+    found, counts, notes = read_lever_arms_transform_counts_and_notes(
+        log, list(dict.fromkeys(topics)), estimator.lever_arms
+    )
     return found, tuple(InputMessageCount.from_transforms(*each) for each in counts), notes
 
 

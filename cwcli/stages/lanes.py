@@ -14,7 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import bind_roles
-from cwcli.channels.lanes import LaneFrames, write_frames_with_lanes, write_lane_lines, write_lanes
+from cwcli.channels.lanes import (
+    LaneFrames,
+    make_channel_of_frames_with_lanes,
+    make_lane_annotation_channel,
+    make_lanes_channel,
+)
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, calibration_record_entry
@@ -195,7 +200,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         raise _no_usable_frame_error(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
     log.begin_sha256()  # for the record of the run
     frames = run.build_lane_frames(config, is_pitch_known=mount.is_pitch_known)
-    channels: list[OutputChannel] = [write_lanes(frames), write_lane_lines(frames)]
+    channels: list[OutputChannel] = [make_lanes_channel(frames), make_lane_annotation_channel(frames)]
     if config.render is not None:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
@@ -203,7 +208,9 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
             return decode_frames(frames_of_topic, wanted_size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
         channels.append(
-            write_frames_with_lanes(frames, config.render, frame_id=_camera_frame_id(log, topic), images=in_colour)
+            make_channel_of_frames_with_lanes(
+                frames, config.render, frame_id=_camera_frame_id(log, topic), images=in_colour
+            )
         )
     repaired = {NO_STAMP_REASON: run.n_without_stamp} if run.n_without_stamp else {}
     count = InputMessageCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected), repaired)

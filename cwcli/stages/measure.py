@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from cwcli.channels.binding import bind_roles
-from cwcli.channels.measures import write_measures
+from cwcli.channels.measures import make_measures_channel
 from cwcli.channels.published import EGO_STATE
 from cwcli.control.preventable import JudgedConflict, judge_preventability, preventability_table
 from cwcli.errors import MissingSignalError
@@ -130,7 +130,7 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     summary = StageSummary("measure", sections, counts, (*bound.notes, *notes))
     return StageResult(
         stage="measure",
-        channels=(write_measures(tracks.ego, series.columns),),
+        channels=(make_measures_channel(tracks.ego, series.columns),),
         tables={
             "measures": series,
             "extremes": measure_extremes_table(tracks.ego_id, pairs, chosen),

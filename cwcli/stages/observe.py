@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.channels.lanes import FIELDS_FOR_OBSERVER
-from cwcli.channels.lateral_state import TRUTH_FIELDS, ObservedDrive, write_observed_drive
+from cwcli.channels.lateral_state import TRUTH_FIELDS, ObservedDrive, make_observer_channel
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import DEFAULT_OBSERVER_METHOD
@@ -170,7 +170,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     record = build_run_record("observe", log, replace(config, calibration=None), summary, **known)
     return StageResult(
         "observe",
-        (write_observed_drive(ObservedDrive(lanes.log_time_ns, track)),),
+        (make_observer_channel(ObservedDrive(lanes.log_time_ns, track)),),
         {table.name: table},
         summary,
         record,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from cwcli.channels.path_scene import write_path_scene
-from cwcli.channels.predicted_path import LazyPaths, write_lazy_paths
+from cwcli.channels.path_scene import make_path_scene_channel
+from cwcli.channels.predicted_path import LazyPaths, make_lazy_path_channel
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.lazy_dataclass import dataclass
@@ -97,8 +97,8 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
         made[role], count = read_selected_states(log, columns[role], role, config)
         inputs.append(count)
         predicted.append(plan_paths_from_states(made[role], role, PathRequest.from_stage_config(config)))
-        channels.append(write_lazy_paths(path_channel, predicted[-1], rate_hz=config.path_rate_hz))
-    channels.append(write_path_scene(predicted))
+        channels.append(make_lazy_path_channel(path_channel, predicted[-1], rate_hz=config.path_rate_hz))
+    channels.append(make_path_scene_channel(predicted))
     summary = StageSummary(title="predict", inputs=tuple(inputs), notes=bound.notes)
     record = build_run_record("predict", log, config, summary)
     return StageResult("predict", tuple(channels), {}, summary, record, evaluation_inputs=made)

@@ -14,8 +14,13 @@ import numpy.typing as npt
 
 from cwcli.channels.lanes import read_lanes
 from cwcli.channels.lateral_state import ObservedDrive, read_observed_drive
-from cwcli.channels.path_image import PathFrames, Viewpoint, write_frames_with_paths, write_path_lines
-from cwcli.channels.predicted_path import PredictedPaths, write_predicted_paths
+from cwcli.channels.path_image import (
+    PathFrames,
+    Viewpoint,
+    make_channel_of_frames_with_paths,
+    make_path_annotation_channel,
+)
+from cwcli.channels.predicted_path import PredictedPaths, make_predicted_path_channel
 from cwcli.channels.published import EGO_STATE, LANES, OBSERVER, OBSERVER_PATH
 from cwcli.channels.render_topic import check_render_topic
 from cwcli.channels.vehicle_state import read_vehicle_states
@@ -276,7 +281,7 @@ def draw_paths_into_images(
     )
     left_out = len(stamp_ns) - len(frames)
     note = f"{left_out} of {len(stamp_ns)} paths are not drawn: no frame of a known size has their stamp"
-    channels = [write_path_lines(frames)]
+    channels = [make_path_annotation_channel(frames)]
     if render is not None:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
@@ -284,7 +289,7 @@ def draw_paths_into_images(
             return decode_frames(log.frames(camera_topic), wanted_size_of=None, prepare=prepare, where=where)
 
         frame_id = next((frame.frame_id for frame in log.frames(camera_topic)), "")
-        channels.append(write_frames_with_paths(frames, render, frame_id=frame_id, images=in_colour))
+        channels.append(make_channel_of_frames_with_paths(frames, render, frame_id=frame_id, images=in_colour))
     return tuple(channels), (note,) if left_out else ()
 
 
@@ -303,6 +308,6 @@ def _place_paths_in_map_and_count(
         body.model,
         transform_paths_to_map(body.paths.take(rows), x_m, y_m, poses.at_yaw_rad[rows]),
     )
-    channel = write_predicted_paths(OBSERVER_PATH, predicted, frame_id=poses.frame_id)
+    channel = make_predicted_path_channel(OBSERVER_PATH, predicted, frame_id=poses.frame_id)
     set_aside = {reason: n for reason, n in left_out.items() if n}
     return channel, InputMessageCount(topic, OBSERVER.role, len(has_state), len(rows), set_aside=set_aside)

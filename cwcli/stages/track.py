@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE, TARGETS_ONLINE
-from cwcli.channels.target import write_target_channels
+from cwcli.channels.target import make_target_channels
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
@@ -162,8 +162,8 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     return StageResult(
         stage="track",
         channels=(
-            *write_target_channels(result, in_map=in_map, known_ns=known_ns),
-            *write_target_channels(online, in_map=in_map, known_ns=knowable_ns, channel=TARGETS_ONLINE),
+            *make_target_channels(result, in_map=in_map, known_ns=known_ns),
+            *make_target_channels(online, in_map=in_map, known_ns=knowable_ns, channel=TARGETS_ONLINE),
         ),
         tables=track_metric_tables(result, config.tracker.single, kinds),
         summary=summary,

@@ -108,7 +108,7 @@ def _stamps_and_boundaries_of_first_frames(
 ) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
     """Return stamps, log times and boundaries of the first frame of each stamp, in the order of the stamps."""
     rows = rows_by_stamp_without_repeats(lanes.stamp_ns)
-    left, right = np.moveaxis(lanes.plausible_road_lines()[rows], 1, 0)
+    left, right = np.moveaxis(lanes.plausible_offset_slope_curvature_of_boundaries()[rows], 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
     is_seen = lanes.state[rows] != LaneState.HELD
     change_1pm2 = -lanes.curvature_change_1pm2[rows]

@@ -165,7 +165,7 @@ class _MatroskaFeed(io.BufferedIOBase, Generic[Message]):
 
     def __init__(self, messages: Iterator[Message], codec: str) -> None:
         super().__init__()
-        self._messages = messages
+        self._convert_messages = messages
         self._bytes = bytearray(encode_matroska_start(codec))
         self._n = 0
         self.waiting: deque[tuple[int, Message]] = deque()
@@ -190,7 +190,7 @@ class _MatroskaFeed(io.BufferedIOBase, Generic[Message]):
 
     def _append_next_message(self) -> None:
         """Append the block of the next message."""
-        message = next(self._messages, None)
+        message = next(self._convert_messages, None)
         if message is None:
             self.is_done = True
             return

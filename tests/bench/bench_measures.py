@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.logs.write.writer import LogWriter
 from cwcli.measures import MEASURES
 from cwcli.measures.pair import ActualTrack, Pair
@@ -102,8 +102,8 @@ def write_states_log(path: Path) -> None:
         np.zeros(n, np.uint8),
     )
     with LogWriter(path) as log:
-        log.write_columns(write_vehicle_states(EGO_STATE, ego, None))
-        log.write_columns(write_vehicle_states(REMOTE_STATE, remote, None))
+        log.write_columns(make_vehicle_state_channel(EGO_STATE, ego, None))
+        log.write_columns(make_vehicle_state_channel(REMOTE_STATE, remote, None))
 
 
 def process() -> tuple[float, float]:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.cli.main import run_command_line
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
@@ -64,7 +64,7 @@ def write_long(target: Path, hours: float, vehicles: int) -> None:
         fixes = {"timestamp": fix_ns, "latitude": latitude, "longitude": longitude, "altitude": np.zeros(len(fix_ns))}
         channels = [
             OutputChannel("/long/fix", "foxglove.LocationFix", fix_ns, fixes),
-            write_vehicle_states(EGO_STATE, ego, ORIGIN),
+            make_vehicle_state_channel(EGO_STATE, ego, ORIGIN),
         ]
         if vehicles:
             begins_s = np.linspace(0.0, 3600.0 * hours - HEARD_S, vehicles)
@@ -81,7 +81,7 @@ def write_long(target: Path, hours: float, vehicles: int) -> None:
             )
             ids = Strings(codes[order], tuple(f"{1000 + k}" for k in range(vehicles)))
             others = VehicleStates(**{**vars(others), "ids": ids})
-            channels.append(write_vehicle_states(REMOTE_STATE, others, ORIGIN))
+            channels.append(make_vehicle_state_channel(REMOTE_STATE, others, ORIGIN))
         source = {"vehicle": "ego", "source": "/long/fix", "quantity": "position", "used": len(fix_ns), "gated": 0}
         configuration = {"sources": {"topics": {"ego_position": "/long/fix"}}}
         record = {

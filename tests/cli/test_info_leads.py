@@ -15,7 +15,7 @@ from mcap_ros2.writer import Writer
 
 from cwcli.channels.reasons import (
     explain_unknown_type_by_fields,
-    format_map_option,
+    format_map_option_if_readable,
     suggest_warning_conditions,
     warning_condition_of_diagnostics,
 )
@@ -185,11 +185,11 @@ def test_what_cannot_be_typed_or_parsed_is_not_suggested(topic: str) -> None:
 
 
 def test_a_suggestion_is_quoted_for_the_shell() -> None:
-    assert format_map_option("ego_speed", "/my car", "speed*kmh") in (
+    assert format_map_option_if_readable("ego_speed", "/my car", "speed*kmh") in (
         [],
         ["--map 'ego_speed=/my car:speed*kmh'"],
     )
-    [line] = format_map_option("ego_speed", "/car", "axes[0]*kmh")
+    [line] = format_map_option_if_readable("ego_speed", "/car", "axes[0]*kmh")
     assert shlex.split(line) == ["--map", "ego_speed=/car:axes[0]*kmh"]
 
 

@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.control_step import STEP_SERIES_FIELDS, ReplayedSteps, write_replay_channels
-from cwcli.channels.ego_viewers import write_ego_channels
-from cwcli.channels.image_lines import LINE_LOOP, ImageShape, write_image_lines
-from cwcli.channels.lanes import LaneFrames, LaneRows, read_lanes, write_lane_lines, write_lanes
+from cwcli.channels.control_step import STEP_SERIES_FIELDS, ReplayedSteps, make_replay_channels
+from cwcli.channels.ego_viewers import make_ego_channels
+from cwcli.channels.image_lines import LINE_LOOP, ImageShape, make_image_annotation_channel
+from cwcli.channels.lanes import LaneFrames, LaneRows, make_lane_annotation_channel, make_lanes_channel, read_lanes
 from cwcli.channels.lateral_state import (
     ObservedDrive,
+    make_observer_channel,
     read_lateral_truth_stamps_and_states,
     read_observed_drive,
-    write_observed_drive,
 )
-from cwcli.channels.measures import write_measures
-from cwcli.channels.path_scene import write_path_scene
-from cwcli.channels.predicted_path import PredictedPaths, read_predicted_paths, write_predicted_paths
+from cwcli.channels.measures import make_measures_channel
+from cwcli.channels.path_scene import make_path_scene_channel
+from cwcli.channels.predicted_path import PredictedPaths, make_predicted_path_channel, read_predicted_paths
 from cwcli.channels.published import (
     EGO_ONLINE,
     EGO_PATH,
@@ -34,11 +34,11 @@ from cwcli.channels.published import (
     REMOTE_STATE,
     TARGETS_ONLINE,
 )
-from cwcli.channels.rejected import read_gated_measurements, write_rejected_measurements
-from cwcli.channels.road_event import read_road_events, write_road_events
-from cwcli.channels.target import read_targets_as_states, write_target_channels
-from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states, write_vehicle_states
-from cwcli.channels.warning import read_warnings, write_warnings_and_log_channels
+from cwcli.channels.rejected import make_rejected_measurement_channel, read_gated_measurements
+from cwcli.channels.road_event import make_road_event_channels, read_road_events
+from cwcli.channels.target import make_target_channels, read_targets_as_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel, read_vehicle_states
+from cwcli.channels.warning import make_warning_and_log_channels, read_warnings
 from cwcli.control.encounter import POLICIES
 from cwcli.dynamics.samples import STATE_NAMES as LATERAL_NAMES
 from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_frame_statuses
@@ -120,7 +120,7 @@ def of_states(rng: np.random.Generator, n: int) -> Written:
     flags = rng.integers(0, 8, n).astype(np.uint8)
     states = VehicleStates(names(n), stamp_ns, log_time_ns, state, covariance, length_m, width_m, flags)
     channels = tuple(
-        write_vehicle_states(channel, states, MAP) for channel in (EGO_ONLINE, REMOTE_STATE, REMOTE_ONLINE)
+        make_vehicle_state_channel(channel, states, MAP) for channel in (EGO_ONLINE, REMOTE_STATE, REMOTE_ONLINE)
     )
     topics = [channel.topic for channel in channels]
     return Written(
@@ -134,7 +134,7 @@ def of_ego(rng: np.random.Generator, n: int) -> Written:
         PackedCovariances.from_dense(definite(rng, n, N_STATES)),
     )
     states = VehicleStates.from_ego_states(times(n)[0], state, covariance)
-    channels = write_ego_channels(states, MAP)
+    channels = make_ego_channels(states, MAP)
     return Written(channels, {channels[0].topic: states}, {channels[0].topic: read_vehicle_states})
 
 
@@ -150,13 +150,15 @@ def of_paths(rng: np.random.Generator, n: int) -> Written:
     for channel in (EGO_PATH, REMOTE_PATH, OBSERVER_PATH):
         stamp_ns, log_time_ns = times(n, shuffled=rng)
         predicted = dataclasses.replace(paths_of(rng, n), stamp_ns=stamp_ns, log_time_ns=log_time_ns)
-        written.append(write_predicted_paths(channel, predicted, frame_id="odom" if channel is OBSERVER_PATH else ""))
+        written.append(
+            make_predicted_path_channel(channel, predicted, frame_id="odom" if channel is OBSERVER_PATH else "")
+        )
         given[channel.topic] = sorted_like(predicted, log_time_ns) if n else paths_of(rng, 0, k=0)  # no path, no length
     return Written(tuple(written), given, dict.fromkeys(given, read_predicted_paths))
 
 
 def of_path_scene(rng: np.random.Generator, n: int) -> Written:
-    return Written((write_path_scene([paths_of(rng, n), paths_of(rng, n)]),))
+    return Written((make_path_scene_channel([paths_of(rng, n), paths_of(rng, n)]),))
 
 
 def of_targets(rng: np.random.Generator, n: int) -> Written:
@@ -166,8 +168,8 @@ def of_targets(rng: np.random.Generator, n: int) -> Written:
     track = TargetTrack(4, stamp_ns, state, definite(rng, n, 5), sources, T0_NS)
     result = TrackResult((track,), "map", ("/lidar",), {}, {}, ("x_m", "y_m", "vx_mps", "vy_mps", "turn_rate_radps"))
     known_ns = stamp_ns, stamp_ns + 9
-    channels = write_target_channels(result, in_map=True, known_ns=known_ns)
-    online = write_target_channels(result, in_map=True, known_ns=known_ns, channel=TARGETS_ONLINE)
+    channels = make_target_channels(result, in_map=True, known_ns=known_ns)
+    online = make_target_channels(result, in_map=True, known_ns=known_ns, channel=TARGETS_ONLINE)
     speed = np.hypot(*state[:, 2:4].T)
     given = {
         "ids": encode_strings(["4"] * n),
@@ -209,7 +211,7 @@ def of_warnings(rng: np.random.Generator, n: int) -> Written:
     cwcli, ttc = (
         build_warning_rows(part, rule=rule, host_id="ego") for rule, part in (("a", rows[::2]), ("b", rows[1::2]))
     )
-    channels = write_warnings_and_log_channels([cwcli, ttc])
+    channels = make_warning_and_log_channels([cwcli, ttc])
     whole = build_warning_rows(rows, rule="a", host_id="ego")
     rules = encode_strings(["ab"[k % 2] for k in range(n)])
     return Written(
@@ -223,7 +225,7 @@ def of_replays(rng: np.random.Generator, n: int) -> Written:
     series = tuple({name: rng.uniform(size=n) for name in STEP_SERIES_FIELDS[:-1]} for _ in POLICIES)
     series = tuple({**each, STEP_SERIES_FIELDS[-1]: np.zeros(n, np.bool_)} for each in series)
     replays = [ReplayedSteps(1, "car", stamp_ns, states, series)]
-    channels = write_replay_channels(replays, host_size_m=(4.5, None), local_map=MAP)
+    channels = make_replay_channels(replays, host_size_m=(4.5, None), local_map=MAP)
     given = {
         channel.topic: VehicleStates.from_ego_states(stamp_ns, states[policy], size_m=(4.5, None))
         for policy, channel in enumerate(channels[::3])
@@ -277,7 +279,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         if n
         else None,
     )
-    lanes = write_lanes(frames)
+    lanes = make_lanes_channel(frames)
     given = {
         "stamp_ns": stamp_ns,
         "log_time_ns": log_time_ns,
@@ -313,7 +315,7 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
         focal_px = [getattr(back.lenses.camera_before_rectification(row), "fx", None) for row in range(n)]
         return found | {"focal_length_px": focal_px}
 
-    return Written((lanes, write_lane_lines(frames)), {lanes.topic: given}, {lanes.topic: read})
+    return Written((lanes, make_lane_annotation_channel(frames)), {lanes.topic: given}, {lanes.topic: read})
 
 
 def of_observed(rng: np.random.Generator, n: int) -> Written:
@@ -334,7 +336,7 @@ def of_observed(rng: np.random.Generator, n: int) -> Written:
         count_frame_statuses(status),
     )
     observed = ObservedDrive(log_time_ns, track)
-    channel = write_observed_drive(observed)
+    channel = make_observer_channel(observed)
 
     def read(columns: Columns) -> Any:
         back = read_observed_drive(columns)
@@ -354,7 +356,9 @@ def of_path_lines(rng: np.random.Generator, n: int) -> Written:
         shape = ImageShape(LINE_LOOP, rng.uniform(size=(4, 2)), colour, colour, 2.0)
         return [[shape] * (row % 3) for row in range(start, stop)]
 
-    return Written((write_image_lines(OBSERVER_PATH_LINES, stamp_ns=stamp_ns, log_time_ns=log_time_ns, shapes=shapes),))
+    return Written(
+        (make_image_annotation_channel(OBSERVER_PATH_LINES, stamp_ns=stamp_ns, log_time_ns=log_time_ns, shapes=shapes),)
+    )
 
 
 def of_measures(rng: np.random.Generator, n: int) -> Written:
@@ -362,13 +366,13 @@ def of_measures(rng: np.random.Generator, n: int) -> Written:
     ego = VehicleStates.from_ego_states(stamp_ns, rng.normal(size=(n, N_STATES)))
     ego = dataclasses.replace(ego, log_time_ns=log_time_ns)
     columns = {"stamp_ns": stamp_ns, "ego_id": ego.ids, "other_id": names(n), "ttc_s": rng.normal(size=n)}
-    return Written((write_measures(ego, columns),))
+    return Written((make_measures_channel(ego, columns),))
 
 
 def of_rejected(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, _ = times(n)
     gated = GatedMeasurements(stamp_ns, names(n), names(n), rng.uniform(11.0, 500.0, n), np.full(n, 10.8))
-    channel = write_rejected_measurements(gated)
+    channel = make_rejected_measurement_channel(gated)
     return Written((channel,), {channel.topic: gated}, {channel.topic: read_gated_measurements})
 
 
@@ -376,7 +380,7 @@ def of_road_events(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n)
     numbers = [rng.normal(size=n) for _ in range(5)]
     events = RoadEvents(names(n), names(n), stamp_ns, log_time_ns, stamp_ns + STEP_NS, *numbers)
-    (channel,) = write_road_events(events, MAP)
+    (channel,) = make_road_event_channels(events, MAP)
     return Written((channel,), {channel.topic: events}, {channel.topic: read_road_events})
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import EGO_STATE, LANES, REMOTE_STATE, WARNINGS
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import Strings
 from cwcli.signals.vehicle_state import StateFlag
@@ -331,9 +331,9 @@ def write_drive(drive: Planted, path: Path, seed: int = 0) -> Path:
         stamp_ns, _states(drive, *drive.ego, rng), covariance, size_m=(LENGTH_M, WIDTH_M), flags=flags
     )
     with LogWriter(path) as log:
-        log.write_columns(write_vehicle_states(EGO_STATE, ego, None))
+        log.write_columns(make_vehicle_state_channel(EGO_STATE, ego, None))
         if drive.others:
-            log.write_columns(write_vehicle_states(REMOTE_STATE, _others(drive, stamp_ns, rng), None))
+            log.write_columns(make_vehicle_state_channel(REMOTE_STATE, _others(drive, stamp_ns, rng), None))
         if drive.lane_offset_m is not None:
             log.write_columns(_lanes(drive, stamp_ns))
         for topic, schema, rate_hz, gap in (

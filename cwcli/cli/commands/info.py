@@ -307,7 +307,7 @@ def _judge_contract(contract: RecordingContract, document: Document) -> list[Doc
 
 
 def _readiness_of_commands(bound: set[str], undecided: set[str]) -> Document:
-    from cwcli.pipeline.needs import stage_readiness
+    from cwcli.pipeline.needs import readiness_of_each_stage
     from cwcli.stages import STAGES
 
     return {
@@ -318,7 +318,7 @@ def _readiness_of_commands(bound: set[str], undecided: set[str]) -> Document:
             "choose": [role for role in entry.missing if role in undecided],
             "would_use": list(entry.unused),
         }
-        for entry in stage_readiness(bound, STAGES)
+        for entry in readiness_of_each_stage(bound, STAGES)
     }
 
 

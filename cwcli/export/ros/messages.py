@@ -111,7 +111,7 @@ def _has_field(definitions: Definitions, name: str, path: str) -> bool:
     return False
 
 
-def _odometry_of_state(columns: Columns, local_map: LocalMap | None) -> Fields:
+def _odometry_fields_of_states(columns: Columns, local_map: LocalMap | None) -> Fields:
     """Convert states to odometry in the map of this log; a truth with another map origin is moved there."""
     has_covariance = isinstance(find_field(columns, "sigma"), np.ndarray)
     states = read_vehicle_states(columns, with_covariance=has_covariance)
@@ -137,7 +137,7 @@ def _odometry_of_state(columns: Columns, local_map: LocalMap | None) -> Fields:
     return _odometry_fields(states.stamp_ns, frame, child, (x_m, y_m), motion, (pose, twist))
 
 
-def _odometry_of_target(columns: Columns, _map: LocalMap | None) -> Fields:
+def _odometry_fields_of_targets(columns: Columns, _map: LocalMap | None) -> Fields:
     """Convert targets to odometry in their own frame, the map's or the car's."""
     n = len(columns)
     x_m, y_m, vx, vy = (read_numbers(columns, name, required=True) for name in ("x_m", "y_m", "vx_mps", "vy_mps"))
@@ -178,7 +178,7 @@ def _odometry_fields(
     }
 
 
-def _path_fields(columns: Columns, _map: LocalMap | None) -> Fields:
+def _nav_path_fields(columns: Columns, _map: LocalMap | None) -> Fields:
     """Make the fields of `nav_msgs/Path`; the stamp of each point is its predicted time."""
     stamp_ns, _ = read_integers(columns, "stamp_ns", required=True)
     x_m, y_m, heading = (_read_ragged_numbers(columns, name) for name in ("x_m", "y_m", "heading_rad"))
@@ -243,7 +243,7 @@ def _diagnostics_fields(columns: Columns, _map: LocalMap | None) -> Fields:
     return {"header.stamp": stamp_ns, "status": _one_element_per_row(n, status)}
 
 
-def _log_fields(columns: Columns, _map: LocalMap | None) -> Fields:
+def _rcl_log_fields(columns: Columns, _map: LocalMap | None) -> Fields:
     return {
         "stamp": read_stamps(columns)[0],
         "level": LOG_LEVEL_STEP * np.clip(read_integers(columns, "level", required=True)[0], 0, MAX_FOXGLOVE_LOG_LEVEL),
@@ -308,9 +308,9 @@ def _copy_quaternion_fields(columns: Columns, path: str) -> dict[str, OutputFiel
 
 
 ROS_CONVERSIONS = {
-    "cwcli.v1.VehicleState": RosConversion("nav_msgs/msg/Odometry", _odometry_of_state),
-    "cwcli.v1.Target": RosConversion("nav_msgs/msg/Odometry", _odometry_of_target),
-    "cwcli.v1.PredictedPath": RosConversion("nav_msgs/msg/Path", _path_fields),
+    "cwcli.v1.VehicleState": RosConversion("nav_msgs/msg/Odometry", _odometry_fields_of_states),
+    "cwcli.v1.Target": RosConversion("nav_msgs/msg/Odometry", _odometry_fields_of_targets),
+    "cwcli.v1.PredictedPath": RosConversion("nav_msgs/msg/Path", _nav_path_fields),
     "cwcli.v1.Warning": RosConversion("diagnostic_msgs/msg/DiagnosticArray", _diagnostics_fields),
     "cwcli.v1.Measures": RosConversion("cwcli_msgs/msg/Measures", _copy_fields_of_same_name),
     "cwcli.v1.Lanes": RosConversion("cwcli_msgs/msg/Lanes", _copy_fields_of_same_name),
@@ -321,7 +321,7 @@ ROS_CONVERSIONS = {
     "foxglove.LocationFix": RosConversion("sensor_msgs/msg/NavSatFix", _nav_sat_fix_fields),
     "foxglove.PoseInFrame": RosConversion("geometry_msgs/msg/PoseStamped", _pose_stamped_fields),
     "foxglove.FrameTransform": RosConversion("tf2_msgs/msg/TFMessage", _transform_fields),
-    "foxglove.Log": RosConversion("rcl_interfaces/msg/Log", _log_fields),
+    "foxglove.Log": RosConversion("rcl_interfaces/msg/Log", _rcl_log_fields),
 }
 """Schema of a channel -> its ROS message. Scenes and image annotations are left out, because they only draw paths,
 targets and lanes, which are converted themselves."""

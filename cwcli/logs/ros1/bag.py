@@ -36,8 +36,8 @@ from cwcli.logs.ros1.records import (
     header_text,
     iter_file_pieces,
     parse_header,
+    ros_time_to_ns,
     take_record_head,
-    time_ns,
 )
 
 if TYPE_CHECKING:
@@ -160,11 +160,11 @@ class BagReader:
 
     def _record_head_and_data_offset(self, offset: int) -> tuple[RecordHead, int]:
         """Return the head of the record at a place of the file, and the place of its data."""
-        (n,) = LENGTH.unpack(self._take(offset, LENGTH.size))
-        source = PieceSource(iter([self._take(offset, min(n + 2 * LENGTH.size, len(self._file) - offset))]))
+        (n,) = LENGTH.unpack(self._read_bytes_at(offset, LENGTH.size))
+        source = PieceSource(iter([self._read_bytes_at(offset, min(n + 2 * LENGTH.size, len(self._file) - offset))]))
         return take_record_head(source), offset + n + 2 * LENGTH.size
 
-    def _take(self, at: int, n: int) -> bytes:
+    def _read_bytes_at(self, at: int, n: int) -> bytes:
         if at + n > len(self._file):
             raise EndOfRecordsError("the file ends inside of a record")
         return bytes(self._file[at : at + n])
@@ -287,9 +287,9 @@ class BagReader:
         key: object = head.header[b"topic"] if b"conn" not in head.header and b"topic" in head.header else None
         if key is None:
             key = header_number(head.header, b"conn")
-            log_time_ns = time_ns(head.header.get(b"time", b""))
+            log_time_ns = ros_time_to_ns(head.header.get(b"time", b""))
         else:
-            log_time_ns = time_ns(head.header.get(b"sec", b"") + head.header.get(b"nsec", b""))
+            log_time_ns = ros_time_to_ns(head.header.get(b"sec", b"") + head.header.get(b"nsec", b""))
         connection = self._connections.get(key)
         self._read_counts[key] += 1
         self._read_sum += hash((key, log_time_ns))
@@ -317,7 +317,7 @@ class BagReader:
             source = PieceSource(iter_file_pieces(self._file, at, at + head.n_bytes))
             for _ in range(head.n_bytes // INDEX_ENTRY_BYTES):
                 time = source.take(INDEX_ENTRY_BYTES)[: TIME.size]
-                self._index_sum += hash((int.from_bytes(key, "little"), time_ns(time)))
+                self._index_sum += hash((int.from_bytes(key, "little"), ros_time_to_ns(time)))
                 self._n_index_entries += 1
 
     def _compare_with_index(self) -> None:

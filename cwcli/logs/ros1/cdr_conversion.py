@@ -87,7 +87,7 @@ class Ros1Converter:
         self._layouts: dict[str, Layout] = {}
         self._definition = definition
         self._drops_sequence = has_ros1_header(definition)
-        self._layout = self._layout_of(definition.root)
+        self._layout = self._layout_of_message(definition.root)
 
     def convert(self, data: bytes) -> bytes:
         """Return a message as CDR.
@@ -102,7 +102,7 @@ class Ros1Converter:
             raise ConversionError("the message is longer than its definition")
         return bytes(conversion.out)
 
-    def _layout_of(self, name: str) -> Layout:
+    def _layout_of_message(self, name: str) -> Layout:
         found = self._layouts.get(name)
         if found is None:
             fields = self._definition.fields[name]
@@ -115,7 +115,7 @@ class Ros1Converter:
             if not steps:
                 steps.append((Kind.EMPTY,))
             found = self._layouts[name] = Layout(
-                tuple(steps), sum(map(_min_bytes, steps)), 1 + sum(map(_n_elements, steps))
+                tuple(steps), sum(map(_min_bytes_of_step, steps)), 1 + sum(map(_n_elements_of_step, steps))
             )
         return found
 
@@ -130,7 +130,7 @@ class Ros1Converter:
                 return Kind.SEQUENCE, size, size
             n_bytes = size * (1 if field.length is None else field.length)
             return Kind.NUMBERS, n_bytes, ((size, n_bytes),)
-        layout = self._layout_of(field.type)
+        layout = self._layout_of_message(field.type)
         only = layout.steps[0] if len(layout.steps) == 1 else (Kind.EMPTY,)
         if only[0] == Kind.NUMBERS:  # a message of numbers alone is no more than its numbers
             pieces = only[2]
@@ -158,7 +158,7 @@ def _append_step(steps: list[tuple[Any, ...]], step: tuple[Any, ...]) -> None:
     steps.append((Kind.NUMBERS, n_bytes + step[1], tuple(joined)))
 
 
-def _min_bytes(step: tuple[Any, ...]) -> int:
+def _min_bytes_of_step(step: tuple[Any, ...]) -> int:
     """Return the least size in ROS 1 of what a step converts."""
     kind = step[0]
     if kind in (Kind.NUMBERS, Kind.DROPPED):
@@ -170,7 +170,7 @@ def _min_bytes(step: tuple[Any, ...]) -> int:
     return 0 if kind == Kind.EMPTY else LENGTH_BYTES
 
 
-def _n_elements(step: tuple[Any, ...]) -> int:
+def _n_elements_of_step(step: tuple[Any, ...]) -> int:
     """Return the number of messages, and of texts in arrays, that a step converts in every message."""
     if step[0] == Kind.MESSAGES and step[2] is not None:
         return int(step[2]) * int(step[1].n_elements)
@@ -222,20 +222,20 @@ class _Conversion:
                     at += n_bytes
                 self.at = at
             elif kind == Kind.TEXT:
-                self._text()
+                self._copy_text()
             elif kind == Kind.MESSAGES:
-                self._messages(step[1], step[2])
+                self._convert_messages(step[1], step[2])
             elif kind == Kind.SEQUENCE:
-                self._sequence(step[1], step[2])
+                self._copy_sequence(step[1], step[2])
             elif kind == Kind.TEXTS:
-                self._texts(step[1])
+                self._copy_texts(step[1])
             elif kind == Kind.DROPPED:
                 self._require_bytes(step[1])
                 self.at += step[1]
             else:
                 out += PADDING[1]
 
-    def _length(self) -> int:
+    def _copy_and_return_length(self) -> int:
         """Take a length from the message, and write it."""
         self._require_bytes(LENGTH_BYTES)
         (n,) = _LENGTH.unpack_from(self._data, self.at)
@@ -244,7 +244,7 @@ class _Conversion:
         self.out += _LENGTH.pack(n)
         return int(n)
 
-    def _text(self) -> None:
+    def _copy_text(self) -> None:
         self._require_bytes(LENGTH_BYTES)
         (n,) = _LENGTH.unpack_from(self._data, self.at)
         start = self.at + LENGTH_BYTES
@@ -259,23 +259,23 @@ class _Conversion:
         out += self._data[start : start + n]
         out += PADDING[1]
 
-    def _texts(self, count: int | None) -> None:
-        n = self._length() if count is None else count
+    def _copy_texts(self, count: int | None) -> None:
+        n = self._copy_and_return_length() if count is None else count
         self._require_bytes(n * LENGTH_BYTES)
         for _ in range(n):
-            self._text()
+            self._copy_text()
 
-    def _sequence(self, size: int, n_element_bytes: int) -> None:
-        n_bytes = self._length() * n_element_bytes
+    def _copy_sequence(self, size: int, n_element_bytes: int) -> None:
+        n_bytes = self._copy_and_return_length() * n_element_bytes
         self._require_bytes(n_bytes)
         if n_bytes:
             self.out += PADDING[4 - len(self.out) & (size - 1)]
             self.out += self._data[self.at : self.at + n_bytes]
             self.at += n_bytes
 
-    def _messages(self, layout: Layout, count: int | None) -> None:
+    def _convert_messages(self, layout: Layout, count: int | None) -> None:
         if count is None:
-            n = self._length()
+            n = self._copy_and_return_length()
             self.reserve(layout, n)
         else:  # counted with the message around it
             n = count

@@ -176,7 +176,7 @@ def header_text(header: Header, name: bytes) -> str:
     return header[name].decode("utf-8", "replace")
 
 
-def time_ns(value: bytes) -> int:
+def ros_time_to_ns(value: bytes) -> int:
     """Return a time in ns.
 
     Raises:

@@ -215,9 +215,9 @@ class _Cutter:
         """Copy a chunk, or write what the span holds of it."""
         if self._wanted_ids.isdisjoint(chunk.channel_ids) and chunk.channel_ids and self._reader.trusts_indexes:
             return
-        counts = self._count_if_wholly_wanted(chunk)
+        counts = self._message_counts_if_wholly_wanted(chunk)
         if counts is not None:
-            self._define_channels(counts)
+            self._write_missing_definitions_of_channels(counts)
             self._writer.copy_chunk(self._source.file, chunk._replace(counts=counts))
             self._add_counts(counts)
             self._n_copied += 1
@@ -230,7 +230,7 @@ class _Cutter:
             batches = self._reader.iter_chunk_batches(chunk, payload, self._wanted_ids)
             self._write_batches(batches, is_compressed=bool(chunk.compression))
 
-    def _count_if_wholly_wanted(self, chunk: ChunkIndex) -> dict[int, int] | None:
+    def _message_counts_if_wholly_wanted(self, chunk: ChunkIndex) -> dict[int, int] | None:
         """Return channel id -> messages by the message indexes; None if a message is not wanted, or they can't tell."""
         is_plain = (
             self._reader.trusts_indexes
@@ -247,13 +247,13 @@ class _Cutter:
         counts: dict[int, int] = {}
         for channel_id in chunk.index_offsets:
             entries = find_message_index_entries(self._source.file, self._index, chunk, channel_id)
-            if entries is None or not self._are_inside(entries[:, 0], chunk.start_ns, chunk.end_ns):
+            if entries is None or not self._are_log_times_between(entries[:, 0], chunk.start_ns, chunk.end_ns):
                 return None
             if len(entries):
                 counts[channel_id] = len(entries)
         return counts
 
-    def _are_inside(self, log_time_ns: npt.NDArray[np.uint64], first_ns: int, last_ns: int) -> bool:
+    def _are_log_times_between(self, log_time_ns: npt.NDArray[np.uint64], first_ns: int, last_ns: int) -> bool:
         """Tell whether all log times lie from first to last."""
         return not len(log_time_ns) or (int(log_time_ns.min()) >= first_ns and int(log_time_ns.max()) <= last_ns)
 
@@ -269,7 +269,7 @@ class _Cutter:
         times = [each["log_time"] for each in entries.values()]
         if not entries or not entries.keys() <= self._wanted_ids:
             return False
-        if not all(self._are_inside(each, self._span.first_ns, self._span.last_ns) for each in times):
+        if not all(self._are_log_times_between(each, self._span.first_ns, self._span.last_ns) for each in times):
             return False
         content = ChunkPayload(
             np.frombuffer(payload, np.uint8),
@@ -277,7 +277,7 @@ class _Cutter:
             max(int(each.max()) for each in times),
             entries,
         )
-        self._define_channels(entries)
+        self._write_missing_definitions_of_channels(entries)
         stored = stored_chunk_bytes(self._source.file, chunk)
         self._writer.write_stored_chunk(content, chunk.compression, stored)
         self._add_counts({channel_id: len(rows) for channel_id, rows in entries.items()})
@@ -310,14 +310,14 @@ class _Cutter:
         entries = message_index_entries(records)
         times = np.concatenate([each["log_time"] for each in entries.values()])
         payload = ChunkPayload(np.frombuffer(records, np.uint8), int(times.min()), int(times.max()), entries)
-        self._define_channels(entries)
+        self._write_missing_definitions_of_channels(entries)
         if is_compressed:
             self._writer.write_chunk(payload)
         else:
             self._writer.write_stored_chunk(payload, "", records)
         return entries
 
-    def _define_channels(self, channel_ids: Iterable[int]) -> None:
+    def _write_missing_definitions_of_channels(self, channel_ids: Iterable[int]) -> None:
         """Write the channels and schemas that are not written yet: a copied chunk need not hold its own."""
         for channel_id in channel_ids:
             channel = self._index.channels[channel_id]

@@ -234,7 +234,7 @@ class SourceCopy:
             records = self._decompress_with_log_ids(chunk)
             if is_changed:
                 is_renumbered = self._index.renumbering_at(chunk.chunk_start) is not None
-                records = remove_channels(records, self._replaced_ids, definitions=not is_renumbered)
+                records = remove_channels_from_records(records, self._replaced_ids, definitions=not is_renumbered)
             entries = message_index_entries(records)
         except (ChunkError, RecordError) as error:
             raise damaged_file_error(self._source, chunk.chunk_start, error) from error
@@ -252,7 +252,9 @@ class SourceCopy:
         """Write records that have no intact chunk as a new chunk; return the last log time in ns."""
         entries = message_index_entries(records)
         if not self._replaced_ids.isdisjoint(entries) or (self._index.renumberings and entries):
-            records = remove_channels(records, self._replaced_ids, definitions=not self._index.renumberings)
+            records = remove_channels_from_records(
+                records, self._replaced_ids, definitions=not self._index.renumberings
+            )
             entries = message_index_entries(records)
         if not entries:
             return None
@@ -301,7 +303,9 @@ def message_index_entries(records: memoryview) -> Entries:
     return {channel_id: entries[channel_ids == channel_id] for channel_id in found[np.argsort(first)].tolist()}
 
 
-def remove_channels(records: memoryview, channel_ids: frozenset[int], *, definitions: bool = True) -> memoryview:
+def remove_channels_from_records(
+    records: memoryview, channel_ids: frozenset[int], *, definitions: bool = True
+) -> memoryview:
     """Return the records without messages and definitions of some channels; `definitions` off removes all of them.
 
     Raises:

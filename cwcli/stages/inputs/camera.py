@@ -14,7 +14,7 @@ import numpy as np
 
 from cwcli.channels.binding import bind_roles, is_truth_topic
 from cwcli.channels.published import LANES, OWN_TOPIC_PREFIX
-from cwcli.channels.transforms import fill_transform_tree
+from cwcli.channels.transforms import add_transforms_of_topic_to_tree
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
@@ -256,7 +256,7 @@ def _pose_from_transforms(
     tree: dict[str, Transform] = {}
     counts = []
     for topic in topics:
-        counts.append(InputMessageCount.from_transforms(*fill_transform_tree(log, topic, tree, frame_id)))
+        counts.append(InputMessageCount.from_transforms(*add_transforms_of_topic_to_tree(log, topic, tree, frame_id)))
         if find_body_frame_and_transform(tree, frame_id) is not None:
             break
     found = find_body_frame_and_transform(tree, frame_id)

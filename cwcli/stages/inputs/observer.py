@@ -95,7 +95,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
         sigma = np.where((sigma > 0.0) & (sigma <= MAX_PREVIEW_SIGMA), sigma, np.nan)  # the observer then takes its own
     is_held = np.isin(lanes.state[rows], (LaneState.HELD, LaneState.CARRIED))  # what no frame shows is no measurement
     values = np.where(is_beyond | is_held[:, None], np.nan, values)
-    lines = np.where(is_held[:, None, None], np.nan, lanes.curved_road_lines()[rows])
+    lines = np.where(is_held[:, None, None], np.nan, lanes.curved_offset_slope_curvature_of_boundaries()[rows])
     is_empty = ~np.isfinite(values).any(axis=1) & ~is_held
     has_shape = np.asarray(np.isfinite(lines).any(axis=(1, 2)), np.bool_)
     reasons = {NO_VALUE: ~has_shape, TURNED_BACK: has_shape & (not with_shape)}
@@ -108,7 +108,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     }
     samples = LaneSamples(
         *(stamp_ns[rows], values[:, 0], values[:, 1], values[:, 2], sigma[:, 0], sigma[:, 1], sigma[:, 2]),
-        yaw_sigma_rad=lanes.least_shared_yaw_sigma_rad(),
+        yaw_sigma_rad=lanes.least_camera_yaw_sigma_rad(),
         lines=lines,
         curvature_change_1pm2=lanes.curvature_change_1pm2[rows],
     )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.channels.published import WARNINGS
-from cwcli.channels.warning import read_warnings, write_warnings_and_log_channels
+from cwcli.channels.warning import make_warning_and_log_channels, read_warnings
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
@@ -111,7 +111,7 @@ def build_warnings_result(
     is_there = any(channel.topic == WARNINGS.topic for channel in log.added_channels)
     earlier = (read_warnings(log.columns(WARNINGS.topic)),) if is_there else ()
     outcomes = number_events_over_rules(outcomes, after=earlier)
-    channels = write_warnings_and_log_channels([*earlier, *(outcome.rows for outcome in outcomes)])
+    channels = make_warning_and_log_channels([*earlier, *(outcome.rows for outcome in outcomes)])
     sections = tuple(section for outcome in outcomes for section in outcome.sections)
     summary = StageSummary(stage, sections, inputs, notes)
     result = StageResult(

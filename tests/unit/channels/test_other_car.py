@@ -9,7 +9,7 @@ from cwcli.channels.other_car import (
     clock_difference_text,
     estimate_recorder_clock,
     merge_states_by_log_time,
-    move_to_map_and_clock,
+    move_states_to_our_map_and_clock,
 )
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.signals.geodesy import LocalMap
@@ -32,7 +32,7 @@ def states(n: int = 5) -> VehicleStates:
 
 def test_on_the_same_map_nothing_moves_but_the_clock() -> None:
     before = states()
-    after = move_to_map_and_clock(before, OURS, OURS, name="b", stamp_shift_ns=-7, log_shift_ns=9)
+    after = move_states_to_our_map_and_clock(before, OURS, OURS, name="b", stamp_shift_ns=-7, log_shift_ns=9)
     np.testing.assert_allclose(after.state, before.state, atol=1e-6)
     np.testing.assert_allclose(after.covariance, before.covariance, atol=1e-6)
     assert after.ids.values == ("b",)
@@ -44,7 +44,7 @@ def test_another_map_is_turned_by_the_convergence_of_the_meridians() -> None:
     """Two planes 0.1 degrees of longitude apart at 48 degrees north are turned by 0.1 sin 48 = 0.0743 degrees."""
     theirs = LocalMap(48.0, 11.1, 0.0)
     before = states()
-    after = move_to_map_and_clock(before, theirs, OURS, name="b", stamp_shift_ns=0, log_shift_ns=0)
+    after = move_states_to_our_map_and_clock(before, theirs, OURS, name="b", stamp_shift_ns=0, log_shift_ns=0)
     turned_deg = np.degrees(after.state[:, HEADING] - before.state[:, HEADING])
     np.testing.assert_allclose(turned_deg, 0.1 * np.sin(np.radians(48.0)), rtol=0.01)
     turn = np.radians(turned_deg[0])
@@ -56,7 +56,7 @@ def test_another_map_is_turned_by_the_convergence_of_the_meridians() -> None:
 def test_positions_are_the_same_places() -> None:
     theirs = LocalMap(48.01, 11.02, 0.0)
     before = states()
-    after = move_to_map_and_clock(before, theirs, OURS, name="b", stamp_shift_ns=0, log_shift_ns=0)
+    after = move_states_to_our_map_and_clock(before, theirs, OURS, name="b", stamp_shift_ns=0, log_shift_ns=0)
     zeros = np.zeros(len(before))
     expected = theirs.wgs84_from_map(before.state[:, 0], before.state[:, 1], zeros)
     x_m, y_m, _ = OURS.map_from_wgs84(expected[0], expected[1], np.full(len(before), np.nan))
@@ -87,7 +87,7 @@ def test_the_clocks_are_told() -> None:
 
 def test_two_cars_stand_in_the_order_of_their_log_times() -> None:
     one = states(3)
-    two = move_to_map_and_clock(states(3), OURS, OURS, name="b", stamp_shift_ns=1, log_shift_ns=1)
+    two = move_states_to_our_map_and_clock(states(3), OURS, OURS, name="b", stamp_shift_ns=1, log_shift_ns=1)
     both = merge_states_by_log_time(one, two)
     assert [both.ids.values[code] for code in both.ids.codes] == ["ego", "b"] * 3
     assert (np.diff(both.log_time_ns) >= 0).all()

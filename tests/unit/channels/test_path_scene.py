@@ -9,7 +9,7 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.path_scene import LINE_LIFETIME_NS, POINTS_PER_LINE, write_path_scene
+from cwcli.channels.path_scene import LINE_LIFETIME_NS, POINTS_PER_LINE, make_path_scene_channel
 from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import PATH_SCENE
 from cwcli.logs.write.writer import LogWriter
@@ -39,7 +39,7 @@ def scenes(channel: OutputChannel, folder: Path) -> list[tuple[int, Any]]:
 
 
 def test_a_path_is_a_line_with_its_first_and_last_point(tmp_path: Path) -> None:
-    [(log_time_ns, scene)] = scenes(write_path_scene([paths(["ego"], [1000])]), tmp_path)
+    [(log_time_ns, scene)] = scenes(make_path_scene_channel([paths(["ego"], [1000])]), tmp_path)
     [entity] = scene.entities
     [line] = entity.lines
     assert log_time_ns == 1000 * MS
@@ -53,7 +53,7 @@ def test_each_vehicle_is_thinned_for_itself_and_all_stand_in_log_time_order(tmp_
     times = list(range(0, 1000, 50))  # 20 Hz
     ego = paths(["ego"] * 20, times)
     others = paths(["a", "b"] * 20, [t + 3 for t in times for _ in range(2)])
-    drawn = scenes(write_path_scene([ego, others]), tmp_path)
+    drawn = scenes(make_path_scene_channel([ego, others]), tmp_path)
     names = [scene.entities[0].id for _, scene in drawn]
     assert [time for time, _ in drawn] == sorted(time for time, _ in drawn)
     assert {name: names.count(name) for name in names} == {"ego": 6, "a": 6, "b": 6}  # 950 ms in periods of 190
@@ -62,5 +62,5 @@ def test_each_vehicle_is_thinned_for_itself_and_all_stand_in_log_time_order(tmp_
 
 
 def test_five_a_second_are_all_drawn_and_no_path_makes_an_empty_channel(tmp_path: Path) -> None:
-    assert len(scenes(write_path_scene([paths(["ego"] * 30, list(range(0, 6000, 200)))]), tmp_path)) == 30
-    assert len(write_path_scene([]).log_time_ns) == 0
+    assert len(scenes(make_path_scene_channel([paths(["ego"] * 30, list(range(0, 6000, 200)))]), tmp_path)) == 30
+    assert len(make_path_scene_channel([]).log_time_ns) == 0

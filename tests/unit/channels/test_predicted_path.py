@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.output import first_row_of_each_vehicle_and_period
-from cwcli.channels.predicted_path import LazyPaths, read_predicted_paths, write_lazy_paths
+from cwcli.channels.predicted_path import LazyPaths, make_lazy_path_channel, read_predicted_paths
 from cwcli.channels.published import REMOTE_PATH
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
@@ -49,7 +49,7 @@ def planned(n: int) -> LazyPaths:
 
 def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same(tmp_path: Path) -> None:
     given = planned(20)
-    channel = write_lazy_paths(REMOTE_PATH, given, rate_hz=5.0)
+    channel = make_lazy_path_channel(REMOTE_PATH, given, rate_hz=5.0)
     (tmp_path / "in.mcap").write_bytes(small_log(4))
     with Log.open(tmp_path / "in.mcap") as log:
         run = log.with_channels([channel])
@@ -73,5 +73,5 @@ def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same
 @pytest.mark.parametrize("step_s, kept", [(0.05, 5), (0.1, 2), (0.25, 1), (0.3, 1)])
 def test_points_are_a_quarter_of_a_second_apart_at_most(step_s: float, kept: int) -> None:
     given = replace(planned(2), plan=replace(planned(2).plan, settings=RolloutSettings(3.0, step_s)))
-    channel = write_lazy_paths(REMOTE_PATH, given, rate_hz=5.0)
+    channel = make_lazy_path_channel(REMOTE_PATH, given, rate_hz=5.0)
     assert np.asarray(channel.make_rows(0, 2)["step_s"]).tolist() == pytest.approx([kept * step_s] * 2)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import N_STATES
 
@@ -36,11 +36,11 @@ def test_covariance_that_is_not_positive_definite_is_a_bug_in_words(wrong: np.nd
     covariance[1] = wrong
     told = "/cwcli/ego/state: 1 of 3 covariances are not positive definite, the first that of ego at 11.000 s"
     with pytest.raises(ArithmeticError, match=told):
-        write_vehicle_states(EGO_STATE, states(covariance), None)
+        make_vehicle_state_channel(EGO_STATE, states(covariance), None)
 
 
 def test_covariance_that_is_not_known_is_not_checked() -> None:
-    channel = write_vehicle_states(
+    channel = make_vehicle_state_channel(
         EGO_STATE, VehicleStates.from_ego_states(STAMP_NS, np.zeros((3, N_STATES))), None, has_covariance=False
     )
     fields: Mapping[str, Any] = channel.fields

@@ -13,7 +13,7 @@ from mcap.writer import Writer
 from mcap_ros2.writer import Writer as Ros2Writer
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import OutputChannel, encode_strings
 from tests.unit.evaluation.small_logs import T0_NS
@@ -56,7 +56,7 @@ def states_of_meetings(n: int) -> list[OutputChannel]:
         ),
         ids=encode_strings([row[1] for row in rows]),
     )
-    return [write_vehicle_states(EGO_STATE, own, None), write_vehicle_states(REMOTE_STATE, others, None)]
+    return [make_vehicle_state_channel(EGO_STATE, own, None), make_vehicle_state_channel(REMOTE_STATE, others, None)]
 
 
 def at_ns(seconds: float) -> int:

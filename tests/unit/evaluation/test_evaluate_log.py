@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.predicted_path import PredictedPaths, write_predicted_paths
+from cwcli.channels.predicted_path import PredictedPaths, make_predicted_path_channel
 from cwcli.channels.published import EGO_PATH, EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.errors import UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.evaluation.target_truth import TargetTruthScores, format_score_record_json
@@ -54,7 +54,9 @@ def straight(*, x0_m: float = 0.0, y_m: float = 0.0, speed_mps: float = 10.0) ->
 
 def states(topic: str, state: FloatArray, vehicle: str = "ego", *, variance: float = 0.25) -> OutputChannel:
     known = VehicleStates.from_ego_states(stamps(), state, np.tile(np.eye(8) * variance, (N, 1, 1)))
-    return write_vehicle_states(EGO_STATE._replace(topic=topic), replace(known, ids=repeat_string(vehicle, N)), None)
+    return make_vehicle_state_channel(
+        EGO_STATE._replace(topic=topic), replace(known, ids=repeat_string(vehicle, N)), None
+    )
 
 
 def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "ego") -> OutputChannel:
@@ -64,7 +66,7 @@ def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "eg
     covariance = np.tile([1.0, 0.0, 1.0], (N, 51, 1))
     whole = Paths(time_s, x_m, np.repeat(state[:, 1:2], 51, 1), 0.0 * x_m, np.full_like(x_m, speed_mps), covariance)
     predicted = PredictedPaths(repeat_string(vehicle, N), stamps(), stamps(), "cv", whole)
-    return write_predicted_paths(EGO_PATH._replace(topic=topic), predicted)
+    return make_predicted_path_channel(EGO_PATH._replace(topic=topic), predicted)
 
 
 def test_errors_against_the_truth(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, WARNINGS
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.evaluation.message_changes import LogDifference, compare_messages
 from cwcli.evaluation.setting_changes import SettingChange, compare_settings
 from cwcli.logs.read.reader import Log
@@ -43,7 +43,7 @@ def write(path: Path, **changes: Any) -> Path:
             for row, column, by in changes.get(topic.topic, ()):
                 state[row, column] += by
             states = VehicleStates.from_ego_states(STAMP_NS, state, np.broadcast_to(np.eye(8), (N, 8, 8)))
-            log.write_columns(write_vehicle_states(topic, states, None))
+            log.write_columns(make_vehicle_state_channel(topic, states, None))
         log.write_columns(warnings(changes.get("raised", (10, 40))))
         record = {
             "version": changes.get("version", "1"),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.lateral_state import ObservedDrive, read_observed_drive, write_observed_drive
+from cwcli.channels.lateral_state import ObservedDrive, make_observer_channel, read_observed_drive
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_frame_statuses
 from cwcli.evaluation.observe import build_truth_errors_table
@@ -48,7 +48,7 @@ def observed(preview_m: FloatArray) -> OutputChannel:
         status=status,
         counts=count_frame_statuses(status),
     )
-    return write_observed_drive(ObservedDrive(STAMP_NS, track))
+    return make_observer_channel(ObservedDrive(STAMP_NS, track))
 
 
 def truth(*, with_ahead: bool, ends_m: float = np.inf) -> OutputChannel:

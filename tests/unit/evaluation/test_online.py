@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.metrics.pooling import metric_rows_by_name, notes_from_metadata
 from cwcli.signals.columns import OutputChannel
@@ -25,7 +25,7 @@ def states(topic: str, *, ahead_m: float = 0.0, delay_s: float = 0.0) -> OutputC
     state[:, 0], state[:, 2] = 10.0 * (stamp_ns - T0_NS) / 1e9 + ahead_m, 10.0
     known = VehicleStates.from_ego_states(stamp_ns, state, np.tile(np.eye(8), (N, 1, 1)))
     later = replace(known, log_time_ns=stamp_ns + round(delay_s * 1e9))
-    return write_vehicle_states(EGO_STATE._replace(topic=topic), later, None)
+    return make_vehicle_state_channel(EGO_STATE._replace(topic=topic), later, None)
 
 
 @pytest.mark.parametrize("truth", [True, False])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes
 from cwcli.evaluation.preventable import add_preventable_share, simulate_careful_driver
 from cwcli.metrics.headline import HeadlineCollector
@@ -30,7 +30,8 @@ def crash(path: Path, speed_mps: float) -> ActualOutcomes:
     own, theirs = (VehicleStates.from_ego_states(stamp_ns, state, covariance) for state in (ego, other))
     theirs = replace(theirs, ids=repeat_string("2", len(stamp_ns)))
     log = log_of(
-        path / "a.mcap", [write_vehicle_states(EGO_STATE, own, None), write_vehicle_states(REMOTE_STATE, theirs, None)]
+        path / "a.mcap",
+        [make_vehicle_state_channel(EGO_STATE, own, None), make_vehicle_state_channel(REMOTE_STATE, theirs, None)],
     )
     real = find_actual_outcomes(log)
     assert real is not None

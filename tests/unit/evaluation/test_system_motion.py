@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.evaluation.system.placing import fit_frame_placement
@@ -49,7 +49,7 @@ def ego_states(motion: Motion, topic: str = EGO_STATE.topic) -> OutputChannel:
         x, y, heading = motion((at - T0_NS) / 1e9)
         state[k, [0, 1, 2, 3, 5]] = x, y, SPEED_MPS, heading, YAW_RATE if motion is circle else 0.0
     covariance = np.tile(np.eye(8), (len(state), 1, 1))
-    return write_vehicle_states(
+    return make_vehicle_state_channel(
         EGO_STATE._replace(topic=topic), VehicleStates.from_ego_states(stamp_ns, state, covariance), None
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.events.quantities import window_values
 from cwcli.events.search import find_in_log, parse_query
@@ -32,7 +32,7 @@ def ramp(tmp_path_factory: pytest.TempPathFactory) -> Path:
     covariance = np.broadcast_to(np.eye(8), (100, 8, 8))
     with LogWriter(path) as log:
         log.write_columns(
-            write_vehicle_states(EGO_STATE, VehicleStates.from_ego_states(stamp_ns, state, covariance), None)
+            make_vehicle_state_channel(EGO_STATE, VehicleStates.from_ego_states(stamp_ns, state, covariance), None)
         )
         channel = log.add_channel("/status", "json", log.add_schema("Status", "jsonschema", b"{}"))
         log.write_messages(channel, stamp_ns, [json.dumps({"left": 100 - k}).encode() for k in range(100)])

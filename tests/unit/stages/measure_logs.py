@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Strings
 from cwcli.signals.vehicle_state import N_STATES
@@ -64,9 +64,9 @@ def ring(n_cars: int, time_s: np.ndarray, seed: int = 0) -> list[np.ndarray]:
 
 def state_log(path: Path, ego: VehicleStates, others: VehicleStates | None) -> Log:
     """A log with these states in memory."""
-    channels = [write_vehicle_states(EGO_STATE, ego, None)]
+    channels = [make_vehicle_state_channel(EGO_STATE, ego, None)]
     if others is not None:
-        channels.append(write_vehicle_states(REMOTE_STATE, others, None))
+        channels.append(make_vehicle_state_channel(REMOTE_STATE, others, None))
     return log_of(path, channels)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from mcap_ros2.writer import Writer as Ros2Writer
 
-from cwcli.channels.transforms import read_lever_arms
+from cwcli.channels.transforms import read_lever_arms_transform_counts_and_notes
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.transforms import Transform, find_carrying_body_frame_and_transform
@@ -65,7 +65,7 @@ def test_a_frame_that_the_body_does_not_carry_has_none(frame: str) -> None:
 
 def test_places_come_from_the_transforms(tmp_path: Path) -> None:
     with Log.open(log_of(tmp_path / "drive.mcap", TREE)) as log:
-        places, counts, notes = read_lever_arms(log, TOPICS, {})
+        places, counts, notes = read_lever_arms_transform_counts_and_notes(log, TOPICS, {})
     assert places == {"/gps/fix": pytest.approx((1.25, -0.5)), "/imu": pytest.approx((-0.5, 0.0))}
     assert [(c.topic, c.read, c.used) for c in counts] == [("/tf_static", 2, 1), ("/tf", 1, 1)]
     assert notes[0] == "/gps/fix is mounted 1.25 m ahead and -0.50 m to the left of base_link (antenna)"
@@ -74,7 +74,7 @@ def test_places_come_from_the_transforms(tmp_path: Path) -> None:
 
 def test_what_the_user_says_counts_before_the_transforms(tmp_path: Path) -> None:
     with Log.open(log_of(tmp_path / "drive.mcap", TREE)) as log:
-        places, _, notes = read_lever_arms(log, TOPICS, {"/gps/fix": (2.0, 0.0)})
+        places, _, notes = read_lever_arms_transform_counts_and_notes(log, TOPICS, {"/gps/fix": (2.0, 0.0)})
     assert places == {"/gps/fix": (2.0, 0.0), "/imu": pytest.approx((-0.5, 0.0))}
     assert len(notes) == 1
 
@@ -82,7 +82,7 @@ def test_what_the_user_says_counts_before_the_transforms(tmp_path: Path) -> None
 def test_a_place_that_is_not_on_the_car_is_not_used_and_told(tmp_path: Path) -> None:
     far = (*TREE[:2], edge("roof", "antenna", (40.0, 0.0, 0.0)), TREE[3])
     with Log.open(log_of(tmp_path / "drive.mcap", far)) as log:
-        places, _, notes = read_lever_arms(log, TOPICS, {})
+        places, _, notes = read_lever_arms_transform_counts_and_notes(log, TOPICS, {})
     assert list(places) == ["/imu"]
     assert notes[0].startswith(
         "/gps/fix: 41.00 m ahead and 0.00 m to the left of base_link (antenna) is not on the car"
@@ -91,9 +91,9 @@ def test_a_place_that_is_not_on_the_car_is_not_used_and_told(tmp_path: Path) -> 
 
 def test_a_log_without_transforms_is_not_read_again(tmp_path: Path) -> None:
     with Log.open(log_of(tmp_path / "drive.mcap", ())) as log:
-        assert read_lever_arms(log, TOPICS, {}) == ({}, (), ())
+        assert read_lever_arms_transform_counts_and_notes(log, TOPICS, {}) == ({}, (), ())
 
 
 def test_a_topic_that_is_no_sensor_of_the_ego_is_refused(tmp_path: Path) -> None:
     with Log.open(log_of(tmp_path / "drive.mcap", ())) as log, pytest.raises(UsageError, match="no sensor of the ego"):
-        read_lever_arms(log, TOPICS, {"/other": (1.0, 0.0)})
+        read_lever_arms_transform_counts_and_notes(log, TOPICS, {"/other": (1.0, 0.0)})

@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.channels.measures import published_measure_names
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
-from cwcli.channels.vehicle_state import write_vehicle_states
+from cwcli.channels.vehicle_state import make_vehicle_state_channel
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.encoders.schemas import schema_folder
 from cwcli.measures import MEASURES
@@ -119,7 +119,7 @@ def test_online_states_are_measured_where_they_are_asked_for(tmp_path: Path) -> 
     ego = states(["ego"], [straight(0.0, 0.0, 20.0, 0.0, TIME_S)], TIME_S)
     far, near = (states(["car"], [straight(x_m, 0.0, 10.0, 0.0, TIME_S)], TIME_S) for x_m in (80.0, 70.0))
     made = ((EGO_STATE, ego), (REMOTE_STATE, far), (EGO_ONLINE, ego), (REMOTE_ONLINE, near))
-    log = log_of(tmp_path / "log.mcap", [write_vehicle_states(channel, each, None) for channel, each in made])
+    log = log_of(tmp_path / "log.mcap", [make_vehicle_state_channel(channel, each, None) for channel, each in made])
     for which, gap_m in (("hindsight", 75.5), ("online", 65.5)):
         result = measure(log, MeasureConfig(states=which))  # type: ignore[arg-type]
         assert np.asarray(result.tables["measures"].columns["gap_m"])[0] == pytest.approx(gap_m)

@@ -2,12 +2,15 @@
 
 import pytest
 
-from cwcli.pipeline.needs import stage_readiness
+from cwcli.pipeline.needs import readiness_of_each_stage
 from cwcli.stages import STAGES
 
 
 def by_stage(*bound: str) -> dict[str, tuple[bool, tuple[str, ...], tuple[str, ...]]]:
-    return {entry.stage.name: (entry.is_ready, entry.after, entry.missing) for entry in stage_readiness(bound, STAGES)}
+    return {
+        entry.stage.name: (entry.is_ready, entry.after, entry.missing)
+        for entry in readiness_of_each_stage(bound, STAGES)
+    }
 
 
 @pytest.mark.parametrize(
@@ -100,5 +103,5 @@ def test_readiness(bound: tuple[str, ...], expected: dict[str, tuple[bool, tuple
 
 
 def test_readiness_names_what_a_stage_would_use() -> None:
-    estimate = stage_readiness(("ego_position", "imu"), STAGES)[0]
+    estimate = readiness_of_each_stage(("ego_position", "imu"), STAGES)[0]
     assert estimate.unused == ("ego_velocity", "ego_speed", "ego_heading", "remote", "truth")

@@ -14,7 +14,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection, StageCall
 from cwcli.pipeline.execute import SkipRules, run_stages
 from cwcli.pipeline.missing import SignalCheck
-from cwcli.pipeline.needs import stage_readiness
+from cwcli.pipeline.needs import readiness_of_each_stage
 from cwcli.stages import STAGES
 from tests.unit.stages.lateral_logs import IMU, SPEED, STEERING, drive, ego_state_channel, write_lane_log
 
@@ -64,7 +64,7 @@ def test_a_stage_misses_a_signal_exactly_where_the_registry_says_so(kind: str, t
                 runs[name] = True
             except MissingSignalError:
                 runs[name] = False
-    assert runs == {entry.stage.name: entry.is_ready for entry in stage_readiness(set(bound), STAGES)}
+    assert runs == {entry.stage.name: entry.is_ready for entry in readiness_of_each_stage(set(bound), STAGES)}
 
 
 def test_run_observes_with_the_speed_of_the_ego_state(tmp_path: Path) -> None:

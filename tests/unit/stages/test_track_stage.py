@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.channels.target import read_targets_as_states, write_target_channels
+from cwcli.channels.target import make_target_channels, read_targets_as_states
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.evaluation.target_truth import score_tracks_against_truth
 from cwcli.pipeline.records import map_from_record
@@ -131,7 +131,7 @@ def made(in_map=True):
     data = lidar(xy)
     result = track_one_target([data], {}, PLAIN)
     known = data.scan_stamp_ns, data.scan_stamp_ns + 5_000_000
-    return result, write_target_channels(result, in_map=in_map, known_ns=known)[0]
+    return result, make_target_channels(result, in_map=in_map, known_ns=known)[0]
 
 
 def read_back(channel):
@@ -173,7 +173,7 @@ def test_many_targets_keep_their_rows_in_log_time_order():
     data = lidar(xy, T0_NS + STEP_NS * np.repeat(np.arange(30), 2))
     result = track_many_targets([data], {}, PLAIN)
     delay = np.where(np.arange(30) == 10, 250_000_000, 5_000_000)  # one scan came late
-    targets, scene = write_target_channels(
+    targets, scene = make_target_channels(
         result, in_map=True, known_ns=(data.scan_stamp_ns, data.scan_stamp_ns + delay)
     )
     assert (np.diff(targets.log_time_ns) >= 0).all()
