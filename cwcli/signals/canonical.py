@@ -19,6 +19,9 @@ from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.direction_of_travel import YawMounting
 from cwcli.signals.road_events import RoadEvents
 
+MESSAGE_COUNT_MODULUS = 128
+"""The number of values of a sender's count of its messages (SAE J2735, DE_MsgCount)."""
+
 
 class Signal(Protocol):
     """The protocol of every signal: it comes from messages of one topic."""
@@ -217,7 +220,7 @@ class RemoteQuantities:
         length_m, width_m: Shape (n,).
         position_covariance_m2: Shape (n, 3): east-east, east-north, north-north.
         speed_sigma_mps, heading_sigma_rad, accel_sigma_mps2, yaw_rate_sigma_radps: Shape (n,).
-        message_count: Shape (n,), the sender's count of its messages modulo 128.
+        message_count: Shape (n,), the sender's count of its messages modulo `MESSAGE_COUNT_MODULUS`.
     """
 
     latitude_deg: FloatArray

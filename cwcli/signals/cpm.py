@@ -13,6 +13,7 @@ from cwcli.signals import perceived
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, SIGMAS_PER_95_PERCENT_ELLIPSE, covariance_from_ellipse
+from cwcli.signals.elements import Elements
 from cwcli.signals.etsi import UNTRUSTED_POSITION_REASON
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
@@ -79,18 +80,17 @@ LEAF_FIELDS = (
 
 def read_ros_objects(columns: Columns) -> Objects:
     """Read the objects of a ROS channel; a leaf that is there more or less often than the times is not used."""
-    counts, rows = perceived.object_counts_and_message_of_each_object(columns, ROS_OBJECT_PATHS["delta_time_ms"])
+    objects = Elements(columns, None, ROS_OBJECT_PATHS["delta_time_ms"])
+    rows = objects.message_rows
     if not len(rows):
         return ()
     values = {name: read_numbers(columns, *paths)[rows] for name, paths in ROS_SENDER_PATHS.items()}
-    values |= {name: perceived.read_object_leaf(columns, path, counts) for name, path in ROS_OBJECT_PATHS.items()}
+    values |= {name: objects.read_numbers(path) for name, path in ROS_OBJECT_PATHS.items()}
     for name, path in ROS_PRESENCE_PATHS.items():
-        is_there = perceived.read_object_leaf(columns, path, counts) != 0
+        is_there = objects.read_numbers(path) != 0
         values[name] = np.where(is_there, values[name], np.nan)
     for vector, forms in QUANTITIES_BY_VECTOR_FORM.items():
-        is_there, choice = (
-            perceived.read_object_leaf(columns, path, counts) for path in _presence_and_form_paths(vector)
-        )
+        is_there, choice = (objects.read_numbers(path) for path in _presence_and_form_paths(vector))
         for k, names in enumerate(forms):
             values |= {name: np.where((is_there != 0) & (choice == k), values[name], np.nan) for name in names}
     return ((columns.with_fields_of_rows(rows, values), OBJECT_CODEC),)
@@ -151,17 +151,14 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     return perceived.make_object_rows(
         ledger,
         message_time_or_log_time(ledger, stamp_ns, has_time),
-        value["delta_time_ms"],
+        value,
         latitude_deg=latitude,
         longitude_deg=longitude,
-        altitude_m=value["altitude_m"],
         speed_mps=np.where(is_backward, -speed, speed),
         heading_rad=heading,
         accel_mps2=accel,
         lateral_accel_mps2=lateral,
         yaw_rate_radps=np.deg2rad(yaw_rate),
-        length_m=value["length_m"],
-        width_m=value["width_m"],
         position_covariance_m2=perceived.add_position_covariances(
             covariance_from_ellipse(
                 value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,

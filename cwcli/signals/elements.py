@@ -33,7 +33,7 @@ class Elements:
             has none, when a leaf that every element must have is there more or less often.
     """
 
-    def __init__(self, columns: Columns, ledger: RowLedger, *required: str) -> None:
+    def __init__(self, columns: Columns, ledger: RowLedger | None, *required: str) -> None:
         """Count the elements; `required` are the leaves that every one has, the first one counts them."""
         self._columns = columns
         leaves = [find_ragged_field(columns, path) for path in required]
@@ -44,12 +44,18 @@ class Elements:
         differs = np.zeros(len(columns), np.bool_)
         for other in counts[1:]:
             differs |= other != counts[0]
-        ledger.reject(differs, UNEQUAL_LENGTHS_REASON)
+        if ledger is not None:
+            ledger.reject(differs, UNEQUAL_LENGTHS_REASON)
         self.counts: Int64Array = np.where(differs, 0, counts[0]).astype(np.int64)
         self.offsets: Int64Array = np.concatenate([[0], np.cumsum(self.counts)]).astype(np.int64)
 
     def __len__(self) -> int:
         return int(self.offsets[-1])
+
+    @property
+    def message_rows(self) -> npt.NDArray[np.intp]:
+        """The row of each element's message, shape (n,)."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
 
     def read_numbers(self, *paths: str, width: int = 1) -> FloatArray:
         """Read a leaf, shape (n,), or (n, width) where each element holds `width` values.
@@ -69,8 +75,7 @@ class Elements:
     def sum_per_message(self, values: FloatArray) -> FloatArray:
         """Return the sum of `values` (n,) over the elements of each message, shape (s,); it tells repeated messages
         apart."""
-        owner = np.repeat(np.arange(len(self.counts)), self.counts)
-        return np.bincount(owner, weights=values, minlength=len(self.counts)).astype(np.float64)
+        return np.bincount(self.message_rows, weights=values, minlength=len(self.counts)).astype(np.float64)
 
 
 def offsets_and_elements_of_sequences(

@@ -16,7 +16,7 @@ from cwcli.signals.covariances import (
 )
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
-from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec, make_remote_rows
 from cwcli.signals.v2x_elements import decode_codes_to_values, decode_enumeration, read_station_ids
 from cwcli.signals.v2x_tables import (
     load_message_table,
@@ -111,18 +111,12 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     stamp_ns, has_time = stamp_and_validity_from_generation_delta_time(
         raw["generation_delta_time"], columns.log_time_ns
     )
-    return RemoteRows(
-        stamp_ns=message_time_or_log_time(ledger, stamp_ns, has_time),
-        latitude_deg=value["latitude_deg"],
-        longitude_deg=value["longitude_deg"],
-        altitude_m=value["altitude_m"],
+    return make_remote_rows(
+        message_time_or_log_time(ledger, stamp_ns, has_time),
+        value,
         speed_mps=np.where(is_backward, -value["speed_mps"], value["speed_mps"]),
         heading_rad=np.where(is_backward, wrap_angle(motion_rad + np.pi), motion_rad),
-        accel_mps2=value["accel_mps2"],
-        lateral_accel_mps2=value["lateral_accel_mps2"],
         yaw_rate_radps=np.deg2rad(value["yaw_rate_degps"]),
-        length_m=value["length_m"],
-        width_m=value["width_m"],
         position_covariance_m2=covariance_from_ellipse(
             value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
             value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
@@ -132,7 +126,6 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
         heading_sigma_rad=np.deg2rad(value["heading_95_deg"]) / SIGMAS_PER_95_PERCENT,
         accel_sigma_mps2=value["accel_95_mps2"] / SIGMAS_PER_95_PERCENT,
         yaw_rate_sigma_radps=np.deg2rad(yaw_rate_95_degps) / SIGMAS_PER_95_PERCENT,
-        message_count=np.full(len(columns), np.nan),
     )
 
 

@@ -14,12 +14,13 @@ import numpy as np
 
 from cwcli.signals import bsm_flags
 from cwcli.signals.angles import heading_from_compass_deg
+from cwcli.signals.canonical import MESSAGE_COUNT_MODULUS
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, absent_strings
 from cwcli.signals.covariances import covariance_from_ellipse
 from cwcli.signals.leaf_fields import accepted_text_mask, numbers_to_bit_flags, read_numbers, read_texts
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents
-from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec, make_remote_rows
 from cwcli.signals.v2x_elements import decode_codes_to_values, nan_unless_a_code_could_express
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
@@ -40,8 +41,6 @@ MIN_SEMI_AXIS_M = 0.05
 """The least semi-axis of the position accuracy, in metres: a code of 0 means less than one step and counts as one."""
 REVERSE_GEARS_CODE = 3
 """The code of TransmissionState for reverse gears."""
-MESSAGE_COUNT_MODULUS = 128
-"""The number of values of a sender's message count (DE_MsgCount)."""
 
 JSON_BSM_PREFIXES = (
     "",
@@ -108,9 +107,7 @@ def decode_ros_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 def decode_carma_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `carma_v2x_msgs/BSM` channel: degrees, metres, m/s, degrees/s, J2735's signs, and presence flags."""
-    return _make_remote_rows(
-        columns, ledger, _validate_decoded_values(_read_carma_values(columns), ledger), ROS_PATHS, ""
-    )
+    return _make_bsm_rows(columns, ledger, _validate_decoded_values(_read_carma_values(columns), ledger), ROS_PATHS, "")
 
 
 def _read_carma_values(columns: Columns) -> dict[str, FloatArray]:
@@ -183,7 +180,7 @@ def _decode_ode_units(columns: Columns, ledger: RowLedger, prefix: str) -> Remot
     value = {name: read_numbers(columns, paths[name]) for name in (*ELEMENTS, "dsecond_ms")}
     for name in ("width_m", "length_m"):
         value[name] = np.where(value[name] > 0, value[name] * M_PER_ODE_SIZE_STEP, np.nan)
-    return _make_remote_rows(columns, ledger, _validate_decoded_values(value, ledger), paths, prefix)
+    return _make_bsm_rows(columns, ledger, _validate_decoded_values(value, ledger), paths, prefix)
 
 
 def _decode_raw_codes(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
@@ -192,7 +189,7 @@ def _decode_raw_codes(columns: Columns, ledger: RowLedger, paths: dict[str, str]
         for name, element in ELEMENTS.items()
     }
     value["dsecond_ms"] = read_numbers(columns, paths["dsecond_ms"])
-    return _make_remote_rows(columns, ledger, value, paths, prefix)
+    return _make_bsm_rows(columns, ledger, value, paths, prefix)
 
 
 def _validate_decoded_values(values_by_quantity: dict[str, FloatArray], ledger: RowLedger) -> dict[str, FloatArray]:
@@ -203,39 +200,27 @@ def _validate_decoded_values(values_by_quantity: dict[str, FloatArray], ledger: 
     }
 
 
-def _make_remote_rows(
+def _make_bsm_rows(
     columns: Columns, ledger: RowLedger, values_by_quantity: dict[str, FloatArray], paths: dict[str, str], prefix: str
 ) -> RemoteRows:
     """Build the canonical rows from values in degrees and metres with cwcli's signs."""
-    n_rows = len(columns)
-    nothing = np.full(n_rows, np.nan)
     count = read_numbers(columns, paths["count"])
     stamp_ns, has_time = stamp_and_validity_from_dsecond(values_by_quantity["dsecond_ms"], columns.log_time_ns)
     yaw_unfilled = _unfilled_yaw_rate_mask(values_by_quantity, _read_stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
         ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that counts as not measured")
     speed_mps = values_by_quantity["speed_mps"]
-    return RemoteRows(
-        stamp_ns=message_time_or_log_time(ledger, stamp_ns, has_time),
-        latitude_deg=values_by_quantity["latitude_deg"],
-        longitude_deg=values_by_quantity["longitude_deg"],
-        altitude_m=values_by_quantity["altitude_m"],
+    return make_remote_rows(
+        message_time_or_log_time(ledger, stamp_ns, has_time),
+        values_by_quantity,
         speed_mps=np.where(_reverse_gear_mask(columns, paths["transmission"], prefix), -speed_mps, speed_mps),
         heading_rad=heading_from_compass_deg(values_by_quantity["heading_compass_deg"]),
-        accel_mps2=values_by_quantity["accel_mps2"],
-        lateral_accel_mps2=values_by_quantity["lateral_accel_mps2"],
         yaw_rate_radps=np.deg2rad(np.where(yaw_unfilled, np.nan, values_by_quantity["yaw_rate_degps"])),
-        length_m=values_by_quantity["length_m"],
-        width_m=values_by_quantity["width_m"],
         position_covariance_m2=covariance_from_ellipse(
             np.maximum(values_by_quantity["semi_major_m"], MIN_SEMI_AXIS_M),
             np.maximum(values_by_quantity["semi_minor_m"], MIN_SEMI_AXIS_M),
             values_by_quantity["semi_major_compass_deg"],
         ),
-        speed_sigma_mps=nothing,
-        heading_sigma_rad=nothing,
-        accel_sigma_mps2=nothing,
-        yaw_rate_sigma_radps=nothing,
         message_count=np.where((count >= 0) & (count < MESSAGE_COUNT_MODULUS), count, np.nan),
     )
 

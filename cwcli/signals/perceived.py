@@ -7,8 +7,7 @@ time is the message's reference time plus the object's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -20,11 +19,10 @@ from cwcli.signals.columns import (
     absent_strings,
     key_numbers_and_rows_of_first_appearance,
 )
-from cwcli.signals.elements import find_ragged_field
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_MS
-from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
+from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows, make_remote_rows
 from cwcli.signals.v2x_elements import decode_identifier_codes, read_station_ids
 from cwcli.signals.v2x_tables import Element
 
@@ -36,26 +34,6 @@ NO_OBJECT_ID_REASON = "object without an id"
 """The reason for setting aside an object without an id."""
 OBJECT_ID_ELEMENT = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
-
-
-def object_counts_and_message_of_each_object(columns: Columns, path: str) -> tuple[Int64Array, Int64Array]:
-    """Count the objects of each message (n,) by a leaf that every object has, and return the message of each object
-    (m,)."""
-    leaf = find_ragged_field(columns, path)
-    counts = np.zeros(len(columns), np.int64) if leaf is None else np.diff(leaf.offsets).astype(np.int64)
-    return counts, np.repeat(np.arange(len(columns), dtype=np.int64), counts)
-
-
-def read_object_leaf(columns: Columns, path: str, counts: Int64Array) -> FloatArray:
-    """Read a leaf of the objects, (m,); NaN in the messages where it is there more or less often than the objects
-    (n,)."""
-    leaf = find_ragged_field(columns, path)
-    out = np.full(int(counts.sum()), np.nan)
-    if leaf is not None:
-        lengths = np.diff(leaf.offsets)
-        fits = lengths == counts
-        out[np.repeat(fits, counts)] = leaf.values[np.repeat(fits, lengths)].astype(np.float64)
-    return out
 
 
 def identify_objects(columns: Columns) -> Senders:
@@ -118,19 +96,20 @@ def add_position_covariances(sender_m2: FloatArray, own_m2: FloatArray) -> Float
 
 
 def make_object_rows(
-    ledger: RowLedger, stamp_ns: Int64Array, delta_time_ms: FloatArray, **quantities: FloatArray
+    ledger: RowLedger, stamp_ns: Int64Array, values_by_name: Mapping[str, FloatArray], **quantities: FloatArray
 ) -> RemoteRows:
-    """Build the rows of objects (m,); what is not given is NaN.
+    """Build the rows of objects (m,), as `make_remote_rows`.
 
     Args:
         ledger: The objects' ledger; an object without its own time gets its message's, which is counted.
         stamp_ns: Shape (m,): the messages' reference times.
-        delta_time_ms: Shape (m,): from there to the objects' own.
+        values_by_name: Decoded values; `delta_time_ms` is the time from there to the objects' own.
         quantities: Fields of `RemoteQuantities`.
     """
+    delta_time_ms = values_by_name["delta_time_ms"]
     ledger.count_repaired(np.isnan(delta_time_ms), "no measurement time, message time used")
     own_ns = stamp_ns + np.rint(np.nan_to_num(delta_time_ms) * NS_PER_MS).astype(np.int64)
-    return replace(empty_remote_rows(len(stamp_ns), **quantities), stamp_ns=own_ns)
+    return make_remote_rows(own_ns, values_by_name, **quantities)
 
 
 def unknown_senders(columns: Columns) -> Senders:

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.canonical import MESSAGE_COUNT_MODULUS, RemoteSignal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
-MESSAGE_COUNT_MODULUS = 128
-"""The number of values of a sender's message count (SAE J2735, msgCnt)."""
 MIN_GAP_S = 1.0
 """The shortest pause that counts as a gap, in seconds. Chosen by hand; not fitted."""
 MIN_GAP_PERIODS = 5.0

@@ -7,18 +7,22 @@ and signs of a BSM. Confidences are bounds for 95 %. docs/v2x.md shows the table
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from cwcli.signals import perceived
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.columns import Columns, FloatArray, absent_strings
 from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, covariance_from_ellipse
+from cwcli.signals.elements import Elements
 from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
 from cwcli.signals.leaf_fields import read_numbers, read_texts
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
 from cwcli.signals.v2x_elements import decode_codes_to_values, nan_unless_a_code_could_express
-from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
+from cwcli.signals.v2x_tables import Element, load_message_table, parse_presence_bits
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
 
 _TABLE = load_message_table("sdsm", "sae")
@@ -65,25 +69,17 @@ LEAF_FIELDS = (
 """The leaf fields of the ROS messages that are read."""
 
 
-def read_ros_objects(columns: Columns) -> Objects:
-    """Read the objects of a `j3224_v2x_msgs` channel, as codes."""
-    return _read_objects(columns, is_carma=False)
-
-
-def read_carma_objects(columns: Columns) -> Objects:
-    """Read the objects of a `carma_v2x_msgs` channel, in degrees, metres, m/s, m/s^2, degrees/s, ms and J3224's
-    signs."""
-    return _read_objects(columns, is_carma=True)
-
-
-def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
-    counts, rows = perceived.object_counts_and_message_of_each_object(columns, ROS_PATHS["delta_time_ms"])
+def read_objects(columns: Columns, *, is_carma: bool) -> Objects:
+    """Read the objects of a `j3224_v2x_msgs` channel, as codes, or of a `carma_v2x_msgs` channel, in degrees, metres,
+    m/s, m/s^2, degrees/s, ms and J3224's signs."""
+    objects = Elements(columns, None, ROS_PATHS["delta_time_ms"])
+    rows = objects.message_rows
     if not len(rows):
         return ()
 
     def read_leaf(path: str) -> FloatArray:
         if path.startswith(f"{ROS_OBJECTS_PATH}."):
-            return perceived.read_object_leaf(columns, path, counts)
+            return objects.read_numbers(path)
         return read_numbers(columns, path)[rows]
 
     value = {name: read_leaf(path) for name, path in ROS_PATHS.items() if name != "station"}
@@ -101,24 +97,11 @@ def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
     return ((per_object, CARMA_OBJECT_CODEC if is_carma else CODED_OBJECT_CODEC),)
 
 
-def decode_object_codes(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    """Decode objects, one a row, whose quantities are codes."""
-    value = {
-        name: decode_codes_to_values(element, read_numbers(columns, name), ledger) for name, element in ELEMENTS.items()
-    }
-    return _make_object_rows(columns, ledger, value)
-
-
-def decode_objects_in_physical_units(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    """Decode objects, one a row, whose quantities are in units, with J3224's signs and ranges."""
-    value = {
-        name: nan_unless_a_code_could_express(element, read_numbers(columns, name), ledger)
-        for name, element in ELEMENTS.items()
-    }
-    return _make_object_rows(columns, ledger, value)
-
-
-def _make_object_rows(columns: Columns, ledger: RowLedger, values_by_quantity: dict[str, FloatArray]) -> RemoteRows:
+def _decode_objects(
+    decode: Callable[[Element, FloatArray, RowLedger], FloatArray], columns: Columns, ledger: RowLedger
+) -> RemoteRows:
+    """Decode objects, one a row: with `decode` from codes, or from units with J3224's signs and ranges."""
+    values_by_quantity = {name: decode(each, read_numbers(columns, name), ledger) for name, each in ELEMENTS.items()}
     sigma = {
         name: _bound_of_each_code_or_nan(bounds, read_numbers(columns, name)) / SIGMAS_PER_95_PERCENT
         for name, (_, bounds) in CONFIDENCE_BOUNDS_BY_QUANTITY.items()
@@ -134,17 +117,11 @@ def _make_object_rows(columns: Columns, ledger: RowLedger, values_by_quantity: d
     return perceived.make_object_rows(
         ledger,
         message_time_or_log_time(ledger, stamp_ns, has_time),
-        values_by_quantity["delta_time_ms"],
+        values_by_quantity,
         latitude_deg=latitude,
         longitude_deg=longitude,
-        altitude_m=values_by_quantity["altitude_m"],
-        speed_mps=values_by_quantity["speed_mps"],
         heading_rad=heading_from_compass_deg(values_by_quantity["heading_compass_deg"]),
-        accel_mps2=values_by_quantity["accel_mps2"],
-        lateral_accel_mps2=values_by_quantity["lateral_accel_mps2"],
         yaw_rate_radps=np.deg2rad(values_by_quantity["yaw_rate_degps"]),
-        length_m=values_by_quantity["length_m"],
-        width_m=values_by_quantity["width_m"],
         position_covariance_m2=perceived.add_position_covariances(
             covariance_from_ellipse(
                 np.maximum(values_by_quantity["semi_major_m"], MIN_SEMI_AXIS_M),
@@ -167,11 +144,11 @@ def _bound_of_each_code_or_nan(bounds: tuple[float, ...], code: FloatArray) -> F
     return table[np.where(is_known, code, 0).astype(np.int64)]
 
 
-CODED_OBJECT_CODEC = perceived.make_object_codec(decode_object_codes)
+CODED_OBJECT_CODEC = perceived.make_object_codec(partial(_decode_objects, decode_codes_to_values))
 """The codec of an SDSM's objects in codes, one a row."""
-CARMA_OBJECT_CODEC = perceived.make_object_codec(decode_objects_in_physical_units)
+CARMA_OBJECT_CODEC = perceived.make_object_codec(partial(_decode_objects, nan_unless_a_code_could_express))
 """The codec of an SDSM's objects in units, one a row."""
-ROS_SDSM = perceived.make_objects_only_codec("SDSM", read_ros_objects)
+ROS_SDSM = perceived.make_objects_only_codec("SDSM", partial(read_objects, is_carma=False))
 """The codec of `j3224_v2x_msgs` channels of SDSMs."""
-CARMA_SDSM = perceived.make_objects_only_codec("SDSM", read_carma_objects)
+CARMA_SDSM = perceived.make_objects_only_codec("SDSM", partial(read_objects, is_carma=True))
 """The codec of `carma_v2x_msgs` channels of SDSMs."""

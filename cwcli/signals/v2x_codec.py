@@ -3,7 +3,7 @@ repaired."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 
 import numpy as np
@@ -44,11 +44,27 @@ class RemoteRows(RemoteQuantities):
     stamp_ns: Int64Array
 
 
-def empty_remote_rows(n: int, **known_quantities: FloatArray) -> RemoteRows:
-    """Return rows (n,) in which only the given quantities are known and all stamps are 0."""
-    nothing: dict[str, FloatArray] = {entry.name: np.full(n, np.nan) for entry in fields(RemoteQuantities)}
-    nothing["position_covariance_m2"] = np.full((n, 3), np.nan)
-    return RemoteRows(**(nothing | known_quantities), stamp_ns=np.zeros(n, np.int64))
+def make_remote_rows(
+    stamp_ns: Int64Array, values_by_name: Mapping[str, FloatArray], **quantities: FloatArray
+) -> RemoteRows:
+    """Return rows with the given quantities, NaN for others.
+
+    Args:
+        stamp_ns: Shape (n,): generation times.
+        values_by_name: Decoded values, (n,) each: those that are named like a field of `RemoteQuantities` are taken.
+        quantities: Fields of `RemoteQuantities`, which count before `values_by_name`.
+    """
+    n = len(stamp_ns)
+    known = {**values_by_name, "position_covariance_m2": np.full((n, 3), np.nan), **quantities}
+    names = [entry.name for entry in fields(RemoteQuantities)]
+    return RemoteRows(
+        **{name: known[name] if name in known else np.full(n, np.nan) for name in names}, stamp_ns=stamp_ns
+    )
+
+
+def empty_remote_rows(n: int) -> RemoteRows:
+    """Return rows (n,) in which no quantity is known and all stamps are 0."""
+    return make_remote_rows(np.zeros(n, np.int64), {})
 
 
 @dataclass(frozen=True)

@@ -60,9 +60,10 @@ ReadFix = Callable[[Columns, RowLedger], GnssFix]
 """A function that reads the messages of a channel as a `GnssFix`, and tells the ledger what it leaves out."""
 
 
-def build_signal_of_fix(
-    read_fix: ReadFix, columns: Columns, reading: Reading
-) -> tuple[PositionSignal | VelocitySignal | HeadingSignal, Quality]:
+GnssSignal = PositionSignal | VelocitySignal | HeadingSignal
+
+
+def build_signal_of_fix(read_fix: ReadFix, columns: Columns, reading: Reading) -> tuple[GnssSignal, Quality]:
     """Build the signal of the role (position, velocity or heading) from messages that `read_fix` understands."""
     ledger = RowLedger(columns, reading.role)
     return _BUILDERS_BY_ROLE[reading.role](read_fix(columns, ledger), reading, ledger)
@@ -113,7 +114,7 @@ def _build_heading(fix: GnssFix, reading: Reading, ledger: RowLedger) -> tuple[H
     return build_signal_and_quality(HeadingSignal, ledger, timeline, heading_rad=heading_rad, variance_rad2=variance)
 
 
-_BUILDERS_BY_ROLE = {
+_BUILDERS_BY_ROLE: dict[Role, Callable[[GnssFix, Reading, RowLedger], tuple[GnssSignal, Quality]]] = {
     Role.EGO_POSITION: _build_position,
     Role.EGO_VELOCITY: _build_velocity,
     Role.EGO_HEADING: _build_heading,

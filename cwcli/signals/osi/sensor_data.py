@@ -39,7 +39,7 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
     place = np.stack([objects.read_numbers(f"moving_object.base.position.{axis}") for axis in "xy"], axis=1)
     place = place - _reference_point_offsets_m(objects)
     rmse = np.stack([objects.read_numbers(f"moving_object.base_rmse.position.{axis}") for axis in "xy"], axis=1)
-    message = np.repeat(np.arange(len(columns)), objects.counts)
+    message = objects.message_rows
     yaw_rad = np.nan_to_num(read_numbers(columns, "mounting_position.orientation.yaw"))[message]
     mounting = np.stack([read_numbers(columns, f"mounting_position.position.{axis}") for axis in "xy"], axis=1)
     with np.errstate(invalid="ignore", over="ignore"):

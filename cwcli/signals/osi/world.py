@@ -109,7 +109,7 @@ def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, p
     base = f"{prefix}moving_object.base"
     elements = Elements(columns, ledger, f"{base}.position.x", f"{base}.position.y")
     ids = _read_object_ids(columns, elements, f"{prefix}moving_object.id.value")
-    message = np.repeat(np.arange(len(columns)), elements.counts)
+    message = elements.message_rows
     values = {
         leaf: elements.read_numbers(f"{prefix}moving_object.{leaf}")
         for leaf in (
