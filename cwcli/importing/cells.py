@@ -17,8 +17,6 @@ from cwcli.signals.columns import FloatArray, Int64Array
 
 ArrowArray = Any
 """A column of a batch: an Arrow array of n cells."""
-UnitConfidenceReason = tuple[str, str, str]
-"""Unit of a column ("" if not known), how sure that is, and why."""
 
 EMPTY_CELLS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "inf", "-inf", "#n/a", "?", "*")
 """Texts that stand for no value, in lower case."""

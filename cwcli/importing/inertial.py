@@ -8,20 +8,16 @@ where they do not, only its turn rate about the vertical is used.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import TrackSpans, mean_over_spans, turn_rate_units_per_radps_and_correlation
-from cwcli.importing.tables import Guess
+from cwcli.importing.tables import UNKNOWN_UNIT, Guess, UnitChoice
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
-
-if TYPE_CHECKING:
-    from cwcli.importing.cells import UnitConfidenceReason
 
 MAX_GRAVITY_ERROR = 0.2
 """Largest relative deviation of the mean acceleration from 9.81 m/s^2 at which a unit is accepted. Chosen by hand; not
@@ -89,18 +85,14 @@ def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: 
         return None
     values = np.stack([meaning.unscaled_numbers(column) for column in columns], axis=1)
     if accel_or_gyro == "accel":
-        values = _convert_to_si_and_record_guess(
-            meaning, columns, values, "acceleration", _choose_accel_unit_confidence_and_reason(meaning, columns, values)
-        )
+        kind, choice = "acceleration", _choose_accel_unit_or_ask(meaning, columns, values)
     else:
-        values = _convert_to_si_and_record_guess(
-            meaning,
-            columns,
-            values,
-            "turn rate",
-            _choose_gyro_unit_confidence_and_reason(meaning, columns, values, track),
-        )
-    return None if meaning.questions else values
+        kind, choice = "turn rate", _choose_gyro_unit_or_ask(meaning, columns, values, track)
+    if not choice.unit:
+        return None
+    for axis, column in zip("xyz", columns, strict=True):
+        meaning.guesses.append(Guess(f"{accel_or_gyro}_{axis}", column, *choice))
+    return values * FACTORS[kind][choice.unit]
 
 
 def _accelerations_at_turn_rate_stamps(meaning: Meaning, other: Meaning, force: FloatArray) -> FloatArray:
@@ -125,63 +117,44 @@ def _choose_axis_columns(meaning: Meaning, name: str) -> list[str] | None:
     return [column for column in chosen if column is not None] if all(chosen) else None
 
 
-def _convert_to_si_and_record_guess(
-    meaning: Meaning,
-    columns: list[str],
-    values: FloatArray,
-    kind: str,
-    unit_confidence_and_reason: UnitConfidenceReason,
-) -> FloatArray:
-    unit, confidence, why = unit_confidence_and_reason
-    if not unit:
-        return values
-    for quantity, column in zip(
-        (("accel" if kind == "acceleration" else "gyro") + f"_{axis}" for axis in "xyz"), columns, strict=True
-    ):
-        meaning.guesses.append(Guess(quantity, column, unit, confidence, why))
-    return values * FACTORS[kind][unit]
-
-
-def _choose_accel_unit_confidence_and_reason(
-    meaning: Meaning, columns: list[str], values: FloatArray
-) -> UnitConfidenceReason:
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason("accel_x", columns[0])
+def _choose_accel_unit_or_ask(meaning: Meaning, columns: list[str], values: FloatArray) -> UnitChoice:
+    stated = meaning.stated_unit("accel_x", columns[0])
     norm = float(np.nanmedian(np.sqrt((values**2).sum(axis=1))))
     fitting = [
         each
         for each, factor in FACTORS["acceleration"].items()
         if abs(norm * factor / STANDARD_GRAVITY_MPS2 - 1.0) < MAX_GRAVITY_ERROR
     ]
-    if unit:
-        if fitting and unit not in fitting and confidence != "given":
+    if stated.unit:
+        if fitting and stated.unit not in fitting and stated.confidence != "given":
             meaning.add_question(
-                f"{columns[0]!r}: the header says {unit}, but gravity is {norm:.3g}, as in {fitting[0]}",
+                f"{columns[0]!r}: the header says {stated.unit}, but gravity is {norm:.3g}, as in {fitting[0]}",
                 " ".join(
                     f"--column accel_{axis}='{column}*{fitting[0]}'"
                     for axis, column in zip("xyz", columns, strict=True)
                 ),
             )
-            return "", "", ""
-        return unit, confidence, why
+            return UNKNOWN_UNIT
+        return stated
     if fitting:
-        return fitting[0], "likely", f"gravity is {norm:.3g} of it"
+        return UnitChoice(fitting[0], "likely", f"gravity is {norm:.3g} of it")
     meaning.add_question(
         f"{columns[0]!r} has no unit, and its size ({norm:.3g}) is not that of gravity",
         " ".join(f"--column accel_{axis}='{column}*mps2'" for axis, column in zip("xyz", columns, strict=True))
         + ", or *g",
     )
-    return "", "", ""
+    return UNKNOWN_UNIT
 
 
-def _choose_gyro_unit_confidence_and_reason(
+def _choose_gyro_unit_or_ask(
     meaning: Meaning, columns: list[str], values: FloatArray, track: TrackSpans | None
-) -> UnitConfidenceReason:
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason("gyro_x", columns[0])
-    if unit:
-        return unit, confidence, why
+) -> UnitChoice:
+    stated = meaning.stated_unit("gyro_x", columns[0])
+    if stated.unit:
+        return stated
     size = float(np.nanpercentile(np.abs(values), 99.9))
     if size > FASTEST_TURN_RADPS:
-        return "degps", "likely", f"values up to {size:.3g} are beyond any car in rad/s"
+        return UnitChoice("degps", "likely", f"values up to {size:.3g} are beyond any car in rad/s")
     best = max(
         (turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values[:, k]) for k in range(3)),
         key=lambda each: abs(each[1]),
@@ -189,13 +162,13 @@ def _choose_gyro_unit_confidence_and_reason(
     if abs(best[1]) > MIN_CORRELATION:
         for each in ("radps", "degps"):
             if 0.6 < abs(best[0]) * FACTORS["turn rate"][each] < 1.6:
-                return each, "likely", f"{abs(best[0]):.3g} of it make 1 rad/s of the course"
+                return UnitChoice(each, "likely", f"{abs(best[0]):.3g} of it make 1 rad/s of the course")
     meaning.add_question(
         f"{columns[0]!r} has no unit, and its size ({size:.3g}) fits rad/s and deg/s",
         " ".join(f"--column gyro_{axis}='{column}*degps'" for axis, column in zip("xyz", columns, strict=True))
         + ", or *radps",
     )
-    return "", "", ""
+    return UNKNOWN_UNIT
 
 
 def _rotate_into_car_axes_and_store(

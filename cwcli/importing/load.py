@@ -22,7 +22,7 @@ from cwcli.importing.cells import (
     unit_behind_every_number_or_empty,
 )
 from cwcli.importing.names import QUANTITIES, quantities_of_name
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable
 from cwcli.importing.times import (
     Instants,
     TextTimes,
@@ -301,12 +301,12 @@ def _ask_about_thousands_separators(batch: Batch, table: SourceTable) -> None:
     for column, (n_comma, n_point, n_thousands, _) in counts.items():
         if pointed is not None and n_comma and not n_point and n_thousands == n_comma:
             what = f"{column!r}: its commas may stand before thousands, because {pointed!r} has decimal points"
-            raise ambiguity_error_of_questions([Question(table.name, what, "--decimal , or remove the commas")])
+            raise Question(table.name, what, "--decimal , or remove the commas").as_error()
     comma = next((name for name, (n, n_point, n_3, _) in counts.items() if n > n_3 and not n_point), None)
     for column, (n_comma, n_point, _, n_thousands) in counts.items():
         if comma is not None and n_thousands and not n_comma and n_thousands >= n_point:
             what = f"{column!r}: its points may stand before thousands, because {comma!r} has decimal commas"
-            raise ambiguity_error_of_questions([Question(table.name, what, "--decimal . or remove the points")])
+            raise Question(table.name, what, "--decimal . or remove the points").as_error()
 
 
 def _decimal_mark_of_column(array: ArrowArray, table: SourceTable, column: str) -> str:
@@ -323,10 +323,8 @@ def _decimal_mark_of_column(array: ArrowArray, table: SourceTable, column: str) 
         return "."
     if n_point:
         what = f"{column!r} has numbers with a comma and numbers with a point"
-        raise ambiguity_error_of_questions(
-            [Question(table.name, what, "--decimal . or --decimal , (the others are then left out)")]
-        )
+        raise Question(table.name, what, "--decimal . or --decimal , (the others are then left out)").as_error()
     if n_thousands == n_comma and n_comma < len(texts) - texts.null_count:
         what = f"{column!r}: the commas may be decimal marks or stand before thousands"
-        raise ambiguity_error_of_questions([Question(table.name, what, "--decimal , or remove the commas")])
+        raise Question(table.name, what, "--decimal , or remove the commas").as_error()
     return ","

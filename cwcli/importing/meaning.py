@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.importing.load import LoadedTable
 from cwcli.importing.motion import TrackSpans
 from cwcli.importing.names import QUANTITIES, split_name, unit_of_name
-from cwcli.importing.tables import Answers, Guess, Question
+from cwcli.importing.tables import Answers, Guess, Question, UnitChoice
 from cwcli.importing.units import FACTORS, find_unit
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
-
-if TYPE_CHECKING:
-    from cwcli.importing.cells import UnitConfidenceReason
 
 EQUAL_SHARE = 1e-4
 """Largest relative difference of two columns that count as the same quantity. Chosen by hand: rounding of a text
@@ -92,29 +88,29 @@ class Meaning:
         self.chosen[quantity] = columns[0]
         return columns[0]
 
-    def stated_unit_confidence_and_reason(self, quantity: str, column: str) -> UnitConfidenceReason:
-        """Return unit, confidence and reason of a column; the unit is "" where nothing states it."""
-        kind = QUANTITIES[quantity].kind
+    def stated_unit(self, quantity: str, column: str) -> UnitChoice:
+        """Return the unit of a column that the user, the format or the header states; "" where nothing does."""
+        kind, said = QUANTITIES[quantity].kind, "the header says it"
         given = self.answers.column_and_unit_for(self.table.source, quantity)
         if given is not None and given[0] == column:
             unit = given[1] or unit_of_name(column, kind) or find_unit(self.table.source.units.get(column, ""), kind)
-            return unit, "given" if given[1] else "certain", "as you said" if given[1] else "the header says it"
+            return UnitChoice(unit, "given", "as you said") if given[1] else UnitChoice(unit, "certain", said)
         preset = self.table.source.presets.get(column)
         if preset is not None and preset.unit:
-            return preset.unit, "certain", f"{self.table.source.kind} files have it so"
+            return UnitChoice(preset.unit, "certain", f"{self.table.source.kind} files have it so")
         unit = find_unit(self.table.source.units.get(column, ""), kind) or unit_of_name(column, kind)
-        return unit, "certain", "the header says it"
+        return UnitChoice(unit, "certain", said)
 
     def add_quantity(self, quantity: str, values: FloatArray, guess: Guess) -> None:
         """Add a quantity with its guess."""
         self.values[quantity] = values
         self.guesses.append(guess)
 
-    def add_scaled_quantity(self, quantity: str, column: str, unit: str, confidence: str, why: str) -> None:
+    def add_scaled_quantity(self, quantity: str, column: str, choice: UnitChoice) -> None:
         """Add a quantity whose unit is a factor."""
-        factor = FACTORS[QUANTITIES[quantity].kind][unit]
+        factor = FACTORS[QUANTITIES[quantity].kind][choice.unit]
         values = self.unscaled_numbers(column) if factor == 1.0 else self.unscaled_numbers(column) * factor
-        self.add_quantity(quantity, values, Guess(quantity, column, unit, confidence, why))
+        self.add_quantity(quantity, values, Guess(quantity, column, *choice))
 
     def is_decided_by_user(self, quantity: str) -> bool:
         """Tell whether the user decided about a quantity."""

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import heading_minus_course_of_moving_spans_rad, spans_of_geographic_places, track_of_points
-from cwcli.importing.tables import Guess
+from cwcli.importing.tables import UNKNOWN_UNIT, Guess, UnitChoice
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
 from cwcli.text import format_count
-
-if TYPE_CHECKING:
-    from cwcli.importing.cells import UnitConfidenceReason
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
@@ -80,18 +75,15 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     values = {"latitude": meaning.unscaled_numbers(latitude), "longitude": meaning.unscaled_numbers(longitude)}
     units = {}
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
-        unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
-        if not unit:
-            unit, confidence, why = _choose_place_unit_confidence_and_reason(
-                meaning, values[quantity], quantity, column
-            )
-            if not unit:
+        choice = meaning.stated_unit(quantity, column)
+        if not choice.unit:
+            choice = _choose_place_unit_or_ask(meaning, values[quantity], quantity, column)
+            if not choice.unit:
                 return
-        values[quantity] = (
-            values[quantity] * FACTORS["place"][unit] if FACTORS["place"][unit] != 1.0 else values[quantity]
-        )
+        factor = FACTORS["place"][choice.unit]
+        values[quantity] = values[quantity] * factor if factor != 1.0 else values[quantity]
         values[quantity] = _apply_hemisphere_sign(meaning, values[quantity], f"{quantity}_half")
-        units[quantity] = unit, confidence, why
+        units[quantity] = choice
     _drop_invalid_fixes(meaning, values)
     if not np.isfinite(values["latitude"] * values["longitude"]).any():
         raise DataError("no row has a position", where=meaning.name)
@@ -102,37 +94,34 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
             return
     _ask_if_degrees_or_radians(meaning, values, units, latitude)
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
-        unit, confidence, why = units[quantity]
-        meaning.add_quantity(quantity, values[quantity], Guess(quantity, column, unit, confidence, why))
+        meaning.add_quantity(quantity, values[quantity], Guess(quantity, column, *units[quantity]))
     meaning.track = spans_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
 
 
-def _choose_place_unit_confidence_and_reason(
-    meaning: Meaning, values: FloatArray, quantity: str, column: str
-) -> UnitConfidenceReason:
+def _choose_place_unit_or_ask(meaning: Meaning, values: FloatArray, quantity: str, column: str) -> UnitChoice:
     size = float(np.nanmax(np.abs(values)))
     limit = MAX_LATITUDE_DEG if quantity == "latitude" else MAX_LONGITUDE_DEG
     if size <= limit:
-        return "deg", "certain", "the name, and the range of the values"
+        return UnitChoice("deg", "certain", "the name, and the range of the values")
     whole = bool(np.nanmax(np.abs(values - np.rint(values))) == 0.0)
     if whole and size > 1e6 and size * 1e-7 <= limit and "position" in meaning.words_of_column(column):
         meaning.add_question(  # the names of Garmin's FIT, whose places are semicircles unless a converter changed them
             f"{column!r}: whole numbers up to {size:g} may be semicircles or 1e-7 degrees",
             "--column latitude=NAME*semicircles, or *1e-7deg; longitude alike",
         )
-        return "", "", ""
+        return UNKNOWN_UNIT
     if whole and size > 1e6 and size * 1e-7 <= limit:
-        return "1e-7deg", "likely", "whole numbers of this size are 1e-7 degrees"
+        return UnitChoice("1e-7deg", "likely", "whole numbers of this size are 1e-7 degrees")
     if size <= MAX_LONGITUDE_DEG:
-        return "deg", "certain", "the name"
+        return UnitChoice("deg", "certain", "the name")
     if size < 100.0 * limit + 60.0 and (np.nan_to_num(np.abs(values)) % 100.0 < 60.0).all():
         meaning.add_question(
             f"{column!r}: values up to {size:g} look like degrees and minutes (ddmm.mmmm)",
             "give the original NMEA file",
         )
-        return "", "", ""
+        return UNKNOWN_UNIT
     meaning.add_question(f"{column!r}: values up to {size:g} are no {quantity}", f"--column {quantity}='{column}*UNIT'")
-    return "", "", ""
+    return UNKNOWN_UNIT
 
 
 def _apply_hemisphere_sign(meaning: Meaning, values: FloatArray, quantity: str) -> FloatArray:
@@ -182,13 +171,10 @@ def _ask_if_positions_out_of_range(
 
 
 def _ask_if_degrees_or_radians(
-    meaning: Meaning, values: dict[str, FloatArray], units: dict[str, tuple[str, str, str]], latitude: str
+    meaning: Meaning, values: dict[str, FloatArray], units: dict[str, UnitChoice], latitude: str
 ) -> None:
-    if (
-        units["latitude"][1] == "given"
-        or "header" in units["latitude"][2]
-        or meaning.table.source.presets.get(latitude)
-    ):
+    stated = units["latitude"]
+    if stated.confidence == "given" or "header" in stated.why or meaning.table.source.presets.get(latitude):
         return
     finite = np.isfinite(values["latitude"]) & np.isfinite(values["longitude"])
     size = max(float(np.abs(values[name][finite]).max()) for name in values)
@@ -204,19 +190,17 @@ def _find_altitude(meaning: Meaning) -> None:
     if not columns:
         return
     column = columns[0]
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason("altitude", column)
+    choice = meaning.stated_unit("altitude", column).or_assumed("m", "heights are usually in m")
     meaning.chosen["altitude"] = column
     if len(columns) > 1:
         meaning.notes.append(f"height is {column!r}; {', '.join(map(repr, columns[1:]))} left out")
-    scale = FACTORS["length"][unit or "m"]
+    scale = FACTORS["length"][choice.unit]
     if float(np.nanmax(np.abs(meaning.unscaled_numbers(column)))) * scale > MAX_HEIGHT_M:
         meaning.notes.append(
             f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is not a height in m"
         )
         return
-    meaning.add_scaled_quantity(
-        "altitude", column, unit or "m", confidence if unit else "assumed", why if unit else "heights are usually in m"
-    )
+    meaning.add_scaled_quantity("altitude", column, choice)
 
 
 def _find_local_positions(meaning: Meaning) -> None:
@@ -224,24 +208,15 @@ def _find_local_positions(meaning: Meaning) -> None:
     if x is None or y is None:
         return
     for quantity, column in (("x", x), ("y", y)):
-        unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
-        meaning.add_scaled_quantity(
-            quantity,
-            column,
-            unit or "m",
-            confidence if unit else "assumed",
-            why if unit else "positions are usually in m",
-        )
+        choice = meaning.stated_unit(quantity, column).or_assumed("m", "positions are usually in m")
+        meaning.add_scaled_quantity(quantity, column, choice)
     if _may_be_vectors_not_path(meaning, x, y):
         what = f"{x!r}, {y!r} and 'z' may be positions, accelerations or turn rates"
         meaning.add_question(what, f"--column x='{x}*m' --column y='{y}*m', or --column accel_x='{x}*mps2' and so on")
         return
     z = meaning.choose_column_or_ask("z")
     if z is not None:
-        unit, confidence, why = meaning.stated_unit_confidence_and_reason("z", z)
-        meaning.add_scaled_quantity(
-            "z", z, unit or "m", confidence if unit else "assumed", why if unit else "as x and y"
-        )
+        meaning.add_scaled_quantity("z", z, meaning.stated_unit("z", z).or_assumed("m", "as x and y"))
     values = meaning.values
     finite = np.isfinite(values["x"]) & np.isfinite(values["y"])
     if not finite.any():
@@ -264,9 +239,7 @@ def _may_be_vectors_not_path(meaning: Meaning, x_column: str, y_column: str) -> 
     bare = all(
         meaning.words_of_column(column) == (axis,) for axis, column in zip("xy", (x_column, y_column), strict=True)
     )
-    has_unit = (
-        meaning.stated_unit_confidence_and_reason("x", x_column)[0] or meaning.is_decided_by_user("x") or table.presets
-    )
+    has_unit = meaning.stated_unit("x", x_column).unit or meaning.is_decided_by_user("x") or table.presets
     companions = {"z", "speed", "heading", "course", "quaternion_w"} & set(meaning.table.candidates)
     if not bare or has_unit or companions != {"z"}:
         return False

@@ -30,7 +30,7 @@ from cwcli.importing.readers.base import FileHead, Recording
 from cwcli.importing.readers.trajectory import is_one_number_per_line
 from cwcli.importing.speeds import find_headings, find_speed_and_unit, find_velocity, find_yaw_rate
 from cwcli.importing.stamps import find_stamps, require_rows_of_one_recording
-from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable
 from cwcli.importing.units import FACTORS
 from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
@@ -108,7 +108,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
     _find_quantities_of_all_tables(meanings)
     questions = [question for meaning in meanings for question in meaning.questions]
     if questions:
-        raise ambiguity_error_of_questions(questions)
+        raise questions[0].as_error(questions[1:])
     _ask_for_missing_start_times(meanings)
     channels = [(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)]
     _ask_about_repeated_quantities(channels)
@@ -146,9 +146,7 @@ def _split_files_and_helping_answers(files: Sequence[str], answers: Answers) -> 
             "it only explains another file", where=", ".join(files), hint="name the trace, the poses or the video, too"
         )
     if len(times) > 1:
-        raise ambiguity_error_of_questions(
-            [Question(times[0], f"{len(times)} files hold one time a line", "--times FILE names one")]
-        )
+        raise Question(times[0], f"{len(times)} files hold one time a line", "--times FILE names one").as_error()
     return others, replace(
         answers, dbc=(*answers.dbc, *dbc), frame_times=answers.frame_times or (times[0] if times else "")
     )
@@ -176,7 +174,7 @@ def _interpret_tables_with_quantities(
         except AmbiguousError as error:
             questions.append(Question(error.where, error.what, error.hint))
     if questions:
-        raise ambiguity_error_of_questions(questions)
+        raise questions[0].as_error(questions[1:])
     return meanings, unused
 
 
@@ -222,9 +220,9 @@ def _take_steering_named_by_user(meaning: Meaning) -> None:
     column = meaning.choose_column_or_ask("steering") if meaning.candidate_columns("steering") else None
     if column is None:
         return
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason("steering", column)
-    if meaning.is_decided_by_user("steering") and unit:
-        meaning.add_scaled_quantity("steering", column, unit, confidence, why)
+    choice = meaning.stated_unit("steering", column)
+    if meaning.is_decided_by_user("steering") and choice.unit:
+        meaning.add_scaled_quantity("steering", column, choice)
     else:
         meaning.notes.append(
             f"{column!r} is left out: it may be the angle of the steering wheel "
@@ -257,7 +255,7 @@ def _ask_about_repeated_quantities(channels: Sequence[tuple[str, OutputChannel]]
             what = f"{other} holds the same: {', '.join(quantities)}"
             questions.append(Question(table, what, f"{choices} leaves one out"))
     if questions:
-        raise ambiguity_error_of_questions(questions)
+        raise questions[0].as_error(questions[1:])
 
 
 def _ask_for_missing_start_times(meanings: Sequence[Meaning]) -> None:
@@ -265,15 +263,11 @@ def _ask_for_missing_start_times(meanings: Sequence[Meaning]) -> None:
     absolute = [meaning for meaning in meanings if meaning.since == "1970"]
     relative = [meaning for meaning in meanings if meaning.since == "start"]
     if absolute and relative:
-        raise ambiguity_error_of_questions(
-            [
-                Question(
-                    relative[0].name,
-                    f"its times count from the start of the recording, and those of {absolute[0].name} from 1970",
-                    "--start 2024-05-01T08:00:00Z says when the recording started",
-                )
-            ]
-        )
+        raise Question(
+            relative[0].name,
+            f"its times count from the start of the recording, and those of {absolute[0].name} from 1970",
+            "--start 2024-05-01T08:00:00Z says when the recording started",
+        ).as_error()
 
 
 def write_import(plan: ImportPlan, target: str, *, force: bool = False, inputs: Sequence[InputFile] = ()) -> None:

@@ -18,7 +18,7 @@ from cwcli.importing.motion import (
 )
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.places import ask_if_latitude_longitude_swapped, swapped_course_error_deg
-from cwcli.importing.tables import Guess
+from cwcli.importing.tables import Guess, UnitChoice
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
 
@@ -55,7 +55,6 @@ def find_speed_and_unit(meaning: Meaning, track: TrackSpans | None) -> None:
         return
     values = meaning.unscaled_numbers(column)
     values = _without_unknown_minus_one(meaning, values)
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason("speed", column)
     if _are_latitude_longitude_swapped(meaning, values):
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
         meaning.add_question(
@@ -63,11 +62,9 @@ def find_speed_and_unit(meaning: Meaning, track: TrackSpans | None) -> None:
             f"--column latitude='{columns[1]}' --column longitude='{columns[0]}'",
         )
         return
-    checked = _choose_speed_unit_and_reason_or_ask(meaning, column, values, (unit, confidence, why), track)
-    if checked is None:
-        return
-    unit, confidence, why = checked
-    meaning.add_quantity("speed", values * FACTORS["speed"][unit], Guess("speed", column, unit, confidence, why))
+    choice = _choose_speed_unit_or_ask(meaning, column, values, meaning.stated_unit("speed", column), track)
+    if choice is not None:
+        meaning.add_quantity("speed", values * FACTORS["speed"][choice.unit], Guess("speed", column, *choice))
 
 
 def _without_unknown_minus_one(meaning: Meaning, values: FloatArray) -> FloatArray:
@@ -97,10 +94,10 @@ def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> boo
     return len(spread) == 2 and spread[0] > MIN_UNEVEN and spread[1] < MAX_EVEN_SHARE * spread[0]
 
 
-def _choose_speed_unit_and_reason_or_ask(
-    meaning: Meaning, column: str, values: FloatArray, stated: tuple[str, str, str], track: TrackSpans | None
-) -> tuple[str, str, str] | None:
-    """Return unit, confidence and reason of a speed; None where a question is asked."""
+def _choose_speed_unit_or_ask(
+    meaning: Meaning, column: str, values: FloatArray, stated: UnitChoice, track: TrackSpans | None
+) -> UnitChoice | None:
+    """Return the unit of a speed; None where a question is asked."""
     unit, confidence, why = stated
     ratio = speed_units_per_mps(track, meaning.stamp_ns, values)
     fitting = [
@@ -115,9 +112,9 @@ def _choose_speed_unit_and_reason_or_ask(
             )
             return None
         agrees = ", and the way between the positions agrees" if ratio > 0 else ""
-        return unit, confidence, why + agrees
+        return UnitChoice(unit, confidence, why + agrees)
     if len(fitting) == 1:
-        return fitting[0], "likely", f"{ratio:.3g} of it make 1 m/s between the positions"
+        return UnitChoice(fitting[0], "likely", f"{ratio:.3g} of it make 1 m/s between the positions")
     choices = " or ".join(f"--column speed='{column}*{each}'" for each in ("mps", "kmh", "mph"))
     if ratio > 0:
         meaning.add_question(f"{column!r} has no unit, and {ratio:.3g} of it make 1 m/s between the positions", choices)
@@ -147,13 +144,11 @@ def find_velocity(meaning: Meaning, track: TrackSpans | None) -> None:
     east, north = meaning.choose_column_or_ask("velocity_east"), meaning.choose_column_or_ask("velocity_north")
     if east is None or north is None:
         return
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason("velocity_east", east)
     size = np.hypot(meaning.unscaled_numbers(east), meaning.unscaled_numbers(north))
-    checked = _choose_speed_unit_and_reason_or_ask(meaning, east, size, (unit, confidence, why), track)
-    if checked is None:
-        return
-    for quantity, column in (("velocity_east", east), ("velocity_north", north)):
-        meaning.add_scaled_quantity(quantity, column, *checked)
+    choice = _choose_speed_unit_or_ask(meaning, east, size, meaning.stated_unit("velocity_east", east), track)
+    if choice is not None:
+        meaning.add_scaled_quantity("velocity_east", east, choice)
+        meaning.add_scaled_quantity("velocity_north", north, choice)
 
 
 def find_headings(meaning: Meaning, track: TrackSpans | None) -> None:
@@ -275,7 +270,7 @@ def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) 
     if "-" in text:
         unit, _, sense = text.partition("-")
         return unit, sense, confidence, why
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason(quantity, column)
+    unit, confidence, why = meaning.stated_unit(quantity, column)
     return unit, "", confidence, why
 
 
@@ -349,7 +344,7 @@ def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
     if column is None:
         return
     values = meaning.unscaled_numbers(column)
-    unit, confidence, why = meaning.stated_unit_confidence_and_reason("gyro_z" if is_lonely else "yaw_rate", column)
+    unit, confidence, why = meaning.stated_unit("gyro_z" if is_lonely else "yaw_rate", column)
     ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values)
     is_shown = abs(correlation) > MIN_CORRELATION
     if not unit and is_shown:

@@ -12,7 +12,7 @@ from cwcli.errors import DataError, MissingSignalError
 from cwcli.importing.load import LoadedTable
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.names import split_name, unit_of_name
-from cwcli.importing.tables import Answers, Guess, Question, ambiguity_error_of_questions
+from cwcli.importing.tables import Answers, Guess, Question
 from cwcli.importing.times import (
     APPLE_EPOCH_S,
     MAX_STAMP_NS,
@@ -119,17 +119,13 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
         rivals = [each for each in candidates if each.rank == best.rank and each is not best and each.question is None]
         for rival in rivals:
             if not _do_both_times_advance_together(best, rival):
-                raise ambiguity_error_of_questions(
-                    [
-                        Question(
-                            where,
-                            f"{best.column!r} and {rival.column!r} can each be the time, and do not advance together",
-                            f"--column time='{best.column}' or --column time='{rival.column}'",
-                        )
-                    ]
-                )
+                raise Question(
+                    where,
+                    f"{best.column!r} and {rival.column!r} can each be the time, and do not advance together",
+                    f"--column time='{best.column}' or --column time='{rival.column}'",
+                ).as_error()
     if best.question is not None:
-        raise ambiguity_error_of_questions([best.question])
+        raise best.question.as_error()
     if best.rank == "start":
         best = _date_by_coarse_column(best, coarse)
     return _sort_rows_by_stamp(table, answers, best)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from pathlib import PurePath
-from typing import Any
+from typing import Any, NamedTuple
 
 from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
@@ -56,6 +56,15 @@ class SourceTable:
     attitude_is_of_device: bool = False
     start_ns: int | None = None
     notes: list[str] = field(default_factory=list)
+
+    @classmethod
+    def of_arrays(cls, file: str, part: str, kind: str, arrays: Mapping[str, Any], **more: Any) -> SourceTable:
+        """Return a table of columns that are in memory, (n,) each; `more`: further attributes."""
+
+        def read(wanted: Sequence[str]) -> Iterator[Batch]:
+            yield {name: arrays[name] for name in wanted}
+
+        return cls(file, part, kind, tuple(arrays), read, **more)
 
     @property
     def name(self) -> str:
@@ -113,20 +122,30 @@ class Question:
     what: str
     option: str
 
+    def as_error(self, others: Sequence[Question] = ()) -> AmbiguousError:
+        """Return the error that puts the question to the user, with other questions behind `found`."""
+        found = tuple(f"{each.where}: {each.what} ({each.option})" for each in others)
+        return AmbiguousError(self.what, where=self.where, found=found, hint=self.option)
+
 
 class AmbiguousError(MissingSignalError):
     """The file can be read in several ways, and only the user knows which one is right."""
 
 
-def ambiguity_error_of_questions(questions: Sequence[Question]) -> AmbiguousError:
-    """Return the error that puts questions to the user: the first one, and the others behind `found`."""
-    first, *others = questions
-    return AmbiguousError(
-        first.what,
-        where=first.where,
-        found=tuple(f"{each.where}: {each.what} ({each.option})" for each in others),
-        hint=first.option,
-    )
+class UnitChoice(NamedTuple):
+    """The unit of a column ("" where it is not known), how sure that is (as in `Guess`), and why."""
+
+    unit: str
+    confidence: str
+    why: str
+
+    def or_assumed(self, unit: str, why: str) -> UnitChoice:
+        """Return the choice, or the usual unit where it has none."""
+        return self if self.unit else UnitChoice(unit, "assumed", why)
+
+
+UNKNOWN_UNIT = UnitChoice("", "", "")
+"""The choice of a column whose unit is asked for."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
-"""The beginning of a text file: its encoding and first lines."""
+"""Text files of any size: their encoding and first lines, and all lines one at a time, each of a bounded length."""
 
 from __future__ import annotations
 
 import codecs
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 
 from cwcli.errors import InputError
@@ -16,6 +17,8 @@ UNDEFINED_BYTES = frozenset(b"\x81\x8d\x8f\x90\x9d")
 """Bytes that code page 1252 does not define."""
 MAX_CONTROL_SHARE = 0.02
 """Largest share of control characters in a text; chosen by hand."""
+MAX_LINE_CHARACTERS = 1 << 20
+"""Greatest number of characters of a line, 1 Mi. Chosen by hand: the lines of a recording have a few thousand."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,28 @@ def decode_head(data: bytes) -> TextHead | None:
     if not is_whole and len(lines) > 1:
         lines = lines[:-1]
     return TextHead(encoding, bom, tuple(lines), is_whole)
+
+
+def iter_text_lines(path: str, encoding: str = "utf-8-sig") -> Iterator[str]:
+    """Yield the lines of a text file with their ends; bytes that are no text become the replacement character.
+
+    Raises:
+        InputError: The file can't be read, or a line is longer than `MAX_LINE_CHARACTERS`.
+    """
+    try:
+        with Path(path).open(encoding=encoding, errors="replace") as file:
+            number = 0
+            while line := file.readline(MAX_LINE_CHARACTERS + 1):
+                number += 1
+                if len(line) > MAX_LINE_CHARACTERS:
+                    raise InputError(
+                        f"line {number} has more than {MAX_LINE_CHARACTERS:,} characters",
+                        where=path,
+                        hint="the file is damaged, or no text",
+                    )
+                yield line
+    except OSError as error:
+        raise InputError(f"it can't be read: {error.strerror}", where=path) from error
 
 
 def no_text_error(name: str) -> InputError:

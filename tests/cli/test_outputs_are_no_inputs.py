@@ -409,7 +409,7 @@ OPENERS = {
     **dict.fromkeys(
         (
             f"importing/{name}.py"
-            for name in ("bounded_xml", "text_lines", "readers/delimited", "readers/parquet", "readers/ubx")
+            for name in ("bounded_xml", "text_file", "readers/delimited", "readers/parquet", "readers/ubx")
         ),
         "a file that is imported, which `cwcli import` refuses as an output",
     ),

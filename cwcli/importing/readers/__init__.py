@@ -22,8 +22,8 @@ KIND_MODULES = {
     "gnsslogger": "gnsslogger:KIND",
     "nmea": "nmea:KIND",
     "euroc": "euroc:KIND",
-    "tum": "tum:KIND",
-    "kitti": "kitti:KIND",
+    "tum": "trajectory:TUM",
+    "kitti": "trajectory:KITTI",
     "csv": "csv_table:KIND",
 }
 """Name of a kind -> its description in a module here, in the order in which a file is compared with them."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 from typing import Any
 
@@ -18,12 +18,11 @@ import numpy as np
 from cwcli.errors import DataError, InputError, MissingSignalError, UsageError, install_hint
 from cwcli.importing.names import QUANTITIES, quantities_of_name
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
-from cwcli.importing.text_lines import iter_text_lines
+from cwcli.importing.tables import Answers, Question, SourceTable
+from cwcli.importing.text_file import iter_text_lines
 from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.can import MAX_FRAME_BYTES, DbcMessage, decode_all_signals, load_dbc_messages
-from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
 CANDUMP = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
@@ -71,9 +70,9 @@ def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequ
         UsageError: A DBC file can't be read, or a package is missing.
     """
     if not answers.dbc:
-        raise ambiguity_error_of_questions(
-            [Question(path, "a CAN trace holds bytes; which signals they are is in a DBC file", "--dbc car.dbc")]
-        )
+        raise Question(
+            path, "a CAN trace holds bytes; which signals they are is in a DBC file", "--dbc car.dbc"
+        ).as_error()
     given = {column for column, _ in answers.columns.values() if column}
     messages = {}
     for message in load_dbc_messages(answers.dbc):
@@ -101,15 +100,10 @@ def _can_be_quantity(name: str) -> bool:
 def _build_table_of_message(path: str, kind: str, message: DbcMessage, frames: Frames) -> SourceTable:
     octets = np.frombuffer(frames.data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
     n_octets = np.array(frames.n_octets, np.int64)
-    values: dict[str, FloatArray] = decode_all_signals(octets, n_octets, message)
-    stamps = np.array(frames.stamp_ns, np.int64)
+    values: dict[str, Any] = {"time": None} | decode_all_signals(octets, n_octets, message)
+    values["time"] = np.array(frames.stamp_ns, np.int64)
     units = {"time": "ns", **{signal.name: signal.unit or "" for signal in message.signals}}
-
-    def read(wanted: Sequence[str]) -> Iterator[Batch]:
-        yield {name: stamps if name == "time" else values[name] for name in wanted}
-
-    names = tuple(name for name in values if name != "time")
-    return SourceTable(path, message.name, kind, ("time", *names), read, units=units)
+    return SourceTable.of_arrays(path, message.name, kind, values, units=units)
 
 
 class _TraceLines(io.TextIOBase):

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import DataError, InputError
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.tables import Answers, Batch, Question, SourceTable
 from cwcli.importing.text_file import TextHead, decode_head, no_text_error, read_head
 from cwcli.importing.units import is_unit_text
 from cwcli.lazy_dataclass import dataclass
@@ -138,15 +138,11 @@ def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tupl
                 hint="give every column a name",
             )
         shown = separator.join(rows[0][1])[:60]
-        raise ambiguity_error_of_questions(
-            [
-                Question(
-                    where,
-                    f"it has no line of names; it begins with {shown!r}",
-                    "put a first line with the columns' names and units",
-                )
-            ]
-        )
+        raise Question(
+            where,
+            f"it has no line of names; it begins with {shown!r}",
+            "put a first line with the columns' names and units",
+        ).as_error()
     names_line, names = rows[at]
     last = names_line
     units: dict[str, str] = {}

@@ -7,14 +7,14 @@ without a place on the globe is put at `PLANE_ORIGIN`. Source: sumo.dlr.de/docs/
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.bounded_xml import iter_xml_events
 from cwcli.importing.readers.base import FileHead, ImportKind, Recording
-from cwcli.importing.tables import Answers, Batch, Guess, Preset, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.tables import Answers, Guess, Preset, Question, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
@@ -70,11 +70,7 @@ def _read_fcd_tables(path: str, answers: Answers) -> Sequence[SourceTable | Reco
         notes.append(
             f"the plane has no place on the globe: its origin is put at {PLANE_ORIGIN[0]:g} N {PLANE_ORIGIN[1]:g} E"
         )
-
-    def read(wanted: Sequence[str]) -> Iterator[Batch]:
-        yield {name: columns[name] for name in wanted}
-
-    table = SourceTable(path, ego, "sumo fcd", tuple(columns), read, presets=presets, notes=notes)
+    table = SourceTable.of_arrays(path, ego, "sumo fcd", columns, presets=presets, notes=notes)
     others = {}
     for name, values in tables.items():
         rows = _complete_row_indices_by_time(values)
@@ -131,9 +127,9 @@ def _choose_ego_name(path: str, names: Sequence[str], answers: Answers) -> str:
     if len(own) == 1 and not answers.vehicle:
         return own[0]
     shown = ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
-    raise ambiguity_error_of_questions(
-        [Question(path, f"it holds {len(names)} vehicles, and one of them is the ego: {shown}", f"--id {names[0]}")]
-    )
+    raise Question(
+        path, f"it holds {len(names)} vehicles, and one of them is the ego: {shown}", f"--id {names[0]}"
+    ).as_error()
 
 
 def _is_geographic(rows: FloatArray) -> bool:

@@ -12,7 +12,7 @@ from cwcli.errors import DataError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited_table
 from cwcli.importing.tables import Answers, Preset, SourceTable
-from cwcli.importing.text_lines import iter_text_lines
+from cwcli.importing.text_file import iter_text_lines
 
 WANTED = ("Fix", "UncalAccel", "UncalGyro", "Accel", "Gyro")
 """First cells of the lines that are read."""

@@ -12,7 +12,7 @@ from typing import Any
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.importing.bounded_xml import iter_xml_events
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ambiguity_error_of_questions
+from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable
 
 POINTS_AT_ONCE = 50_000
 """Number of track points in a batch of rows. Chosen by hand: a batch takes a few megabytes."""
@@ -40,9 +40,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
         names = [name for name, _ in tracks]
         if answers.vehicle not in names:
             shown = ", ".join(f"{name} ({n} points)" for name, n in tracks[:10])
-            raise ambiguity_error_of_questions(
-                [Question(path, f"it has {len(tracks)} tracks: {shown}", f"--id '{names[0]}'")]
-            )
+            raise Question(path, f"it has {len(tracks)} tracks: {shown}", f"--id '{names[0]}'").as_error()
         wanted = names.index(answers.vehicle)
     found = set(_names_of_points(path, tracks[wanted][0]))
     if "time" not in found:

@@ -8,15 +8,15 @@ from __future__ import annotations
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 
 import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
-from cwcli.importing.text_lines import iter_text_lines
+from cwcli.importing.tables import Answers, Preset, SourceTable
+from cwcli.importing.text_file import iter_text_lines
 from cwcli.importing.times import parse_start_ns
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.nmea import SENTENCE_PARSERS, split_sentence
@@ -114,15 +114,11 @@ def _build_sentence_table(
 ) -> SourceTable:
     rows = np.frombuffer(sentences.row, np.int64)
     columns = {"time": stamps[rows], **{key: np.frombuffer(sentences.values[key]) for key in COLUMNS[name]}}
-    given = tuple(key for key, values in columns.items() if key == "time" or np.isfinite(values).any())
-
-    def read(wanted: Sequence[str]) -> Iterator[Batch]:
-        yield {key: columns[key] for key in wanted}
-
+    given = {key: values for key, values in columns.items() if key == "time" or np.isfinite(values).any()}
     presets = {key: PRESETS[key] for key in given}
     if name == "heading":
         presets["course_deg"] = Preset("heading", "deg-cw-north")
-    return SourceTable(path, name, "nmea", given, read, presets=presets, notes=list(notes))
+    return SourceTable.of_arrays(path, name, "nmea", given, presets=presets, notes=list(notes))
 
 
 def _collect_sentences(path: str) -> Collected:

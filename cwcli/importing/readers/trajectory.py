@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.errors import DataError, InputError
-from cwcli.importing.readers.base import FileHead
-from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable, ambiguity_error_of_questions
-from cwcli.importing.text_lines import iter_text_lines
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable
+from cwcli.importing.text_file import iter_text_lines
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -31,6 +31,11 @@ POSE_PRESETS = {
     **{f"q{axis}": Preset(f"quaternion_{axis}") for axis in "xyzw"},
 }
 """Column -> the quantity and unit that the format fixes."""
+MAX_LENGTH_ERROR = 0.05
+"""Largest deviation of the length of a quaternion from 1; numbers beyond it are no quaternion. Chosen by hand."""
+MAX_VOLUME_ERROR = 0.05
+"""Largest deviation of the determinant of a rotation matrix from 1; numbers beyond it are no rotation. Chosen by
+hand."""
 MAX_UNEQUAL_LINES = 0.05
 """Largest share of lines with a wrong number of columns that are left out; more is an error. Chosen by hand."""
 
@@ -96,14 +101,8 @@ def read_tum_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
             batch = {name: values[:, k] for k, name in enumerate(POSE_COLUMNS)}
             yield {name: pa.array([row[0] for row in rows]) if name == "time" else batch[name] for name in columns}
 
-    return [
-        SourceTable(path, "", "tum", ("time", *POSE_COLUMNS), read, presets=_presets_without_time_unit(), notes=notes)
-    ]
-
-
-def _presets_without_time_unit() -> dict[str, Preset]:
-    """Return the presets with the unit of the time left to its size: some tools write ns."""
-    return {**POSE_PRESETS, "time": Preset("time")}
+    presets = {**POSE_PRESETS, "time": Preset("time")}  # its size shows the unit: some tools write ns
+    return [SourceTable(path, "", "tum", ("time", *POSE_COLUMNS), read, presets=presets, notes=notes)]
 
 
 def read_kitti_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
@@ -120,15 +119,11 @@ def read_kitti_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
     matrices = np.concatenate(blocks).reshape(-1, 3, 4)
     stamp_ns, why = stamps_of_rows_and_origin(path, answers, len(matrices))
     quaternions = xyzw_quaternions_of_rotations(matrices[:, :, :3])
-    columns = {name: matrices[:, k, 3] for k, name in enumerate("xyz")}
+    columns = {"time": stamp_ns} | {name: matrices[:, k, 3] for k, name in enumerate("xyz")}
     columns |= {f"q{axis}": quaternions[:, k] for k, axis in enumerate("xyzw")}
     notes.append(f"times: {why}")
-
-    def read(wanted: Sequence[str]) -> Iterator[Batch]:
-        yield {name: stamp_ns if name == "time" else columns[name] for name in wanted}
-
     presets = {**POSE_PRESETS, "time": Preset("time", "ns")}
-    return [SourceTable(path, "", "kitti", ("time", *POSE_COLUMNS), read, presets=presets, notes=notes)]
+    return [SourceTable.of_arrays(path, "", "kitti", columns, presets=presets, notes=notes)]
 
 
 def stamps_of_rows_and_origin(path: str, answers: Answers, n: int) -> tuple[Int64Array, str]:
@@ -146,9 +141,7 @@ def stamps_of_rows_and_origin(path: str, answers: Answers, n: int) -> tuple[Int6
     if not source:
         beside = Path(path).with_name("times.txt")
         if not beside.is_file():
-            raise ambiguity_error_of_questions(
-                [Question(path, "its rows have no times", "--times times.txt, or --times 10Hz")]
-            )
+            raise Question(path, "its rows have no times", "--times times.txt, or --times 10Hz").as_error()
         source = str(beside)
     stamps = read_time_lines_ns(source, n + 1)
     if len(stamps) != n:
@@ -201,3 +194,24 @@ def xyzw_quaternions_of_rotations(rotation: FloatArray) -> FloatArray:
     rows = table[np.arange(len(r)), largest]
     length = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.asarray(rows / np.where(length > 0, length, np.nan))
+
+
+def _accepts_tum_file(head: FileHead) -> bool:
+    rows = first_lines_as_numbers(head, 8)
+    return rows is not None and bool((np.abs(np.linalg.norm(rows[:, 4:], axis=1) - 1.0) < MAX_LENGTH_ERROR).all())
+
+
+def _accepts_kitti_file(head: FileHead) -> bool:
+    rows = first_lines_as_numbers(head, 12)
+    if rows is None:
+        return False
+    volume = np.linalg.det(rows.reshape(-1, 3, 4)[:, :, :3])
+    return bool((np.abs(volume - 1.0) < MAX_VOLUME_ERROR).all())
+
+
+TUM = ImportKind("TUM trajectories", (".tum", ".txt"), _accepts_tum_file, read_tum_poses)
+"""The description of TUM's trajectories: `time x y z qx qy qz qw`, a line each."""
+KITTI = ImportKind(
+    "KITTI poses, with a file of times or a rate", (".txt", ".kitti"), _accepts_kitti_file, read_kitti_poses
+)
+"""The description of KITTI's poses: the upper three rows of a pose matrix a line, without times."""

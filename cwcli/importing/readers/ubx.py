@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
+from cwcli.importing.tables import Answers, Preset, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.quality import BoolArray
@@ -72,11 +72,7 @@ def _read_ubx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     columns: dict[str, Any] = {name: table[:, k] for k, name in enumerate(PRESETS)}
     columns["time"] = stamps
     notes = [f"{reason}: {n} messages" for reason, n in counts.items()]
-
-    def read(wanted: Sequence[str]) -> Iterator[Batch]:
-        yield {name: columns[name] for name in wanted}
-
-    return [SourceTable(path, "NAV-PVT", "ubx", tuple(PRESETS), read, presets=PRESETS, notes=notes)]
+    return [SourceTable.of_arrays(path, "NAV-PVT", "ubx", columns, presets=PRESETS, notes=notes)]
 
 
 def _read_solutions_and_count_skipped(path: str) -> tuple[list[tuple[float, ...]], Counter[str]]:

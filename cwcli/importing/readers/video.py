@@ -14,7 +14,7 @@ import numpy as np
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.trajectory import stamps_of_rows_and_origin
-from cwcli.importing.tables import Answers, Guess, Question, ambiguity_error_of_questions
+from cwcli.importing.tables import Answers, Guess, Question
 from cwcli.importing.times import parse_start_ns
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.write.writer import LogWriter
@@ -34,15 +34,11 @@ def _accepts_video_file(head: FileHead) -> bool:
 
 def _read_video_file(path: str, answers: Answers) -> Sequence[Video]:
     if not answers.frame_times:
-        raise ambiguity_error_of_questions(
-            [
-                Question(
-                    path,
-                    "the times of a video's frames are not those of other sensors",
-                    "--times pts (those in the video), --times FILE with one a line, or --times 30Hz",
-                )
-            ]
-        )
+        raise Question(
+            path,
+            "the times of a video's frames are not those of other sensors",
+            "--times pts (those in the video), --times FILE with one a line, or --times 30Hz",
+        ).as_error()
     pts_ns = _container_times_ns(path)
     if answers.frame_times == "pts":
         stamps, why = pts_ns, "times in the container"
