@@ -40,12 +40,12 @@ from cwcli.signals.inputs import (
     SCHEMAS_BY_RADIO_FORMAT,
     find_input_for_role,
     inputs_of_schema,
-    is_additive_input,
     normalise_schema_name,
 )
 from cwcli.signals.role import Role
 
 if TYPE_CHECKING:
+    from cwcli.signals.builders.base import Input
     from cwcli.signals.mapping import FieldMapping
 
 TRUTH_TOPIC_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
@@ -94,6 +94,10 @@ class ChannelLike(Protocol):
     def message_encoding(self) -> str: ...
 
 
+ChannelWithInputs = tuple[ChannelLike, "Mapping[str, Input]"]
+"""A channel and the registry's rows of its schema, by role."""
+
+
 @dataclass(frozen=True)
 class Binding:
     """A channel in a role.
@@ -104,6 +108,7 @@ class Binding:
         is_override: The user named it.
         mapping: Which of its fields are the role's, where the user has said so.
         parts: The channels of the mapping's parts.
+        input: The registry's row that reads the channel, found once; None for cwcli's own roles, which a stage reads.
     """
 
     role: str
@@ -113,6 +118,12 @@ class Binding:
     is_override: bool = False
     mapping: FieldMapping | None = None
     parts: tuple[Binding, ...] = ()
+    input: Input | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def is_additive(self) -> bool:
+        """Whether it is bound in addition to the channel that is chosen for the role."""
+        return self.input is not None and self.input.is_additive
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -123,8 +134,7 @@ class Binding:
                 if normalise_schema_name(self.schema_name) in CAN_FRAME_SCHEMAS
                 else self.mapping.leaf_fields_to_load
             )
-        entry = find_input_for_role(self.role, self.schema_name)
-        return entry.fields.get(self.message_encoding, ()) if entry else ()
+        return self.input.fields.get(self.message_encoding, ()) if self.input else ()
 
 
 @dataclass(frozen=True)
@@ -159,8 +169,8 @@ class Bindings:
         fields: dict[str, set[str]] = {}
         for bound in self.by_role.values():
             for binding in (each for one in bound for each in (one, *one.parts)):
-                if binding.fields:
-                    fields.setdefault(binding.topic, set()).update(binding.fields)
+                if leaves := binding.fields:
+                    fields.setdefault(binding.topic, set()).update(leaves)
         return fields
 
 
@@ -196,12 +206,13 @@ def bind_roles(
     by_role: dict[str, tuple[Binding, ...]] = {}
     undecided: dict[str, tuple[Binding, ...]] = {}
     notes: list[str] = []
+    known = _with_inputs_by_role(channels)
     for role in dict.fromkeys((*required, *optional)):
         if role in named:
             by_role[role] = named[role]
             continue
-        candidates = _candidate_bindings(channels, role, ego_station)
-        rivals = [each for each in candidates if not is_additive_input(role, each.schema_name)]
+        candidates = _candidate_bindings(known, role, ego_station)
+        rivals = [each for each in candidates if not each.is_additive]
         if candidates and (len(rivals) <= 1 or role in ROLES_TAKING_EVERY_CHANNEL):
             by_role[role] = tuple(candidates)
             if role in ONLINE_CHANNEL_OF_ROLE and candidates[0].topic == ONLINE_CHANNEL_OF_ROLE[role].topic:
@@ -255,38 +266,44 @@ def check_topic_overrides(overrides: Mapping[str, str], name_of_option: str = "-
         _parse_field_mappings(name, value)
 
 
-def _candidate_bindings(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
+def _with_inputs_by_role(channels: Sequence[ChannelLike]) -> list[ChannelWithInputs]:
+    """The channels with the registry's rows of their schemas, by role: each is looked up once."""
+    return [
+        (channel, {each.role: each for each in reversed(inputs_of_schema(channel.schema_name))}) for channel in channels
+    ]
+
+
+def _candidate_bindings(channels: Sequence[ChannelWithInputs], role: str, ego_station: str | None) -> list[Binding]:
     """The bindings of lowest rank for a role, then those that are bound in addition; one for each topic."""
     ranked: dict[str, tuple[int, Binding]] = {}
-    for channel in channels:
+    for channel, input_by_role in channels:
         if getattr(channel, "message_count", None) == 0 and role not in ROLES_THAT_MAY_BE_EMPTY:
             continue
-        rank = _rank_of_channel_for_role(channel, role, ego_station)
+        binding = Binding(
+            role, channel.topic, channel.schema_name, channel.message_encoding, input=input_by_role.get(role)
+        )
+        rank = _rank_of_binding(binding, ego_station)
         if rank is not None:
-            ranked.setdefault(channel.topic, (rank, _make_binding(channel, role)))
-    lowest = min((rank for rank, each in ranked.values() if not is_additive_input(role, each.schema_name)), default=0)
-    found = [each for rank, each in ranked.values() if rank == lowest or is_additive_input(role, each.schema_name)]
-    return sorted(found, key=lambda each: is_additive_input(role, each.schema_name))
+            ranked.setdefault(channel.topic, (rank, binding))
+    lowest = min((rank for rank, each in ranked.values() if not each.is_additive), default=0)
+    found = [each for rank, each in ranked.values() if rank == lowest or each.is_additive]
+    return sorted(found, key=lambda each: each.is_additive)
 
 
-def _rank_of_channel_for_role(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:
-    """The priority of a channel for a role, 0 first; None if the channel does not fill the role unless it is named."""
+def _rank_of_binding(binding: Binding, ego_station: str | None) -> int | None:
+    """The priority of a channel for its role, 0 first; None if the channel does not fill it unless it is named."""
+    role, topic, entry = binding.role, binding.topic, binding.input
     if role in CHANNEL_OF_ROLE:
         own = (
             CHANNEL_OF_ROLE[role].topic,
             *([ONLINE_CHANNEL_OF_ROLE[role].topic] if role in ONLINE_CHANNEL_OF_ROLE else []),
         )
-        return (
-            own.index(channel.topic)
-            if channel.topic in own and _can_schema_fill_role(role, channel.schema_name)
-            else None
-        )
-    entry = find_input_for_role(role, channel.schema_name)
-    if entry is None or channel.topic.startswith(OWN_TOPIC_PREFIX) or (entry.needs_ego_station and ego_station is None):
+        return own.index(topic) if topic in own and _can_schema_fill_role(role, binding.schema_name) else None
+    if entry is None or topic.startswith(OWN_TOPIC_PREFIX) or (entry.needs_ego_station and ego_station is None):
         return None
-    if not entry.says_what_it_is and is_truth_topic(channel.topic) != (role in TRUTH_ROLES):
+    if not entry.says_what_it_is and is_truth_topic(topic) != (role in TRUTH_ROLES):
         return None
-    return entry.rank if entry.fits_topic(channel.topic) else None
+    return entry.rank if entry.fits_topic(topic) else None
 
 
 def _can_schema_fill_role(role: str, schema_name: str) -> bool:
@@ -337,10 +354,13 @@ def _parse_field_mappings(role: str, value: str) -> tuple[FieldMapping, ...]:
 
 
 def _bind_mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping, where: str) -> Binding:
+    from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE
+
     for channel in channels:
         if channel.topic in (mapping.topic, f"/{mapping.topic}"):
             parts = tuple(_bind_mapped_channel(channels, part, where) for part in mapping.parts)
-            return replace(_make_binding(channel, mapping.role, is_override=True), mapping=mapping, parts=parts)
+            whole = _make_named_binding(channel, mapping.role, MAPPED_QUANTITIES_BY_ROLE[mapping.role].schema)
+            return replace(whole, mapping=mapping, parts=parts)
     topics = tuple(dict.fromkeys(channel.topic for channel in channels)) or ("no channels",)
     what = f"--map {mapping.role}={mapping.text}: the log has no topic {mapping.topic}"
     raise UsageError(what, where=where, found=topics)
@@ -352,7 +372,7 @@ def _bind_named_channel(channels: Sequence[ChannelLike], role: str, topic: str, 
     usable = {channel.topic: channel for channel in channels if _can_schema_fill_role(role, channel.schema_name)}
     channel = usable.get(topic) or usable.get(f"/{topic}")
     if channel is not None:
-        return _make_binding(channel, role, is_override=True)
+        return _make_named_binding(channel, role, channel.schema_name)
     option = f"--topic {role}={topic}"
     if usable:
         hint = f"topics that can hold {ROLE_TEXT[role]}: {', '.join(usable)}"
@@ -373,7 +393,8 @@ def _bind_radio_channel(channels: Sequence[ChannelLike], role: str, named: str, 
         )
     for channel in channels:
         if channel.topic in (topic, f"/{topic}"):
-            return replace(_make_binding(channel, role, is_override=True), schema_name=SCHEMAS_BY_RADIO_FORMAT[form])
+            schema_name = SCHEMAS_BY_RADIO_FORMAT[form]
+            return replace(_make_named_binding(channel, role, schema_name), schema_name=schema_name)
     raise UsageError(f"--topic {role}={named}: the log has no topic {topic}", where=where)
 
 
@@ -411,16 +432,17 @@ def _roles_of_channel(channel: ChannelLike) -> set[str]:
 def _camera_route_hint(role: str, channels: Sequence[ChannelLike], command: str) -> str:
     """A hint on the stages that give the ego's path from the camera in a log without a position; "" for other logs."""
     is_asked = command in ("predict", "warn", "run") and role in (EGO_STATE.role, EGO_PATH.role)
-    if not is_asked or _candidate_bindings(channels, Role.EGO_POSITION, None):
+    known = _with_inputs_by_role(channels)
+    if not is_asked or _candidate_bindings(known, Role.EGO_POSITION, None):
         return ""
     topics = {channel.topic for channel in channels}
     steps = list(CAMERA_TO_PATH_CHANNELS)
     while steps and any(step.topic in topics for step in steps):
         del steps[0]
-    if len(steps) == len(CAMERA_TO_PATH_CHANNELS) and not _candidate_bindings(channels, Role.CAMERA, None):
+    if len(steps) == len(CAMERA_TO_PATH_CHANNELS) and not _candidate_bindings(known, Role.CAMERA, None):
         return ""
     words = [f"`cwcli {step.stage}`" for step in steps]
-    has_speed = any(_candidate_bindings(channels, each, None) for each in (Role.EGO_SPEED, Role.EGO_VELOCITY))
+    has_speed = any(_candidate_bindings(known, each, None) for each in (Role.EGO_SPEED, Role.EGO_VELOCITY))
     if OBSERVER in steps and not has_speed:
         words[steps.index(OBSERVER)] += " (it needs the car's speed too, which no channel holds)"
     if command == "warn":
@@ -446,5 +468,7 @@ def _role_names_text() -> str:
     return f"roles: {', '.join(EVERY_ROLE)}"
 
 
-def _make_binding(channel: ChannelLike, role: str, *, is_override: bool = False) -> Binding:
-    return Binding(role, channel.topic, channel.schema_name, channel.message_encoding, is_override)
+def _make_named_binding(channel: ChannelLike, role: str, read_as_schema: str) -> Binding:
+    """The binding of a channel that the user named, read as messages of a schema."""
+    entry = find_input_for_role(role, read_as_schema)
+    return Binding(role, channel.topic, channel.schema_name, channel.message_encoding, is_override=True, input=entry)

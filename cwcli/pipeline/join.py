@@ -23,7 +23,8 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Call, Selection
 from cwcli.pipeline.execute import run_stages
 from cwcli.pipeline.records import map_from_record, read_configuration, read_run_records
-from cwcli.signals.build import build_signal
+from cwcli.signals.build import build_bound_signal
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PositionSignal
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.mapping import is_field_mapping
@@ -174,7 +175,8 @@ def _estimate_recorder_clock_of_log(log: Log) -> RecorderClock:
     one = bound.channels_of_role(Role.EGO_POSITION)[0]
     topic = one.topic
     parts = [(log.columns(part.topic), part.mapping) for part in one.parts if part.mapping is not None]
-    signal = build_signal(Role.EGO_POSITION, log.columns(topic), mapping=one.mapping, parts=parts)[0]
+    reading = Reading(Role.EGO_POSITION)
+    signal = build_bound_signal(one.input, log.columns(topic), reading, one.mapping, parts)[0]
     if not isinstance(signal, PositionSignal):
         raise DataError("its positions are no fixes of a GNSS receiver", where=f"{log.name}: {topic}")
     if not len(signal.stamp_ns):

@@ -319,9 +319,3 @@ def inputs_of_schema(schema_name: str) -> tuple[Input, ...]:
 def find_input_for_role(role: str, schema_name: str) -> Input | None:
     """Return the registry row of a schema for a role, or None."""
     return next((entry for entry in inputs_of_schema(schema_name) if entry.role == role), None)
-
-
-def is_additive_input(role: str, schema_name: str) -> bool:
-    """Return whether such a channel is bound in addition to the one that is chosen for the role."""
-    entry = find_input_for_role(role, schema_name)
-    return entry is not None and entry.is_additive

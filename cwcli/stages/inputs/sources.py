@@ -14,7 +14,8 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection, replace_selection
 from cwcli.pipeline.result import InputMessageCount
 from cwcli.pipeline.stations import add_stations_to_error
-from cwcli.signals.build import build_signal, require_usable_rows
+from cwcli.signals.build import build_bound_signal, require_usable_rows
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import (
     STRAY_LOG_TIME_REASON,
@@ -132,14 +133,12 @@ def read_sensor_signals(
             strays_ns = columns.log_time_ns[:0]
             if role not in ROLES_WITHOUT_TIME:
                 columns, strays_ns = _rows_in_span_and_times_of_others(columns, *usual_ns)
-            signal, quality = build_signal(
-                role,
+            signal, quality = build_bound_signal(
+                one.input,
                 columns,
-                how.clock,
-                ego_station=how.ego_station,
-                is_override=one.is_override,
-                mapping=one.mapping,
-                parts=[
+                Reading(role, how.clock, how.ego_station, one.is_override),
+                one.mapping,
+                [
                     (_rows_in_span_and_times_of_others(loaded[p.topic], *usual_ns)[0], p.mapping)
                     for p in one.parts
                     if p.mapping

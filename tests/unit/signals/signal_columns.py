@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.signals.build import build_signal
+from cwcli.signals.build import build_bound_signal, build_signal
+from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import Signal
 from cwcli.signals.columns import Columns, Ragged, Strings, encode_strings
+from cwcli.signals.inputs import find_input_for_role
+from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, FieldMapping
 from cwcli.signals.quality import Quality
+from cwcli.signals.role import Role
 
 LOGS = Path(__file__).parents[3].parent / "shared" / "logs"
 T0_NS = 1_570_522_030_000_000_000
@@ -66,6 +70,12 @@ Built = ParamSpec("Built")
 def with_known_kind(build: Callable[Built, tuple[Signal, Quality]]) -> Callable[Built, tuple[Any, Quality]]:
     """The same function for callers who know which kind of signal it builds: they may read each of its columns."""
     return build
+
+
+def build_mapped(role: Role, columns: Columns, mapping: FieldMapping) -> tuple[Any, Quality]:
+    """The signal of a channel whose fields a mapping names."""
+    entry = find_input_for_role(role, MAPPED_QUANTITIES_BY_ROLE[role].schema)
+    return build_bound_signal(entry, columns, Reading(role), mapping)
 
 
 build_known_signal = with_known_kind(build_signal)

@@ -11,12 +11,11 @@ import pytest
 from cantools.database.can import Database
 
 from cwcli.errors import UsageError
-from cwcli.signals.build import build_signal
 from cwcli.signals.can import FRAME_TOO_SHORT_REASON, NOT_AVAILABLE_REASON, OTHER_MESSAGE_REASON, OUT_OF_RANGE_REASON
 from cwcli.signals.mapping import parse_field_mappings
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
-from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
+from tests.unit.signals.signal_columns import T0_NS, build_mapped, columns_of, stamp_fields
 
 DBC = """VERSION ""
 BS_:
@@ -63,7 +62,7 @@ def load_dbc(path: Path) -> Database:
 
 
 def built(role: Role, text: str, columns, dbc: Path) -> tuple[Any, Quality]:
-    return build_signal(role, columns, mapping=parse_field_mappings(role, f"/can:{text};{dbc}")[0])
+    return build_mapped(role, columns, parse_field_mappings(role, f"/can:{text};{dbc}")[0])
 
 
 def test_signals_are_those_of_cantools(dbc: Path) -> None:
@@ -137,7 +136,7 @@ def test_file_that_is_no_dbc_is_refused(tmp_path: Path, content: str) -> None:
         built(Role.EGO_SPEED, "Motion.Speed", frames([(256, False, bytes(8))]), tmp_path / "none.dbc")
     columns = frames([(256, False, bytes(8))])
     with pytest.raises(UsageError, match="need the file"):
-        build_signal(Role.EGO_SPEED, columns, mapping=parse_field_mappings(Role.EGO_SPEED, "/can:Motion.Speed")[0])
+        build_mapped(Role.EGO_SPEED, columns, parse_field_mappings(Role.EGO_SPEED, "/can:Motion.Speed")[0])
 
 
 LONG = (

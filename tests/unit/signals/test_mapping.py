@@ -9,17 +9,14 @@ import numpy as np
 import pytest
 
 from cwcli.errors import UsageError
-from cwcli.signals.build import build_signal
 from cwcli.signals.mapping import merge_mapping_options, parse_field_mappings
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
-from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
+from tests.unit.signals.signal_columns import T0_NS, build_mapped, columns_of, stamp_fields
 
 
 def built(role: Role, text: str, fields: dict, **more) -> tuple[Any, Quality]:
-    return build_signal(
-        role, columns_of("my_msgs/msg/Status", fields, **more), mapping=parse_field_mappings(role, text)[0]
-    )
+    return build_mapped(role, columns_of("my_msgs/msg/Status", fields, **more), parse_field_mappings(role, text)[0])
 
 
 @pytest.mark.parametrize(
