@@ -27,7 +27,7 @@ VARIANCE_IN_SQUARED_STEPS = 1.0 / 12.0 + 1.0 / 8.0
 has the prior probability 1/2."""
 
 
-def coarse_steps_m(fixes_m: EastNorthRows) -> tuple[float, float]:
+def find_coarse_steps_m(fixes_m: EastNorthRows) -> tuple[float, float]:
     """Return the step of fixes (n, 2) on each axis, m; 0 where they are not coarse."""
     steps = [0.0, 0.0]
     for k in (0, 1):

@@ -44,7 +44,7 @@ from cwcli.estimation.trial import (
     SETTLED_NOISE_FACTOR,
     FilterTrials,
     cut_to_window,
-    gate_outliers,
+    with_outlier_gate,
 )
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass
@@ -107,7 +107,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
         if is_reference and role is not None
     ]
     begin, end = _begin_and_end_of_most_excited_window_s(series, reference)
-    reference = [gate_outliers(_cut_to_window_and_average_imu(s, begin, end)) for s in reference]
+    reference = [with_outlier_gate(_cut_to_window_and_average_imu(s, begin, end)) for s in reference]
     if any(s.bias_state >= 0 for s in reference):
         parameters = replace(
             parameters,
@@ -240,7 +240,7 @@ class _LatencySearch:
 
     def _drop_outliers(self) -> _LatencySearch:
         """The same search with the rows that the filter believes."""
-        gated = self._trial_layout_of_target(gate_outliers(self.target))
+        gated = self._trial_layout_of_target(with_outlier_gate(self.target))
         status = self.trials.run_filter(gated).status
         if all((was == UpdateStatus.USED).all() for was in status):
             # The reference keeps its gate in both.

@@ -55,18 +55,18 @@ def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> s
         if r.n_used
         and (
             (r.noise_origin != "message" and is_noise_beyond_scatter(r.kind, r.sigma, r.scatter))
-            or (r.slow_error.status is ParameterStatus.USED and r.slow_error.sigma > _usual_slow_error_of_kind(r.kind))
+            or (
+                r.slow_error.status is ParameterStatus.USED
+                and r.slow_error.sigma
+                > (MAX_USUAL_GRADE_SIGMA_MPS2 if r.kind is Kind.ACCEL else MAX_USUAL_SLOW_ERROR_M)
+            )
             or (r.kind not in RATE_KINDS and r.n_gated > MAX_GATED_SHARE * (r.n_used + r.n_gated))
         )
     }
     return found | {each.who for each in find_values_beyond_sensor_limits(reports)}
 
 
-def _usual_slow_error_of_kind(kind: Kind) -> float:
-    return MAX_USUAL_GRADE_SIGMA_MPS2 if kind is Kind.ACCEL else MAX_USUAL_SLOW_ERROR_M
-
-
-def candidate_groups(
+def quantity_groups_to_leave_out(
     reports: Sequence[SourceReport], trusted: Collection[str] = ()
 ) -> list[tuple[SourceQuantity, ...]]:
     """Return what is left out in turn: each quantity but positions, and both of an IMU together.
@@ -96,7 +96,9 @@ def _measured_motions(quantities: Collection[SourceQuantity]) -> frozenset[str]:
     return frozenset[str]().union(*(_MOTIONS_OF_KIND[each.kind] for each in quantities))
 
 
-def with_noise_of_fixes_at_least(series: Sequence[SensorSeries], reports: Sequence[SourceReport]) -> list[SensorSeries]:
+def raise_noise_of_fixes_to_reported(
+    series: Sequence[SensorSeries], reports: Sequence[SourceReport]
+) -> list[SensorSeries]:
     """Return the series, the positions with at least the noise and the slow error that reports say."""
     least = {
         r.source: r.sigma**2 + (r.slow_error.sigma**2 if r.slow_error.status is ParameterStatus.USED else 0.0)
@@ -112,7 +114,7 @@ def with_noise_of_fixes_at_least(series: Sequence[SensorSeries], reports: Sequen
     return found
 
 
-def without_quantities(
+def empty_series_of_quantities(
     prepared: Sequence[PreparedSeries], quantities: Collection[SourceQuantity]
 ) -> list[PreparedSeries]:
     """Return the series, those of some quantities without rows."""
@@ -135,7 +137,7 @@ def find_spoiling_sources(
         return ()
     best: tuple[SourceQuantity, ...] = ()
     best_gain = MIN_GAIN
-    groups = candidate_groups(reports, trusted)
+    groups = quantity_groups_to_leave_out(reports, trusted)
     if any(r.latency.status is LatencyStatus.CONTRADICTS for r in reports):
         # A clock stamps all that a source measures. Without a part of it the latency is only measured worse.
         groups = [group for group in groups if _is_whole_source(group, reports)]

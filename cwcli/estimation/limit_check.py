@@ -52,13 +52,13 @@ def _find_lasting_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -
         return []
     who = SourceQuantity(fixes.source, fixes.kind)
     what = f"lie {fixes.sigma:.1f} m beside the motion for long, and scatter by only {fixes.scatter:.2f} m"
-    most = max((r for r in reports if r.kind in RATE_KINDS and r.n_used), key=_bias_share, default=None)
-    if most is None or _bias_share(most) < LARGE_BIAS_SHARE:
+    most = max((r for r in reports if r.kind in RATE_KINDS and r.n_used), key=_bias_share_of_limit, default=None)
+    if most is None or _bias_share_of_limit(most) < LARGE_BIAS_SHARE:
         return [Contradiction(who, quantity_compared_with(fixes, reports), f"its fixes {what}")]
     return [Contradiction(SourceQuantity(most.source, most.kind), who, f"with it the fixes {what}")]
 
 
-def _bias_share(report: SourceReport) -> float:
+def _bias_share_of_limit(report: SourceReport) -> float:
     """Return the bias of an inertial sensor as a share of its limit, or 0 where none was found."""
     limit = YAW_RATE_BIAS_RANGE if report.kind is Kind.YAW_RATE else ACCEL_BIAS_RANGE
     share = abs(_bias_without_gravity(report)) / limit.high

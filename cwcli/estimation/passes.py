@@ -181,7 +181,7 @@ class RowTimeOrder:
     patience: IntArray
 
 
-def order_rows_by_time(
+def find_row_time_order(
     series: Sequence[SensorSeries], start_s: float, output_s: FloatArray, reset_after: int
 ) -> RowTimeOrder:
     """Return the time order of the rows of a pass from `start_s` on.
@@ -283,7 +283,7 @@ def build_pass_input(
     Args:
         time_order: That of an earlier pass over the same times, start, outputs and patience; None: it is found.
     """
-    order_of = time_order or order_rows_by_time(series, start_s, output_s, reset_after)
+    order_of = time_order or find_row_time_order(series, start_s, output_s, reset_after)
     in_time, order = order_of.in_time, order_of.order
     series = [s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
     values = (

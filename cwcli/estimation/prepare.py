@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.coarse_fixes import coarse_steps_m, note_on_coarse_fixes
+from cwcli.estimation.coarse_fixes import find_coarse_steps_m, note_on_coarse_fixes
 from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
@@ -133,7 +133,7 @@ def clean_and_sort_measurements(
             time, values = time[~late], values[~late]
             covariance = None if covariance is None else covariance[~late]
         time, values, covariance = _select_changes_of_coarse_headings_and_note(m, time, values, covariance, notes)
-        if (original := copied_source(m, measurements)) or _is_unfilled_rate_field(m.kind, values):
+        if (original := find_copied_source(m, measurements)) or _is_unfilled_rate_field(m.kind, values):
             why = f"is a copy of {original}, left out" if original else "never changes; taken as not measured"
             notes.append(f"{m.source}: {m.kind.name.lower()} {why}")
             prepared.append(
@@ -223,13 +223,13 @@ def _select_changes_of_coarse_headings_and_note(
 
 def _add_coarse_steps_and_note(series: SensorSeries, notes: list[str]) -> SensorSeries:
     """Return positions with the step to which they are rounded; adds a note if there is one."""
-    if series.kind is not Kind.POSITION or series.is_exact or not any(steps_m := coarse_steps_m(series.values)):
+    if series.kind is not Kind.POSITION or series.is_exact or not any(steps_m := find_coarse_steps_m(series.values)):
         return series
     notes.append(note_on_coarse_fixes(series.source, steps_m))
     return replace(series, coarse_steps_m=steps_m)
 
 
-def copied_source(m: Measurements, measurements: Sequence[Measurements]) -> str:
+def find_copied_source(m: Measurements, measurements: Sequence[Measurements]) -> str:
     """Return the name of an earlier source whose values a source repeats, as a topic published twice; else ""."""
     for other in measurements:
         if other is m:

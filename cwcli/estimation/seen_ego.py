@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from cwcli.estimation.result import Track
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.remotes import perceived_rows_mask, select_remote_rows
 from cwcli.signals.row_order import iter_rows_by_id
@@ -69,15 +68,10 @@ def _overlaps_ego_mask(
     dy = y_m - (state[:, Y] + age_s * state[:, SPEED] * sin)
     along, across = dx * cos + dy * sin, dy * cos - dx * sin
     length_m, width_m = (
-        0.5 * ((own or usual) + _replace_non_finite(theirs, usual))
+        0.5 * ((own or usual) + np.where(np.isfinite(theirs), theirs, usual))
         for own, theirs, usual in zip(
             size_m, (signal.length_m, signal.width_m), (DEFAULT_CAR_LENGTH_M, DEFAULT_CAR_WIDTH_M), strict=True
         )
     )
     is_told = (row >= 0) & (age_s <= MAX_EGO_STATE_AGE_S)
     return np.asarray(is_told & (np.abs(along) < length_m) & (np.abs(across) < width_m))
-
-
-def _replace_non_finite(values: FloatArray, default: float) -> FloatArray:
-    """Replace values that are not finite by a default."""
-    return np.where(np.isfinite(values), values, default)

@@ -38,7 +38,7 @@ from cwcli.estimation.trial import (
     SETTLED_NOISE_FACTOR,
     FilterTrials,
     cut_to_window,
-    gate_outliers,
+    with_outlier_gate,
 )
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass
@@ -248,7 +248,7 @@ class _SensorModelTrials:
     def __init__(self, base: StateLayout, slack_m: Sequence[float]) -> None:
         """Cut and average the searched window, and drop the rows that the filter rejects without a sensor model."""
         begin, end = _begin_and_end_of_searched_span_s(base.series)
-        cut = [gate_outliers(average_rows_to_rate(cut_to_window(s, begin, end), AVERAGING_HZ)) for s in base.series]
+        cut = [with_outlier_gate(average_rows_to_rate(cut_to_window(s, begin, end), AVERAGING_HZ)) for s in base.series]
         self.span_s, self.slack_m = end - begin, slack_m
         self.base = replace(base, series=cut, parameters=replace(base.parameters, side_slip_m=SEARCH_SIDE_SLIP_M))
         self._trials = FilterTrials()
@@ -299,7 +299,7 @@ class _SensorModelTrials:
             while moved and left > 0:
                 moved = False
                 for wider, longer in ((step**0.5, step), (step**-0.5, 1.0 / step), (step**0.5, 1.0), (step**-0.5, 1.0)):
-                    slow = self._scale_slow_error(self.base.series[i].kind, trial.model.slow[i], wider, longer)
+                    slow = self._scale_slow_error_of_series(i, trial.model.slow[i], wider, longer)
                     if slow is None or left <= 0:
                         continue
                     left -= 1
@@ -313,8 +313,7 @@ class _SensorModelTrials:
         """Average sigma^2, weighted by likelihood, along constant sigma^2 / time constant."""
         top = trial.model.slow[i]
         slows = [
-            self._scale_slow_error(self.base.series[i].kind, top, factor**0.5, factor)
-            for factor in AVERAGED_TIME_CONSTANT_FACTORS
+            self._scale_slow_error_of_series(i, top, factor**0.5, factor) for factor in AVERAGED_TIME_CONSTANT_FACTORS
         ]
         known = [top, *(slow for slow in slows if slow is not None)]
         models = [replace(trial.model, slow={**trial.model.slow, i: slow}) for slow in known]
@@ -327,11 +326,11 @@ class _SensorModelTrials:
         mean = GaussMarkovError(top.sigma * longer**0.5, top.time_s * longer)
         return self.run_model_trial(replace(trial.model, slow={**trial.model.slow, i: mean}), trial)
 
-    def _scale_slow_error(
-        self, kind: Kind, slow: GaussMarkovError, wider: float, longer: float
+    def _scale_slow_error_of_series(
+        self, i: int, slow: GaussMarkovError, wider: float, longer: float
     ) -> GaussMarkovError | None:
         """Return a slow error scaled by two factors; None where its time constant leaves its limits."""
-        shortest, longest = TIME_CONSTANT_LIMITS_S[kind]
+        shortest, longest = TIME_CONSTANT_LIMITS_S[self.base.series[i].kind]
         moved = GaussMarkovError(slow.sigma * wider, slow.time_s * longer)
         return moved if shortest <= moved.time_s <= min(longest, self.span_s / MIN_TIME_CONSTANTS_IN_LOG) else None
 
@@ -340,7 +339,7 @@ def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: 
     """Keep the found model if it predicts the whole log, with outliers, better than none; else return an empty one."""
     scores = []
     for layout in (plain, modelled):
-        series = [gate_outliers(average_rows_to_rate(s, AVERAGING_HZ)) for s in layout.series]
+        series = [with_outlier_gate(average_rows_to_rate(s, AVERAGING_HZ)) for s in layout.series]
         start = find_start_with_parameter_states(series, layout.prior, causal=False)
         motion = replace(layout.parameters, side_slip_m=SEARCH_SIDE_SLIP_M).to_process_model(layout.walk)
         scores.append(

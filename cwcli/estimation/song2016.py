@@ -144,7 +144,8 @@ def estimate_track_with_song2016(
         SourceReport(
             s.source, s.kind, n_read=p.n_read, n_used=int((status >= UpdateStatus.USED).sum()),
             n_gated=int((status == UpdateStatus.GATED).sum()),
-            n_not_finite=p.n_not_finite, n_interpolated=p.n_interpolated, nis_mean=_mean_or_nan(nis[:, 0]),
+            n_not_finite=p.n_not_finite, n_interpolated=p.n_interpolated,
+            nis_mean=float(nis[:, 0].mean()) if len(nis) else float("nan"),
             nis_dof=s.n_values_per_row, noise_origin=s.noise_origin, latency=latency,
             sigma=float(np.sqrt(s.noise[:, 0].mean())) if len(s) else float("nan"),
         )
@@ -253,10 +254,6 @@ def filtered_states_and_covariances_of_matrix(
         events, sources, motion, np.array(measurement_matrix[0], dtype=np.float64), np.diag(variance), n, smooth=smooth
     )
     return result.state, result.covariance
-
-
-def _mean_or_nan(values: FloatArray) -> float:
-    return float(values.mean()) if len(values) else float("nan")
 
 
 def _step_numbers_without_pauses(

@@ -20,7 +20,7 @@ from cwcli.estimation.noise import estimate_noise_and_manoeuvres
 from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.score import bounded_log_likelihood_without_inertial_sensors
 from cwcli.estimation.sensor_model import StateLayout
-from cwcli.estimation.trial import FilterTrials, gate_outliers
+from cwcli.estimation.trial import FilterTrials, with_outlier_gate
 from cwcli.estimation.tune import add_bias_states_and_their_variances
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -343,7 +343,7 @@ def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
         return float("nan")
     layout = estimate_noise_and_manoeuvres(StateLayout(series, MotionParameters(), walk, prior), every_row=False)
-    gated = [gate_outliers(s) for s in layout.series]
+    gated = [with_outlier_gate(s) for s in layout.series]
     return bounded_log_likelihood_without_inertial_sensors(
         gated, FilterTrials().run_filter(replace(layout, series=gated))
     )

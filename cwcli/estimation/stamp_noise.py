@@ -32,7 +32,7 @@ from cwcli.estimation.score import (
 from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.start import find_start_with_parameter_states
-from cwcli.estimation.trial import FilterTrials, gate_outliers
+from cwcli.estimation.trial import FilterTrials, with_outlier_gate
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
@@ -236,7 +236,7 @@ class _StampErrorSearch:
         fit = self._noise_fit_at(point, error, white)
         key = error.value, white, fit.parameters.hashable_key_of_equal_parameters
         if key not in self._passes:
-            gated = [gate_outliers(s) for s in fit.series]
+            gated = [with_outlier_gate(s) for s in fit.series]
             result = self._trials.run_filter(replace(self._layout, series=gated, parameters=fit.parameters))
             rows = row_log_likelihoods(gated[self._i], result.nis[self._i])
             self._passes[key] = bounded_log_likelihood_without_inertial_sensors(gated, result), rows

@@ -59,7 +59,7 @@ def find_standstill_errors(
         covariance: Shape (m, 8, 8).
     """
     found = [
-        _errors_of_one_source(s, output_s, state, covariance)
+        _standstill_errors_of_source(s, output_s, state, covariance)
         for s in series
         if s.kind is Kind.POSITION and len(s) > 1 and not s.is_exact
     ]
@@ -75,7 +75,7 @@ def covariance_from_standstill_errors(state: StateRows, errors: StandstillErrors
     return added
 
 
-def _errors_of_one_source(
+def _standstill_errors_of_source(
     fixes: SensorSeries, output_s: FloatArray, state: StateRows, covariance: StateCovariances
 ) -> StandstillErrors:
     time_s = fixes.time_s - fixes.latency_s

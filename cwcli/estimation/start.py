@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,22 @@ UNKNOWN_STATE_SIGMAS = (0.0, 0.0, UNKNOWN_SPEED_SIGMA_MPS, UNKNOWN_HEADING_SIGMA
 """Sigmas of the eight states before a heading is known; the position has that of its measurement."""
 
 
+class HeadingCandidate(NamedTuple):
+    """The first heading that a source shows, with the speed then.
+
+    Attributes:
+        time_s: When it is known.
+        heading_rad, heading_sigma_rad: The heading and one sigma of it.
+        speed_mps, speed_sigma_mps: The speed, negative in reverse, and one sigma of it.
+    """
+
+    time_s: float
+    heading_rad: float
+    heading_sigma_rad: float
+    speed_mps: float
+    speed_sigma_mps: float
+
+
 def find_filter_start(series: Sequence[SensorSeries], n_states: int, *, causal: bool) -> FilterStart:
     """Find start time and initial state of the filter.
 
@@ -50,14 +67,16 @@ def find_filter_start(series: Sequence[SensorSeries], n_states: int, *, causal: 
         infinite where no heading ever becomes known.
     """
     if causal:
-        begin = _heading_and_position_known_time_s(series)
+        positions = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
+        begin = max(first_heading_time_s(series), min(positions, default=np.inf))
         if not np.isfinite(begin):
             return FilterStart(np.inf, np.zeros(n_states), np.eye(n_states))
         series = [s.select_rows(s.time_s - s.latency_s <= begin) for s in series]
         _, heading, heading_sigma, speed, speed_sigma = max(_heading_candidates(series, newest=True))
     else:
         begin = min(float(s.time_s[0] - s.latency_s) for s in series if len(s))
-        heading_s, heading, heading_sigma, speed, speed_sigma = _earliest_heading_candidate(series)
+        unknown = HeadingCandidate(0.0, 0.0, UNKNOWN_HEADING_SIGMA_RAD, 0.0, UNKNOWN_SPEED_SIGMA_MPS)
+        heading_s, heading, heading_sigma, speed, speed_sigma = min(_heading_candidates(series), default=unknown)
     if not causal and heading_s > begin:
         turned, turned_sigma = _turned_angle_and_sigma_rad(series, begin, heading_s)
         heading -= turned
@@ -74,37 +93,20 @@ def find_filter_start(series: Sequence[SensorSeries], n_states: int, *, causal: 
 
 def first_heading_time_s(series: Sequence[SensorSeries]) -> float:
     """Return the time (s) at which a heading is first known; infinity if never."""
-    return min((each[0] for each in _heading_candidates(series)), default=np.inf)
+    return min((each.time_s for each in _heading_candidates(series)), default=np.inf)
 
 
-def _heading_and_position_known_time_s(series: Sequence[SensorSeries]) -> float:
-    """Return the time (s) at which a heading and a position are first known; infinity if never."""
-    positions = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
-    return max(first_heading_time_s(series), min(positions, default=np.inf))
-
-
-def _earliest_heading_candidate(series: Sequence[SensorSeries]) -> tuple[float, float, float, float, float]:
-    """Return time, heading, its sigma, speed and its sigma of the earliest source that shows a heading."""
-    return min(_heading_candidates(series), default=(0.0, 0.0, UNKNOWN_HEADING_SIGMA_RAD, 0.0, UNKNOWN_SPEED_SIGMA_MPS))
-
-
-def _heading_candidates(
-    series: Sequence[SensorSeries], *, newest: bool = False
-) -> list[tuple[float, float, float, float, float]]:
-    """Return the first heading of each source that shows one, as tuples like that of `_earliest_heading_candidate`.
-
-    Args:
-        newest: Return the last row of headings and velocities instead of the first.
-    """
-    candidates: list[tuple[float, float, float, float, float]] = []
+def _heading_candidates(series: Sequence[SensorSeries], *, newest: bool = False) -> list[HeadingCandidate]:
+    """Return the first heading of each source that shows one; with `newest` the last of headings and velocities."""
+    candidates: list[HeadingCandidate] = []
     for s in series:
         if not len(s):
             continue
         time = s.time_s - s.latency_s
         if s.kind is Kind.HEADING:
             i = -1 if newest else 0
-            said = float(s.values[i, 0]), float(np.sqrt(s.noise[i, 0]))
-            candidates.append((float(time[i]), *said, *_speed_and_sigma_at(series, float(time[i]))))
+            said = float(time[i]), float(s.values[i, 0]), float(np.sqrt(s.noise[i, 0]))
+            candidates.append(HeadingCandidate(*said, *_speed_and_sigma_at(series, float(time[i]))))
         elif s.kind is Kind.VELOCITY:
             speed = np.hypot(s.values[:, 0], s.values[:, 1])
             sigma = np.sqrt(np.maximum(s.noise[:, 0], s.noise[:, 2]))
@@ -113,34 +115,23 @@ def _heading_candidates(
                 i = fast[-1 if newest else 0]
                 angle = float(np.arctan2(s.values[i, 1], s.values[i, 0]))
                 heading_sigma, speed_sigma = float(sigma[i] / speed[i]) + 0.02, float(sigma[i]) + 0.1
-                candidates.append(
-                    _heading_candidate_from_course(
-                        series, float(time[i]), angle, heading_sigma, float(speed[i]), speed_sigma
-                    )
-                )
+                moving = HeadingCandidate(float(time[i]), angle, heading_sigma, float(speed[i]), speed_sigma)
+                candidates.append(_reverse_course_if_reversing(series, moving))
         elif s.kind is Kind.POSITION:
             displacement = _heading_candidate_from_first_displacement(s)
             if displacement is not None:
-                candidates.append(_heading_candidate_from_course(series, *displacement))
+                candidates.append(_reverse_course_if_reversing(series, displacement))
     return candidates
 
 
-def _heading_candidate_from_course(
-    series: Sequence[SensorSeries],
-    time_s: float,
-    course_rad: float,
-    course_sigma_rad: float,
-    speed_mps: float,
-    speed_sigma_mps: float,
-) -> tuple[float, float, float, float, float]:
-    """Convert a course to a tuple like that of `_earliest_heading_candidate`; a reversing vehicle is turned by half a
-    turn."""
-    if _driving_direction_sign_at(series, time_s) < 0:
-        return time_s, course_rad + np.pi, course_sigma_rad, -abs(speed_mps), speed_sigma_mps
-    return time_s, course_rad, course_sigma_rad, speed_mps, speed_sigma_mps
+def _reverse_course_if_reversing(series: Sequence[SensorSeries], course: HeadingCandidate) -> HeadingCandidate:
+    """Return a course as the heading: turned by half a turn, at a negative speed, where the vehicle is reversing."""
+    if _driving_direction_sign_at(series, course.time_s) < 0:
+        return course._replace(heading_rad=course.heading_rad + np.pi, speed_mps=-abs(course.speed_mps))
+    return course
 
 
-def _heading_candidate_from_first_displacement(s: SensorSeries) -> tuple[float, float, float, float, float] | None:
+def _heading_candidate_from_first_displacement(s: SensorSeries) -> HeadingCandidate | None:
     """Return the first displacement that is clear of the noise, from a point that may itself lie later.
 
     The noise is that of the rows so far, so that later rows do not change when a heading becomes known. The share of
@@ -167,7 +158,7 @@ def _heading_candidate_from_first_displacement(s: SensorSeries) -> tuple[float, 
     dt = max(float(time[j] - time[i]), 0.1)
     length = float(np.hypot(dx, dy))
     uncertain = max(np.sqrt(2.0) * sigma, 0.1 * length)
-    return (
+    return HeadingCandidate(
         float(time[j]),
         float(np.arctan2(dy, dx)),
         min(np.sqrt(2.0) * sigma / length + 0.05, UNKNOWN_HEADING_SIGMA_RAD),
@@ -268,12 +259,9 @@ def _turned_angle_and_sigma_rad(series: Sequence[SensorSeries], begin_s: float, 
             missing = float(gap[gap > MAX_GYROSCOPE_GAP_S].sum())
             if len(t) > 1 and missing < 0.5 * span:
                 sigma = np.hypot(UNMEASURED_TURN_SIGMA_RADPS * missing, GYROSCOPE_BIAS_SIGMA_RADPS * span)
-                return _integrate_by_trapezoids(w, t), float(np.hypot(0.02, sigma))
+                turned_rad = float((0.5 * (w[1:] + w[:-1]) * np.diff(t)).sum())
+                return turned_rad, float(np.hypot(0.02, sigma))
     return 0.0, max(0.3, UNMEASURED_TURN_SIGMA_RADPS * span)
-
-
-def _integrate_by_trapezoids(values: FloatArray, time_s: FloatArray) -> float:
-    return float((0.5 * (values[1:] + values[:-1]) * np.diff(time_s)).sum())
 
 
 def find_start_with_parameter_states(series: Sequence[SensorSeries], prior: FloatArray, *, causal: bool) -> FilterStart:

@@ -98,9 +98,9 @@ def _source_metric_rows(vehicle: str, report: SourceReport) -> list[MetricRow]:
         ("slow_sigma", report.slow_error.sigma, unit),
         ("slow_time", report.slow_error.time_s, "s"),
     )
-    return [(vehicle, report.source, quantity_text(report), metric, value, u) for metric, value, u in values]
+    return [(vehicle, report.source, measured_quantity_name(report), metric, value, u) for metric, value, u in values]
 
 
-def quantity_text(report: SourceReport) -> str:
+def measured_quantity_name(report: SourceReport) -> str:
     """Return the name of the quantity that a source measures."""
     return report.kind.name.lower().replace("_", " ")

@@ -31,9 +31,9 @@ from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.leave_one_out import (
     can_third_source_judge,
     contradiction_of_spoiling_sources,
+    empty_series_of_quantities,
     find_spoiling_sources,
-    with_noise_of_fixes_at_least,
-    without_quantities,
+    raise_noise_of_fixes_to_reported,
 )
 from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
@@ -47,7 +47,6 @@ from cwcli.estimation.passes import (
     ROW_BEFORE_START,
     FilterStart,
     PassResult,
-    SensorSeries,
     notes_on_rows_before_start,
     run_filter_pass,
 )
@@ -118,11 +117,13 @@ def estimate_track(
     if config.model == "song2016":
         return estimate_track_with_song2016(measurements, config, output_stamp_ns)
     if output_stamp_ns is None:
-        output_stamp_ns = _output_stamps_ns(measurements, config.rate_hz)
+        last_ns = max(int(m.stamp_ns.max()) for m in measurements if len(m))
+        step_ns = round(NS_PER_S / config.rate_hz)
+        output_stamp_ns = np.arange(earliest_stamp_ns(measurements), last_ns + 1, step_ns, dtype=np.int64)
     return _settled_measurements_and_track(measurements, config, output_stamp_ns)[1]
 
 
-def estimate_hindsight_and_online(
+def estimate_hindsight_and_online_tracks(
     measurements: Sequence[Measurements],
     config: EstimatorConfig,
     output_stamp_ns: Int64Array,
@@ -242,7 +243,7 @@ def _settled_measurements_and_track(
     tried: dict[tuple[SourceQuantity, ...], tuple[_TunedMeasurements, Track]] = {}
 
     def reports_without(quantities: tuple[SourceQuantity, ...]) -> Sequence[SourceReport]:
-        prepared = without_quantities(settled.prepared, quantities)
+        prepared = empty_series_of_quantities(settled.prepared, quantities)
         tuned = tune_latencies_and_noise(prepared, config, MotionParameters())
         one_less = replace(settled, prepared=prepared, tuned=tuned)
         tried[quantities] = one_less, _filter_and_smooth(one_less, config, output_stamp_ns)
@@ -254,7 +255,7 @@ def _settled_measurements_and_track(
     better, track_without = tried[left_out]
     found = contradiction_of_spoiling_sources(track_without.sources, left_out)
     if not can_third_source_judge(track.sources, left_out):
-        series = tuple(with_noise_of_fixes_at_least(better.tuned.series, track.sources))
+        series = tuple(raise_noise_of_fixes_to_reported(better.tuned.series, track.sources))
         delays = better.tuned.delay_sigmas.at_least(settled.tuned.delay_sigmas)
         better = replace(better, tuned=replace(better.tuned, series=series, delay_sigmas=delays))
     notes = (*better.notes, f"{found.contradiction_sentence}; {found.consequence_text}")
@@ -394,18 +395,10 @@ def _refine_start_by_smoothing(tuned: TunedSeries, start: FilterStart, reset_aft
     return start
 
 
-def _output_stamps_ns(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
-    """Return stamps at `rate_hz` over the span of the measurements."""
-    first = earliest_stamp_ns(measurements)
-    last = max(int(m.stamp_ns.max()) for m in measurements if len(m))
-    step = round(NS_PER_S / rate_hz)
-    return np.arange(first, last + 1, step, dtype=np.int64)
-
-
 def _build_source_report(
     prepared_series: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult
 ) -> SourceReport:
-    s, latency = tuned.series[i], tuned.latencies[i]
+    s, latency, stated = tuned.series[i], tuned.latencies[i], prepared_series.series
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
     if int((status != ROW_BEFORE_START).sum()) >= MIN_NIS_ROWS:
@@ -443,7 +436,11 @@ def _build_source_report(
         scatter=float("nan") if s.kind in RATE_KINDS else noise_sigma_from_scatter_about_neighbours(s),
         log_likelihood=float(np.nansum(row_log_likelihoods(s, result.nis[i]))),
         noise_origin=s.noise_origin,
-        noise_scale=_noise_variance_ratio(prepared_series.series, s),
+        noise_scale=(
+            float(s.noise[:, 0].mean() / stated.noise[:, 0].mean())
+            if stated.noise_origin.startswith("message") and len(s)
+            else float("nan")
+        ),
         stamp_error=s.stamp_error,
         interval_s=median_of_finite_column(np.diff(s.time_s)) if len(s) > 1 else float("nan"),
         latency=latency,
@@ -462,12 +459,6 @@ def _build_source_report(
         ),
         follows_pitch_rate=i in found.model.pitch_compensated,
     )
-
-
-def _noise_variance_ratio(stated: SensorSeries, used: SensorSeries) -> float:
-    if not stated.noise_origin.startswith("message") or not len(used):
-        return float("nan")
-    return float(used.noise[:, 0].mean() / stated.noise[:, 0].mean())
 
 
 def _parameter_at_end(

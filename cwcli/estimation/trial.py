@@ -159,7 +159,7 @@ def _series_keys(series: Sequence[SensorSeries]) -> tuple[Hashable, ...]:
     )
 
 
-def gate_outliers(s: SensorSeries) -> SensorSeries:
+def with_outlier_gate(s: SensorSeries) -> SensorSeries:
     """Return the series with the gate of a search, which rejects only what no noise explains."""
     return replace(s, gate_nis=nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row))
 

@@ -114,16 +114,26 @@ def tune_latencies_and_noise(
         s if s.is_exact else replace(s, gate_nis=nis_gate_limit(config.gate_probability, s.n_values_per_row))
         for s in series
     )
+
+    def of_three_sigma(latency: Latency) -> str:  # by the scatter over the log
+        reach_ms = 1e3 * SIGNIFICANT_SIGMAS * latency.reach_s
+        return f" (it may be up to {reach_ms:.0f} ms)" if np.isfinite(reach_ms) else ""
+
     unknown = (
-        f"{s.source}: the latency of {s.kind.name.lower()} is not observable{_possible_latency_range_text(latency)} "
-        "and not corrected"
+        f"{s.source}: the latency of {s.kind.name.lower()} is not observable"
+        # three sigma, by the scatter over the log
+        + (
+            f" (it may be up to {1e3 * SIGNIFICANT_SIGMAS * latency.reach_s:.0f} ms)"
+            if np.isfinite(latency.reach_s)
+            else ""
+        )
+        + " and not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s) and not config.blind
     )
     drifting = (
         f"{s.source}: latency of {s.kind.name.lower()} drifts by {MS_PER_MINUTE_OF_UNIT_DRIFT * latency.drift:.0f} ms "
-        "per minute, "
-        "corrected along a line"
+        "per minute, corrected along a line"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.DRIFTS
     )
@@ -145,19 +155,6 @@ def tune_latencies_and_noise(
         (*moved, *unknown, *drifting, *early),
         delay_sigmas_of_best_known_sources(series, latencies, clock_sigma_s),
     )
-
-
-def _possible_latency_range_text(latency: Latency) -> str:
-    """Return what a latency may be that is not observable: three sigma, by the scatter over the log."""
-    reach_ms = 1e3 * SIGNIFICANT_SIGMAS * latency.reach_s
-    return f" (it may be up to {reach_ms:.0f} ms)" if np.isfinite(reach_ms) else ""
-
-
-def _pair_latencies_with_sources(series: Sequence[SensorSeries], latencies: Sequence[Latency]) -> list[SourceLatency]:
-    return [
-        SourceLatency(s.source, s.kind, is_reference, latency)
-        for s, is_reference, latency in zip(series, is_reference_of_each_series(series), latencies, strict=True)
-    ]
 
 
 class _FoundLatencies(NamedTuple):
@@ -258,7 +255,11 @@ class _ParameterSearch:
             for each in found
         ]
         if config.calibration is None:
-            told = _pair_latencies_with_sources(series, found)
+            references = is_reference_of_each_series(series)
+            told = [
+                SourceLatency(s.source, s.kind, is_reference, latency)
+                for s, is_reference, latency in zip(series, references, found, strict=True)
+            ]
             latencies, notes = shift_latencies_to_agreed_clock_and_note(told)
             clock_sigma_s = disputed_clock_sigma_s(told, latencies)
         else:

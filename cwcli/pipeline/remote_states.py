@@ -14,7 +14,7 @@ from cwcli.estimation.from_signals import remote_station_to_measurements
 from cwcli.estimation.online_availability import not_overtaken_message_mask
 from cwcli.estimation.result import Track, TrackSummary
 from cwcli.estimation.summary import summarise_track
-from cwcli.estimation.track import estimate_hindsight_and_online, map_in_threads
+from cwcli.estimation.track import estimate_hindsight_and_online_tracks, map_in_threads
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import Int64Array
@@ -59,7 +59,7 @@ def estimate_remote_states(
         if len(heard) < len(own):
             fewer = remote_station_to_measurements(signal, heard, local_map, config.senders), signal.stamp_ns[heard]
         said = remote_station_to_measurements(signal, own, local_map, config.senders)
-        track, known = estimate_hindsight_and_online(
+        track, known = estimate_hindsight_and_online_tracks(
             said, config, signal.stamp_ns[own], blind=estimator.takes_no_online_parameter_from_log, online_input=fewer
         )
         hindsight.add_track(own, track)

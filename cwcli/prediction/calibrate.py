@@ -38,7 +38,7 @@ from cwcli.prediction.outcome import (
     actual_positions,
     horizon_errors,
     indices_of_needed_points,
-    repeat_for_path_sets,
+    repeat_actual_positions_for_path_sets,
 )
 from cwcli.prediction.outcome_history import (
     NEVER_NS,
@@ -52,7 +52,7 @@ from cwcli.prediction.outcome_history import (
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.plan import PathPlan
 from cwcli.prediction.rollout import DEFAULT_SETTINGS, RolloutSettings
-from cwcli.prediction.scales import LogScales, scale_covariance_in_place, scale_knots_s
+from cwcli.prediction.scales import LogScales, horizon_knots_of_scales_s, scale_covariance_in_place
 from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -120,7 +120,7 @@ def _fleet_log_distance_quantiles(knots_s: FloatArray) -> FloatArray:
 
 def initial_log_scale_at_knots(model: str, horizon_s: float) -> LogScales:
     """The logarithms of the scales without any outcome at `knots_s`, shape (k, 2)."""
-    knots = scale_knots_s(horizon_s)
+    knots = horizon_knots_of_scales_s(horizon_s)
     if not (model in MODELS and MODELS[model].learns):
         return np.zeros((len(knots), len(ELLIPSE_LEVELS)))
     return np.asarray(
@@ -169,7 +169,9 @@ def actual_positions_at_knots(
     """The vehicle's actual positions at the knots of paths of `horizon_s`, the same for every model; see
     `ActualPositions`."""
     settings = calibration or ScaleAdaptation()
-    return actual_positions(stamp_ns, stamp_ns, position_m, scale_knots_s(horizon_s).tolist(), settings.max_gap_s)
+    return actual_positions(
+        stamp_ns, stamp_ns, position_m, horizon_knots_of_scales_s(horizon_s).tolist(), settings.max_gap_s
+    )
 
 
 def log_variance_scale_from_outcomes(
@@ -185,7 +187,7 @@ def log_variance_scale_from_outcomes(
     The arguments are those of `calibrated`.
     """
     settings = calibration or ScaleAdaptation()
-    n, knots = len(stamp_ns), scale_knots_s(float(paths.time_s[-1]))
+    n, knots = len(stamp_ns), horizon_knots_of_scales_s(float(paths.time_s[-1]))
     squared = squared_mahalanobis_distances(paths, stamp_ns, position_m, settings, outcome)
     begin_log_scale = np.zeros((*squared.shape, len(ELLIPSE_LEVELS))) if begin_log_scale is None else begin_log_scale
     return _adapt_log_scale(squared, begin_log_scale, stamp_ns, knots, settings).reshape(
@@ -201,7 +203,7 @@ def squared_mahalanobis_distances(
     outcome: ActualPositions | None = None,
 ) -> FloatArray:
     """Squared Mahalanobis distances of the outcomes at the knots, (sets, n, k); NaN where none is known."""
-    n, knots = len(stamp_ns), scale_knots_s(float(paths.time_s[-1]))
+    n, knots = len(stamp_ns), horizon_knots_of_scales_s(float(paths.time_s[-1]))
     sets = len(paths) // n if n else 0
     if outcome is None:
         outcome = actual_positions_at_knots(float(paths.time_s[-1]), stamp_ns, position_m, settings)
@@ -212,7 +214,7 @@ def squared_mahalanobis_distances(
         position_m,
         knots.tolist(),
         settings.max_gap_s,
-        repeat_for_path_sets(outcome, sets),
+        repeat_actual_positions_for_path_sets(outcome, sets),
     )
     return np.where(errors.is_known, errors.mahalanobis2, np.nan).reshape(sets, n, len(knots))
 
@@ -257,7 +259,7 @@ def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings
     learns = model in MODELS and MODELS[model].learns
     acting_s = measure_acting_time_s(starts) if learns else None
     plan = PathPlan(model, settings, starts.state, starts.covariance, acting_s)
-    adaptation, knots = ScaleAdaptation(), scale_knots_s(float(plan.time_s[-1]))
+    adaptation, knots = ScaleAdaptation(), horizon_knots_of_scales_s(float(plan.time_s[-1]))
     tracks = state_histories_by_vehicle(replace(starts, covariance=None))
     squared = [_squared_outcome_distances_before_scaling(plan, track, adaptation) for track in tracks]
     log_scale = _log_scale_before_own_outcomes(plan, tracks, squared if learns else [])
@@ -282,7 +284,7 @@ def _log_scale_before_own_outcomes(
     if len(squared_distances) > 1:
         every = concatenate_histories(tracks)
         log_scale[every.rows] = log_scale_from_other_vehicles(
-            every, np.concatenate(squared_distances), scale_knots_s(horizon_s)
+            every, np.concatenate(squared_distances), horizon_knots_of_scales_s(horizon_s)
         )
     return log_scale
 
@@ -291,7 +293,7 @@ def _squared_outcome_distances_before_scaling(
     plan: PathPlan, track: StateHistory, settings: ScaleAdaptation
 ) -> FloatArray:
     """Squared distances of one vehicle's outcomes before any scale, (n, k)."""
-    points = indices_of_needed_points(plan.time_s, scale_knots_s(float(plan.time_s[-1])).tolist())
+    points = indices_of_needed_points(plan.time_s, horizon_knots_of_scales_s(float(plan.time_s[-1])).tolist())
     judged = plan.take(track.rows, points=points)
     return np.asarray(squared_mahalanobis_distances(judged, track.stamp_ns, track.state[:, :2], settings)[0])
 

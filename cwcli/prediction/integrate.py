@@ -146,7 +146,7 @@ def integrate_paths(
         motion.select_starts(~stops).responses_at(time_s[None, :]),
     )
     stopping = _integrate_stopping_paths(motion.select_starts(stops), state[stops], stop_s[stops])
-    return _merge_stopping_and_going(stops, stopping, going)
+    return _merge_paths_of_stopping_and_going_cars(stops, stopping, going)
 
 
 def _speed_at_times_mps(state: StateRows, at: Responses) -> FloatArray:
@@ -299,7 +299,7 @@ def _zero_unused_responses(model: Model, at: Responses) -> Responses:
     return Responses(*(value if used else np.zeros_like(value) for used, value in zip(model.uses, at, strict=True)))
 
 
-def _merge_stopping_and_going(
+def _merge_paths_of_stopping_and_going_cars(
     stops: npt.NDArray[np.bool_], stopping: IntegratedPaths, going: IntegratedPaths
 ) -> IntegratedPaths:
     """Put the paths of stopping and going cars back in the order of the mask `stops` (m,)."""

@@ -126,7 +126,7 @@ def predict_paths_from_observer(
         y_m=_running_integral_along_rows(forward * sin + sideways * cos, config.step_s) + known,
         heading_rad=heading,
         speed_mps=np.hypot(forward, sideways),
-        position_covariance_m2=_position_covariance(track, vehicle, t, heading, v, config),
+        position_covariance_m2=_position_covariance_of_lateral_paths(track, vehicle, t, heading, v, config),
     )
 
 
@@ -248,7 +248,7 @@ def _running_integral_along_rows(rate: FloatArray, step_s: float) -> FloatArray:
     return np.concatenate([np.zeros((len(rate), 1)), whole], axis=1)
 
 
-def _position_covariance(
+def _position_covariance_of_lateral_paths(
     track: LateralTrack,
     vehicle: Vehicle,
     time_s: FloatArray,

@@ -22,11 +22,11 @@ from cwcli.prediction.outcome import (
     actual_positions,
     horizon_errors,
     indices_of_needed_points,
-    repeat_for_path_sets,
+    repeat_actual_positions_for_path_sets,
 )
 from cwcli.prediction.paths import stack_paths
 from cwcli.prediction.rollout import Discretisation, RolloutSettings, roll_out_paths
-from cwcli.prediction.scales import LogScales, scale_knots_s
+from cwcli.prediction.scales import LogScales, horizon_knots_of_scales_s
 from cwcli.signals.columns import FloatArray, Int64Array
 
 BASELINE_MODEL = "cv"
@@ -78,7 +78,7 @@ def compare_models_at_horizons(
     settings = RolloutSettings(max(horizons_s), step_s, "exact")
     time_s = settings.time_s
     outcome = actual_positions_at_knots(float(time_s[-1]), stamp_ns, state[:, :2]) if calibrate else None
-    points = indices_of_needed_points(time_s, [*horizons_s, *scale_knots_s(float(time_s[-1]))])
+    points = indices_of_needed_points(time_s, [*horizons_s, *horizon_knots_of_scales_s(float(time_s[-1]))])
     names = list(dict.fromkeys([BASELINE_MODEL, *models]))
     n = len(state)
     at_once = max(PATHS_PER_BATCH // max(n, 1), 1)
@@ -106,7 +106,13 @@ def compare_models_at_horizons(
             )
         starts_ns = np.tile(stamp_ns, len(some))
         together = horizon_errors(
-            paths, starts_ns, track_ns, track_xy, horizons_s, max_gap_s, repeat_for_path_sets(actual, len(some))
+            paths,
+            starts_ns,
+            track_ns,
+            track_xy,
+            horizons_s,
+            max_gap_s,
+            repeat_actual_positions_for_path_sets(actual, len(some)),
         )
         for k, name in enumerate(some):
             errors[name] = together.select_starts(slice(k * n, (k + 1) * n))

@@ -132,7 +132,7 @@ def actual_positions(
     return _track_xy_and_is_known_at(at_ns, track_stamp_ns, track_xy, max_gap_s)
 
 
-def repeat_for_path_sets(actual: ActualPositions, sets: int) -> ActualPositions:
+def repeat_actual_positions_for_path_sets(actual: ActualPositions, sets: int) -> ActualPositions:
     """Repeat actual positions (n, h, 2) for several sets of paths from the same starts, one below the other."""
     found, is_known = actual
     return np.tile(found, (sets, 1, 1)), np.tile(is_known, (sets, 1))

@@ -16,7 +16,7 @@ LogScales = FloatArray
 """Logarithms of the scales of the ellipses at the knots, shape (..., k, 2): of the core and of the whole."""
 
 
-def scale_knots_s(horizon_s: float) -> FloatArray:
+def horizon_knots_of_scales_s(horizon_s: float) -> FloatArray:
     """Times (s) at which the scale of paths of this horizon is measured, shape (k,): the knots up to the path's end."""
     return np.asarray(
         [*(knot for knot in HORIZON_KNOTS_S if knot < horizon_s - 1e-9), min(horizon_s, float(HORIZON_KNOTS_S[-1]))]
@@ -25,7 +25,7 @@ def scale_knots_s(horizon_s: float) -> FloatArray:
 
 def interpolate_log_scale(log_scale: LogScales, time_s: FloatArray) -> FloatArray:
     """Interpolate the log scale from the knots (n, k) to the times of the paths, (n, times)."""
-    knots = np.concatenate([[0.0], scale_knots_s(float(time_s[-1]))])
+    knots = np.concatenate([[0.0], horizon_knots_of_scales_s(float(time_s[-1]))])
     hats = np.stack([np.interp(time_s, knots, row) for row in np.eye(len(knots))[1:]])
     return multiply_rows_reproducibly(log_scale, hats)
 

@@ -48,10 +48,10 @@ class TurnEndingPaths:
 
     def take(self, rows: npt.NDArray[np.intp]) -> Paths:
         """Compute the paths of some of the selected starts."""
-        return end_turns(self.selected.take(rows), self.turned_rad[rows])
+        return end_turns_of_paths(self.selected.take(rows), self.turned_rad[rows])
 
 
-def turned_before_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: FloatArray) -> FloatArray:
+def recently_turned_angle_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: FloatArray) -> FloatArray:
     """Compute by how much a car has turned to the left on its last `TURN_WAY_M`, (n,), from what was known then.
 
     Args:
@@ -70,7 +70,7 @@ def turned_before_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: Floa
     return np.asarray(np.where(newest >= 0, turned[np.maximum(newest, 0)], 0.0))
 
 
-def end_turns(paths: Paths, turned_rad: FloatArray) -> Paths:
+def end_turns_of_paths(paths: Paths, turned_rad: FloatArray) -> Paths:
     """End the turn of each path where it comes to `LARGEST_TURN_RAD` with what was turned before, (n,).
 
     Speeds and covariances stay as they are.

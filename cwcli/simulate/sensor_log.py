@@ -36,7 +36,7 @@ from cwcli.simulate.cdr import (
 )
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, encode_bsm_json, encode_ode_json
 from cwcli.simulation.catalogue import scenario_text
-from cwcli.simulation.detectors import DetectionScans, positions_in_body_frame
+from cwcli.simulation.detectors import DetectionScans, positions_in_host_body_frame
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle, load_scenario
 from cwcli.simulation.spec import TOP_KEYS
@@ -233,7 +233,7 @@ def _target_truth_channel(scenario: Scenario) -> OutputChannel:
     time_s: FloatArray = np.arange(n, dtype=np.float64) / scenario.truth_rate_hz
     host = scenario.vehicles[HOST_NAME].motion.states_at(time_s)
     others = [vehicle for name, vehicle in scenario.vehicles.items() if name != HOST_NAME]
-    relative = np.stack([positions_in_body_frame(host, each.motion.states_at(time_s)) for each in others], axis=1)
+    relative = np.stack([positions_in_host_body_frame(host, each.motion.states_at(time_s)) for each in others], axis=1)
     rows = relative.reshape(-1, 4).round(9) + 0.0
     ids = Strings(np.tile(np.arange(len(others), dtype=np.int32), n), tuple(each.station_id for each in others))
     stamp_ns = np.repeat(scenario.start_ns + seconds_to_ns(time_s), len(others))

@@ -79,7 +79,7 @@ class LinearRun:
     steer: ScalarSamples
 
 
-def simulate_paper_run(
+def simulate_zhang2011_run(
     run: PaperRun,
     vehicle: Vehicle,
     *,

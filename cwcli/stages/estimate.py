@@ -43,7 +43,7 @@ from cwcli.estimation.seen_senders import drop_senders_seen_by_others
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.stated_noise import Sigmas, apply_stated_noise, require_known_names_and_sigma_counts
 from cwcli.estimation.summary import build_estimate_table, format_source_diagnostics_json, summarise_track
-from cwcli.estimation.track import estimate_hindsight_and_online
+from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
@@ -249,7 +249,7 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
         trusted=estimator.sources_with_trusted_clock,
     )
     measurements, apart = drop_stretches_without_position_and_note(aligned, MAX_BRIDGE_S)
-    tracks = estimate_hindsight_and_online(
+    tracks = estimate_hindsight_and_online_tracks(
         measurements,
         estimator,
         ego_output_stamps_ns(measurements, rate_hz, MAX_BRIDGE_S),

@@ -66,7 +66,7 @@ NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
 """The boundary of a frame in which none was found: its numbers are NaN."""
 
 
-def boundary_with_parabola(boundary: Boundary, a_per_px: float, b_slope: float, c_px: float) -> Boundary:
+def replace_parabola_of_boundary(boundary: Boundary, a_per_px: float, b_slope: float, c_px: float) -> Boundary:
     """The boundary with another parabola; one that was not found, or has no parabola now, stays or becomes so."""
     found = boundary.found and isfinite(a_per_px) and isfinite(b_slope) and isfinite(c_px)
     return Boundary(

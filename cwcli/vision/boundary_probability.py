@@ -85,7 +85,9 @@ def boundary_probabilities(
     return left, right
 
 
-def probabilities_with_scene_votes(probabilities: LeftRightProbabilities, vote_share: float) -> LeftRightProbabilities:
+def lower_probabilities_by_missing_scene_votes(
+    probabilities: LeftRightProbabilities, vote_share: float
+) -> LeftRightProbabilities:
     """The probabilities of both boundaries in a scene whose straight edges hardly meet in one point.
 
     Args:

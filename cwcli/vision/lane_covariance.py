@@ -77,7 +77,7 @@ def covariance_of_first_five_lane_numbers(
         table: Table of the prior, shape (6, 4), under which it was found.
         camera: The camera in the pixels of the image that was searched.
     """
-    places, steps = _derivatives_to_places_and_steps_px(
+    places, steps = _lane_derivatives_by_place_and_place_steps_px(
         float(lane[HORIZON]), camera.height_px, evidence.pinhole.focal_length_ratio
     )
     places = places * steps
@@ -114,7 +114,7 @@ def _near_and_far_depth_px(horizon_px: float, height_px: int) -> tuple[float, fl
     return NEAR_ROW_SHARE * depth, FAR_ROW_SHARE * depth
 
 
-def _derivatives_to_places_and_steps_px(
+def _lane_derivatives_by_place_and_place_steps_px(
     horizon_px: float, height_px: int, stretch: float
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the five numbers with respect to the places, shape (5, 5), a column for each place; and the steps

@@ -118,7 +118,7 @@ def driven_rightward_curvature_or_nan_1pm(speed_mps: float, yaw_rate_radps: floa
     return -yaw_rate_radps / speed_mps
 
 
-def following_prior(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
+def prior_of_followed_lane(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
     """The prior of a lane that is followed: wider in offset, heading and curvature than that of a first frame."""
     rows: list[list[float]] = prior.table.tolist()
     place, ahead, bend = rows[MIDDLE], rows[VANISHING], rows[BEND]

@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary import NOT_FOUND, Boundary, boundary_with_parabola
-from cwcli.vision.boundary_probability import boundary_probabilities, probabilities_with_scene_votes
+from cwcli.vision.boundary import NOT_FOUND, Boundary, replace_parabola_of_boundary
+from cwcli.vision.boundary_probability import boundary_probabilities, lower_probabilities_by_missing_scene_votes
 from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.ground import MIN_DEPTH_SHARE
 from cwcli.vision.lane_covariance import covariance_of_first_five_lane_numbers, propagate_covariance_to_fit
@@ -38,12 +38,12 @@ from cwcli.vision.lane_following import (
     MOVEMENT_MARGIN_M,
     boundary_difference_beside_camera_m,
     driven_rightward_curvature_or_nan_1pm,
-    following_prior,
     lane_change_between_left_1_right_minus_1,
     lane_change_left_1_right_minus_1,
     max_boundary_difference_m,
     predict_lane,
     prior_at_lane_horizon,
+    prior_of_followed_lane,
     prior_with_driven_curvature,
     prior_with_seen_horizon,
     shift_to_adjacent_lane,
@@ -207,7 +207,7 @@ class LaneTracker:
         camera = self._camera
         lane = predict_lane(self._hypotheses[0].lane, camera, speed_mps, yaw_rate_radps, dt_s, self._prior)
         left, right = (
-            boundary_with_parabola(side, *parabola)
+            replace_parabola_of_boundary(side, *parabola)
             for side, parabola in zip(
                 (last.left, last.right), fit_boundary_parabolas(lane, camera).tolist(), strict=True
             )
@@ -233,7 +233,7 @@ class LaneTracker:
         assert self._evidence is not None
         if self._covariance is None or is_another or frame.stamp_ns - self._measured_ns >= COVARIANCE_INTERVAL_NS:
             is_bent = math.isnan(frame.speed_mps) and lane[SPIRAL] != 0.0
-            table = following_prior(
+            table = prior_of_followed_lane(
                 self._prior, frame.camera, ASSUMED_TIGHT_BEND_SPEED_MPS if is_bent else frame.speed_mps
             ).table
             own = covariance_of_first_five_lane_numbers(self._evidence, lane, table, frame.camera)
@@ -250,13 +250,15 @@ class LaneTracker:
             self._evidence_buffer = np.empty(3 * MAX_SAMPLED_ROWS * size[0], np.float32)
         evidence = self._evidence_source(frame.grey, rows, horizon_px, self._prior.pinhole, self._evidence_buffer)
         self._evidence = evidence
-        prior = following_prior(self._prior, camera, frame.speed_mps)
+        prior = prior_of_followed_lane(self._prior, camera, frame.speed_mps)
         is_motion_known = self._prior.is_mounting_known and math.isfinite(frame.speed_mps)
         sideways_mps = MAX_LATERAL_SPEED_MPS if is_motion_known else MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS
         memory = math.exp(-dt_s / OBJECTIVE_MEMORY_S)
         hypotheses: list[LaneHypothesis] = []
         tight = (
-            following_prior(self._prior, camera, ASSUMED_TIGHT_BEND_SPEED_MPS) if math.isnan(frame.speed_mps) else None
+            prior_of_followed_lane(self._prior, camera, ASSUMED_TIGHT_BEND_SPEED_MPS)
+            if math.isnan(frame.speed_mps)
+            else None
         )
         for each in self._hypotheses:
             lane = predict_lane(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
@@ -376,7 +378,7 @@ class LaneTracker:
         if not self._prior.is_mounting_known:
             self._prior = prior_with_seen_horizon(self._prior, float(lanes[0, HORIZON]), camera)
         lanes, values = lanes[:MAX_HYPOTHESES], values[:MAX_HYPOTHESES]
-        return self._start_hypotheses(lanes, values, following_prior(self._prior, camera, frame.speed_mps))
+        return self._start_hypotheses(lanes, values, prior_of_followed_lane(self._prior, camera, frame.speed_mps))
 
     def _recheck_horizon(self, frame: LaneFrame, camera: Camera, opened_prior: LanePrior) -> list[LaneHypothesis]:
         """A new hypothesis from a search from scratch at the horizon of the frame's own lines."""
@@ -455,7 +457,7 @@ class LaneTracker:
             self._covariance = None
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         best, now, change = self._choose_published_hypothesis(camera, dt_s)
-        now = probabilities_with_scene_votes(now, self._scene_votes)
+        now = lower_probabilities_by_missing_scene_votes(now, self._scene_votes)
         odds = [min(max(math.log(chance / (1.0 - chance)), -MAX_FRAME_LOG_ODDS), MAX_FRAME_LOG_ODDS) for chance in now]
         if self._odds is not None:
             kept_share = math.exp(-dt_s / LOG_ODDS_MEMORY_S)

@@ -70,7 +70,7 @@ def measure_to_braking_horizon(
     rows = np.flatnonzero(ttc_s <= SEARCHED_TTC_S if is_wanted is None else is_wanted & (ttc_s <= SEARCHED_TTC_S))
     if not len(rows):
         return whole
-    time_s = _times_s(pairs, config.max_horizon_s + persistence_s)
+    time_s = _host_path_times_until_s(pairs, config.max_horizon_s + persistence_s)
     rows, own, theirs = _rows_and_paths_in_one_stream(pairs, rows, time_s)
     sizes = pairs.host_size, pairs.other_size
     far = measure_paths(
@@ -109,7 +109,7 @@ def _outline_ttc_s(measures: Measures, pairs: PathPairs) -> FloatArray:
         return np.where(measures.closing_mps > 0.0, np.maximum(gap_m, 0.0) / measures.closing_mps, np.inf)
 
 
-def _times_s(pairs: PathPairs, end_s: float) -> FloatArray:
+def _host_path_times_until_s(pairs: PathPairs, end_s: float) -> FloatArray:
     """The times of the host's path points, (q,), as far as the end, and the end."""
     step_s = float(pairs.host.time_s[1])
     times = np.arange(int(end_s / step_s + 1e-6) + 1) * step_s

@@ -169,7 +169,7 @@ def _evaluate_window(
     looks_farther = rule.uses_braking_horizon and config.max_horizon_s > config.horizon_s
     span_s = max(float(time_s[-1]), config.max_horizon_s + persistence_s) if looks_farther else float(time_s[-1])
     within = np.flatnonzero(_within_reach_mask(window.paths, theirs, at_moments[0], place, span_s, config))
-    host_row, other_row, age_s = (each[within] for each in at_moments)
+    host_row, other_row, age_s = at_moments[0][within], at_moments[1][within], at_moments[2][within]
     place = place[within]
     near = (host_row, place, age_s)
     sizes = host.length_and_width_m, other.length_and_width_m

@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.reproduction.zhang2011.example import printed_tables_part, worked_example_part
 from cwcli.reproduction.zhang2011.motion import simulated_run_part
-from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011
 from tests.papers import own_zhang2011 as own
 
 KMH = 1 / 3.6
@@ -110,7 +110,7 @@ def test_the_worked_example_of_decoding() -> None:
 
 def test_the_camera_that_the_pictures_are_drawn_with() -> None:
     """Number 21: where points of the road lie in figures 17b to 19b; the optical axis meets the road 33.5 m ahead."""
-    camera = paper_camera()
+    camera = camera_of_zhang2011()
     points = np.array([[10.0, 1.5], [20.0, -2.0], [33.5, 0.0], [60.0, 3.0]])
     u, v = camera.project_to_image_px(points[:, 0], points[:, 1], np.zeros(len(points)))
     pitch = np.arctan(1.65 / 33.5)

@@ -19,7 +19,7 @@ from cwcli.reproduction.zhang2011.motion import (
     simulated_run_part,
     simulated_run_table,
 )
-from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
+from cwcli.simulation.single_track import PAPER_RUNS, simulate_zhang2011_run
 
 CAR = load_vehicle()
 
@@ -90,7 +90,7 @@ def test_simulated_runs(figure: str) -> None:
 @pytest.mark.parametrize("figure", PAPER_RUNS)
 def test_static_errors_and_convergence_whatever_the_start(figure: str, start: str) -> None:
     settings = PAPER_RUNS[figure]
-    run = simulate_paper_run(settings, CAR, start=start)  # type: ignore[arg-type]
+    run = simulate_zhang2011_run(settings, CAR, start=start)  # type: ignore[arg-type]
     bound = 3.0 if settings.load == "half" else 10.0
     found = {
         name: compute_observer_errors(run, observe_lateral_motion(run.lanes, run.speed, *chosen))
@@ -105,7 +105,7 @@ def test_static_errors_and_convergence_whatever_the_start(figure: str, start: st
 
 
 def test_the_other_reading_of_the_noise_also_settles() -> None:
-    run = simulate_paper_run(PAPER_RUNS["fig 14"], CAR)
+    run = simulate_zhang2011_run(PAPER_RUNS["fig 14"], CAR)
     track = observe_lateral_motion(run.lanes, run.speed, CAR, ObserverConfig("zhang2011", noise_reading="discrete"))
     assert max(compute_observer_errors(run, track).static_percent) < 3.0
 
@@ -122,7 +122,7 @@ def test_a_run_as_a_table() -> None:
 
 def test_the_linear_runs_are_exact() -> None:
     coarse, fine = (
-        simulate_paper_run(PAPER_RUNS["fig 16"].__class__("x", "full", 0.01, 80.0, 80.0, step_s=step), CAR)
+        simulate_zhang2011_run(PAPER_RUNS["fig 16"].__class__("x", "full", 0.01, 80.0, 80.0, step_s=step), CAR)
         for step in (0.05, 0.01)
     )
     np.testing.assert_allclose(coarse.state, fine.state, atol=1e-9)

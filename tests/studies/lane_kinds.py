@@ -19,8 +19,8 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
-from cwcli.simulation.road.camera import paper_camera, wide_camera
-from cwcli.simulation.road.defects import DOT_WIDTH_M, DOT_AND_GAP_M
+from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
+from cwcli.simulation.road.defects import DOT_AND_GAP_M, DOT_WIDTH_M
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.scene import Marking
 from cwcli.simulation.streams import random_stream
@@ -66,7 +66,7 @@ def planned(seed: int, road: str, seconds: float) -> tuple[RoadDrive, Sides, tup
     kinds = names[seed % len(names)], names[int(rng.integers(len(names)))]
     kinds = kinds if rng.random() < 0.5 else kinds[::-1]
     colours = tuple(LineColour.YELLOW if rng.random() < 0.5 else LineColour.WHITE for _ in range(2))
-    camera = wide_camera(480, 270) if seed % 2 else paper_camera()
+    camera = wide_camera(480, 270) if seed % 2 else camera_of_zhang2011()
     weather = WEATHERS[road][int(rng.integers(len(WEATHERS[road])))]
     config = RoadDriveConfig(
         seed=seed,

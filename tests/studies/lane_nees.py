@@ -20,7 +20,7 @@ import numpy as np
 
 from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.camera import RoadCamera, paper_camera, wide_camera
+from cwcli.simulation.road.camera import RoadCamera, camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.drive import iter_set_drives
 from cwcli.simulation.streams import seconds_to_ns
 from cwcli.vision.fit_columns import FitCollector
@@ -31,7 +31,7 @@ from cwcli.vision.method import LaneFrame
 N_FRAMES, EVERY = 16, 3
 WRONG_M = 0.5
 EXACT = GeometrySigmas(pitch_rad=0.0, yaw_rad=0.0, height_m=0.0)
-CAMERAS = {"paper's": paper_camera(), "wide": wide_camera(480, 270)}
+CAMERAS = {"paper's": camera_of_zhang2011(), "wide": wide_camera(480, 270)}
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 
 from cwcli.metrics.lane_scores import VISUAL_SHARE, BoundaryColumns, lanes_beside_ego, visual_standard_score
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.conditions import CONDITIONS
 from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
 from cwcli.simulation.road.render import RoadFrame, render_frame
@@ -81,7 +81,7 @@ def drawn(name: str, n: int, seed: int) -> Iterator[RoadFrame]:
             heading_rad=0.0,
             vertical_1pm=0.0,
         )
-        made = render_frame(scene, paper_camera(), road, rng)
+        made = render_frame(scene, camera_of_zhang2011(), road, rng)
         if name == "noise":  # of any strength, and as fine as the pixels or coarser
             grain: FloatArray = rng.normal(size=made.grey.shape)
             if index % 2:
@@ -93,7 +93,7 @@ def drawn(name: str, n: int, seed: int) -> Iterator[RoadFrame]:
 
 def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Features (m, 4) of boundaries, whether each is right, and 0, or for an empty set 1 + its place in `EMPTY`."""
-    paper = paper_camera()
+    paper = camera_of_zhang2011()
     mounting = Mounting(height_m=paper.height_m, pitch_rad=paper.pitch_rad)
     mounted = Camera(320, 240, paper.fx, paper.fy, paper.cx, paper.cy, mounting=mounting)
     rows, right, empty = [], [], []

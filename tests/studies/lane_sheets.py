@@ -26,20 +26,20 @@ import numpy as np
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.reproduction.zhang2011.lane_drives import (
-    N_UNSTABLE_FRAMES,
     N_JUDGED_FRAMES,
-    is_fit_correct,
+    N_UNSTABLE_FRAMES,
     camera_for_lane_methods,
+    is_fit_correct,
 )
-from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.car import YAW_RATE
-from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive, iter_set_drives
+from cwcli.simulation.road.drive import RoadDriveConfig, iter_set_drives, plan_road_drive
 from cwcli.simulation.road.render import RoadFrame
 from cwcli.simulation.road.sets import FRAME_SETS
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitCollector
-from cwcli.vision.ground import image_hyperbolas_of_flat_road, boundary_end_rows_px, repeat_pinhole_per_frame
+from cwcli.vision.ground import boundary_end_rows_px, image_hyperbolas_of_flat_road, repeat_pinhole_per_frame
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS, methods_without_model
 from tests.studies.road_sheets import DOCS, sheet, write
@@ -85,7 +85,7 @@ def with_defects(method_name: str) -> list[np.ndarray]:
     tiles = []
     for name, changes in DEFECTS.items():
         drive = plan_road_drive(
-            RoadDriveConfig(rate_hz=DEFECT_RATE_HZ, duration_s=DEFECT_SHOWN_S[-1], **changes), paper_camera()
+            RoadDriveConfig(rate_hz=DEFECT_RATE_HZ, duration_s=DEFECT_SHOWN_S[-1], **changes), camera_of_zhang2011()
         )
         states, search = drive.states_at(drive.time_s), method.make(1)
         for k, frame in enumerate(drive.iter_rendered_frames()):

@@ -24,7 +24,7 @@ from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, delay_v
 from cwcli.estimation import track as track_module
 from cwcli.estimation.consistency import nees
 from cwcli.estimation.model import MotionParameters
-from cwcli.estimation.track import estimate_hindsight_and_online
+from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
 from cwcli.signals.angles import wrap_angle
@@ -75,7 +75,7 @@ def drive_nees(drive: SimulatedDrive, config: EstimatorConfig = EstimatorConfig(
     """Both tracks of a drive against its truth, 20 times a second."""
     stamp_ns, truth = drive.truth_stamp_ns[::50], drive.true_states_by_vehicle[HOST_NAME][::50]
     rows = stamp_ns >= stamp_ns[0] + int(SETTLED_S * 1e9)
-    tracks = estimate_hindsight_and_online(received_measurements(drive), config, stamp_ns, blind=False)
+    tracks = estimate_hindsight_and_online_tracks(received_measurements(drive), config, stamp_ns, blind=False)
     return {
         (mode, name): value
         for mode, one in zip(("hindsight", "online"), tracks, strict=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, noise
 from cwcli.estimation.consistency import nees
-from cwcli.estimation.track import estimate_hindsight_and_online
+from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.simulation.drive import simulate_scenario
@@ -64,7 +64,9 @@ def one_run(
     first = max(int(m.stamp_ns.min()) for m in measurements)
     last = min(int(m.stamp_ns.max()) for m in measurements)
     rows = np.flatnonzero((drive.truth_stamp_ns >= first) & (drive.truth_stamp_ns <= last))[::50]
-    tracks = estimate_hindsight_and_online(measurements, EstimatorConfig(), drive.truth_stamp_ns[rows], blind=False)
+    tracks = estimate_hindsight_and_online_tracks(
+        measurements, EstimatorConfig(), drive.truth_stamp_ns[rows], blind=False
+    )
     truth = drive.true_states_by_vehicle[HOST_NAME][rows]
     found = {
         f"{when} {name}": value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cwcli.prediction.models import onset
-from cwcli.prediction.models.base import Model, check_responses, check_trust
+from cwcli.prediction.models.base import Model, check_responses, check_trust_in_derivatives
 from cwcli.registry import Registry, accept_dataclass_of
 
 HYPOTHESES: dict[str, Model] = {
@@ -22,7 +22,7 @@ MODELS: Registry[Model] = Registry(
         "ctra": "cwcli.prediction.models.ctra:MODEL",
         "cj-cya": "cwcli.prediction.models.cj_cya:MODEL",
     },
-    accept_dataclass_of(Model, {"responses": check_responses, "trust": check_trust}),
+    accept_dataclass_of(Model, {"responses": check_responses, "trust": check_trust_in_derivatives}),
     taken=(*HYPOTHESES, "lateral", "lateral-zhang2011"),
 )
 DEFAULT_MODEL = "auto"

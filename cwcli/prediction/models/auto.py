@@ -27,7 +27,7 @@ from cwcli.prediction.outcome_history import how_clearly_derivatives_exceed_nois
 from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 
 
-def fleet_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
+def responses_of_fleet_prior(time_s: FloatArray, prior: DriverPrior) -> Responses:
     """The responses A, J, W, D of a vehicle without a history, each of the shape of `time_s`."""
     along, across = acting_time_from_displacement_share_s(
         load_fleet_prior().gain[:, :, DERIVATIVE_PARTS.index("lasting")]
@@ -48,7 +48,7 @@ def trust_in_derivatives_by_clearness(
 MODEL = Model(
     summary="acceleration and yaw rate as far as their gain was measured, else constant velocity",
     uses=(True, False, True, False),
-    responses=fleet_responses,
+    responses=responses_of_fleet_prior,
     trust=trust_in_derivatives_by_clearness,
     learns=True,
 )

@@ -68,7 +68,9 @@ class Model:
     learns: bool = False
 
 
-def full_trust(state: StateRows, covariance: StateCovariances | None, prior: DriverPrior) -> DerivativeTrust:
+def full_trust_in_derivatives(
+    state: StateRows, covariance: StateCovariances | None, prior: DriverPrior
+) -> DerivativeTrust:
     """Trust in the derivatives as the filter gives them, shape (n, 4) of ones."""
     return np.ones((len(state), 4))
 
@@ -87,7 +89,7 @@ def constant_derivatives_model(summary: str, uses: tuple[bool, bool, bool, bool]
             half_square if yaw_accel else none,
         )
 
-    return Model(summary=summary, uses=uses, responses=responses, trust=full_trust, in_paper=True)
+    return Model(summary=summary, uses=uses, responses=responses, trust=full_trust_in_derivatives, in_paper=True)
 
 
 def check_responses(responses: Responses, time_s: FloatArray, *others: object) -> Responses:
@@ -105,7 +107,7 @@ def check_responses(responses: Responses, time_s: FloatArray, *others: object) -
     return responses
 
 
-def check_trust(trust: DerivativeTrust, state: StateRows, *others: object) -> DerivativeTrust:
+def check_trust_in_derivatives(trust: DerivativeTrust, state: StateRows, *others: object) -> DerivativeTrust:
     """Check a plug-in's trust against the states that it is for, and return it.
 
     Raises:

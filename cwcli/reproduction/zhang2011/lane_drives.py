@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.lane_scores import BoundaryColumns, visual_standard_score
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.car import YAW_RATE
 from cwcli.simulation.road.drive import RoadDrive, iter_set_drives
 from cwcli.simulation.road.render import RoadFrame
@@ -112,7 +112,7 @@ def _run_method_on_drive(
 @cache
 def camera_for_lane_methods(width_px: int, height_px: int) -> Camera:
     """Return the renderer's paper camera at rest, as lane methods get it."""
-    camera = paper_camera(width_px, height_px)
+    camera = camera_of_zhang2011(width_px, height_px)
     mounting = Mounting(height_m=camera.height_m, pitch_rad=camera.pitch_rad)
     return Camera(width_px, height_px, camera.fx, camera.fy, camera.cx, camera.cy, mounting=mounting)
 

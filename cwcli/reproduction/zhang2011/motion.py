@@ -15,7 +15,7 @@ from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_paper_run
+from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_zhang2011_run
 
 CONVERGED_ERROR_PERCENT = 10.0
 """An observer has converged where its error stays below this, in per cent of the true value, the bound of zhang2011."""
@@ -88,7 +88,7 @@ def simulated_run_part(figure: str, vehicle: Vehicle | None = None) -> StudyPart
     """Compute figure 14, 15 or 16: observers that start at v_y = gamma = 0 while the car already turns."""
     half = vehicle or load_vehicle()
     settings = PAPER_RUNS[figure]
-    run = simulate_paper_run(settings, half)
+    run = simulate_zhang2011_run(settings, half)
     errors: dict[str, ObserverErrors] = {}
     # The paper counts both positive to the right.
     curves = [Curve("car, yaw rate", run.time_s, -run.state[:, 1]), Curve("car, v_y", run.time_s, -run.state[:, 0])]
@@ -124,7 +124,7 @@ def simulated_run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
     """Return figure 14, 15 or 16 as columns: one row a frame, true and observed."""
     half = vehicle or load_vehicle()
     settings = PAPER_RUNS[figure]
-    run = simulate_paper_run(settings, half)
+    run = simulate_zhang2011_run(settings, half)
     columns: dict[str, FloatArray] = {
         "time_s": run.time_s,
         "speed_mps": run.speed_mps,

@@ -77,7 +77,7 @@ PAPER_FOCAL_LENGTH_PX = 800.0
 by hand."""
 
 
-def paper_camera(width_px: int = 320, height_px: int = 240) -> RoadCamera:
+def camera_of_zhang2011(width_px: int = 320, height_px: int = 240) -> RoadCamera:
     """zhang2011's camera, as far as the paper determines it.
 
     The optical axis meets the road 33.5 m ahead, and the road fills about two thirds of the image, 160 rows of 240, of
@@ -103,7 +103,7 @@ def wide_camera(width_px: int = 1280, height_px: int = 720) -> RoadCamera:
     return RoadCamera(width_px, height_px, focal, focal, (width_px - 1) / 2, (height_px - 1) / 2, 1.3, pitch)
 
 
-CAMERAS = {"paper": paper_camera, "wide": wide_camera}
+CAMERAS = {"paper": camera_of_zhang2011, "wide": wide_camera}
 """Functions from width and height in pixels to a camera, by the name that `--set camera` takes."""
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from cwcli.simulation.road.scene import Light, RoadScene, Shadow
 
 
-def draw_clear_light(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+def with_random_clear_light(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Draw daylight without shadows on the road."""
     return replace(scene, light=Light(exposure=rng.uniform(0.92, 1.12), sky=rng.uniform(195, 235)))
 
 
-def draw_overcast_light(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+def with_random_overcast_light(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Draw flat, dimmer light with less contrast between paint and road."""
     light = Light(exposure=rng.uniform(0.80, 0.98), sky=rng.uniform(170, 205), fog_1pm=rng.uniform(0.0, 0.003))
     return replace(scene, light=light)
@@ -27,7 +27,7 @@ def draw_shadow_band(rng: np.random.Generator, first_m: float, last_m: float) ->
     return Shadow(rng.uniform(first_m, last_m), length_m, slant=rng.normal(0.0, 0.7))
 
 
-def draw_sun_and_shadows(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+def with_random_sun_and_shadows(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Draw sun behind leaves, poles and bridges: hard shadows over road and paint."""
     bands = [draw_shadow_band(rng, 6.0, 60.0) for _ in range(int(rng.integers(1, 5)))]
     light = Light(
@@ -40,7 +40,7 @@ def draw_sun_and_shadows(scene: RoadScene, rng: np.random.Generator) -> RoadScen
     return replace(scene, light=light)
 
 
-def draw_low_sun_glare(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+def with_random_low_sun_glare(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Draw a low sun ahead that dazzles the camera."""
     light = Light(
         exposure=rng.uniform(0.85, 1.0),
@@ -51,7 +51,7 @@ def draw_low_sun_glare(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     return replace(scene, light=light)
 
 
-def draw_rain(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+def with_random_rain(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Draw rain: a wet, mirroring road, streaks, drops on the windscreen, haze."""
     light = Light(
         exposure=rng.uniform(0.82, 1.0),
@@ -64,21 +64,23 @@ def draw_rain(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     return replace(scene, light=light)
 
 
-def draw_night(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+def with_random_night(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Draw night: light comes from the own low beams and the lamps of others."""
     light = Light(exposure=rng.uniform(0.95, 1.25), sky=60.0, night=True, noise=rng.uniform(1.5, 2.2))
     return replace(scene, light=light)
 
 
-def draw_rainy_night(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+def with_random_rainy_night(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Draw a night with rain, the hardest condition."""
     return replace(
         scene,
-        light=replace(draw_night(scene, rng).light, rain=rng.uniform(0.4, 0.8), fog_1pm=rng.uniform(0.002, 0.006)),
+        light=replace(
+            with_random_night(scene, rng).light, rain=rng.uniform(0.4, 0.8), fog_1pm=rng.uniform(0.002, 0.006)
+        ),
     )
 
 
-def draw_fog(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
+def with_random_fog(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
     """Draw fog with a sight of 80 to 200 m, where contrast falls to 5 %."""
     light = Light(exposure=rng.uniform(0.9, 1.05), sky=rng.uniform(170, 205), fog_1pm=3.0 / rng.uniform(80, 200))
     return replace(scene, light=light)
@@ -88,13 +90,13 @@ DrawCondition = Callable[[RoadScene, np.random.Generator], RoadScene]
 """A function that draws the light and weather of a scene."""
 
 CONDITIONS: dict[str, DrawCondition] = {
-    "clear": draw_clear_light,
-    "overcast": draw_overcast_light,
-    "shadow": draw_sun_and_shadows,
-    "glare": draw_low_sun_glare,
-    "rain": draw_rain,
-    "night": draw_night,
-    "night-rain": draw_rainy_night,
-    "fog": draw_fog,
+    "clear": with_random_clear_light,
+    "overcast": with_random_overcast_light,
+    "shadow": with_random_sun_and_shadows,
+    "glare": with_random_low_sun_glare,
+    "rain": with_random_rain,
+    "night": with_random_night,
+    "night-rain": with_random_rainy_night,
+    "fog": with_random_fog,
 }
 """The functions that draw weather and light for a scene, by the name that `--weather` takes."""

@@ -13,7 +13,7 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
-from cwcli.simulation.road.camera import RoadCamera, paper_camera
+from cwcli.simulation.road.camera import RoadCamera, camera_of_zhang2011
 from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, times_and_states_of_drive_along_lane
 from cwcli.simulation.road.conditions import CONDITIONS, draw_shadow_band
 from cwcli.simulation.road.defects import DEFECT_KNOT_SPACING_M as FINE_KNOT_M
@@ -302,7 +302,7 @@ def iter_set_drives(
             rate_hz=PAPER_FRAME_RATE_HZ,
             speed_mps=rng.uniform(17.0, 33.0),
         )
-        yield plan_road_drive(config, camera or paper_camera())
+        yield plan_road_drive(config, camera or camera_of_zhang2011())
 
 
 def spread_scene_along_drive(

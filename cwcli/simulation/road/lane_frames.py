@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
-from cwcli.simulation.road.camera import RoadCamera, paper_camera
+from cwcli.simulation.road.camera import RoadCamera, camera_of_zhang2011
 from cwcli.simulation.road.drive import (
     DRIFT_START_S,
     ROAD_KNOT_SPACING_M,
@@ -96,7 +96,7 @@ def road_drive_from_lane_run(
     )
     return RoadDrive(
         config=config,
-        camera=settings.camera or paper_camera(),
+        camera=settings.camera or camera_of_zhang2011(),
         scene=spread_scene_along_drive(draw_scene(spec, weather, rng), config, length_m, rng),
         time_s=time_s,
         fine_time_s=truth.time_s,

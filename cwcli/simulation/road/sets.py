@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.simulation.road.camera import RoadCamera, paper_camera
+from cwcli.simulation.road.camera import RoadCamera, camera_of_zhang2011
 from cwcli.simulation.road.conditions import CONDITIONS
 from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
 from cwcli.simulation.road.render import RoadFrame, render_frame
@@ -166,7 +166,7 @@ def render_set_frame(name: str, index: int, *, seed: int = 0, camera: RoadCamera
         vertical_1pm=_draw_clipped_normal(rng, spec.vertical_1pm),
         bearing_rad=float(rng.uniform(-3, 3)),
     )
-    pitched = (camera or paper_camera()).with_added_pitch(_draw_clipped_normal(rng, spec.pitch_rad))
+    pitched = (camera or camera_of_zhang2011()).with_added_pitch(_draw_clipped_normal(rng, spec.pitch_rad))
     return render_frame(scene, pitched, road, rng)
 
 

@@ -11,7 +11,7 @@ from cwcli.estimation.measurements import QUANTITIES, Kind
 from cwcli.estimation.online_availability import OnlineAvailability
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.result import TrackSummary
-from cwcli.estimation.summary import quantity_text
+from cwcli.estimation.summary import measured_quantity_name
 from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag
@@ -41,7 +41,7 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
-            quantity_text(report),
+            measured_quantity_name(report),
             report.n_used,
             report.n_gated,
             _value_with_sigma_cell(1e3 * report.latency.found_s, 1e3 * report.latency.sigma_s, ".0f"),
@@ -62,7 +62,7 @@ def _parameters_table(ego: TrackSummary) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = []
     for report in ego.sources:
         unit = QUANTITIES[report.kind].unit
-        name = (report.source, quantity_text(report))
+        name = (report.source, measured_quantity_name(report))
         if not math.isnan(report.bias):
             status = ParameterStatus.USED if is_bias_within_sensor_limits(report) else ParameterStatus.CONTRADICTS
             bias = _value_with_sigma_cell(report.bias, report.bias_sigma, ".3g", time_s=None)
@@ -90,7 +90,7 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
-            quantity_text(report),
+            measured_quantity_name(report),
             CellWithValues(
                 "" if math.isnan(report.sigma) else f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
                 {"": report.sigma, "unit": QUANTITIES[report.kind].unit},

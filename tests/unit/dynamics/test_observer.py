@@ -22,7 +22,7 @@ from cwcli.simulation.lane_camera import (
     true_lane_at_preview,
 )
 from cwcli.simulation.lane_drive import LaneRuns, Road, simulate_lane_runs
-from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
+from cwcli.simulation.single_track import PAPER_RUNS, simulate_zhang2011_run
 from tests.unit.dynamics import naive_observer as naive
 from tests.work import count_calls
 
@@ -127,7 +127,7 @@ def test_filter_kernel_equals_its_twin(with_load: bool) -> None:
 
 @pytest.mark.parametrize("method", ALL)
 def test_all_methods_find_the_steady_turn(method: Method) -> None:
-    run = simulate_paper_run(PAPER_RUNS["fig 14"], CAR)
+    run = simulate_zhang2011_run(PAPER_RUNS["fig 14"], CAR)
     track = observe_lateral_motion(run.lanes, run.speed, CAR, ObserverConfig(method))
     np.testing.assert_allclose(track.state[-1, :2], run.state[-1, :2], rtol=0.01)
     assert track.counts["started"] == 1
@@ -376,7 +376,7 @@ def test_no_frames(method: Method) -> None:
 
 
 def test_the_load_is_found_in_turns_if_asked_for() -> None:
-    run = simulate_paper_run(PAPER_RUNS["fig 16"], CAR)
+    run = simulate_zhang2011_run(PAPER_RUNS["fig 16"], CAR)
     noise = FilterNoise(camera_yaw_rad=0.0, lateral_sigma_m=0.01, heading_sigma_rad=0.001, curvature_sigma_1pm=1e-5)
     mass_kg = observe_lateral_motion(run.lanes, run.speed, CAR, ObserverConfig(noise=noise, estimate_load=True)).mass_kg
     assert mass_kg[-1] == pytest.approx(1460.0, rel=0.02)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.estimation.coarse_fixes import coarse_steps_m, covariance_from_coarse_fixes
+from cwcli.estimation.coarse_fixes import covariance_from_coarse_fixes, find_coarse_steps_m
 from cwcli.estimation.frozen_rows import FixMotion, frozen_row_mask
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.prepare import clean_and_sort_measurements
@@ -34,7 +34,7 @@ def fixes(values: np.ndarray, source: str = "/fix") -> Measurements:
     ids=["fine", "whole metres", "four decimals of longitude", "six decimals", "even motion"],
 )
 def test_the_step_of_coarse_fixes(values: np.ndarray, expected: tuple[float, float]) -> None:
-    np.testing.assert_allclose(coarse_steps_m(values), expected, atol=1e-6)
+    np.testing.assert_allclose(find_coarse_steps_m(values), expected, atol=1e-6)
 
 
 def test_sigma_holds_half_a_step_to_one_side() -> None:

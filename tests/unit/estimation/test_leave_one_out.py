@@ -10,9 +10,9 @@ import pytest
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.leave_one_out import (
-    candidate_groups,
     find_spoiling_sources,
     quantities_with_unusual_noise_or_error,
+    quantity_groups_to_leave_out,
 )
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import ParameterStatus, SlowError
@@ -56,7 +56,7 @@ def test_what_is_a_misfit(report: SourceReport, is_misfit: bool) -> None:
 
 
 def test_positions_and_trusted_sources_are_never_left_out_and_an_imu_also_as_a_whole() -> None:
-    assert candidate_groups(ALL, {"/speed"}) == [
+    assert quantity_groups_to_leave_out(ALL, {"/speed"}) == [
         (SourceQuantity("/heading", Kind.HEADING),), IMU[:1], IMU[1:], IMU,
     ]  # fmt: skip
 

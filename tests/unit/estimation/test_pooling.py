@@ -20,7 +20,7 @@ from cwcli.estimation.pooling import (
     pool_constant_over_drives,
 )
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.track import estimate_hindsight_and_online
+from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from tests.studies.city_drive import EPOCH_NS, city_drive, measure
 
 LATE = {"gnss": 0.12, "speed": 0.04}
@@ -178,7 +178,9 @@ def test_online_states_use_the_calibration_as_the_causal_estimate_does(car: Cali
     """Without a search whose result would not count: latencies, biases and states are the same."""
     measurements = measure(city_drive(9, 60.0), 9, LATE)
     output_ns = EPOCH_NS + np.arange(1_000_000_000, 59_500_000_000, 50_000_000)
-    _, online = estimate_hindsight_and_online(measurements, EstimatorConfig(calibration=car), output_ns, blind=True)
+    _, online = estimate_hindsight_and_online_tracks(
+        measurements, EstimatorConfig(calibration=car), output_ns, blind=True
+    )
     causal = estimate_track(measurements, EstimatorConfig(causal=True, calibration=car), output_ns)
     assert [each.latency.applied_s for each in online.sources] == [each.latency.applied_s for each in causal.sources]
     assert any(each.latency.applied_s > 0.1 for each in online.sources)
@@ -271,7 +273,7 @@ def test_drives_that_disagree_do_no_harm_to_a_third_one(disagreeing: Calibration
     truth = city_drive(7, DURATION_S).at((OUTPUT_NS - EPOCH_NS) / 1e9)
     true_xy = np.column_stack([truth["x_m"], truth["y_m"]])
     without = estimate_track(third, EstimatorConfig(causal=True), OUTPUT_NS)
-    hindsight, online = estimate_hindsight_and_online(
+    hindsight, online = estimate_hindsight_and_online_tracks(
         third, EstimatorConfig(calibration=disagreeing), OUTPUT_NS, blind=True
     )
     rmse_m = [float(np.sqrt(((t.state[:, :2] - true_xy) ** 2).sum(axis=1).mean())) for t in (without, online)]
@@ -289,7 +291,7 @@ def test_calibration_that_makes_a_log_worse_is_told_with_both_values(car: Calibr
     other = measure(city_drive(7, DURATION_S), 7, {"speed": LATE["speed"]})
     for causal in (False, True):
         config = EstimatorConfig(calibration=car, causal=causal)
-        track, _ = estimate_hindsight_and_online(other, config, OUTPUT_NS, blind=True)
+        track, _ = estimate_hindsight_and_online_tracks(other, config, OUTPUT_NS, blind=True)
         (note,) = (note for note in track.notes if "makes this log worse" in note)
         assert "predicts the position of gnss" in note
         assert "latency of gnss position found on it: " in note
@@ -299,7 +301,7 @@ def test_calibration_that_makes_a_log_worse_is_told_with_both_values(car: Calibr
 def test_calibration_that_fits_is_not_called_worse(car: Calibration) -> None:
     for seed in (20, 21, 22):
         same = measure(city_drive(seed, DURATION_S), seed, LATE)
-        track, _ = estimate_hindsight_and_online(same, EstimatorConfig(calibration=car), OUTPUT_NS, blind=True)
+        track, _ = estimate_hindsight_and_online_tracks(same, EstimatorConfig(calibration=car), OUTPUT_NS, blind=True)
         assert not any("makes this log worse" in note for note in track.notes)
 
 

@@ -12,7 +12,7 @@ from cwcli.estimation.standstill_error import (
     covariance_from_standstill_errors,
     find_standstill_errors,
 )
-from cwcli.estimation.track import estimate_hindsight_and_online
+from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import N_STATES
 
@@ -72,7 +72,7 @@ def test_sigma_of_a_standing_vehicle_holds_its_wander(has_speed: bool) -> None:
             Measurements("/bsm", Kind.HEADING, stamp_ns, 0.3 + 0.02 * rng.standard_normal(n), None, stamp_ns),
             Measurements("/bsm", Kind.SPEED, stamp_ns, np.abs(0.05 * rng.standard_normal(n)), None, stamp_ns),
         ]
-        tracks = estimate_hindsight_and_online(
+        tracks = estimate_hindsight_and_online_tracks(
             measurements if has_speed else measurements[:2], EstimatorConfig(), stamp_ns, blind=False
         )
         hindsight, online = (track.state[50:, :2] for track in tracks)

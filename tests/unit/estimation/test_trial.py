@@ -16,7 +16,7 @@ from cwcli.estimation.parameter import Parameter
 from cwcli.estimation.passes import FilterStart, PassInput, SensorSeries, run_filter_pass
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.start import find_start_with_parameter_states
-from cwcli.estimation.trial import N_REMEMBERED_PASSES, RESET_AFTER, FilterTrials, cut_to_window, gate_outliers
+from cwcli.estimation.trial import N_REMEMBERED_PASSES, RESET_AFTER, FilterTrials, cut_to_window, with_outlier_gate
 from cwcli.kernels import ekf
 from tests.studies.city_drive import city_drive, measure
 
@@ -132,7 +132,7 @@ def test_the_windows_ends_are_inside_and_latencies_count() -> None:
 
 def test_the_searchs_gate_is_the_chi_square_quantile() -> None:
     """Of two degrees of freedom it is -2 log(1 - p): 23.026 at 1 - 1e-5; of one 19.511 (standard tables)."""
-    position, speed = (gate_outliers(s) for s in straight_drive().series)
+    position, speed = (with_outlier_gate(s) for s in straight_drive().series)
     assert position.gate_nis == pytest.approx(-2.0 * np.log(1e-5), rel=1e-6)
     assert speed.gate_nis == pytest.approx(19.511, abs=1e-3)
 

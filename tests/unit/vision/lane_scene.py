@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.metrics.lane_scores import BoundaryColumns, VisualScore, visual_standard_score
-from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.method import LaneFit
@@ -15,7 +15,7 @@ SEARCHED_ROWS = 150
 
 def mounted() -> Camera:
     """320 x 240, with its mounting."""
-    paper = paper_camera()
+    paper = camera_of_zhang2011()
     mounting = Mounting(height_m=paper.height_m, pitch_rad=paper.pitch_rad)
     return Camera(320, 240, paper.fx, paper.fy, paper.cx, paper.cy, mounting=mounting)
 

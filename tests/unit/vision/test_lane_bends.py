@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
 from cwcli.simulation.road.render import render_frame
 from cwcli.simulation.road.sets import FRAME_SETS, draw_scene
@@ -27,7 +27,7 @@ def test_curvature_of_a_bend(curvature_1pm: float) -> None:
         rng = np.random.default_rng(k)
         scene = draw_scene(FRAME_SETS["good"], "clear", rng)
         road = RoadAhead(clothoid_curvature_1pm(curvature_1pm, 0.0), offset_m=0.0, heading_rad=0.0, vertical_1pm=0.0)
-        frame = render_frame(scene, paper_camera(), road, rng)
+        frame = render_frame(scene, camera_of_zhang2011(), road, rng)
         fit = LaneTracker().step(LaneFrame(frame.grey, mounted(), stamp_ns=0, number=0))
         found_1pm.append(-compute_lane_geometry(columns_of([fit]), mounted(), preview_m=PREVIEW_M).curvature_1pm[0])
     assert np.median(found_1pm) == pytest.approx(curvature_1pm, rel=MEDIAN_SHARE)

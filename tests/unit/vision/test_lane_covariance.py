@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.simulation.road.camera import paper_camera, wide_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_covariance as module
 from cwcli.vision.ground import GeometrySigmas, compute_lane_geometry
@@ -107,7 +107,7 @@ def test_propagation_against_samples() -> None:
 @pytest.mark.parametrize("name", ["good", "complex"])
 def test_errors_are_as_great_as_they_are_said_to_be(name: str) -> None:
     """Drives that were not in sight of the constants; more of them: docs/lanes.md."""
-    for camera in (paper_camera(), wide_camera(480, 270)):
+    for camera in (camera_of_zhang2011(), wide_camera(480, 270)):
         seen = errors(name, 4, 21, camera, 20.0)
         assert len(seen.error) >= 20
         ratios = seen.ratios()

@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.lane_detect import lane_objectives, measure_stripe_evidence, sampled_road_rows
-from cwcli.vision.lane_following import following_prior, narrow_prior_table
+from cwcli.vision.lane_following import narrow_prior_table, prior_of_followed_lane
 from cwcli.vision.lane_model import BEND, HIGH, LOW, MIDDLE, VANISHING, WIDTH, bend_px2_per_curvature, first_frame_prior
 from cwcli.vision.lane_sides import (
     LEFT,
@@ -118,7 +118,7 @@ def test_a_lane_beyond_its_limits_is_kept_at_them() -> None:
     """A straight road with one line, the left one of a lane as far aside as one is followed; its width, 0.2 m more than
     in the frame before, puts its middle 0.1 m beyond."""
     camera = straight_road.CAMERA
-    size, prior = (camera.width_px, camera.height_px), following_prior(first_frame_prior(camera), camera, 25.0)
+    size, prior = (camera.width_px, camera.height_px), prior_of_followed_lane(first_frame_prior(camera), camera, 25.0)
     table, horizon_px = prior.table, straight_road.HORIZON_PX
     lane = np.array([camera.cx, 0.0, straight_road.WIDTH_M * prior.place_units_per_m, 0.0, horizon_px, 0.0])
     lane[MIDDLE] = table[MIDDLE, HIGH]
@@ -135,7 +135,7 @@ def test_a_lane_beyond_its_limits_is_kept_at_them() -> None:
 def test_a_lane_predicted_far_beyond_its_limits_is_sought_within_them() -> None:
     """In two numbers at once, so that no step of a search that moves one after the other leads back."""
     camera = straight_road.CAMERA
-    size, prior = (camera.width_px, camera.height_px), following_prior(first_frame_prior(camera), camera, 25.0)
+    size, prior = (camera.width_px, camera.height_px), prior_of_followed_lane(first_frame_prior(camera), camera, 25.0)
     table, horizon_px = prior.table, straight_road.HORIZON_PX
     grey = straight_road.picture([0.5 * straight_road.WIDTH_M], 0.0, 0)
     evidence = measure_stripe_evidence(grey, sampled_road_rows(horizon_px + 5.0, size[1]), horizon_px, prior.pinhole)

@@ -13,7 +13,7 @@ import pytest
 from cwcli.metrics.lane_scores import VISUAL_SHARE
 from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.camera import paper_camera, wide_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_tracker
@@ -22,10 +22,10 @@ from cwcli.vision.ground import compute_lane_geometry
 from cwcli.vision.lane_covariance import propagate_covariance_to_fit
 from cwcli.vision.lane_following import (
     curvature_candidates,
-    following_prior,
     lane_change_left_1_right_minus_1,
     narrow_prior_table,
     predict_lane,
+    prior_of_followed_lane,
     prior_with_driven_curvature,
     shift_to_adjacent_lane,
 )
@@ -102,7 +102,7 @@ def test_the_same_fits_on_every_run() -> None:
 
 def test_a_drive_is_followed_with_and_without_motion() -> None:
     config = RoadDriveConfig(weather="rain", road="complex", seed=5, duration_s=2.0, rate_hz=10.0)
-    drive = plan_road_drive(config, paper_camera())
+    drive = plan_road_drive(config, camera_of_zhang2011())
     for speed_mps in (25.0, math.nan):
         search = LaneTracker()
         fits = []
@@ -260,7 +260,7 @@ def test_a_spiral_goes_on_by_hand() -> None:
 
 def test_other_bends_keep_the_near_row() -> None:
     camera = mounted()
-    prior = following_prior(first_frame_prior(camera), camera, 10.0)
+    prior = prior_of_followed_lane(first_frame_prior(camera), camera, 10.0)
     lane = np.array([camera.cx, 0.1, 2.2, 200.0, 80.0, 900.0])
     wide = np.column_stack([np.zeros((6, 2)), np.full(6, -1e9), np.full(6, 1e9)])
     others = curvature_candidates(lane, prior, wide, 240)
@@ -290,7 +290,7 @@ def test_a_ramp_is_followed_from_its_beginning_to_its_end(with_motion: bool) -> 
 def test_a_followed_lane_may_not_jump() -> None:
     """In 0.1 s at 0.8 m/s and 0.02 m beside: 0.1 m over 1.65 m of height."""
     camera = mounted()
-    prior = following_prior(first_frame_prior(camera), camera, 25.0)
+    prior = prior_of_followed_lane(first_frame_prior(camera), camera, 25.0)
     lane = np.array([camera.cx, 0.1, 2.2, 0.0, 80.0, 0.0])
     table = narrow_prior_table(prior, lane, 0.1, 0.8)
     assert table[MIDDLE, [LOW, HIGH]] == pytest.approx([0.1 - 0.1 / 1.65, 0.1 + 0.1 / 1.65])

@@ -8,7 +8,7 @@ import pytest
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import UsageError
 from cwcli.simulation.drivers import SwayingDriver
-from cwcli.simulation.road.camera import paper_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.car import (
     BEARING,
     HEADING,
@@ -69,7 +69,7 @@ def test_map_track_and_lane_coordinates_tell_the_same_drive() -> None:
 
 def test_preview_deviation_follows_the_papers_kinematics() -> None:
     # eq. 20 for quantities that are positive to the left: dy/dt = v e - v_y - gamma D, de/dt = v K - gamma.
-    drive = plan_road_drive(RoadDriveConfig(seed=2, duration_s=4.0, rate_hz=50.0), paper_camera())
+    drive = plan_road_drive(RoadDriveConfig(seed=2, duration_s=4.0, rate_hz=50.0), camera_of_zhang2011())
     preview = np.array([drive.lane_truth_at(i).lane_centre_at_preview(33.5) for i in range(len(drive))])
     states = drive.states_at(drive.time_s)
     y_left, direction, curvature = preview.T
@@ -86,7 +86,7 @@ def test_preview_deviation_follows_the_papers_kinematics() -> None:
 
 def test_drive_is_repeatable_and_frames_are_independent() -> None:
     config = RoadDriveConfig(weather="rain", seed=3, duration_s=1.0)
-    one, two = (plan_road_drive(config, paper_camera()) for _ in range(2))
+    one, two = (plan_road_drive(config, camera_of_zhang2011()) for _ in range(2))
     assert len(one) == 21
     two.render_frame_at(4)
     assert np.array_equal(one.render_frame_at(9).grey, two.render_frame_at(9).grey)
@@ -96,7 +96,7 @@ def test_drive_is_repeatable_and_frames_are_independent() -> None:
 
 def test_lane_keeping_stays_in_the_lane() -> None:
     for seed in (1, 2, 3):
-        drive = plan_road_drive(RoadDriveConfig(road="complex", seed=seed, duration_s=20.0), paper_camera())
+        drive = plan_road_drive(RoadDriveConfig(road="complex", seed=seed, duration_s=20.0), camera_of_zhang2011())
         assert np.abs(drive.fine_states[:, OFFSET]).max() < 0.6
 
 
@@ -113,4 +113,4 @@ def test_lane_keeping_stays_in_the_lane() -> None:
 )
 def test_impossible_drives_are_refused(config: RoadDriveConfig, message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        plan_road_drive(config, paper_camera())
+        plan_road_drive(config, camera_of_zhang2011())

@@ -10,14 +10,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cwcli.errors import UsageError
-from cwcli.simulation.road.camera import PAPER_PREVIEW_M, RoadCamera, paper_camera, wide_camera
+from cwcli.simulation.road.camera import PAPER_PREVIEW_M, RoadCamera, camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead, clothoid_curvature_1pm
 from cwcli.simulation.road.truth import VISIBLE_RANGE_M, compute_lane_truth
 from cwcli.vision.camera import Camera, Mounting
 
 ATOL_PX = 0.02
 ATOL_M = 1e-3
-CAMERA = paper_camera()
+CAMERA = camera_of_zhang2011()
 ROWS = np.arange(240.0)
 
 
@@ -103,7 +103,9 @@ def test_crest_hides_what_is_beyond_it() -> None:
     assert np.nanmax(x_m) == pytest.approx(math.sqrt(2 * CAMERA.height_m / 4e-4), rel=0.01)
 
 
-@pytest.mark.parametrize("camera", [paper_camera(), paper_camera(640, 480), wide_camera()], ids=["320", "640", "wide"])
+@pytest.mark.parametrize(
+    "camera", [camera_of_zhang2011(), camera_of_zhang2011(640, 480), wide_camera()], ids=["320", "640", "wide"]
+)
 def test_truth_agrees_with_the_vision_rooms_camera(camera: RoadCamera) -> None:
     made = camera  # the two rooms share no code
     mounting = Mounting(height_m=made.height_m, pitch_rad=made.pitch_rad)
@@ -168,4 +170,4 @@ def test_hidden_pixels_are_not_visible() -> None:
 def test_sizes_that_cannot_be_rendered_are_refused() -> None:
     for size in ((10, 10), (20000, 240)):
         with pytest.raises(UsageError, match="can't be rendered"):
-            paper_camera(*size)
+            camera_of_zhang2011(*size)

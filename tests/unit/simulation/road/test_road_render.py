@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.simulation.road.camera import paper_camera, wide_camera
+from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.conditions import CONDITIONS
 from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
 from cwcli.simulation.road.names import WEATHER_NAMES
@@ -19,7 +19,7 @@ from cwcli.simulation.road.sets import FRAME_SETS, render_set_frame
 from cwcli.simulation.road.surface import asphalt_texture, remaining_paint_texture_and_mean
 
 WIDTH_M = 3.6
-CAMERA = paper_camera()
+CAMERA = camera_of_zhang2011()
 
 
 def scene(**more: object) -> RoadScene:
@@ -180,7 +180,7 @@ def test_frames_of_a_set_do_not_depend_on_each_other_and_stay_in_their_limits(na
     assert not np.array_equal(render_set_frame(name, 0).grey, render_set_frame(name, 0, seed=1).grey)
 
 
-@pytest.mark.parametrize("camera", [paper_camera(64, 48), wide_camera(1280, 720)], ids=["small", "720p"])
+@pytest.mark.parametrize("camera", [camera_of_zhang2011(64, 48), wide_camera(1280, 720)], ids=["small", "720p"])
 def test_other_sizes_render(camera: object) -> None:
     made = render_set_frame("complex", 1, camera=camera)  # type: ignore[arg-type]
     assert made.grey.shape == (camera.height_px, camera.width_px)  # type: ignore[attr-defined]
