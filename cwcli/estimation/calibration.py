@@ -192,7 +192,7 @@ class Calibration:
     evidence: Mapping[str, float] = field(default_factory=dict)
 
     def find_constant_or_unknown(self, source: str, kind: Kind | str, name: str) -> Constant:
-        """Return a constant of a quantity of a source; `UNKNOWN` where there is none."""
+        """Return a constant of a quantity of a source; `UNKNOWN_CONSTANT` where there is none."""
         quantity = kind if isinstance(kind, str) else kind.name.lower()
         return self.sensors.get(source, {}).get(quantity, {}).get(name, UNKNOWN_CONSTANT)
 

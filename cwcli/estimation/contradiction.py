@@ -52,7 +52,7 @@ class Contradiction:
 
     Attributes:
         who: The source that is more likely wrong, as far as that is known.
-        against: The other one, or `GRAVITY`.
+        against: The other one, or `GRAVITY_TEXT`, or `CAR_MOTION_TEXT`.
         what: What shows it, in words, with a number.
         allies: Further sources that contradict `who` and agree with each other.
         left_out: The sources that were not used for the estimate: `who`, both, or neither.

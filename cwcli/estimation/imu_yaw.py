@@ -19,7 +19,7 @@ MIN_YAW_RAD = math.radians(6.0)
 """Least angle that is corrected: less adds a tenth of the lateral acceleration to the forward one. Chosen by hand; not
 fitted."""
 MIN_STEPS = 10
-"""Least number of steps. Chosen by hand; not fitted."""
+"""Least number of time steps with accelerations by both the IMU and the fixes. Chosen by hand; not fitted."""
 MIN_CORRELATION = 0.8
 """Least correlation of the turned accelerations with those of the fixes. Chosen by hand; not fitted."""
 N_SIGMAS = 4.0

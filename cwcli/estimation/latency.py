@@ -65,7 +65,8 @@ class Latency:
     Attributes:
         status: How it was treated.
         found_s: The value that was found or given, positive = late; NaN where there is none.
-        sigma_s: One sigma of what was found (see `latency_evidence.Evidence.sigma_s`); NaN where nothing was.
+        sigma_s: One sigma of what was found (see `latency_evidence.LatencyEvidence.block_scatter_sigma_s`); NaN where
+            nothing was.
         bound_s: The least sigma that any estimator without bias could have, by the filter's information about it; NaN
             where it was not looked for.
         reach_s: NOT_OBSERVABLE: one sigma of what it may be, by the scatter over the log, s; NaN where not known.
@@ -97,7 +98,7 @@ class Latency:
     def drift_correction_s(self, time_s: FloatArray) -> FloatArray:
         """Return the correction (n,), s, relative to that in the middle, for stamps (n,), s since the epoch.
 
-        It is constant farther from the middle than DRIFT_REACH_S, beyond the window in which the line was found.
+        It is constant farther from the middle than `MAX_DRIFT_REACH_S`, beyond the window in which the line was found.
         """
         return np.asarray(self.drift * np.clip(time_s - self.middle_s, -MAX_DRIFT_REACH_S, MAX_DRIFT_REACH_S))
 

@@ -20,7 +20,7 @@ N_BLOCKS_OF_SHORT_LOG = 8
 MIN_DRIFT_LIKELIHOOD_GAIN = 4.5
 """Least gain of log-likelihood of a drift: three sigma."""
 MIN_SCATTER_BLOCKS = 3
-"""Least number of long blocks. Chosen: two have only one degree of freedom."""
+"""Least number of blocks whose scatter gives a sigma. Chosen: two have only one degree of freedom."""
 MIN_EFFECTIVE_BLOCKS = 2.0
 """Least effective number of blocks for a sigma by scatter. Chosen by hand; not fitted."""
 FEW_BLOCKS_SIGMA_FACTOR = 3.0
@@ -58,7 +58,7 @@ class LatencyEvidence:
         """Lay the parabolas through three passes; rows that are not finite in one of them are left out.
 
         Args:
-            time_s, centre_s: See `Evidence`, in any order.
+            time_s, centre_s: See `LatencyEvidence`, in any order.
             probe_s: How much less and more the stamps were moved.
             nll_at_earlier, nll_at_centre, nll_at_later: Shape (k,): negative log-likelihoods with the latencies centre
                 - probe, centre and centre + probe.
@@ -86,10 +86,10 @@ class LatencyEvidence:
     def block_scatter_sigma_s(self) -> float:
         """A quarter of the 95 % interval, by the scatter of the slopes at the vertex over blocks.
 
-        The largest one of the scatters over blocks of BLOCK_S (of short logs: MIN_BLOCKS blocks), over blocks twice
-        as long, because errors that last for longer than a block err alike in neighbours, and, where these are still
-        shorter than BLOCK_S, over as few as LEAST_BLOCKS. Never less than `formal_sigma_s`: a small scatter of a few
-        blocks is luck.
+        The largest one of the scatters over blocks of `SCATTER_BLOCK_S` (of short logs: `N_BLOCKS_OF_SHORT_LOG`), over
+        blocks twice as long, because errors that last for longer than a block err alike in neighbours, and, where these
+        are still shorter than that, over as few as `MIN_SCATTER_BLOCKS`. Never less than `formal_sigma_s`: a small
+        scatter of a few blocks is luck.
         """
         if not np.isfinite(self.formal_sigma_s):
             return self.formal_sigma_s
@@ -116,8 +116,8 @@ class LatencyEvidence:
     def find_drift_rate_and_middle_s(self) -> tuple[float, float] | None:
         """How much the latency grows in a second, and the time about which it does; None where it may be constant.
 
-        A line is found in two blocks of BLOCK_S of four and judged in the others, and the other way round. It must
-        predict these better than a constant that was found like it, by GAIN.
+        A line is found in two blocks of `SCATTER_BLOCK_S` of four and judged in the others, and the other way round. It
+        must predict these better than a constant that was found like it, by `MIN_DRIFT_LIKELIHOOD_GAIN`.
         """
         span_s = float(self.time_s[-1] - self.time_s[0])
         n_blocks = int(span_s / SCATTER_BLOCK_S)

@@ -135,7 +135,7 @@ class _LatencyLikelihoodProfile:
     """How likely each latency of the grid is, with the noise that goes with it.
 
     Attributes:
-        likelihood: Shape (n,): the log-likelihood at `GRID_S`.
+        likelihood: Shape (n,): the log-likelihood at `LATENCY_GRID_S`.
         noise: Shape (n,): factors on the noise variance of the target.
     """
 
@@ -156,8 +156,8 @@ class _LatencyLikelihoodProfile:
     def sigma_covering_possible_latencies_s(self, evidence: LatencyEvidence) -> float:
         """The least sigma with which all latencies that the log does not exclude lie within three sigma.
 
-        A parabola knows nothing of a second top. What lies FALL below the first one is excluded, or more where the
-        scatter over the blocks says that the likelihood is too sure.
+        A parabola knows nothing of a second top. What lies `LIKELIHOOD_FALL_AT_THREE_SIGMA` below the first one is
+        excluded, or more where the scatter over the blocks says that the likelihood is too sure.
         """
         away_s = np.abs(LATENCY_GRID_S - evidence.likeliest_latency_s)
         least = (
@@ -365,7 +365,7 @@ class _LatencySearch:
     def _predicts_better_than_zero_latency(self, target: SensorSeries, evidence: LatencyEvidence) -> bool:
         """Are the rows of each half predicted better with the latency that the other half says than with zero?
 
-        Better by SIGNIFICANT_SIGMAS, and zero is tried, not read off the parabolas, which hold near the latency alone.
+        Better by `SIGNIFICANT_SIGMAS`, and zero is tried, not read off the parabolas, which hold near the latency only.
         Both halves together: a latency that drifts may be wrong for one of them and still be far better than none.
         """
         with_zero = -self._log_likelihood_of_scored_rows(replace(target, latency_s=0.0))
@@ -404,7 +404,7 @@ class _LatencySearch:
 def _begin_and_end_of_most_excited_window_s(
     series: Sequence[SensorSeries], reference: Sequence[SensorSeries]
 ) -> tuple[float, float]:
-    """Return the span of at most WINDOW_S in which the reference is most excited."""
+    """Return the span of at most `SEARCH_WINDOW_S` in which the reference is most excited."""
     rows = [s for s in reference if len(s) > 1]
     begin = min((float(s.time_s[0]) for s in series if len(s)), default=0.0)
     end = max((float(s.time_s[-1]) for s in series if len(s)), default=0.0)
@@ -422,6 +422,6 @@ def _begin_and_end_of_most_excited_window_s(
 
 
 def _cut_to_window_and_average_imu(s: SensorSeries, begin: float, end: float) -> SensorSeries:
-    """Cut a series to a window, and average an IMU to about IMU_AVERAGING_HZ."""
+    """Cut a series to a window, and average an IMU to about `IMU_AVERAGING_HZ`."""
     cut = cut_to_window(s, begin, end)
     return average_rows_to_rate(cut, IMU_AVERAGING_HZ) if s.kind in RATE_KINDS else cut

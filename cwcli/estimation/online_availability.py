@@ -62,7 +62,7 @@ class OnlineAvailability:
 
     @property
     def notes_on_late_states(self) -> list[str]:
-        """Note on states that are available more than `LATE_S` after their stamps; empty if there are none."""
+        """Note on states that are available more than `MAX_UNREPORTED_DELAY_S` after their stamps; else empty."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
         late = after_s > MAX_UNREPORTED_DELAY_S
         if not late.any():

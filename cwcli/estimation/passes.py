@@ -150,7 +150,7 @@ class PassResult:
         last_state, last_covariance: Filter state after the last event, (n,), (n, n).
         log_likelihood: Sum over used innovations.
         nis: Per series: shape (k, 5): see `ekf.Pass`.
-        status: Per series: shape (k,): an `ekf.UpdateStatus`, or BEFORE_START (its nis is NaN).
+        status: Per series: shape (k,): an `ekf.UpdateStatus`, or `ROW_BEFORE_START` (its nis is NaN).
     """
 
     state: FloatArray
@@ -406,9 +406,9 @@ def _merge_rows_and_outputs_into_steps(
 
 
 def _shorten_long_pauses(time_s: FloatArray) -> FloatArray:
-    """Return the step times with each gap of more than MAX_PIECES steps shortened to that; only differences matter.
+    """Return the step times with each gap of more than `MAX_STEPS_PER_GAP` steps shortened to that.
 
-    Times before a gap stay the same to the bit, so that the gap does not change earlier states.
+    Only differences matter. Times before a gap stay the same to the bit, so that the gap changes no earlier state.
     """
     step_s = np.diff(time_s)
     is_long = step_s > MAX_PREDICTION_STEP_S + START_TOLERANCE_S

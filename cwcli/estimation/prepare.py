@@ -159,7 +159,7 @@ def prepare_without_looking_ahead(
     that of `QUANTITIES`.
 
     Args:
-        measurements, epoch: See `prepare`.
+        measurements, epoch: See `clean_and_sort_measurements`.
         mountings: Source -> mounting of its IMU; without one its axes are used unchanged.
     """
     prepared = []
@@ -193,7 +193,7 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
     """Find rows of a burst: messages that a stalled link delivered all at once with late stamps.
 
     Only the last row of a burst is current; the others are older than their stamps, and the car seems too fast. A burst
-    is BURST_ROWS or more gaps in a row that are shorter than BURST_PART of the median gap.
+    is `MIN_BURST_GAPS` or more gaps in a row, shorter than `MAX_BURST_GAP_RATIO` of the median gap.
 
     Returns:
         Shape (n,), True for rows of a burst except its last.

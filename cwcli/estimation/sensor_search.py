@@ -51,7 +51,7 @@ SEARCH_WINDOW_S = 240.0
 AVERAGING_HZ = 10.0
 """Rate to which inertial series and speeds are averaged, Hz. Chosen for speed; not fitted."""
 N_FITTED_PARAMETERS = {"slow": 2, "scale": 1, "lever": 1, "ahead": 1}
-"""Number of fitted parameters of each error."""
+"""Name of an error of the sensor model -> number of its fitted parameters."""
 INITIAL_GRADE_ERROR = GaussMarkovError(0.2, 15.0)
 """Initial error of an accelerometer by the grade (m/s^2, s). Chosen: 1.2 degrees, a hill of a few hundred metres."""
 INITIAL_POSITION_TIME_CONSTANT_S = 10.0
@@ -451,7 +451,7 @@ def series_whose_forward_arm_may_be_latency(
 
 
 def _begin_and_end_of_searched_span_s(series: Sequence[SensorSeries]) -> tuple[float, float]:
-    """Return the searched span (s): from the first position; of long logs the WINDOW_S with the longest path."""
+    """Return the searched span, s: from the first position; of long logs `SEARCH_WINDOW_S` with the longest path."""
     positions = [s for s in series if s.kind is Kind.POSITION and len(s)]
     begin = min((float(s.time_s[0] - s.latency_s) for s in positions), default=0.0) - FIRST_POSITION_LEAD_IN_S
     end = max((float(s.time_s[-1] - s.latency_s) for s in series if len(s)), default=0.0)

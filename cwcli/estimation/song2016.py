@@ -41,9 +41,9 @@ from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_RATE
 SAMPLING_TIME_S = 0.05
 """Sampling time dT of eq. 2, s; song2016 samples at 20 Hz."""
 JERK_ROOT_SPECTRAL_DENSITY = 0.2
-"""Root of the jerk's spectral density, m/s^3 per root Hz. Chosen: see `process_noise`."""
+"""Root of the jerk's spectral density, m/s^3 per root Hz. Chosen: see `process_noise_covariance`."""
 YAW_ACCEL_ROOT_SPECTRAL_DENSITY = 0.02
-"""Root of the yaw acceleration's spectral density, rad/s^2 per root Hz. Chosen: see `process_noise`."""
+"""Root of the yaw acceleration's spectral density, rad/s^2 per root Hz. Chosen: see `process_noise_covariance`."""
 DERIVATIVE_SAMPLES = 8
 """Number of samples (0.35 s) whose least-squares slope gives jerk and yaw acceleration.
 

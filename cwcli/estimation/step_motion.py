@@ -31,7 +31,7 @@ MIN_CHORD_SIGMAS = 6.0
 SHARED_FIX_SIGMA_FACTOR = 1.5**0.5
 """The fix that ends a step begins the next one: the difference x2 - 2 x1 + x0 has 6 and not 4 variances of a fix."""
 VELOCITY_COURSE_SIGMA_RAD = 0.05
-"""One sigma of the course of a GNSS velocity over a step of at least LEAST_CHORD_M, rad: 0.1 m/s of some 2 m/s."""
+"""One sigma of the course of a GNSS velocity over a step of at least MIN_CHORD_M, rad: 0.1 m/s of some 2 m/s."""
 MIN_CHORD_M = 5.0
 """Least distance between two fixes that gives a speed and a course, m. Chosen: a car's length, to exclude parking."""
 

@@ -101,8 +101,8 @@ def scale_covariance_by_outcomes(
         stamp_ns: Shape (n,), strictly increasing.
         position_m: Shape (n, 2): where the vehicle was at its stamps: the outcomes.
         calibration: None: the default.
-        outcome: `outcomes` of the same starts; None: they are looked up.
-        begin_log_scale: Shape (sets, n, k, 2): log scales without a record, by knot of `knots_s` and level;
+        outcome: `actual_positions_at_knots` of the same starts; None: they are looked up.
+        begin_log_scale: Shape (sets, n, k, 2): log scales without a record, by knot and level;
             None: zeros.
     """
     log_scale = log_variance_scale_from_outcomes(paths, stamp_ns, position_m, calibration, outcome, begin_log_scale)
@@ -119,7 +119,7 @@ def _fleet_log_distance_quantiles(knots_s: FloatArray) -> FloatArray:
 
 
 def initial_log_scale_at_knots(model: str, horizon_s: float) -> LogScales:
-    """The logarithms of the scales without any outcome at `knots_s`, shape (k, 2)."""
+    """The logarithms of the scales without any outcome at `horizon_knots_of_scales_s`, shape (k, 2)."""
     knots = horizon_knots_of_scales_s(horizon_s)
     if not (model in MODELS and MODELS[model].learns):
         return np.zeros((len(knots), len(ELLIPSE_LEVELS)))
@@ -135,7 +135,7 @@ def log_scale_from_other_vehicles(track: StateHistory, squared_distance: FloatAr
     Args:
         track: All vehicles of the log, n rows.
         squared_distance: Shape (n, k): Mahalanobis distances before any scale; NaN where unknown.
-        knots_s: Shape (k,): see `knots_s`.
+        knots_s: Shape (k,): see `horizon_knots_of_scales_s`.
     """
     known_ns, index, step_s = outcome_known_times_ns(track, knots_s), track.vehicle_indices(), track.step_s()
     by_now = np.argsort(track.known_ns, kind="stable")
@@ -184,7 +184,7 @@ def log_variance_scale_from_outcomes(
 ) -> LogScales:
     """The logarithms of the factors s^2 on the variance of each path, (n, k, 2); `begin_log_scale` until an outcome.
 
-    The arguments are those of `calibrated`.
+    The arguments are those of `scale_covariance_by_outcomes`.
     """
     settings = calibration or ScaleAdaptation()
     n, knots = len(stamp_ns), horizon_knots_of_scales_s(float(paths.time_s[-1]))

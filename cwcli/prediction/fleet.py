@@ -21,7 +21,7 @@ FLEET_PRIOR_FILE = "fleet_prior.toml"
 HORIZON_KNOTS_S = np.array([0.5, 1.0, 2.5, 5.0])
 """Horizons (s) at which gains and ellipses are measured; between them they are interpolated. Chosen by hand."""
 DERIVATIVE_PARTS = ("unclear", "lasting", "new")
-"""The parts that a derivative is divided into, see `prediction.outcome_history.parts_of`."""
+"""The parts that a derivative is divided into, see `prediction.outcome_history.shares_of_derivatives_by_part`."""
 QUANTILE_LEVELS = np.array([0.05, 0.25, 0.5, 0.75, 0.9, 0.97])
 """Levels of the quantiles in `fleet_prior.toml`. Chosen: they hold both levels of the ellipses and the tails."""
 

@@ -3,7 +3,7 @@
 Constant velocity takes a car v h along its heading. Acceleration a and yaw rate w add a h^2/2 along it and, as an
 angle of the chord, w h/2 across, if they go on and if they are right. How much of that followed is a linear
 regression, by each axis and knot of `fleet.HORIZON_KNOTS_S`: y = x' g, x the displacement that each part of the
-derivative promises (`parts_of`), y what happened. With outcomes weighted by q its ridge estimate is
+derivative promises (`shares_of_derivatives_by_part`), y the outcome. With outcomes weighted by q the ridge estimate is
 
     g = (sum q x x' + N e^2 I)^-1 (sum q x y + N e^2 g0),    q = (dt / h) / (1 + min(|y - x' g_fleet|, |y|) / e),
 
@@ -165,7 +165,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
 
 
 def shares_of_derivatives_by_part(track: StateHistory) -> PartShares:
-    """Divide acceleration and yaw rate into `fleet.PARTS`, by knot, shape (n, 2, k, 3): shares that add up to 1.
+    """Divide acceleration and yaw rate into `fleet.DERIVATIVE_PARTS`, by knot, (n, 2, k, 3): shares that add up to 1.
 
     Unclear is what may be noise. Lasting is what is clear and was as large on average over the last h/2, for a horizon
     h: what lasts that long has mostly lasted some time. New is the rest: a manoeuvre that has just begun.
@@ -268,7 +268,7 @@ def gain_of_each_part_from_outcomes(track: StateHistory, part_shares: PartShares
 
     Args:
         track: All vehicles of the log whose outcomes count for each other.
-        part_shares: Shape (n, 2, k, 3): `parts_of` it.
+        part_shares: Shape (n, 2, k, 3): see `shares_of_derivatives_by_part`.
         prior: The gains without any outcome.
     """
     known_row = rows_of_known_outcomes(track)

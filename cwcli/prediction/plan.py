@@ -24,7 +24,7 @@ class PathPlan:
     """The inputs of the paths of n starts.
 
     Attributes:
-        model, settings: As in `rollout`.
+        model, settings: As in `roll_out_paths`.
         state, covariance: Shapes (n, 8) and (n, 8, 8) or None.
         acting_s: Shape (n, 2, k) or None, as in `rollout`.
         log_scale: Shape (n, k, 2), of the ellipses (`calibrate.log_variance_scale_from_outcomes`); None: they are not

@@ -154,7 +154,7 @@ def check_rollout_options(model: str, discretisation: Discretisation, horizon_s:
     """Check what can be checked without a state.
 
     Raises:
-        UsageError: As `rollout`.
+        UsageError: As `roll_out_paths`.
     """
     _require_model(model, discretisation)
     path_time_grid_s(horizon_s, step_s)

@@ -32,7 +32,7 @@ class TurnEndingPaths:
 
     Attributes:
         selected: The paths without that end.
-        turned_rad: Shape (n,): by how much each start has turned already, see `turned_before_rad`.
+        turned_rad: Shape (n,): by how much each start has turned already, see `recently_turned_angle_rad`.
     """
 
     selected: SelectedPaths

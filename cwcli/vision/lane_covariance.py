@@ -1,7 +1,7 @@
 """How exact a found lane is: the curvature of its objective at the optimum, and what follows for the boundaries.
 
 Near its optimum the objective falls as a parabola in the lane's numbers (but its spiral, see below), and the faster the
-more exactly the frame shows them: covariance = SCALE x inverse of the negative second derivatives. These are
+more exactly the frame shows them: covariance = COVARIANCE_SCALE x inverse of the negative second derivatives. These are
 differences over steps of half a marking's width, because on a smaller scale the objective is as rough as the pixels.
 They are taken in places that the image shows (both boundaries near the car, the middle and the bend far away, the
 horizon), in which the five depend little on each other. What no step makes worse is not seen: its sigma is the greatest
@@ -13,8 +13,8 @@ places held, c L for a way of L to the far rows, and of the direction, c L^2 / 1
 c x^3 / 6 - c L^2 x / 24 (zero at both ends and in the middle) at its ends. A camera that sees far is not as exact as
 its pixels.
 
-SCALE and BEND_RATE are fitted on rendered drives of the sets `good` and `complex`: squared errors 20 m ahead over their
-variances (tests/studies/lane_nees.py). docs/lanes.md has those of other drives.
+COVARIANCE_SCALE and CURVATURE_CHANGE_SIGMA_1PM2 are fitted on rendered drives of the sets `good` and `complex`: squared
+errors 20 m ahead over their variances (tests/studies/lane_nees.py). docs/lanes.md has those of other drives.
 """
 
 from __future__ import annotations

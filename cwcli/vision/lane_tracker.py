@@ -128,7 +128,7 @@ FIRST_HORIZON_RECHECK_S = 0.2
 """Time in seconds after which a lane without a known mounting is searched from scratch again, because the horizon of a
 single frame may be wrong. The time doubles with every search. Chosen by hand; not fitted."""
 MAX_HORIZON_RECHECK_INTERVAL_S = 16.0
-"""Greatest time in seconds between two such searches. Chosen by hand; not fitted."""
+"""Greatest time in seconds between two searches from scratch for the horizon. Chosen by hand; not fitted."""
 COVARIANCE_INTERVAL_NS = 300_000_000
 """Least time between two measurements of a lane's covariance, in nanoseconds. Chosen by hand: it bounds the time of a
 frame."""

@@ -71,7 +71,7 @@ def encode_matroska_start(codec: str) -> bytes:
 
 
 def encode_matroska_block(number: int, data: bytes | memoryview) -> bytes:
-    """The bytes of one encoded picture; its time is `number * BLOCK_STEP_MS`."""
+    """The bytes of one encoded picture; its time is `number * BLOCK_INTERVAL_MS`."""
     block = b"\x81\x00\x00\x80" + data  # track 1, at the cluster's time, a picture to start from
     return _encode_element(
         _CLUSTER,

@@ -44,7 +44,7 @@ def agreement_duration_of_left_and_right_s(
     Args:
         stamp_ns: Shape (n,), increasing.
         left_and_right_lines: Left and right, shape (n, 3); the first column is the place beside the camera.
-        is_seen, steady_s: From the lane method, see `lane_departure.Boundaries`.
+        is_seen, steady_s: From the lane method, see `lane_departure.LaneBoundaries`.
         agree_s: For how long a boundary must have been seen without a jump.
     """
     n, least_s = len(stamp_ns), agree_s - 1e-9

@@ -26,8 +26,8 @@ class ImageRows:
         camera, road: Camera and road of the frame.
         v_px: Shape (n,): row numbers.
         x_m: Shape (n,): distance at the rows' centres.
-        edge_x_m: Shape (n, SUB_ROWS + 1): distance at the edges of the sub-rows, falling from top to bottom.
-        sub_x_m: Shape (n, SUB_ROWS): at the centres of the sub-rows; NaN above the road's end.
+        edge_x_m: Shape (n, SUB_ROWS_PER_ROW + 1): distance at the edges of the sub-rows, falling from top to bottom.
+        sub_x_m: Shape (n, SUB_ROWS_PER_ROW): at the centres of the sub-rows; NaN above the road's end.
         start_m, end_m: Shape (n,): stations of a row's lower and upper edge.
         map_u, map_v: Shape (n, width): place of each pixel in an array (n, cells), for `cv2.remap`.
     """
