@@ -223,7 +223,6 @@ def _lane_values_and_sigmas(
     Args:
         lanes, preview_m: The lane at the nearer preview point, and that point's distance, shape (n,).
         quick: The slowness ratio of the car at each frame, shape (n,).
-        config: The observer's.
     """
     noise, is_nearer = config.noise, preview_m < config.preview_m
     values = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])

@@ -53,8 +53,6 @@ def observe_lateral_motion(
     Args:
         lanes: Frames; NaN where a boundary was not found.
         speed: Forward speed, on times of its own.
-        vehicle: The car.
-        config: Options; None: the defaults.
         yaw_rate: Measured yaw rate, left positive; fused by "cwcli".
         steer: Measured angle of the front wheels, left positive.
 

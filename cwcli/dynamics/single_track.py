@@ -65,7 +65,6 @@ def preview_state_matrices(vehicle: Vehicle, speed_mps: float, preview_m: float)
     State [v_y, gamma, y_L, e_L], input [delta, K_L]; the signs are this module's.
 
     Args:
-        vehicle: The car.
         speed_mps: Forward speed.
         preview_m: D_L, from the centre of gravity to the preview point.
     """

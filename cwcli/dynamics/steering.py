@@ -80,7 +80,6 @@ def steering_angle_from_vision_rad(
     """The kinematic steering angle delta_k of eq. 10, left positive: -(L K_L - (de_L/dt) L / v).
 
     Args:
-        vehicle: The car.
         stamp_ns: Shape (n,), increasing.
         heading_deviation_rad, curvature_1pm: Shape (n,): e_L and K_L in the paper's signs, NaN where not found.
         speed_mps: Shape (n,).

@@ -67,10 +67,7 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
     """Import files in a process of its own.
 
     Args:
-        files: The files of one drive.
-        answers: What the user decided.
         target: The log, "-" for standard output, None to write none.
-        force: An existing log is replaced.
 
     Raises:
         CwcliError: As `plan_import` and `write_import`; an `InputError` where the files take more than their bounds.

@@ -31,7 +31,6 @@ def iter_xml_events(path: str, kept: Collection[str]) -> Iterator[Event]:
     """Yield the begin and the end of each element.
 
     Args:
-        path: The file.
         kept: Names of elements, without a namespace, whose children are there when they end; others have none.
 
     Raises:

@@ -85,7 +85,6 @@ def read_number_cells_and_count_bad(array: ArrowArray, decimal: str) -> tuple[Fl
 
     Args:
         array: Arrow or NumPy array of n cells.
-        decimal: `.` or `,`.
     """
     import pyarrow as pa
     import pyarrow.compute as pc

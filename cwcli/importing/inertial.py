@@ -44,8 +44,6 @@ def find_accelerations_and_turn_rates(meaning: Meaning, track: TrackSpans | None
     """Find accelerations and turn rates in m/s^2 and rad/s, and turn them into the axes of the car.
 
     Args:
-        meaning: The table.
-        track: The way between the positions, or None.
         other: A table with the accelerations of the same device, whose turn rates are in the first one.
     """
     force = _read_si_vector_in_sensor_axes(meaning, "accel", track)

@@ -115,7 +115,6 @@ def format_mapping(answers: Answers, tables: Sequence[tuple[str, Sequence[Guess]
     """Return the text of a mapping file.
 
     Args:
-        answers: What the user decided.
         tables: Name of each table, and its guesses.
     """
     lines = [HEAD]

@@ -193,11 +193,7 @@ def parse_short_dates(array: ArrowArray) -> TextTimes | None:
 
 
 def parse_text_times(array: ArrowArray) -> TextTimes | None:
-    """Parse the texts of a batch; None where most are neither a date nor a time of day.
-
-    Args:
-        array: Arrow array of n texts.
-    """
+    """Parse the texts of a batch; None where most are neither a date nor a time of day."""
     import pyarrow.compute as pc
 
     from cwcli.importing.cells import trimmed_texts_or_null

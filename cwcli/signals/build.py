@@ -50,8 +50,6 @@ def build_bound_signal(
 
     Args:
         entry: The registry's row that reads the channel, or the message that a mapping makes of it.
-        columns: The channel.
-        reading: The settings for reading it.
         mapping: The user's mapping of its fields to the role's quantities, or None.
         parts: Channels that hold the quantities behind these, and which of their fields they are.
 
@@ -70,8 +68,6 @@ def require_usable_rows(quality: Quality, *, where: str = "", is_cut: bool = Fal
     """Raise when a channel that the command needs has no row left.
 
     Args:
-        quality: The counts of the channel in its role.
-        where: Log name for the message.
         is_cut: The user asked for a part of the log only.
 
     Raises:

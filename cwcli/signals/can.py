@@ -342,7 +342,6 @@ def decode_all_signals(octets: Octets, n_octets: FloatArray | Int64Array, messag
     Args:
         octets: Shape (n, k): the data of n frames of the message.
         n_octets: Shape (n,): how many of their bytes are valid.
-        message: The message as cantools describes it.
     """
     values = {}
     for signal in message.signals:

@@ -88,8 +88,6 @@ def build_signal_and_quality(
 
     Args:
         kind: Makes the signal from its source, its times and its quantities.
-        ledger: The channel's ledger.
-        timeline: The rows in use, in time order.
         quantities: One row for each of the channel's n messages.
     """
     rows, columns = timeline.rows, ledger.columns
@@ -204,10 +202,6 @@ def format_clock_disagreements(
     """Return a line for each channel whose stamps count from another epoch than the others' (a time since boot, not
     UTC).
 
-    Args:
-        qualities: The counts of the channels to be used together.
-        tolerance_s: Largest difference of the median delays.
-
     Returns:
         One line for each channel that is not with the majority, with its offset; () when all agree.
     """
@@ -233,7 +227,6 @@ def repair_clock_jumps_and_mask(
 
     Args:
         stamp_ns, log_time_ns: Shape (n,), in log-time order.
-        max_step_s: Seconds.
 
     Returns:
         The stamps, shape (n,), and which of them were moved, shape (n,).

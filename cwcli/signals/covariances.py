@@ -25,7 +25,6 @@ def usable_variances_or_nan(ledger: RowLedger, variance: FloatArray) -> FloatArr
     infinite one or one below `MIN_VARIANCE` is a fault: counted as a repair.
 
     Args:
-        ledger: The channel's ledger.
         variance: Shape (n,) or (n, k).
 
     Returns:
@@ -42,7 +41,6 @@ def usable_plane_covariance_or_nan(ledger: RowLedger, xx: FloatArray, xy: FloatA
     """Return plane covariances (n, 3), NaN where not given or not positive definite; the latter are counted.
 
     Args:
-        ledger: The channel's ledger.
         xx, xy, yy: Shape (n,). All zero, or NaN in any, means not given.
     """
     covariance = np.stack([xx, xy, yy], axis=1)

@@ -80,7 +80,6 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     the position ellipse bound / 2.4477.
 
     Args:
-        columns: The channel, with the leaf fields of the ROS message.
         ledger: The channel's ledger; messages with an untrusted position are rejected here.
 
     Returns:

@@ -19,7 +19,6 @@ def format_gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int)
     one.
 
     Args:
-        signals: Canonical signals.
         start_ns, end_ns: Span in which the signals should have been there.
     """
     notes = []

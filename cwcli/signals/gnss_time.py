@@ -41,7 +41,6 @@ def utc_ns_and_is_time_from_gps_weeks(
     """Return UTC (ns) of GPS weeks and times of week, with the week number's rollover undone.
 
     Args:
-        ledger: Counts the weeks that were moved.
         week: Shape (n,), counted since 1980 or modulo 1024.
         time_of_week_ms: Shape (n,).
         is_wanted: Shape (n,): the others are no time.

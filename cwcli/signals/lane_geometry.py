@@ -72,7 +72,6 @@ def far_near_bend_spiral_of_parallel_line(
     Args:
         far_px, bend_px2, spiral_px3: u_0, k and q of that line, columns counted as those of `pinhole`.
         near: m of the line that is wanted.
-        pinhole: The camera.
     """
     slope = (far_px - pinhole.centre_px) / pinhole.focal_px
     cosine = (1.0 + slope * slope) ** -0.5

@@ -104,7 +104,6 @@ def read_texts(columns: Columns, *paths: str, required: bool = False) -> Strings
     Args:
         columns: n messages.
         paths: Names of the field; the first that is there counts.
-        required: It must be there as strings.
 
     Raises:
         DataError: It is required, and not there as strings.
@@ -187,9 +186,7 @@ def read_matrix(columns: Columns, path: str, width: int | None = None, *, requir
 
     Args:
         columns: n messages.
-        path: Name of the field.
         width: The length of a row; None: that of the first row.
-        required: Every row must have it.
 
     Raises:
         DataError: It is required, and a row has it not.

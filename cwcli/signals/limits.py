@@ -40,9 +40,7 @@ def reject_rows_beyond_limit(
     """Reject the rows with a value that is not finite or beyond the limit.
 
     Args:
-        ledger: The channel's ledger.
         values: Shape (n,) or (n, k).
-        limit: Largest magnitude.
         unless: Shape (n,): rows whose values mean nothing anyway.
     """
     table = values[:, None] if values.ndim == 1 else values
@@ -55,10 +53,7 @@ def nan_beyond_limit(ledger: RowLedger, values: FloatArray, limit: float, name: 
     """Return the values (n,), NaN where not finite or beyond the limit; those beyond it are counted as repairs.
 
     Args:
-        ledger: Counts them, row by row.
         values: Shape (n,), in the unit of `limit`.
-        limit: Largest size that is accepted.
-        name: The quantity's name, for the reason.
     """
     with np.errstate(invalid="ignore"):
         is_beyond = np.isfinite(values) & (np.abs(values) > limit)

@@ -35,10 +35,6 @@ HEADER_STAMP_PATHS = ("header.stamp.sec", "header.stamp.nanosec")
 def apply_mapping_and_tell_if_stamped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
     """Convert a channel to the message that `mapping` makes of it.
 
-    Args:
-        columns: The channel, with the fields of the mapping that it has.
-        mapping: The user's mapping.
-
     Returns:
         The columns, and whether the messages have a time.
 

@@ -31,8 +31,6 @@ def build_mapped_signal(
 
     Args:
         columns: The channel, with the fields of the mapping or those of CAN frames.
-        reading: The settings for reading it.
-        mapping: The user's mapping.
         parts: Further channels with the user's mappings of them.
         build: The builder of the message that the channel is converted to.
 

@@ -104,7 +104,6 @@ def make_object_rows(
         ledger: The objects' ledger; an object without its own time gets its message's, which is counted.
         stamp_ns: Shape (m,): the messages' reference times.
         values_by_name: Decoded values; `delta_time_ms` is the time from there to the objects' own.
-        quantities: Fields of `RemoteQuantities`.
     """
     delta_time_ms = values_by_name["delta_time_ms"]
     ledger.count_repaired(np.isnan(delta_time_ms), "no measurement time, message time used")
@@ -119,12 +118,7 @@ def unknown_senders(columns: Columns) -> Senders:
 
 
 def make_objects_only_codec(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
-    """Return the codec of a channel whose messages describe only other objects.
-
-    Args:
-        name: The message's name.
-        find: Its objects.
-    """
+    """Return the codec of a channel whose messages describe only other objects."""
 
     def set_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
         ledger.set_aside(np.ones(len(columns), np.bool_), f"{name} (objects counted separately)")

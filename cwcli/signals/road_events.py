@@ -101,8 +101,6 @@ def hard_braking_states_mask(
     does.
 
     Args:
-        events: The events of all stations.
-        station: The station's id.
         stamp_ns, log_time_ns: Shape (m,): of its states, and when each was known.
     """
     if station not in events.station.values or HARD_BRAKING_KIND not in events.kind.values:

@@ -110,7 +110,6 @@ def join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> Stitch
     """Join the ids of vehicles that changed theirs.
 
     Args:
-        signal: Messages of all vehicles.
         local_map: The map for WGS84 positions; None where the signal is Cartesian.
 
     Raises:

@@ -19,7 +19,6 @@ def decode_codes_to_values(element: Element, codes: FloatArray, ledger: RowLedge
     """Convert codes to values.
 
     Args:
-        element: The row of the table.
         codes: Shape (n,), codes; NaN where the message has none.
         ledger: Books codes that the standard does not know.
 

@@ -141,9 +141,6 @@ class BodyPaths:
         """Predict a path from each frame.
 
         Args:
-            observed: The channel.
-            vehicle: The car.
-            config: Model, horizon and step.
             calibrate: Scale the uncertainty across the path by how far this record's car went from its paths; looks
                 at the whole record.
         """
@@ -254,7 +251,6 @@ def draw_paths_into_images(
         log: With the channel and the record of `cwcli lanes`.
         paths: n paths in the body frame of their start, from the centre of gravity.
         stamp_ns, log_time_ns: Shape (n,): of the frames that the paths start from. Paths without a frame are left out.
-        width_m: Of the car.
         camera_forward_m: Of the camera ahead of the centre of gravity.
         config: Names the topic for the frames with boundaries and path burnt in, and the user's choices of topics;
             None: no such frames and no choices.

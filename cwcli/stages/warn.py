@@ -120,8 +120,6 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
     """Warn the ego of others, at each of its states.
 
     Args:
-        log: The log.
-        config: The rules.
         stage: Name of the stage that this is.
         others: Roles of the others: those of their states and paths, or that of targets, which are predicted here with
             the model, the step and the horizon of the ego's own paths.

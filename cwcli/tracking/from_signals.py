@@ -123,7 +123,6 @@ def scan_stamps_and_knowable_times_ns(
     """Increasing stamps of all scans, and the times (ns) at which the tracks there could have been known.
 
     Args:
-        signals: The sensors.
         ego_ns: Increasing stamps, and log times, of the car's states; None without them.
     """
     stamp_ns, log_time_ns = scan_stamps_and_log_times_ns(signals)

@@ -101,7 +101,6 @@ def nis_consistency_by_source(
     """The mean NIS of each source with its 95 % bounds (Bar-Shalom et al., Estimation with Applications, 5.4.2).
 
     Args:
-        sources: Names.
         source: Shape (n,), index into `sources`, -1 = no detection.
         nis, n_values, status: Shape (n,), as in `FilterOutput`.
     """

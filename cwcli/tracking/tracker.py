@@ -136,7 +136,6 @@ def track_many_targets(
     Args:
         detections: One entry per sensor.
         sensors: Source -> model.
-        config: Tracker and filter settings.
         ego: The car's states, or None.
         scale: As for `track_one_target`.
     """
@@ -261,7 +260,6 @@ def track_targets_online(
 
     Args:
         result, how: Results of `track_targets_and_name_method`.
-        detections, models, config: Its arguments.
         ego: The car's states as they could have been known online.
     """
     tuned = result.tuned

@@ -57,11 +57,8 @@ def read_delimited_table(
     """Return the table of a file.
 
     Args:
-        path: The file.
         answers: For a wish about the decimal mark.
         part: Name of the member of a zip that `data` is, or "".
-        data: The bytes of the member.
-        kind: Name of the kind of file.
 
     Raises:
         InputError: It is empty, no text, or has no rows.

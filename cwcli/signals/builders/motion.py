@@ -151,9 +151,7 @@ def nan_if_always_zero(ledger: RowLedger, values: FloatArray, name: str) -> Floa
     """Return the values (n,), or all NaN when every one is exactly 0, because the sender never fills the field.
 
     Args:
-        ledger: Takes a note if so.
         values: Shape (n,), any unit; what is not finite becomes NaN.
-        name: The field's name, for the note.
     """
     if len(values) > 1 and not np.any(values):
         ledger.add_note(f"{name} is exactly 0 in every message, taken as not measured")

@@ -56,7 +56,6 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
 
     Args:
         columns: n messages.
-        ledger: Takes notes on what was assumed.
         position_m: Shape (n, 3).
         yaw_rad: Shape (n,), NaN where no orientation is given.
     """

@@ -101,9 +101,7 @@ def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, p
     """Read the moving objects of a channel; messages that name another host than the rest are set aside.
 
     Args:
-        columns: The channel.
         reading: `ego_station` names the host vehicle.
-        ledger: The channel's ledger.
         prefix: Path of the GroundTruth in the message, with its dot.
     """
     base = f"{prefix}moving_object.base"
@@ -146,7 +144,6 @@ def _blank_out_of_range_values(
         values: Field -> its values, (n,); changed in place.
         message: Shape (n,): the row of the object's message.
         is_of_role: Shape (n,): objects that fill the role.
-        ledger: Of the channel.
     """
     for quantity, (leaves, limit) in LIMITS.items():
         is_beyond = np.zeros(len(message), np.bool_)

@@ -110,8 +110,6 @@ def decode_messages(program: Program, octets: Octets, status: UInt8Array | None 
     """Decode messages of one type.
 
     Args:
-        program: The program of the type.
-        octets: The messages.
         status: Shape (n,): what is wrong with messages that are not to be decoded, else 0.
 
     Returns:

@@ -65,7 +65,6 @@ def compile_type(root: Asn1Type, wanted: Collection[str], lists: Collection[str]
     """Compile a type into the kernel's operations.
 
     Args:
-        root: The type of the message.
         wanted: Paths of components, names joined by dots; a choice's own path is the index of its alternative.
         lists: Paths of lists that get a table, with a row for each element. Of elements of other lists the last one
             that has the component counts.

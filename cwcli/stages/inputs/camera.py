@@ -106,10 +106,6 @@ def find_camera_source(
     another meaning. The model does not matter where the images are rectified or there are no coefficients.
 
     Args:
-        log: The log.
-        camera_topic: The topic of the frames.
-        topics: The user's `--topic` choices.
-        mounting: The camera's pose on the car.
         field_of_view_rad: The user's, or None. It counts only if the log holds no calibration.
     """
     chosen = dict(topics)
@@ -219,8 +215,6 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
     those of the log's own channels (`/tf_static`, `/tf`); the first of each frame of reference is taken.
 
     Args:
-        log: The log.
-        frame_id: Frame of reference of the camera's images.
         choice: The user's choice; a whole `Mounting` is used as it is.
     """
     if isinstance(choice, Mounting):

@@ -73,7 +73,6 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
 
     Args:
         columns: The channel; its fields `FIELDS_FOR_OBSERVER` are enough.
-        where: The log's name.
         with_shape: The observer takes the boundaries' shape too: a frame needs no value at the preview point.
 
     Raises:

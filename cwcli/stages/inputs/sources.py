@@ -83,10 +83,7 @@ def read_sensor_signals(
     """Read the signals that a stage needs.
 
     Args:
-        log: The log.
         config: The channels to read, and how; a plain `Selection` means the clock `stamp`.
-        command: The command's name, for messages.
-        required, optional: Roles.
         also: Further channels of one topic each that are read in the same pass.
         fields: Role of such a channel -> the leaf fields to read; all fields without an entry.
 

@@ -87,10 +87,6 @@ def read_ego_and_other_tracks(
     """Read the tracks in the chosen span, and count the messages.
 
     Args:
-        log: The log.
-        bound: The channels that are read.
-        selection: The part of the log that is used.
-        with_covariance: Read the covariances, too.
         ego: The states of the ego by stamp, if they are known; then its channel is not read.
 
     Raises:

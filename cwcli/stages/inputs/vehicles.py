@@ -41,8 +41,6 @@ def build_vehicle_tracks(
     """Build one track per vehicle: its states, in stamp order, each with the path that starts from it.
 
     Args:
-        states: States of all vehicles.
-        predicted: Paths that start from them.
         with_onset: Add the paths of the onset hypothesis, which are not published.
         events: Road events that the vehicles reported.
     """

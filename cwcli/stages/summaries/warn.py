@@ -41,7 +41,6 @@ def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[Wa
     """Number the events over all rules, which makes each id unique in the channel.
 
     Args:
-        outcomes: The rules' outcomes, in order.
         after: Warnings that are in the channel already.
     """
     result: list[RuleOutcome] = []
@@ -101,9 +100,6 @@ def build_warnings_result(
     **more: str,
 ) -> tuple[StageResult, tuple[WarningRows, ...]]:
     """Build the result of a warning stage. The warnings of an earlier stage of the same run stay in the channel.
-
-    Args:
-        more: Further entries of the run's record.
 
     Returns:
         The result, and those earlier warnings.
