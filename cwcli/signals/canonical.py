@@ -41,19 +41,28 @@ class TimedSignal(Signal, Protocol):
 
 
 @dataclass(frozen=True)
-class PositionSignal:
-    """GNSS fixes, WGS84.
+class TimedRows:
+    """The rows of messages of one topic.
 
     Attributes:
         source: Topic.
-        stamp_ns, log_time_ns: Shape (n,).
-        latitude_deg, longitude_deg, altitude_m: Shape (n,).
-        covariance_m2: Shape (n, 3): east-east, east-north, north-north.
+        stamp_ns, log_time_ns: One value a row: when it was measured, and logged.
     """
 
     source: str
     stamp_ns: Int64Array
     log_time_ns: Int64Array
+
+
+@dataclass(frozen=True)
+class PositionSignal(TimedRows):
+    """GNSS fixes, WGS84.
+
+    Attributes:
+        latitude_deg, longitude_deg, altitude_m: Shape (n,).
+        covariance_m2: Shape (n, 3): east-east, east-north, north-north.
+    """
+
     latitude_deg: FloatArray
     longitude_deg: FloatArray
     altitude_m: FloatArray
@@ -61,13 +70,11 @@ class PositionSignal:
 
 
 @dataclass(frozen=True)
-class PoseSignal:
+class PoseSignal(TimedRows):
     """Poses in a Cartesian frame of their own (a truth channel, an odometry).
 
     Attributes:
-        source: Topic.
         frame_id: The frame that the message names.
-        stamp_ns, log_time_ns: Shape (n,).
         x_m, y_m, z_m, yaw_rad: Shape (n,); yaw_rad, of the device's x axis, is NaN where no orientation is given.
         speed_mps, yaw_rate_radps: Shape (n,), horizontal, negative in reverse, and about the vertical; NaN where not
             given.
@@ -83,10 +90,7 @@ class PoseSignal:
         mounting: How the device is turned against the direction of travel, None where that is not known.
     """
 
-    source: str
     frame_id: str
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     x_m: FloatArray
     y_m: FloatArray
     z_m: FloatArray
@@ -111,40 +115,30 @@ class PoseSignal:
 
 
 @dataclass(frozen=True)
-class VelocitySignal:
+class VelocitySignal(TimedRows):
     """Velocity over ground in the map frame.
 
     Attributes:
-        source: Topic.
-        stamp_ns, log_time_ns: Shape (n,).
         east_mps, north_mps: Shape (n,).
         covariance_m2ps2: Shape (n, 3): east-east, east-north, north-north.
     """
 
-    source: str
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     east_mps: FloatArray
     north_mps: FloatArray
     covariance_m2ps2: FloatArray
 
 
 @dataclass(frozen=True)
-class SpeedSignal:
+class SpeedSignal(TimedRows):
     """Longitudinal speed in the body frame (wheel speed, odometer), with the yaw rate where it is given.
 
     Attributes:
-        source: Topic.
-        stamp_ns, log_time_ns: Shape (n,).
         speed_mps: Shape (n,), negative in reverse.
         yaw_rate_radps: Shape (n,), counter-clockwise positive.
         speed_variance_m2ps2, yaw_rate_variance_rad2ps2: Shape (n,).
         is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
     """
 
-    source: str
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     speed_mps: FloatArray
     yaw_rate_radps: FloatArray
     speed_variance_m2ps2: FloatArray
@@ -153,37 +147,27 @@ class SpeedSignal:
 
 
 @dataclass(frozen=True)
-class HeadingSignal:
+class HeadingSignal(TimedRows):
     """Heading in the map frame (dual-antenna GNSS, an AHRS).
 
     Attributes:
-        source: Topic.
-        stamp_ns, log_time_ns: Shape (n,).
         heading_rad: Shape (n,), counter-clockwise from east.
         variance_rad2: Shape (n,).
     """
 
-    source: str
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     heading_rad: FloatArray
     variance_rad2: FloatArray
 
 
 @dataclass(frozen=True)
-class ImuSignal:
+class ImuSignal(TimedRows):
     """Inertial measurements in the body frame as mounted (not levelled).
 
     Attributes:
-        source: Topic.
-        stamp_ns, log_time_ns: Shape (n,).
         accel_mps2, gyro_radps: Shape (n, 3): forward, left, up. At rest accel reads about +9.8 on up.
         accel_variance, gyro_variance: Shape (n, 3).
     """
 
-    source: str
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     accel_mps2: FloatArray
     gyro_radps: FloatArray
     accel_variance: FloatArray
@@ -191,18 +175,13 @@ class ImuSignal:
 
 
 @dataclass(frozen=True)
-class SteerSignal:
+class SteerSignal(TimedRows):
     """Steering angle of the front wheels.
 
     Attributes:
-        source: Topic.
-        stamp_ns, log_time_ns: Shape (n,).
         steer_rad: Shape (n,), left positive.
     """
 
-    source: str
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     steer_rad: FloatArray
 
 
@@ -273,28 +252,23 @@ DetectionKind = Literal["position", "radar", "radar_track"]
 
 
 @dataclass(frozen=True)
-class DetectionSignal:
+class DetectionSignal(TimedRows):
     """The detections of other road users by one sensor, scan by scan, in the sensor's own axes.
 
     Unlike the other signals it is checked message by message only: what is wrong with a single detection (not a number,
     a negative range, an impossible rate) is found and counted where detections are used.
 
     Attributes:
-        source: Topic.
         kind: The contents of a row of `values`. `position`: x, y in m. `radar`: range in m, azimuth in rad
             (counter-clockwise from the sensor's x axis), range rate in m/s (positive: moving away). `radar_track`: x, y
             in m, and velocity relative to the sensor, m/s. What is not measured is NaN.
-        stamp_ns, log_time_ns: Shape (s,), one per scan, empty ones included.
-        frame: The frame that each scan names, s rows.
+        frame: The frame that each scan names, s rows, empty scans included.
         offsets: Shape (s + 1,): scan k has the rows `offsets[k]:offsets[k + 1]`.
         values: Shape (n, 2), (n, 3) or (n, 4), by kind.
         covariance: Shape (n, k, k), in the units of `values`; NaN where not given.
     """
 
-    source: str
     kind: DetectionKind
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     frame: Strings
     offsets: Int64Array
     values: FloatArray
@@ -302,24 +276,19 @@ class DetectionSignal:
 
 
 @dataclass(frozen=True)
-class TargetTruthSignal:
+class TargetTruthSignal(TimedRows):
     """The true positions of other road users: one row per target and time, by stamp.
 
     Attributes:
-        source: Topic.
         frame_id: The frame that the messages name, "" when they name none.
         id: Target id, n rows.
-        stamp_ns, log_time_ns: Shape (n,).
         x_m, y_m: Shape (n,), in `frame_id`.
         vx_mps, vy_mps: Shape (n,), over ground, in the axes of `frame_id`; NaN where not given.
         latitude_deg, longitude_deg: Shape (n,), where the messages have them too; else None.
     """
 
-    source: str
     frame_id: str
     id: Strings
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     x_m: FloatArray
     y_m: FloatArray
     vx_mps: FloatArray

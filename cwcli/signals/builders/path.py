@@ -6,6 +6,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.base import Reading
+from cwcli.signals.canonical import TimedRows
 from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.elements import Elements, offsets_and_elements_of_sequences
@@ -21,23 +22,18 @@ S_PER_NS = 1.0 / NS_PER_S
 
 
 @dataclass(frozen=True)
-class PathSignal:
+class PathSignal(TimedRows):
     """Paths of the ego, one a message.
 
     Attributes:
-        source: Topic.
         frame_id: The frame that the messages name.
-        stamp_ns, log_time_ns: Shape (n,).
         offsets: Shape (n + 1,): path k has the points `offsets[k]:offsets[k + 1]`, two at least.
         time_s: One value a point: from the stamp of its path; NaN in all points of a path whose times do not increase.
         x_m, y_m: One value a point, in `frame_id`.
         speed_mps: One value a point; NaN where not given.
     """
 
-    source: str
     frame_id: str
-    stamp_ns: Int64Array
-    log_time_ns: Int64Array
     offsets: Int64Array
     time_s: FloatArray
     x_m: FloatArray
