@@ -20,10 +20,16 @@ import numpy.typing as npt
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.matrix_exponential import discretise_noise_covariance, transition_and_input_matrices
 from cwcli.dynamics.riccati import steady_kalman_gain
-from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, ScalarSamples, count_frame_statuses
+from cwcli.dynamics.samples import (
+    FrameStatus,
+    LaneSamples,
+    LateralTrack,
+    ScalarSamples,
+    count_frame_statuses,
+    speed_at_times_mps,
+)
 from cwcli.dynamics.signs import is_sign_opposite, opposite_sign_note, yaw_rate_from_vision_radps
 from cwcli.dynamics.single_track import preview_state_matrices
-from cwcli.dynamics.speed import speed_at_times_mps
 from cwcli.dynamics.steering import dynamic_steering_correction, steering_angle_from_vision_rad
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel

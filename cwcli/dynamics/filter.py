@@ -22,10 +22,16 @@ from cwcli.dynamics.near_lane import (
     lane_at_nearer_preview,
     slowness_ratio,
 )
-from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, ScalarSamples, count_frame_statuses
+from cwcli.dynamics.samples import (
+    FrameStatus,
+    LaneSamples,
+    LateralTrack,
+    ScalarSamples,
+    count_frame_statuses,
+    speed_at_times_mps,
+)
 from cwcli.dynamics.signs import is_sign_opposite, opposite_sign_note, yaw_rate_from_vision_radps
 from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
-from cwcli.dynamics.speed import speed_at_times_mps
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import ETA, KL, STEER, Begin, EventKind, EventStatus

@@ -9,8 +9,10 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.resample import resample
 
 STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "heading_deviation_rad")
 """Names of the columns of `LateralTrack.state`: v_y, gamma, y_L and e_L, with their units."""
@@ -150,3 +152,21 @@ class LateralTrack:
 def count_frame_statuses(status: npt.NDArray[np.int8]) -> dict[str, int]:
     """How many frames have each status, by its name in small letters."""
     return {each.name.lower(): int(np.count_nonzero(status == each)) for each in FrameStatus}
+
+
+def speed_at_times_mps(speed: ScalarSamples, at_ns: Int64Array, max_gap_s: float) -> FloatArray:
+    """Speed at the given times, shape (m,), m/s.
+
+    It is linear between samples and that of the nearest one outside of them; NaN where they are farther than
+    `max_gap_s`.
+
+    Raises:
+        MissingSignalError: There is no finite sample at all.
+    """
+    if not np.isfinite(speed.values).any():
+        raise MissingSignalError(
+            "no speed: the observer's model needs it", hint="bind a speed channel with `--topic ego_speed=/name`"
+        )
+    between = resample(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s)
+    kept = resample(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s, method="nearest")
+    return np.where(np.isfinite(between), between, kept)

@@ -12,6 +12,7 @@ from cwcli.importing.inertial import rotation_given_by_user
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import first_rows_of_intervals, track_of_points
 from cwcli.importing.readers.trajectory import xyzw_quaternions_of_rotations
+from cwcli.signals.angles import rotation_matrices_of_unit_quaternions
 from cwcli.signals.columns import FloatArray
 
 STEP_S = 1.0
@@ -123,10 +124,5 @@ def rotations_of_quaternions(xyzw_quaternions: FloatArray) -> FloatArray:
     """Return rotation matrices (n, 3, 3) of quaternions x, y, z, w (n, 4) of any length; NaN for zero ones."""
     length = np.linalg.norm(xyzw_quaternions, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        x, y, z, w = (xyzw_quaternions / np.where(length > 0, length, np.nan)).T
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
+        unit = (xyzw_quaternions / np.where(length > 0, length, np.nan)).T
+    return rotation_matrices_of_unit_quaternions(unit)

@@ -62,3 +62,14 @@ def compass_deg_from_heading(heading_rad: FloatArray | float) -> FloatArray | fl
         course = np.mod(90.0 - np.rad2deg(heading), 360.0)
     course = np.where(course >= 360.0, 0.0, course)  # mod of a tiny negative number rounds to 360
     return float(course) if course.ndim == 0 else course
+
+
+def rotation_matrices_of_unit_quaternions(xyzw: FloatArray) -> FloatArray:
+    """Return rotation matrices (n, 3, 3) from the turned axes to the others, of quaternions x, y, z, w (4, n)."""
+    x, y, z, w = xyzw
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)

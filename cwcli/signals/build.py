@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.signals.builders.base import Input, Reading
+from cwcli.signals.builders.base import Build, Input, Reading
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns
-from cwcli.signals.inputs import find_input_for_role
-from cwcli.signals.mapped_signals import build_mapped_signal
+from cwcli.signals.input_rows import CAN_FRAME_SCHEMAS
+from cwcli.signals.inputs import find_input_for_role, normalise_schema_name
+from cwcli.signals.mapped_columns import add_quantities_of_channel, apply_mapping_and_tell_if_stamped
 from cwcli.signals.mapping import FieldMapping
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 from cwcli.signals.v2x_codec import OTHER_STATION_REASON
+
+if TYPE_CHECKING:
+    from cwcli.signals.can import DecodedFrames
 
 
 def build_signal(
@@ -60,8 +66,47 @@ def build_bound_signal(
     if entry is None or entry.build is None:
         raise ValueError(f"{columns.topic}: no builder for {columns.schema_name} as {reading.role}")
     if mapping is not None:
-        return build_mapped_signal(columns, reading, mapping, parts, build=entry.build)
+        return _build_mapped_signal(columns, reading, mapping, parts, build=entry.build)
     return entry.build(columns, reading)
+
+
+def _build_mapped_signal(
+    columns: Columns,
+    reading: Reading,
+    mapping: FieldMapping,
+    parts: Sequence[tuple[Columns, FieldMapping]] = (),
+    *,
+    build: Build,
+) -> tuple[Signal, Quality]:
+    """Build the signal of a channel whose fields the user has mapped; `build` builds it of the converted messages."""
+    columns, mapping, frames = _decode_if_can_frames(columns, mapping)
+    made, is_stamped = apply_mapping_and_tell_if_stamped(columns, mapping)
+    notes = []
+    for each, of_part in parts:
+        further, said, of_frames = _decode_if_can_frames(each, of_part)
+        made, note = add_quantities_of_channel(made, is_stamped, further, said)
+        notes += [note, *(of_frames.notes if of_frames is not None else ())]
+    how = replace(reading, is_override=True, clock=reading.clock if is_stamped else "log")
+    signal, quality = build(made, how)
+    quality.notes += tuple(notes)
+    if frames is not None:
+        quality.read += sum(frames.set_aside.values()) + sum(frames.rejected.values())
+        quality.set_aside |= frames.set_aside
+        quality.rejected |= frames.rejected
+        quality.notes += frames.notes
+    return signal, quality
+
+
+def _decode_if_can_frames(
+    columns: Columns, mapping: FieldMapping
+) -> tuple[Columns, FieldMapping, DecodedFrames | None]:
+    """Return columns and mapping; CAN frames are decoded first, with a record of what became of them."""
+    if normalise_schema_name(columns.schema_name) not in CAN_FRAME_SCHEMAS:
+        return columns, mapping, None
+    from cwcli.signals.can import decode_can_signals_and_add_units
+
+    frames, mapping = decode_can_signals_and_add_units(columns, mapping)
+    return frames.columns, mapping, frames
 
 
 def require_usable_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> None:

@@ -61,7 +61,7 @@ DETECTION_INPUTS: dict[str, tuple[Input, ...]] = {
         detections="detections.build_boxes",
     ),
     **{
-        f"{package}/{name}": inputs_of_message(_AUTOWARE_OBJECT_FIELDS, rank, detections="autoware.build_objects")
+        f"{package}/{name}": inputs_of_message(_AUTOWARE_OBJECT_FIELDS, rank, detections="detections.build_autoware")
         for package in ("autoware_perception_msgs", "autoware_auto_perception_msgs")
         # the later ones are made from the first
         for rank, name in enumerate(("DetectedObjects", "TrackedObjects", "PredictedObjects"))

@@ -198,7 +198,7 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
         ("autoware_vehicle_msgs/SteeringReport", "autoware_auto_vehicle_msgs/SteeringReport"),
         inputs_of_message(
             header_free_leaf_fields("stamp.sec", "stamp.nanosec", "steering_tire_angle"),
-            ego_steer="steer.build_steering_report",
+            ego_steer="motion.build_steering_report",
         ),
     ),
     **dict.fromkeys(
@@ -210,13 +210,13 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
                 *("state.longitudinal_velocity_mps", "state.lateral_velocity_mps"),
             ),
             ODOMETRY_RANK,
-            ego_position="kinematic_state.build_pose",
-            ego_speed="kinematic_state.build_speed",
+            ego_position="pose.build_kinematic_state_pose",
+            ego_speed="pose.build_kinematic_state_speed",
         ),
     ),
     # often what was commanded, not what was measured
     "ackermann_msgs/AckermannDriveStamped": inputs_of_message(
-        ros_leaf_fields("drive.steering_angle"), None, ego_steer="steer.build_steering_report"
+        ros_leaf_fields("drive.steering_angle"), None, ego_steer="motion.build_steering_report"
     ),
     **dict.fromkeys(
         ("autoware_planning_msgs/Trajectory", "autoware_auto_planning_msgs/Trajectory"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.own_table import with_presets_if_cwcli_table
+from cwcli.importing.readers.csv_table import with_presets_if_cwcli_table
 from cwcli.importing.tables import Answers, Batch, SourceTable
 
 if TYPE_CHECKING:

@@ -1,4 +1,5 @@
-"""Detections of other road users: radar scans and tracks, 3D boxes, drawn cubes, JSON (docs/detections.md)."""
+"""Detections of other road users: radar scans and tracks, 3D boxes, objects of Autoware, drawn cubes, JSON
+(docs/detections.md)."""
 
 from __future__ import annotations
 
@@ -19,6 +20,8 @@ POSE_COVARIANCE_XY_INDICES = (0, 1, 6, 7)
 """The indices of xx, xy, yx and yy in a 6 x 6 covariance, row-major."""
 TRIANGLE_XY_INDICES = (0, 1, 1, 3)
 """The indices of xx, xy, yx and yy in the upper triangle xx, xy, xz, yy, yz, zz."""
+AUTOWARE_POSE_FIELD_NAMES = ("pose_with_covariance", "initial_pose_with_covariance")
+"""The names of the pose fields of Autoware's objects: of detected and tracked objects, and of predicted ones."""
 
 
 def build_radar_scan(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -38,7 +41,7 @@ def build_radar_scan(columns: Columns, reading: Reading) -> tuple[DetectionSigna
     values = np.stack(
         [returns.read_numbers("returns.range") * cosine, returns.read_numbers("returns.azimuth"), rate / cosine], 1
     )
-    return make_detection_signal(reading, ledger, "radar", returns, values, None, read_stamps(columns))
+    return _make_detection_signal(reading, ledger, "radar", returns, values, None, read_stamps(columns))
 
 
 def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -54,7 +57,28 @@ def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSig
     for name, part in (("position", slice(0, 2)), ("velocity", slice(2, 4))):
         triangle = tracks.read_numbers(f"tracks.{name}_covariance", width=6)
         covariance[:, part, part] = triangle[:, TRIANGLE_XY_INDICES].reshape(-1, 2, 2)
-    return make_detection_signal(reading, ledger, "radar_track", tracks, values, covariance, read_stamps(columns))
+    return _make_detection_signal(reading, ledger, "radar_track", tracks, values, covariance, read_stamps(columns))
+
+
+def build_autoware(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+    """Build detections from the centres of Autoware's objects, with the covariance of their poses.
+
+    Of detected objects it is given where they say so. Tracked and predicted ones are what a filter made of those: they
+    are in the map, and their errors last from message to message.
+    """
+    ledger = RowLedger(columns, reading.role)
+    known = [
+        name
+        for name in AUTOWARE_POSE_FIELD_NAMES
+        if find_field(columns, f"objects.kinematics.{name}.pose.position.x") is not None
+    ]
+    pose = f"objects.kinematics.{(known or AUTOWARE_POSE_FIELD_NAMES)[0]}"
+    objects = Elements(columns, ledger, f"{pose}.pose.position.x", f"{pose}.pose.position.y")
+    values = np.stack([objects.read_numbers(f"{pose}.pose.position.{axis}") for axis in "xy"], axis=1)
+    covariance = objects.read_numbers(f"{pose}.covariance", width=36)[:, POSE_COVARIANCE_XY_INDICES].reshape(-1, 2, 2)
+    is_left_out = objects.read_numbers("objects.kinematics.has_position_covariance") == 0
+    covariance = np.where((is_left_out | ~covariance.any(axis=(1, 2)))[:, None, None], np.nan, covariance)
+    return _make_detection_signal(reading, ledger, "position", objects, values, covariance, read_stamps(columns))
 
 
 def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -73,7 +97,7 @@ def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
             values = poses
     matrices = boxes.read_numbers("detections.results.pose.covariance", width=36)
     covariance = matrices[:, POSE_COVARIANCE_XY_INDICES].reshape(-1, 2, 2)
-    return make_detection_signal(reading, ledger, "position", boxes, values, covariance, read_stamps(columns))
+    return _make_detection_signal(reading, ledger, "position", boxes, values, covariance, read_stamps(columns))
 
 
 def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -85,7 +109,7 @@ def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     path = "entities.cubes.pose.position"
     cubes = Elements(columns, ledger, f"{path}.x", f"{path}.y")
     values = np.stack([cubes.read_numbers(f"{path}.{axis}") for axis in "xy"], axis=1)
-    return make_detection_signal(
+    return _make_detection_signal(
         reading, ledger, "position", cubes, values, None, _read_first_entity_stamps_ns_and_is_given(columns)
     )
 
@@ -102,15 +126,15 @@ def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qua
         # a rate that is not measured has no noise: 1 keeps the matrix whole, and nobody reads it
         rate_sigma = np.where(np.isnan(values[:, 2]) & np.isnan(rate_sigma), 1.0, rate_sigma)
         covariance = np.stack([*sigmas, rate_sigma], axis=1)[:, :, None] ** 2 * np.eye(3)
-        return make_detection_signal(reading, ledger, "radar", found, values, covariance, read_stamps(columns))
+        return _make_detection_signal(reading, ledger, "radar", found, values, covariance, read_stamps(columns))
     found = Elements(columns, ledger, "detections.x_m", "detections.y_m")
     values = np.stack([found.read_numbers("detections.x_m"), found.read_numbers("detections.y_m")], axis=1)
     parts = ("covariance_xx_m2", "covariance_xy_m2", "covariance_xy_m2", "covariance_yy_m2")
     covariance = np.stack([found.read_numbers(f"detections.{name}") for name in parts], axis=1).reshape(-1, 2, 2)
-    return make_detection_signal(reading, ledger, "position", found, values, covariance, read_stamps(columns))
+    return _make_detection_signal(reading, ledger, "position", found, values, covariance, read_stamps(columns))
 
 
-def make_detection_signal(
+def _make_detection_signal(
     reading: Reading,
     ledger: RowLedger,
     kind: DetectionKind,

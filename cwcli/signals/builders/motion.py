@@ -1,4 +1,4 @@
-"""Velocity, speed and heading: twists, `VelocityReport`, `QuaternionStamped`, the orientation of an IMU.
+"""Velocity, speed, heading, steering angle: twists, reports of Autoware, `QuaternionStamped`, an IMU's orientation.
 
 A twist says in its frame_id whether it is in map axes (a velocity over ground) or in body axes (a speed). Where the
 frame_id says neither, or the user named the channel for the role, the role decides.
@@ -11,13 +11,20 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.angles import rotation_matrices_of_unit_quaternions
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.canonical import HeadingSignal, SpeedSignal, VelocitySignal
+from cwcli.signals.canonical import HeadingSignal, SpeedSignal, SteerSignal, VelocitySignal
 from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.leaf_fields import read_frame_id, read_matrix, read_numbers, read_stamps
-from cwcli.signals.limits import MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, nan_beyond_limit, reject_rows_beyond_limit
+from cwcli.signals.limits import (
+    MAX_SPEED_MPS,
+    MAX_STEER_RAD,
+    MAX_TURN_RATE_RADPS,
+    nan_beyond_limit,
+    reject_rows_beyond_limit,
+)
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.role import Role
 
@@ -117,6 +124,15 @@ def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[Headin
     return build_signal_and_quality(HeadingSignal, ledger, timeline, heading_rad=yaw_rad, variance_rad2=variance)
 
 
+def build_steering_report(columns: Columns, reading: Reading) -> tuple[SteerSignal, Quality]:
+    """Build a steering angle of the front wheels; both message types count it in radians, left positive."""
+    ledger = RowLedger(columns, reading.role)
+    steer_rad = read_numbers(columns, "steering_tire_angle", "drive.steering_angle")
+    reject_rows_beyond_limit(ledger, steer_rad, MAX_STEER_RAD)
+    timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, [steer_rad])
+    return build_signal_and_quality(SteerSignal, ledger, timeline, steer_rad=steer_rad)
+
+
 def read_yaw_rad(columns: Columns, base: str) -> FloatArray:
     """Yaw of the quaternion at `base`, radians in (-pi, pi], shape (n,); NaN for one that is far from unit length."""
     x, y, z, w = _read_unit_quaternion(columns, base)
@@ -129,13 +145,7 @@ def read_rotation_matrices(columns: Columns, base: str) -> FloatArray:
 
     NaN for one that is far from unit length.
     """
-    x, y, z, w = _read_unit_quaternion(columns, base)
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
+    return rotation_matrices_of_unit_quaternions(_read_unit_quaternion(columns, base))
 
 
 def _read_unit_quaternion(columns: Columns, base: str) -> FloatArray:

@@ -1,4 +1,5 @@
-"""Poses in a Cartesian frame: `Odometry`, `PoseInFrame`, `PoseStamped`, and `VehicleState` of simulated logs."""
+"""Poses in a Cartesian frame: `Odometry`, `PoseInFrame`, `PoseStamped`, `VehicleKinematicState`, and `VehicleState`
+of simulated logs."""
 
 from __future__ import annotations
 
@@ -10,11 +11,11 @@ import numpy as np
 
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.builders.motion import BodyMotion, read_yaw_rad, speed_signal_from_body_motion
+from cwcli.signals.builders.motion import BODY_FRAME_IDS, BodyMotion, read_yaw_rad, speed_signal_from_body_motion
 from cwcli.signals.builders.odometry_twist import read_twist
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
 from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven
+from cwcli.signals.columns import Columns, Field, FloatArray, StampsNsAndIsGiven
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.direction_of_travel import (
     find_yaw_mounting,
@@ -38,6 +39,23 @@ from cwcli.signals.limits import (
     reject_rows_beyond_limit,
 )
 from cwcli.signals.quality import Quality, RowLedger
+
+ODOMETRY_POSITION_PATH, ODOMETRY_ORIENTATION_PATH = "pose.pose.position", "pose.pose.orientation"
+"""The paths of position and orientation in an `Odometry`."""
+SOURCE_PATHS_BY_ODOMETRY_FIELD = {
+    f"{ODOMETRY_POSITION_PATH}.x": ("state.x", "state.pose.position.x"),
+    f"{ODOMETRY_POSITION_PATH}.y": ("state.y", "state.pose.position.y"),
+    f"{ODOMETRY_ORIENTATION_PATH}.x": ("state.pose.orientation.x",),
+    f"{ODOMETRY_ORIENTATION_PATH}.y": ("state.pose.orientation.y",),
+    f"{ODOMETRY_ORIENTATION_PATH}.z": ("state.heading.imag", "state.pose.orientation.z"),
+    f"{ODOMETRY_ORIENTATION_PATH}.w": ("state.heading.real", "state.pose.orientation.w"),
+    "twist.twist.linear.x": ("state.longitudinal_velocity_mps",),
+    "twist.twist.linear.y": ("state.lateral_velocity_mps",),
+    "twist.twist.angular.z": ("state.heading_rate_rps",),
+}
+"""The fields of this message, by the `Odometry` field that each of them fills."""
+VEHICLE_FIXED_FRAME_NOTE = "its frame moves with the vehicle, so it has no position"
+"""The note for a channel whose frame moves with the vehicle."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
@@ -95,6 +113,44 @@ def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[SpeedSigna
     twist = read_twist(columns, ledger, read_vector(columns, "pose.pose.position"), yaw_rad)
     motion = BodyMotion(twist.speed_mps, twist.yaw_rate_radps, twist.speed_variance, twist.yaw_rate_variance)
     return speed_signal_from_body_motion(columns, reading, ledger, motion)
+
+
+def build_kinematic_state_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
+    """Build poses from a `VehicleKinematicState` of Autoware.Auto, where the frame does not move with the vehicle.
+
+    Older ones have x, y and a heading whose two parts are w and z of a quaternion, half the angle; later ones a pose.
+    """
+    signal, quality = build_pose(_convert_to_odometry_columns(columns), reading)
+    if _has_vehicle_fixed_frame(columns):
+        quality.notes += (VEHICLE_FIXED_FRAME_NOTE,)
+    return signal, quality
+
+
+def build_kinematic_state_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+    """Build the speed and the yaw rate from a `VehicleKinematicState`."""
+    return build_odometry_speed(_convert_to_odometry_columns(columns), reading)
+
+
+def _convert_to_odometry_columns(columns: Columns) -> Columns:
+    fields: dict[str, Field] = {name: field for name, field in columns.fields.items() if name.startswith("header.")}
+    for name, paths in SOURCE_PATHS_BY_ODOMETRY_FIELD.items():
+        found = find_field(columns, *paths)
+        if found is not None:
+            fields[name] = found
+    zero = np.zeros(len(columns))
+    fields = {
+        f"{ODOMETRY_ORIENTATION_PATH}.x": zero,
+        f"{ODOMETRY_ORIENTATION_PATH}.y": zero,
+        f"{ODOMETRY_POSITION_PATH}.z": zero,
+        **fields,
+    }
+    if _has_vehicle_fixed_frame(columns):
+        fields |= {f"{ODOMETRY_POSITION_PATH}.{axis}": zero + np.nan for axis in "xy"}
+    return replace(columns, fields=fields)
+
+
+def _has_vehicle_fixed_frame(columns: Columns) -> bool:
+    return read_frame_id(columns).lower() in BODY_FRAME_IDS
 
 
 def _make_pose_signal(
