@@ -35,14 +35,14 @@ def describe_differences(messages: RunDifference) -> list[str]:
     lines = [f"messages: {len(messages.differing)} of {format_count(messages.n_logs, 'log')} differ"]
     for name, found in list(messages.differing.items())[:MAX_LOGS]:
         lines.append(shorten_and_escape(name))
-        lines += [f"  {line}" for line in _lines_of_log(found)]
+        lines += [f"  {line}" for line in describe_difference_of_log(found)]
     if len(messages.differing) > MAX_LOGS:
         lines.append(f"{len(messages.differing) - MAX_LOGS} more logs differ (--json lists them)")
     lines += [f"{shorten_and_escape(name)} was not compared: {why}" for name, why in messages.unread.items()]
     return lines
 
 
-def _lines_of_log(found: LogDifference) -> list[str]:
+def describe_difference_of_log(found: LogDifference) -> list[str]:
     """The lines about one log: the settings, the first channel, the warnings, the other channels."""
     lines = _first_lines([f"changed: {_describe_setting(each)}" for each in found.settings])
     if found.channels:

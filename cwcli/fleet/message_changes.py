@@ -20,11 +20,13 @@ class RunDifference:
         differing: Id of a log -> what differs, for the logs that differ.
         n_logs: Number of logs that were compared.
         unread: Ids of the logs that could not be read, with the reason.
+        paths: Id of a log that differs -> its annotated logs in the earlier and in the later run.
     """
 
     differing: Mapping[str, LogDifference]
     n_logs: int
     unread: Mapping[str, str]
+    paths: Mapping[str, tuple[str, str]]
 
 
 def compare_logs_of_runs(
@@ -51,6 +53,7 @@ def compare_logs_of_runs(
         raise UsageError(f"{baseline} and {candidate} have no log in common, so nothing can be compared")
     differing: dict[str, LogDifference] = {}
     unread: dict[str, str] = {}
+    paths: dict[str, tuple[str, str]] = {}
     for name, early, late in pairs:
         step(f"comparing the messages of {name}")
         try:
@@ -61,7 +64,8 @@ def compare_logs_of_runs(
             continue
         if not found.is_identical:
             differing[name] = found
-    return RunDifference(differing, len(pairs) - len(unread), unread)
+            paths[name] = early, late
+    return RunDifference(differing, len(pairs) - len(unread), unread, paths)
 
 
 def _pair_logs(early: list[SearchedLog], late: list[SearchedLog]) -> list[tuple[str, str, str]]:

@@ -96,8 +96,7 @@ class StoreFolder:
         path: The working folder; it is there while the context lasts.
 
     Raises:
-        InputError: The store can't be read.
-        OutputError: The working folder can't be written.
+        OutputError: The store can't be read, or the working folder can't be written.
         UsageError: The URL is of the web, or needs a package that is not installed.
     """
 
@@ -115,8 +114,10 @@ class StoreFolder:
             raise OutputError(what, where=tempfile.gettempdir(), hint="set TMPDIR to a folder with space") from error
         try:
             self._fetch()
-        except BaseException:
+        except BaseException as error:
             shutil.rmtree(self.path, ignore_errors=True)
+            if isinstance(error, InputError):  # the store is where the results go, not an input
+                raise OutputError(error.what, where=error.where, hint=error.hint) from error
             raise
         return self
 

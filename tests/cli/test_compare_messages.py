@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_DONE, EXIT_USAGE
+from cwcli.errors import EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.report.drawing import EGO_COLOUR, WARNING_COLOUR
 from tests.cli.conftest import SAMPLES
 
 
@@ -43,6 +45,39 @@ def test_changed_option_and_its_first_channel_are_named(
     assert log["warnings"]
 
 
+def test_the_page_overlays_both_runs(runs: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    compare = ("compare", str(runs / "a.mcap"), str(runs / "c.mcap"), "--messages", "-q", "--report", str(page))
+    assert run_command_line([*compare]) == EXIT_DONE
+    text = page.read_text()
+    assert "changed: warn: rule.horizon_s was 2.5, is 2.0" in text
+    assert "The positions of the ego are the same in both runs." in text  # another horizon changes no state
+    assert text.count("<svg") == 2  # the map and the speeds
+    dashed = re.findall(r'stroke="(#\w+)" stroke-dasharray', text)
+    assert sorted(dashed) == sorted([EGO_COLOUR, WARNING_COLOUR])  # the moved warning, in both runs
+    assert "<script" not in text
+    assert run_command_line([*compare]) == EXIT_OUTPUT  # the page is there already
+
+
+def test_the_page_measures_how_far_both_tracks_are_apart(runs: Path, tmp_path: Path) -> None:
+    moved = tmp_path / "moved.mcap"
+    estimate = ("run", str(SAMPLES / "rear-end.mcap"), "--stage", "estimate,predict,warn", "-q", "-o", str(moved))
+    assert run_command_line([*estimate, "--estimate-latency", "/gps/fix=100"]) == EXIT_DONE
+    page = tmp_path / "page.html"
+    assert (
+        run_command_line(["compare", str(runs / "a.mcap"), str(moved), "--messages", "-q", "--report", str(page)]) == 0
+    )
+    assert "distance of both positions [m]" in page.read_text()
+
+
+def test_the_page_of_identical_runs_has_no_card(runs: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    both = (str(runs / "a.mcap"), str(runs / "b.mcap"))
+    assert run_command_line(["compare", *both, "--messages", "-q", "--report", str(page)]) == EXIT_DONE
+    assert "0 of 1 compared log differ." in page.read_text()
+    assert "<article>" not in page.read_text()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -50,6 +85,7 @@ def test_changed_option_and_its_first_channel_are_named(
         (("--fields", "speed_mps", "--messages"), "expected NAME=TOLERANCE"),
         (("--fields", "speed_mps=-1", "--messages"), "expected NAME=TOLERANCE"),
         (("--fields", "speed_mps=nan", "--messages"), "expected NAME=TOLERANCE"),
+        (("--report", "page.html"), "--report needs --messages"),
     ],
 )
 def test_nonsense_is_refused(

@@ -151,4 +151,4 @@ def test_a_run_into_s3_that_was_killed_goes_on(bucket: dict[str, str], tmp_path:
         check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=600,
     )  # fmt: skip
     assert denied.returncode == 6
-    assert "s3://nobucket/run/manifest.json: it can't be written" in " ".join(denied.stderr.split())
+    assert "s3://nobucket/run: it can't be read: there is no such file" in " ".join(denied.stderr.split())

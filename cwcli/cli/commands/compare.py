@@ -16,7 +16,7 @@ from cwcli.cli.comparison_texts import (
     print_comparison,
 )
 from cwcli.cli.console import Console, normalise_stdout_name
-from cwcli.cli.message_texts import describe_identical, is_identical
+from cwcli.cli.message_texts import describe_difference_of_log, describe_identical, is_identical
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import AllOption, GithubOption, MarkdownOption, TruthOption
@@ -120,6 +120,14 @@ class SummaryOptions:
             "differs, and the warnings that appeared, vanished or moved.",
         ),
     ] = False
+    report: Annotated[
+        str | None,
+        typer.Option(
+            "--report",
+            metavar="FILE",
+            help="With --messages: write a page of the logs that differ, with both tracks and speeds overlaid.",
+        ),
+    ] = None
     fields: Annotated[
         str | None,
         typer.Option(
@@ -178,10 +186,16 @@ def command(
 
         pages = PageAddresses(baseline, output.report_at), PageAddresses(candidate, output.report_at)
     differing: WarningDifferences | None = None
+    if output.report is not None and not output.messages:
+        raise UsageError("--report needs --messages", hint="--report-at links to a page of `cwcli report`")
     summary_file = normalise_stdout_name(output.markdown_file)
     comment_file = normalise_stdout_name(output.comment)
     targets = check_outputs_and_list_file_names(
-        [baseline, candidate], talk, metrics=output.metrics, texts=(summary_file, comment_file), force=output.force
+        [baseline, candidate],
+        talk,
+        metrics=output.metrics,
+        texts=(summary_file, comment_file, output.report),
+        force=output.force,
     )
     with Progress(quiet=talk.quiet) as progress:
         runs = []
@@ -210,7 +224,8 @@ def command(
         )
     failed = _failure_lines(comparison, judging.fail_on)
     compared = ComparedRuns(before, after, comparison, failed, differing, judging.exact, found)
-    _write_files(compared, output, (summary_file, comment_file), tolerance=judging.tolerance)
+    page = None if found is None or output.report is None else _comparison_page(baseline, candidate, found)
+    _write_files(compared, output, (summary_file, comment_file), page, tolerance=judging.tolerance)
     console = Console(quiet=talk.quiet, summary_to_stderr="-" in (summary_file, comment_file))
     if talk.json:
         console.print_document("compare", comparison_document(compared, targets))
@@ -228,9 +243,14 @@ def command(
 
 
 def _write_files(
-    compared: ComparedRuns, output: SummaryOptions, texts: tuple[str | None, str | None], *, tolerance: float
+    compared: ComparedRuns,
+    output: SummaryOptions,
+    texts: tuple[str | None, str | None],
+    page: bytes | None,
+    *,
+    tolerance: float,
 ) -> None:
-    """Write the table, the summary and the comment that were asked for, together."""
+    """Write the table, the summary, the comment and the page that were asked for, together."""
     from cwcli.metrics.compare import comparison_table
     from cwcli.metrics.table import write_table
     from cwcli.output import AtomicGroup, write_file
@@ -245,6 +265,20 @@ def _write_files(
         if comment_file is not None:
             text = format_comment(compared, tolerance=tolerance)
             write_file(comment_file, text.encode(), force=output.force, together=together)
+        if page is not None and output.report is not None:
+            write_file(output.report, page, force=output.force, together=together)
+
+
+def _comparison_page(baseline: str, candidate: str, found: RunDifference) -> bytes:
+    """Build the page of the logs that differ."""
+    from cwcli.logs.read.reader import Log
+    from cwcli.report.comparison_page import DifferingLog, build_comparison_page
+
+    logs = [
+        DifferingLog(name, *found.paths[name], difference, describe_difference_of_log(difference))
+        for name, difference in found.differing.items()
+    ]
+    return build_comparison_page(f"{baseline} and {candidate}", logs, found.n_logs, Log.open)
 
 
 def _require_stage_results(run: RunMetrics) -> None:
