@@ -131,8 +131,6 @@ def names_hint(name: str, known: Iterable[str], label: str = "one of") -> str:
     """Return a hint for a name that is not in a list: the closest names, else all of them.
 
     Args:
-        name: The name that was given.
-        known: The valid names.
         label: Words in front of the list of all names.
     """
     from difflib import SequenceMatcher, get_close_matches

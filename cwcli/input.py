@@ -221,7 +221,6 @@ class InputFile:
             self._digest.add_done_callback(lambda _: self._close())
 
     def _close(self) -> None:
-        """Close the descriptor, once."""
         descriptor, self.descriptor = self.descriptor, -1
         if descriptor >= 0:
             os.close(descriptor)
@@ -253,11 +252,9 @@ class InputFile:
             digest.set_exception(error)
 
     def _read_error(self, error: OSError, at: int) -> InputError:
-        """Return the error for a byte that the system can't read."""
         return InputError(f"it can't be read: {error.strerror} (at byte {at})", where=self.name)
 
     def _changed_file_error(self, what: str) -> InputError:
-        """Return the error for a file that changed while it was read."""
         return InputError(
             f"the log changed while it was read: {what}",
             where=self.name,
@@ -334,7 +331,6 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
     """Read a file, or its first bytes, and remember it as an input.
 
     Args:
-        path: The file.
         max_bytes: Number of its first bytes; -1 for all.
         limit: A whole file with more bytes is refused.
 

@@ -121,7 +121,6 @@ def make_folder(path: str | Path, *, parents: bool = False) -> None:
 
 
 def _folder_error(path: str | Path, error: Exception) -> OutputError:
-    """Return the error for a folder that can't be made."""
     return OutputError(f"the folder can't be made: {getattr(error, 'strerror', None) or error}", where=str(path))
 
 

@@ -72,9 +72,6 @@ class Plugin(NamedTuple):
         A known error of cwcli passes, and so do `KeyboardInterrupt` (but none of its subclasses) and `Terminated`, with
         which the user or the system ends the run.
 
-        Args:
-            problem: The plug-in's failure in words.
-
         Raises:
             PluginError: Something else was raised.
         """
@@ -88,7 +85,6 @@ class Plugin(NamedTuple):
             raise self.plugin_error(f"{problem}: {_describe_error_with_place(raised)}") from raised
 
     def plugin_error(self, problem: str) -> PluginError:
-        """Return the error for a problem of this plug-in."""
         return PluginError(
             f"the {self.what} '{self.name}' of the package {self.package} {problem}",
             hint=f"it is {self.target}; without it: uninstall {self.package.split()[0]}",
@@ -213,7 +209,6 @@ def accept_dataclass_of(kind: type[T], checks: Mapping[str, Check]) -> Callable[
     """Return an `accept` for a registry of a data class: it guards each function of an entry and checks the results.
 
     Args:
-        kind: The data class.
         checks: Field with a function -> the check of its results.
     """
 

@@ -79,7 +79,6 @@ def redact_urls(text: str, url: str = "") -> str:
     """Words that others wrote, an error's for example, without the secrets of the URLs in them.
 
     Args:
-        text: The words.
         url: The URL of which they speak. Its secrets are hidden wherever they stand, also without the rest of the URL.
     """
     text = text.replace(url, redact_url(url)) if url else text

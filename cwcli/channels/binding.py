@@ -103,7 +103,6 @@ class Binding:
     """A channel in a role.
 
     Attributes:
-        role: The role.
         topic, schema_name, message_encoding: The channel.
         is_override: The user named it.
         mapping: Which of its fields are the role's, where the user has said so.

@@ -71,7 +71,6 @@ def make_image_annotation_channel(
     """Make a channel of one annotation message a frame; messages are built while the log is written.
 
     Args:
-        channel: Where they are published.
         stamp_ns, log_time_ns: Shape (n,), those of the frames, by which viewers put both together.
         shapes: What is drawn on the frames `start` to `stop`; either all shapes of a channel have a fill or none.
         labels: The words on the frames `start` to `stop`; None for no words.

@@ -239,10 +239,6 @@ class LaneRows:
 def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
     """Read the frames of a channel of lanes or of lane truth.
 
-    Args:
-        columns: The channel, whole or in part.
-        required: Fields that must be present.
-
     Raises:
         DataError: A required field is missing.
     """
@@ -345,9 +341,6 @@ def make_channel_of_frames_with_lanes(
     """The camera's frames with the lines burnt in, as JPEG `foxglove.CompressedImage`, made while they are written.
 
     Args:
-        frames: The used frames.
-        topic: Where to publish.
-        frame_id: Frame of the camera.
         images: Restarts the camera's frames in colour and calls its argument with each frame, in the decoder's thread.
     """
     row_of = {index: row for row, index in enumerate(frames.index.tolist())}

@@ -29,9 +29,7 @@ def painted_frames_channel(
     """Make a channel of n painted frames as JPEG `foxglove.CompressedImage`.
 
     Args:
-        topic: Where to publish.
         stamp_ns, log_time_ns: Shape (n,).
-        frame_id: Frame of the camera.
         images: Restarts the camera's frames in colour and calls its argument with each frame, in the decoder's thread.
         row_of: Row of a frame, increasing from frame to frame; -1 if the frame has none.
         paint: Row and colour image (height, width, 3) -> the image to publish. Called in several threads.
@@ -71,7 +69,6 @@ class _FramePainter:
         self._is_started = False
 
     def jpeg_files_of_rows(self, start: int, stop: int) -> list[ByteArray]:
-        """The JPEG files of rows `start` to `stop`."""
         end = self._kept_from + len(self._kept)
         if not self._is_started or not self._kept_from <= start <= end:
             self._images, self._is_started = self._start_images(self._paint_frame), True

@@ -139,9 +139,6 @@ def make_channel_of_frames_with_paths(
     """Make the channel of the camera's frames with lanes and path painted on them while the log is written.
 
     Args:
-        frames: The paths and their frames.
-        topic: Where to publish.
-        frame_id: Frame of the camera.
         images: Restarts the camera's frames in colour and calls its argument with each frame, in the decoder's thread.
     """
     row_of = {stamp: row for row, stamp in enumerate(frames.stamp_ns.tolist())}

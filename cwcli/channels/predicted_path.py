@@ -84,7 +84,6 @@ class PredictedPaths:
 
     @classmethod
     def from_states(cls, states: VehicleStates, model: str, paths: Paths) -> PredictedPaths:
-        """Paths that start from states, one from each."""
         return cls(states.ids, states.stamp_ns, states.log_time_ns, model, paths)
 
     def __len__(self) -> int:
@@ -96,7 +95,6 @@ class PredictedPaths:
         return self.paths.time_s
 
     def select_paths(self, rows: Rows) -> Paths:
-        """Select paths by row."""
         return self.paths.take(rows)
 
     def positions(self, rows: Rows, points: Rows) -> FloatArray:
@@ -121,7 +119,6 @@ class LazyPaths:
 
     @classmethod
     def from_states(cls, states: VehicleStates, plan: PathPlan) -> LazyPaths:
-        """Paths that start from states, one from each."""
         return cls(states.ids, states.stamp_ns, states.log_time_ns, plan)
 
     def __len__(self) -> int:
@@ -138,7 +135,6 @@ class LazyPaths:
         return self.plan.time_s
 
     def select_paths(self, rows: Rows) -> SelectedPaths:
-        """Some of the paths, not yet computed."""
         return SelectedPaths(self.plan, rows)
 
     def positions(self, rows: Rows, points: Rows) -> FloatArray:
@@ -162,8 +158,6 @@ def make_predicted_path_channel(channel: Channel, predicted: PredictedPaths, *, 
     """Make the channel of one message a path.
 
     Args:
-        channel: Where they are published.
-        predicted: The paths.
         frame_id: "" for `map`.
     """
     fields = _path_fields(predicted.ids, predicted.stamp_ns, predicted.model, predicted.paths)
@@ -176,8 +170,6 @@ def make_lazy_path_channel(channel: Channel, planned: LazyPaths, *, rate_hz: flo
     """Make the channel of the first path of each vehicle in each period, with points a quarter of a second apart.
 
     Args:
-        channel: Where they are published.
-        planned: All paths.
         rate_hz: Rate of paths for each vehicle.
     """
     order = np.argsort(planned.log_time_ns, kind="stable")

@@ -101,7 +101,6 @@ def unbound_reasons_by_topic(channels: Sequence[ChannelWithDefinition], bindings
 
     Args:
         channels: All channels of the log.
-        bindings: The bindings of every role.
     """
     used = {each.topic for bound in bindings.by_role.values() for one in bound for each in (one, *one.parts)}
     return {each.topic: _explain_unbound_channel(each, bindings) for each in channels if each.topic not in used}
@@ -169,7 +168,6 @@ def explain_unknown_type_by_fields(topic: str, kinds: Mapping[str, FieldKind]) -
     """Explain a type that no role takes by the fields of its messages, and suggest what to do with them.
 
     Args:
-        topic: Topic of the channel.
         kinds: Path of each leaf field -> what it holds; {} where the fields are not known.
     """
     numbers = [path for path, kind in kinds.items() if kind == "number"]
@@ -181,7 +179,6 @@ def suggest_warning_conditions(topic: str, kinds: Mapping[str, FieldKind]) -> tu
     """Suggest how `cwcli evaluate` judges a channel as the warnings of another system, if its names tell of warnings.
 
     Args:
-        topic: Topic of the channel.
         kinds: Path of each leaf field -> what it holds.
     """
     is_warning_topic = bool(_WARNING_WORDS.intersection(_split_name_into_words(topic)))
@@ -276,7 +273,6 @@ def explain_can_frames(topic: str, signals: Sequence[str], files: Sequence[str])
     """Why a channel of CAN frames fills no role where DBC files are given, with the `--map` lines to try.
 
     Args:
-        topic: The channel's topic.
         signals: The signals of the files, as `MESSAGE.SIGNAL`.
         files: The DBC files, as the user named them.
     """
@@ -294,7 +290,6 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
     """Suggest `--map` options for a message with these numeric fields, the likeliest first.
 
     Args:
-        topic: Topic of the channel.
         paths: Paths of its leaf fields.
         has_units: Whether units come with the fields, so that none is guessed from a name.
     """

@@ -49,7 +49,6 @@ def make_target_channels(
     """Make the channel of the tracks, and a scene of them for viewers.
 
     Args:
-        result: The tracks.
         in_map: The tracks are in the map frame, not in the car's body frame.
         known_ns: Stamps of all scans, increasing, and the log times at which each was known.
         channel: The channel of smoothed or of online tracks; only smoothed tracks get a scene.

@@ -38,7 +38,6 @@ def read_lever_arms_transform_counts_and_notes(
     without transforms is not read.
 
     Args:
-        log: The log.
         topics: Topics of the ego's sensors.
         given: Lever arms of the user, which take precedence over transforms.
 

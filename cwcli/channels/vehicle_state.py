@@ -106,7 +106,6 @@ class VehicleStates:
         return select_table_rows(self, rows)
 
     def round_to_published_precision(self) -> VehicleStates:
-        """Round the states to the published precision."""
         state = np.column_stack(
             [round_to_binary_step(self.state[:, k], bits) for k, bits in enumerate(STATE_FRACTION_BITS)]
         )

@@ -101,7 +101,6 @@ def table_to_export(log: Log, what: str, vehicle: str | None) -> Table:
     """Read a content as a table with a row a message: log time, then the published fields.
 
     Args:
-        log: An annotated log.
         what: A name in `CONTENTS`.
         vehicle: Only the rows with this id, or None for all.
 

@@ -65,7 +65,6 @@ def encode_recording(log: Log, path: str) -> bytes:
     It is built in memory, because Rerun's own file writer waits forever when the disk is full.
 
     Args:
-        log: The annotated log.
         path: Path of the log, which Rerun opens itself.
 
     Raises:

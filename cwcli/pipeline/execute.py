@@ -93,9 +93,7 @@ def run_stages(
     """Run stages on a log; each sees the channels of those before it as if they had been in the file.
 
     Args:
-        log: The log.
         stages: Name -> stage, in order.
-        selection: The part of the log that is used.
         skip: Which stages are left out.
         strict: Rejected, repaired or lost data, corrected sources and contradictions are an error.
         choice: The channels that will be written, for the records.

@@ -58,10 +58,6 @@ class TopicHealth:
 def measure_topic_health(log: Log, topics: Sequence[str]) -> list[TopicHealth]:
     """Read the stamps and log times of topics, and measure how each was recorded.
 
-    Args:
-        log: The log.
-        topics: Topics of the log.
-
     Raises:
         InputError: The file is damaged, and `recover` is off.
     """

@@ -67,8 +67,6 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
     stamp. The second car's states get the first one's map, and count as known when they were known in their own car.
 
     Args:
-        ego, other: The logs, open.
-        estimate: The stage.
         name: Id of the second car.
         late_s: How late the stamps of the second log are [s], if that is known.
 

@@ -44,7 +44,6 @@ class CellWithValues(str):
     values: Mapping[str, float | str | bool | None]
 
     def __new__(cls, text: str, values: Mapping[str, float | str | bool | None]) -> Self:
-        """The text, with its values."""
         self = super().__new__(cls, text)
         self.values = values
         return self

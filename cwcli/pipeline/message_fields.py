@@ -35,7 +35,6 @@ def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:
     """Complete the reasons of channels of unknown types by the fields of their first messages.
 
     Args:
-        log: The log.
         why: Topic -> why it fills no role; changed in place.
     """
     schemas = {channel.topic: channel.schema_name for channel in log.channels}

@@ -16,7 +16,6 @@ class StageReadiness:
     """Whether a stage can run on a log.
 
     Attributes:
-        stage: The stage.
         is_ready: It can run now.
         after: Names of the stages that must run first, if they can; else ().
         missing: Required roles of input channels that the log lacks, so that the stage can't run now or later.
@@ -35,7 +34,6 @@ def readiness_of_each_stage(bound: Collection[str], stages: Table) -> list[Stage
 
     Args:
         bound: Names of the roles for which the log has a channel.
-        stages: The stages to check.
 
     Returns:
         One entry for each stage.

@@ -64,7 +64,6 @@ def plan_paths_from_states(states: VehicleStates, role: str, request: PathReques
 
 
 def path_starts_from_states(states: VehicleStates) -> PathStarts:
-    """Return the states as starts of paths."""
     return PathStarts(states.ids.codes, states.stamp_ns, states.state, states.covariance, states.log_time_ns)
 
 
@@ -75,7 +74,6 @@ def replanned_or_logged_paths_and_notes(log: Log, topic: str, role: str) -> tupl
     the record of `predict`. Without such a record the log holds all paths.
 
     Args:
-        log: The log.
         topic: The channel of paths.
         role: The role of the states that they start from.
 

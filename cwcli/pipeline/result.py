@@ -45,7 +45,6 @@ class InputMessageCount:
     """Counts of the messages of one input channel: read, used, rejected, repaired and set aside.
 
     Attributes:
-        topic: The channel.
         role: The role in which it was used.
         read, used: Numbers of messages.
         rejected, repaired: Reason -> number of messages.

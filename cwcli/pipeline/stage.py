@@ -79,7 +79,6 @@ class Stage:
 
     @property
     def configuration_class(self) -> type[Any]:
-        """The class of its configuration."""
         kind: type[Any] = self._module_attribute(f"{''.join(part.capitalize() for part in self.name.split('-'))}Config")
         return kind
 
@@ -115,7 +114,6 @@ def import_named_module(module: str, what: str) -> ModuleType:
     """Import a module that a table names.
 
     Args:
-        module: Its full name.
         what: The thing that it implements, in words for the error.
 
     Raises:
@@ -128,5 +126,4 @@ def import_named_module(module: str, what: str) -> ModuleType:
 
 
 def _broken_module_error(what: str, problem: str) -> UsageError:
-    """Return the error for a module of the installation that can't be loaded."""
     return UsageError(f"{what} can't be loaded: {problem}", hint="install cwcli again")

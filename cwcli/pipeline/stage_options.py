@@ -93,8 +93,6 @@ def configure_stage(
     """Make the call of a stage from the values of its options.
 
     Args:
-        stage: The stage.
-        entries: Its options.
         values: Key -> value of the options that are given, of their types; others keep their defaults.
         reading: How it reads sensor messages.
 
@@ -122,7 +120,6 @@ def check_option_values_from_python(
 
     Args:
         stage: Name of the stage, for messages.
-        entries: Its options.
         values: Key -> value; a hyphen in a key counts as an underscore.
 
     Returns:

@@ -116,10 +116,7 @@ def read_selected_states(
     """Read the states of a channel in the chosen span, and count its messages.
 
     Args:
-        log: The log.
-        columns: The channel.
         role: The role in which it is used.
-        selection: The part of the log that is used.
 
     Raises:
         MissingSignalError: It is the ego's channel, and no state is left.

@@ -28,7 +28,6 @@ def add_stations_to_error(
 
     Args:
         error: That the ego's position is missing or ambiguous.
-        log: The log.
         given: The ego's station that the user named. If it was heard, another one is no way out, so there is no hint.
         topics: Only stations of these topics count; None for all.
 

@@ -207,8 +207,6 @@ def write_road_log(
     them.
 
     Args:
-        drive: The planned drive.
-        config: The same configuration.
         target: File, or `-` for standard output.
         force: Overwrite a file that exists.
 
@@ -422,7 +420,6 @@ def _add_noise_and_stamps(
 
 
 def _simulate_speed_sensor(drive: RoadDrive) -> SensorData:
-    """Simulate the speed sensor over the drive."""
     time_s = _sensor_times_s(drive, SPEED_RATE_HZ)
     return _add_noise_and_stamps(
         "speed", time_s, drive.speed_at_mps(time_s)[:, None], np.array([SPEED_SIGMA_MPS]), drive.config.seed

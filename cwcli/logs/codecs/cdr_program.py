@@ -248,11 +248,9 @@ class _Compiler:
         self.modulus, self.residue = 1, 0
 
     def _add_slot(self, leaf: LeafColumn) -> int:
-        """Add a fixed, string or blob leaf and return its slot."""
         self.slots.append(leaf)
         return len(self.slots) - 1
 
     def _add_ragged_leaf(self, leaf: LeafColumn) -> int:
-        """Add a ragged leaf and return its slot."""
         self.ragged.append(leaf)
         return len(self.ragged) - 1

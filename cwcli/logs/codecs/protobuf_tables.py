@@ -116,7 +116,6 @@ def compile_protobuf_tables(
     """Compile a message type.
 
     Args:
-        descriptor: Descriptor of the root message.
         wants: Tells which leaves become columns, None for all; the others are only checked.
         blobs: Paths of bytes fields of which only the place is stored.
 

@@ -85,8 +85,6 @@ def parse_message_definitions(
     """Parse the messages of a schema.
 
     Args:
-        schema_name: Type of the root message.
-        text: The definitions.
         aliases: Name of a type as the fields have it -> short name of the message that it stands for.
 
     Returns:

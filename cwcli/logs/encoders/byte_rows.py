@@ -35,7 +35,6 @@ class ByteRows:
         return np.diff(self.offsets)
 
     def slice_rows(self, start: int, stop: int) -> ByteRows:
-        """Return rows `start` to `stop` as a view."""
         return ByteRows(self.data, self.offsets[start : stop + 1])
 
 
@@ -47,7 +46,6 @@ def offsets_from_sizes(sizes: Int64Array) -> Int64Array:
 
 
 def join_rows(rows: list[bytes]) -> ByteRows:
-    """Join byte strings into rows."""
     sizes = np.fromiter(map(len, rows), np.int64, len(rows))
     return ByteRows(np.frombuffer(b"".join(rows), np.uint8), offsets_from_sizes(sizes))
 

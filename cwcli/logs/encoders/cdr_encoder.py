@@ -81,7 +81,6 @@ class _CdrRows:
         return len(self.place)
 
     def append_piece(self, piece: Piece) -> None:
-        """Append a piece to every row."""
         self.pieces.append(piece)
         self.place = self.place + (piece.bytes_per_row if isinstance(piece, FixedPiece) else piece.sizes)
 

@@ -52,7 +52,6 @@ def encode_protobuf(message: Descriptor, fields: Mapping[str, OutputField], n: i
     """Encode n messages.
 
     Args:
-        message: Descriptor of the message.
         fields: Dotted field path -> n rows. A `google.protobuf.Timestamp` or `Duration` may be given as int64 ns under
             its own name, an enum as numbers or as the names of its values (`raised` for `STATE_RAISED`, in any case), a
             repeated message as `Repeated` or as `Ragged` leaves (`poses.position.x`), bytes as `Ragged` uint8.

@@ -143,8 +143,6 @@ def decompress_chunk(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> mem
     """Return the records inside a chunk, decompressed.
 
     Args:
-        file: The log.
-        chunk: The place and the declared sizes of the chunk.
         verify: Check the CRC, if the chunk has one.
 
     Raises:

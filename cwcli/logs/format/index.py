@@ -90,6 +90,5 @@ class LogIndex:
         return within[0] if within else (0, None if self.data_sections else self.data_end)
 
     def lacks_channel_or_schema(self, channel_id: int) -> bool:
-        """Tell whether a channel or its schema is not defined."""
         channel = self.channels.get(channel_id)
         return channel is None or (channel.schema_id != 0 and channel.schema_id not in self.schemas)

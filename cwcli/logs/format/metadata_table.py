@@ -58,9 +58,7 @@ class MetadataTable:
         """Add the consecutive metadata records, or metadata index records, from an offset on.
 
         Args:
-            data: The file, or its summary.
             at, end: The byte range to scan.
-            opcode: The opcode of the records.
             file_name: The file's name, for messages.
 
         Returns:
@@ -108,7 +106,6 @@ class MetadataTable:
             yield MetadataRun(start, run.end, first, run.stop)
 
     def sort_by_offset(self) -> None:
-        """Sort the rows by their offsets."""
         offsets = self._places[::2]
         order = sorted(range(len(self)), key=offsets.__getitem__)
         if any(row != k for k, row in enumerate(order)):

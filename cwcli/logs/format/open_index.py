@@ -29,8 +29,6 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) 
     """Return the index of a file for reading: its summary, if that is complete.
 
     Args:
-        file: The log.
-        faults: Counts the faults of the file.
         recover: Count damage instead of raising.
         verify: Check the summary's CRC.
 
@@ -63,8 +61,6 @@ def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Log
     A damaged summary is no error, because nothing of it is copied.
 
     Args:
-        file: The log.
-        faults: Counts what is lost.
         recover: Leave damaged records out, instead of raising.
 
     Raises:

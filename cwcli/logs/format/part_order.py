@@ -38,7 +38,6 @@ def arrange_parts(file: JoinedFile, indexes: Sequence[LogIndex]) -> list[LogInde
     time, and wrong message counts in the recorder's listing.
 
     Args:
-        file: The log.
         indexes: One per part, in the order in which the parts were named.
 
     Raises:

@@ -33,7 +33,6 @@ from cwcli.text import escape_surrogates
 
 
 def encode_header(profile: str, library: str) -> bytes:
-    """Encode a header record."""
     return _join_record(OPCODE_HEADER, _encode_text(profile), _encode_text(library))
 
 
@@ -66,7 +65,6 @@ def encode_message_index(channel_id: int, entries: bytes) -> bytes:
 
 
 def encode_metadata(name: str, values: Mapping[str, str]) -> bytes:
-    """Encode a metadata record."""
     return _join_record(OPCODE_METADATA, _encode_text(name), _encode_text_map(values))
 
 

@@ -318,7 +318,6 @@ def crc32_of_range(data: ByteSource, start: int, end: int) -> int:
 
 
 def read_profile_and_library(data: ByteSource, start: int, end: int) -> tuple[str, str]:
-    """Return profile and library."""
     fields = FieldReader(data, start, end)
     return fields.read_string(), fields.read_string()
 

@@ -36,8 +36,6 @@ def find_next_record_offset(data: ByteSource, at: int, channels: Container[int])
     """Return the offset of the next plausible record at or after `at`; the length of the file if there is none.
 
     Args:
-        data: The file.
-        at: The offset at which the search begins.
         channels: Known channel ids; messages of other channels are not plausible.
     """
     last = len(data) - RECORD_PREFIX.size

@@ -61,7 +61,6 @@ def read_summary_if_present(
     """Return the index of a file from its summary.
 
     Args:
-        file: The log.
         footer, footer_at: From `find_footer_and_its_offset`.
         data_start: Offset of the data section.
         verify: Check the summary's CRC.

@@ -62,9 +62,7 @@ def index_data_section(
     """Index every record of the data section, and open the chunks whose channels are not known otherwise.
 
     Args:
-        file: The log.
         start: Offset of the data section.
-        faults: Counts what is lost.
         known: The index from the summary, if there is one; its schemas and channels are taken over.
         recover: Continue after damage.
         define_all: Find all schemas and channels, including those without messages; a chunk with an unknown
@@ -332,7 +330,6 @@ class _DataSectionIndexer:
         return self._index.channels.setdefault(channel.id, channel).id
 
     def _count_message_and_get_channel_id(self, data: ByteSource, start: int, end: int) -> int:
-        """Count a message and return its channel id."""
         if end - start < MESSAGE_HEADER_BYTES:
             raise RecordError("a message is shorter than its header")
         channel_id: int
@@ -342,6 +339,5 @@ class _DataSectionIndexer:
         return channel_id
 
     def _extend_log_time_range(self, start_ns: int, end_ns: int) -> None:
-        """Extend the range of log times by these."""
         self._first_ns = start_ns if self._first_ns is None else min(self._first_ns, start_ns)
         self._last_ns = max(self._last_ns, end_ns)

@@ -105,10 +105,8 @@ def load_columns(
     """Read topics as columns.
 
     Args:
-        reader: Reads the messages of the file.
         channels: Topic -> its channels, at least one each.
         wanted: Topic -> leaf fields, or None for all.
-        faults: Counts the messages that can't be decoded.
         name: The file's name, for messages.
         logged: Read only chunks with messages logged in [start, end) ns; undecodable messages in them are not counted.
 
@@ -166,9 +164,6 @@ def return_freed_memory_to_system(loaded: Mapping[str, Columns]) -> None:
 
     Its allocator keeps freed large blocks: 150 MB after a ten-minute JSON log. For a short log it is not worth the
     time.
-
-    Args:
-        loaded: The decoded columns.
     """
     if sum(map(len, loaded.values())) < MIN_ROWS_TO_RETURN_MEMORY:
         return

@@ -77,7 +77,6 @@ def convert_if_needed(file: InputFile, bounds: ReadBounds) -> InputFile:
 
     Args:
         file: An open file; closed where this fails.
-        bounds: What reading it may cost.
 
     Raises:
         InputError: It can't be read.

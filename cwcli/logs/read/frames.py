@@ -101,9 +101,6 @@ def iter_camera_frames(
     One chunk is in memory at a time, a few if chunks overlap in time, and up to three more that are decompressed ahead.
 
     Args:
-        reader: Reads the messages of the file.
-        channels: The topic's channels, at least one.
-        faults: Counts what can't be decoded.
         name: The file's name, for messages.
 
     Raises:

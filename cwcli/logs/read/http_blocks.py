@@ -43,10 +43,6 @@ _CONTENT_RANGE = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18}|\*)$")
 def iter_http_blocks(url: str, bounds: ReadBounds) -> Iterator[bytes]:
     """Yield the bytes of a file in blocks.
 
-    Args:
-        url: The file.
-        bounds: What reading may cost.
-
     Raises:
         InputError: The server lies, redirects too far, or encodes the file in a way that is not read.
         OSError, http.client.HTTPException: It can't be read.

@@ -66,7 +66,6 @@ class MessageBatch:
         return len(self.channel_id)
 
     def select_messages(self, rows: npt.NDArray[np.intp]) -> MessageBatch:
-        """Return the messages of the given rows."""
         payloads = self.payloads.select_messages(rows)
         return MessageBatch(
             payloads, self.channel_id[rows], self.sequence[rows], self.log_time_ns[rows], self.publish_time_ns[rows]
@@ -84,9 +83,6 @@ class MessageReader:
     """Reads a file's messages.
 
     Args:
-        file: The log.
-        index: The index of the file.
-        faults: Counts what is lost.
         recover: Leave damaged parts out and count them.
         verify: Check CRCs and message indexes.
 

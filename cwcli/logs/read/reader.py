@@ -172,7 +172,6 @@ class Log:
 
     @property
     def index(self) -> LogIndex:
-        """Return the index of the file."""
         return self._index
 
     @property
@@ -327,7 +326,6 @@ class Log:
 
         Args:
             channels: New channels; they replace channels of an earlier call on the same topic.
-            metadata: New metadata records.
         """
         by_topic = {channel.topic: channel for channel in (*self.added_channels, *channels)}
         return Log(

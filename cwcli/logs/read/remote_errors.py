@@ -78,7 +78,6 @@ def _format_cause(error: BaseException, url: str) -> str:
 
 
 def _iter_causes(error: BaseException) -> Iterator[BaseException]:
-    """Yield the error and its causes."""
     each: BaseException | None = error
     for _ in range(MAX_CAUSES):
         if each is None:

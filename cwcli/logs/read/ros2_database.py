@@ -68,10 +68,8 @@ def iter_database_content(
     """Yield schemas, channels, and messages in the order of the table's rows.
 
     Args:
-        database: An open database.
         file: The database's file.
         source: Gets what could not be read, and the compression of messages.
-        bounds: What reading it may cost.
 
     Raises:
         InputError: The messages unpack to more than the bounds allow.
@@ -110,7 +108,6 @@ def _iter_message_rows(
     """Yield row, topic id, time in ns and data of every message; those that are too long are counted and left out.
 
     Args:
-        database: An open database.
         source: Gets what could not be read.
         recover: Count a damaged table, whose rest is not read.
 

@@ -101,7 +101,6 @@ def open_database(
     """Yield a connection to a database, with its journals replayed in a private copy.
 
     Args:
-        file: The database.
         journals: From `open_journals`.
         max_value_bytes: A longer text or blob is an error.
         notes: Gets what the journals changed, as text -> how often.
@@ -149,7 +148,6 @@ def _open_connection(uri: str, max_value_bytes: int, n_bytes: int) -> sqlite3.Co
     """Open a database of unknown origin, as https://www.sqlite.org/security.html advises.
 
     Args:
-        uri: Where it is.
         max_value_bytes: A longer text or blob is an error.
         n_bytes: Size of the database with its journals.
     """

@@ -32,7 +32,6 @@ def iter_without_stalls(blocks: Iterator[bytes], url: str, timeout_s: float) -> 
 
     Args:
         blocks: They are read in a thread.
-        url: The file, for messages.
         timeout_s: Longest time in seconds until the first block, and in which `MIN_BYTES_PER_WAIT` bytes must come.
 
     Raises:

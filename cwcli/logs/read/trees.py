@@ -23,8 +23,6 @@ def read_first_message_trees(
     """Return the trees of the first messages of one topic in file order, without undecodable and large ones.
 
     Args:
-        reader: Reads the file.
-        channels: The channels of the topic.
         name: Name of the log, for messages.
         n: Number of messages that are looked at.
         max_bytes: Size of the largest message that is decoded.

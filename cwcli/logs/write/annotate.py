@@ -110,7 +110,6 @@ def annotate_log(
     Args:
         source: The log. The channels and metadata that it holds in memory (`Log.with_channels`) are written too. A log
             opened with `recover` is copied as far as it is intact.
-        channels: New channels.
         metadata: New metadata records by name, e.g. `cwcli.run.estimate`.
         target: File name, or `-` for standard output.
         replace: Leave the source's channels on the same topics, and its metadata records of the same names, out of the
@@ -255,10 +254,6 @@ def _write_body_and_summary(
 
     Args:
         writer: Writes the copy; its beginning is written already.
-        copy: The source.
-        new: New channels.
-        merge: The messages of the new channels.
-        metadata: New metadata records by name.
         until_ns: Last log time of new messages to write; None for all.
 
     Returns:

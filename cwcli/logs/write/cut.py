@@ -93,7 +93,6 @@ def cut_log(
 
     Args:
         source: The log; one opened with `recover` is copied as far as it is intact.
-        span: What to write.
         target: File name, or `-` for standard output.
         force: Overwrite a file that exists. The source itself is never overwritten.
         together: The file appears together with the others of this group.
@@ -166,7 +165,6 @@ class _Cutter:
         )
 
     def _count_by_topic(self, counts: Mapping[int, int]) -> dict[str, int]:
-        """Return topic -> messages, sorted by topic."""
         by_topic: dict[str, int] = {}
         for channel_id, n in counts.items():
             topic = self._index.channels[channel_id].topic
@@ -186,7 +184,6 @@ class _Cutter:
         }
 
     def _write_latched_messages(self) -> None:
-        """Write the latched messages from before the span as a chunk of their own."""
         latched = latched_channel_ids(self._index, self._wanted_ids) if self._span.keeps_latched else frozenset()
         named = {each for each in self._wanted_ids if self._index.channels[each].topic in self._span.last_of}
         records = find_latched_messages(self._reader, self._index, latched | named, self._span.first_ns)
@@ -254,7 +251,6 @@ class _Cutter:
         return counts
 
     def _are_log_times_between(self, log_time_ns: npt.NDArray[np.uint64], first_ns: int, last_ns: int) -> bool:
-        """Tell whether all log times lie from first to last."""
         return not len(log_time_ns) or (int(log_time_ns.min()) >= first_ns and int(log_time_ns.max()) <= last_ns)
 
     def _copy_if_wholly_wanted(self, chunk: ChunkIndex, payload: memoryview) -> bool:
@@ -299,7 +295,6 @@ class _Cutter:
             self._write_chunk_and_count_messages(waiting, is_compressed=is_compressed)
 
     def _write_chunk_and_count_messages(self, pieces: list[memoryview], *, is_compressed: bool) -> None:
-        """Write message records as a chunk, and count its messages."""
         entries = self._write_records(pieces, is_compressed=is_compressed)
         self._add_counts({channel_id: len(rows) for channel_id, rows in entries.items()})
         self._n_rewritten += 1
@@ -330,7 +325,6 @@ class _Cutter:
                 self._writer.write_channel(channel)
 
     def _add_counts(self, counts: Mapping[int, int]) -> None:
-        """Add to the counts of the messages in the span."""
         for channel_id, n in counts.items():
             self._counts[channel_id] = self._counts.get(channel_id, 0) + n
 

@@ -36,7 +36,6 @@ def _is_static_transforms(channel: Channel) -> bool:
 
 
 def latched_channel_ids(index: LogIndex, channel_ids: Collection[int]) -> frozenset[int]:
-    """Return the ids of the latched channels among some."""
     return frozenset(each for each in channel_ids if is_latched(index.channels[each]))
 
 

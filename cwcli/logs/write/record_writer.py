@@ -114,7 +114,6 @@ class RecordWriter:
         self.copy_bytes(source, index.offset, index.length)
 
     def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Write a new metadata record."""
         data = record_bytes.encode_metadata(name, values)
         self._metadata.append(self._output.position, len(data), name)
         self._output.write(data)

@@ -59,9 +59,7 @@ class SourceCopy:
     header or wrong indexes are rewritten. Other chunks are copied unchanged with their CRC, which readers check.
 
     Args:
-        source: The open file.
         index: Lists every record of the source.
-        faults: Counts what is lost.
         recover: Leave out what is damaged.
 
     Attributes:
@@ -157,8 +155,6 @@ class SourceCopy:
         """Write the header, and list schemas and channels in the summary; write them too if their chunk may be lost.
 
         Args:
-            writer: Writes the copy.
-            profile: Profile of the copy.
             replaced_ids: Ids of channels to leave out.
             replaced_metadata: Names of metadata records to leave out.
             written_schema_ids: Ids of schemas that the caller writes.
