@@ -37,9 +37,9 @@ LINE_LIFETIME_NS = 500_000_000
 LINE_THICKNESS_M = 0.3
 """Width of a drawn path, m; chosen by eye."""
 EGO_COLOR = (0.15, 0.5, 1.0, 0.9)
-"""Colour of the ego's paths: red, green, blue, alpha."""
+"""Colour of the ego's paths: red, green, blue, alpha, 0 to 1 each; chosen by eye."""
 OTHER_COLOR = (1.0, 0.55, 0.0, 0.9)
-"""Colour of the paths of other vehicles: red, green, blue, alpha."""
+"""Colour of the paths of other vehicles: red, green, blue, alpha, 0 to 1 each; chosen by eye."""
 
 
 def make_path_scene_channel(predicted: Sequence[AnyPaths]) -> OutputChannel:
@@ -79,7 +79,7 @@ def _evenly_spaced_points(predicted: AnyPaths, rows: Rows) -> FloatArray:
     """Evenly spaced points along n paths, shape (n, N_POINTS, 2), m."""
     at = np.linspace(0, len(predicted.time_s) - 1, POINTS_PER_LINE).round().astype(np.intp)
     points, place = np.unique(at, return_inverse=True)
-    return round_to_binary_step(predicted.positions(rows, points)[:, place], LENGTH_FRACTION_BITS)
+    return round_to_binary_step(predicted.positions_m_of_points(rows, points)[:, place], LENGTH_FRACTION_BITS)
 
 
 def _first_row_of_each_period(rows: Rows, log_time_ns: Int64Array) -> Rows:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
-from typing import Protocol
 
 import numpy as np
 
@@ -36,33 +35,6 @@ MAX_POINT_INTERVAL_S = 0.25
 """Longest time between published points, s; chosen: a car that brakes with 3 m/s^2 deviates 2 cm from the chord."""
 MAX_STEP_DIFFERENCE_S = 1e-6
 """Largest difference of the steps of one channel's paths, s; chosen: rounding errors only."""
-
-
-class PathSource(Protocol):
-    """Paths of n starts over the same times; arrays are computed on request."""
-
-    @property
-    def time_s(self) -> FloatArray: ...
-    def __len__(self) -> int: ...
-    def take(self, rows: Rows) -> Paths: ...
-
-
-class AnyPaths(Protocol):
-    """Paths of vehicles, n rows: `PredictedPaths` or `LazyPaths`."""
-
-    @property
-    def ids(self) -> Strings: ...
-    @property
-    def stamp_ns(self) -> Int64Array: ...
-    @property
-    def log_time_ns(self) -> Int64Array: ...
-    @property
-    def model(self) -> str: ...
-    @property
-    def time_s(self) -> FloatArray: ...
-    def __len__(self) -> int: ...
-    def select_paths(self, rows: Rows) -> PathSource: ...
-    def positions(self, rows: Rows, points: Rows) -> FloatArray: ...
 
 
 @dataclass(frozen=True)
@@ -97,7 +69,7 @@ class PredictedPaths:
     def select_paths(self, rows: Rows) -> Paths:
         return self.paths.take(rows)
 
-    def positions(self, rows: Rows, points: Rows) -> FloatArray:
+    def positions_m_of_points(self, rows: Rows, points: Rows) -> FloatArray:
         """Some points of some paths, shape (rows, points, 2)."""
         at = np.ix_(rows, points)
         return np.stack([self.paths.x_m[at], self.paths.y_m[at]], axis=2)
@@ -137,10 +109,14 @@ class LazyPaths:
     def select_paths(self, rows: Rows) -> SelectedPaths:
         return SelectedPaths(self.plan, rows)
 
-    def positions(self, rows: Rows, points: Rows) -> FloatArray:
+    def positions_m_of_points(self, rows: Rows, points: Rows) -> FloatArray:
         """Some points of some paths, shape (rows, points, 2)."""
         paths = self.plan.take(rows, points=points)
         return np.stack([paths.x_m, paths.y_m], axis=2)
+
+
+AnyPaths = PredictedPaths | LazyPaths
+"""Paths of vehicles, n rows: computed, or on request."""
 
 
 @dataclass(frozen=True)
