@@ -20,9 +20,9 @@ from typing import Any
 from cwcli.errors import EXIT_TERMINATED, CwcliError
 
 CLONE_NEWNET, CLONE_NEWUSER = 0x40000000, 0x10000000
-"""Flags of `unshare(2)` for a network and for users of the process's own."""
+"""Flags of `unshare(2)` for a network and for users of the process's own (linux/sched.h)."""
 PR_SET_PDEATHSIG = 1
-"""The request of `prctl(2)` for a signal when the parent ends."""
+"""The request of `prctl(2)` for a signal when the parent ends (linux/prctl.h)."""
 
 
 def serve_request() -> None:

@@ -40,7 +40,7 @@ MAX_CHUNK_BYTES = 256_000_000
 MAX_RATIO = 64.0
 """Greatest ratio of unpacked to stored bytes of a whole file that is read by default; chosen by hand."""
 NO_LIMIT_BYTES = 1 << 62
-"""Number of bytes that no file reaches, which stands for no limit."""
+"""Number of bytes that stands for no limit: no file reaches 4 EiB. Chosen by hand."""
 MAX_SETTINGS_BYTES = 16_000_000
 """Greatest size of a file that is read whole: settings, calibrations, definitions [bytes]; chosen by hand."""
 MAX_BINARY_BYTES = 4_000_000_000
@@ -48,7 +48,7 @@ MAX_BINARY_BYTES = 4_000_000_000
 BYTES_PER_MEGABYTE = 1_000_000
 """Bytes in a megabyte, for messages to users."""
 STANDARD_STREAMS = (1, 2)
-"""File descriptors of standard output and standard error."""
+"""File descriptors of standard output and standard error (POSIX)."""
 OUTPUT_ERRORS = (OutputError, BrokenPipeError)
 """Errors that no change of an input explains."""
 

@@ -294,7 +294,6 @@ def write_file(
     data: Bytes,
     *,
     force: bool = False,
-    durable: bool = True,
     together: AtomicGroup | None = None,
 ) -> None:
     """Write a whole file at once.
@@ -302,7 +301,7 @@ def write_file(
     Raises:
         As `open_output`.
     """
-    with open_output(target, force=force, durable=durable, together=together) as output:
+    with open_output(target, force=force, together=together) as output:
         output.write(data)
 
 

@@ -17,7 +17,7 @@ BUFFER_BYTES = 1 << 20
 WRITEBACK_BYTES = 16 << 20
 """Number of bytes after which the disk is asked to store them in the background, 16 MiB; chosen by hand."""
 MIN_BACKGROUND_BYTES = 1 << 18
-"""Fewest bytes that are handed to the thread, 256 KiB: less is written sooner than a thread takes it over."""
+"""Fewest bytes that are handed to the thread, 256 KiB: less is written before a thread takes over. Chosen by hand."""
 MAX_QUEUED_TASKS = 64
 """Greatest number of writes and copies that wait for the thread: with full buffers 64 MiB of data; chosen by hand."""
 

@@ -13,9 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 
 MAX_NAME_IN_TEMPORARY = 200
-"""Greatest part of the target's name in the hidden name [characters]; most file systems allow 255 bytes."""
+"""Number of characters of the target's name in the hidden name. Chosen by hand: most file systems allow 255 bytes."""
 NEW_FILE_MODE = 0o666
-"""Permissions of a new file, from which the system takes the user's umask away."""
+"""Permissions of a new file (POSIX, rw for all), from which the system takes the user's umask away."""
 
 
 class TemporaryFile:

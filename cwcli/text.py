@@ -72,7 +72,7 @@ def finite_or_none(value: float) -> float | None:
 HOURS_SHOWN_BELOW = 48
 """Duration in hours from which days are shown; chosen: nobody divides more hours by 24."""
 DAYS_PER_YEAR = 365.25
-"""Mean length of a Julian year in days."""
+"""Mean length of a Julian year in days, for durations in years."""
 
 
 def format_duration(seconds: float) -> str:

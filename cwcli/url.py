@@ -36,7 +36,7 @@ SAS_NAMES = frozenset(
 )
 """Names of the query parameters of Azure's shared access signatures, beside `sig` (Azure Storage REST API)."""
 DIGEST_ROUNDS = 50_000
-"""Number of PBKDF2 rounds, 30 ms a URL: what each guess at a short secret in a parameter of an unknown name costs."""
+"""Number of PBKDF2 rounds. Chosen by hand: each guess at a short secret in an unknown parameter costs 30 ms."""
 DIGEST_LENGTH = 8
 """Number of hexadecimal digits of a digest; so few that many secrets have the same one. Chosen by hand."""
 MIN_SECRET_LENGTH = 3

@@ -162,8 +162,8 @@ KINDS: dict[int, Callable[[ByteSource, int, int], Document]] = {
 def indexed(file: InputFile) -> Document:
     """What the reader of logs finds: by the summary, or without where there is none that is whole."""
     faults = Faults()
-    index = open_index(file, faults, recover=False, verify=True)
-    reader = MessageReader(file, index, faults, recover=False, verify=True)
+    index = open_index(file, faults, recover=False)
+    reader = MessageReader(file, index, faults, recover=False)
     rows = [
         (int(channel_id), int(sequence), log_ns, int(publish_ns), bytes(payload))
         for batch in reader.iter_batches(list(index.channels))

@@ -45,13 +45,13 @@ SIDES = ("left", "right")
 PARABOLA_FIELDS = ("a", "b", "c")
 """Fields of a boundary as a parabola in the searched image."""
 ROAD_LINE_FIELDS = ("lateral_m", "slope", "ground_curvature_1pm")
-"""A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
+"""Fields of a boundary on the road, x ahead and y to the left in m: y = lateral + slope x + curvature x^2 / 2."""
 ROAD_LINE_LIMITS = np.array([1e3, 10.0, 1.0])
 """Largest plausible distance (m), slope (1) and curvature (1/m) of a boundary on the road; chosen by hand."""
 MAX_CURVATURE_CHANGE_1PM2 = 1.0
 """Largest plausible change of curvature along the lane, 1/m^2; chosen by hand."""
 IMAGE_ROAD_FIELDS = ("far_px", "near", "bend_px2", "spiral_px3")
-"""A boundary in the image, h rows below the horizon: x = far + near h + bend / h + spiral / h^2 (px)."""
+"""Fields of a boundary in the image, h rows below the horizon: x = far + near h + bend / h + spiral / h^2 (px)."""
 PINHOLE_FIELDS = ("road_centre_px", "road_focal_px")
 """Fields of the pinhole camera that projects the road: image column of its axis and focal length, both px."""
 PREVIEW_FIELDS = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")

@@ -22,7 +22,7 @@ TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *LANE
 PREVIEW_MATCH_TOLERANCE_M = 1e-6
 """Greatest difference of two preview distances that count as equal, m. Chosen: rounding errors only."""
 STATUS_OFFSET = 1
-"""Offset from `FrameStatus` to the enum of the message, where 0 means unspecified."""
+"""Offset from `FrameStatus` to the enum of `cwcli.v1.LateralState`, where 0 means unspecified."""
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from cwcli.signals.vehicle_state import HEADING
 HEADING_STEP_M = 1.0
 """Distance along the heading that is converted with a position to get its heading on the other map, m; chosen."""
 MAD_TO_SIGMA = 1.4826
-"""Standard deviation of a normal distribution per median absolute deviation."""
+"""Standard deviation of a normal distribution per median absolute deviation: 1 / 0.6745, its upper quartile."""
 GNSS_EPOCH_NS = 10 * NS_PER_MS
-"""GNSS receivers measure at multiples of 10 ms, counted from the whole second (common receiver rates)."""
+"""Interval of GNSS epochs, ns: common receivers measure at multiples of 10 ms from the whole second."""
 MAX_EPOCH_PHASE_NS = 2 * NS_PER_MS
 """Greatest difference, ns, of the stamps of 95 % of the positions from whole epochs. Chosen by hand."""
 

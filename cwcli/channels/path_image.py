@@ -36,7 +36,7 @@ from cwcli.vision.path_overlay import (
 PATH_LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
 """Line of the path -> its opacity, 0 to 1; chosen by eye."""
 TRANSPARENT_COLOUR = (0.0, 0.0, 0.0, 0.0)
-"""A fully transparent colour."""
+"""A fully transparent colour: red, green, blue and alpha, 0 to 1 each."""
 
 
 @dataclass(frozen=True)

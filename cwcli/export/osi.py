@@ -26,7 +26,7 @@ from cwcli.signals.units import NS_PER_S
 OSI_VERSION = (3, 8, 0)
 """Version of OSI whose messages are written."""
 TRACE_TOPIC, TRACE_SCHEMA = "ground_truth", "osi3.GroundTruth"
-"""Topic and schema of the only channel."""
+"""Topic and schema of the only channel of a trace; chosen: OSI leaves the topic open."""
 EGO_CONTENTS = ("ego", "ego-online")
 """Contents whose track is the host vehicle."""
 DEFAULT_SIZE_M = (4.5, 1.8)
@@ -38,7 +38,7 @@ MAX_INTERPOLATION_GAP_S = 1.0
 TYPE_OTHER, TYPE_VEHICLE, VEHICLE_OTHER = 1, 2, 1
 """The values of MovingObject.Type and of VehicleClassification.Type that are used."""
 GPS_EPOCH_NS = 315_964_800 * NS_PER_S
-"""The GPS epoch as Unix time, ns; earlier stamps count from the start of a simulation, not from 1970."""
+"""The GPS epoch (IS-GPS-200, 1980-01-06) as Unix time, ns; earlier stamps count from the start of a simulation."""
 
 
 def encode_osi_mcap_trace(tracks: Sequence[Track]) -> bytes:

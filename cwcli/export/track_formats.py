@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 DEGREE_DECIMALS = 9
 """Decimals of an angle in degrees; chosen: 0.1 mm on the ground."""
 FORBIDDEN_XML_CHARACTERS = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that no XML 1.0 document may hold, not even escaped."""
+"""Pattern of the characters that no XML document may hold, not even escaped (XML 1.0, 2.2)."""
 GPX_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <gpx version="1.1" creator="cwcli" xmlns="http://www.topografix.com/GPX/1/1">
 """

@@ -19,7 +19,7 @@ N_BOOTSTRAP_BLOCKS = 10
 """Number of consecutive parts of the log whose mean pitches give the sigma; chosen by hand."""
 MIN_PITCH_SIGMA_RAD = 5e-4
 """Smallest sigma of the pitch that is reported [rad]: half a pixel of the horizon at a focal length of 1000 pixels, an
-error that all frames share."""
+error that all frames share. Chosen by hand."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ VEHICLE_KEY = "vehicle"
 WITHHELD_KEY = "withheld"
 """Entry of a warning stage's record that holds the number of withheld warnings of each rule as JSON."""
 MAX_LATENCY_S = 86_400.0
-"""Greatest latency that a record may state, s: a day; anything beyond is ignored."""
+"""Greatest latency that a record may state, s: a day; anything beyond is ignored. Chosen by hand."""
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
 """Entries of the record of `estimate` for the map's origin: WGS 84 latitude and longitude [deg], altitude [m]."""
 

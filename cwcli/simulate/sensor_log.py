@@ -12,7 +12,6 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.encoders.schemas import schema_folder
 from cwcli.logs.write.writer import LogWriter
-from cwcli.output import write_file
 from cwcli.output_stream import OutputStream
 from cwcli.signals.columns import (
     Field,
@@ -35,10 +34,9 @@ from cwcli.simulate.cdr import (
     encode_velocity_reports,
 )
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, encode_bsm_json, encode_ode_json
-from cwcli.simulation.catalogue import scenario_text
 from cwcli.simulation.detectors import DetectionScans, positions_in_host_body_frame
-from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
-from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle, load_scenario
+from cwcli.simulation.drive import SimulatedDrive
+from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle
 from cwcli.simulation.spec import TOP_KEYS
 from cwcli.simulation.streams import seconds_to_ns
 from cwcli.version import __version__
@@ -71,8 +69,6 @@ truth channel."""
 
 METADATA_NAME = "cwcli.scenario"
 """Name of the metadata record with the scenario."""
-SAMPLE_SCENARIOS = ("straight", "curve", "rear-end", "intersection")
-"""Scenarios whose logs are stored in `sample_logs/`, each with its own seed."""
 
 
 @dataclass(frozen=True)
@@ -144,23 +140,6 @@ def scenario_metadata(drive: SimulatedDrive) -> dict[str, str]:
         "scenario": _format_json(scenario.document),
         "resolved": _format_json(resolved),
     }
-
-
-def regenerate_sample_logs(target_dir: str | Path, *, force: bool = False) -> tuple[Path, ...]:
-    """Make the logs of `sample_logs/` again: `<name>.mcap` and its scenario file `<name>.toml`.
-
-    Raises:
-        OutputError: A file exists and `force` is off, or the folder can't be written.
-    """
-    folder = Path(target_dir)
-    paths = []
-    for name in SAMPLE_SCENARIOS:
-        path = folder / f"{name}.mcap"
-        write_simulated_log(simulate_scenario(load_scenario(name)), path, force=force)
-        scenario_path = folder / f"{name}.toml"
-        write_file(scenario_path, scenario_text(name).encode(), force=force)
-        paths += [path, scenario_path]
-    return tuple(paths)
 
 
 def _write_sensor_channels(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:

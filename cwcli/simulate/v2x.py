@@ -77,9 +77,9 @@ _UNAVAILABLE_BRAKES = {
 }
 """Brake status of SAE J2735 whose parts are all unavailable."""
 _UNAVAILABLE_ANGLE = 127
-"""Steering wheel angle of SAE J2735 that stands for unavailable, steps of 1.5 deg."""
+"""Value of a steering wheel angle, in steps of 1.5 deg, that stands for unavailable (SAE J2735)."""
 _UNAVAILABLE_VERTICAL_ACCEL = -127
-"""Vertical acceleration of SAE J2735 that stands for unavailable, steps of 0.02 g."""
+"""Value of a vertical acceleration, in steps of 0.02 g, that stands for unavailable (SAE J2735)."""
 
 
 def encode_bsm_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:

@@ -28,7 +28,7 @@ ROS_TOPIC_PREFIX = f"{OWN_TOPIC_PREFIX}ros/"
 METADATA_RECORD = "cwcli.export.ros2"
 """Name of the metadata record that holds the map's origin."""
 FORBIDDEN_TOPIC_CHARACTERS = re.compile("[^A-Za-z0-9_/]")
-"""Characters that a ROS topic may not hold."""
+"""Pattern of the characters that a ROS topic may not hold (design.ros2.org, topic and service names)."""
 
 OWN_SCHEMA_PREFIX = "cwcli."
 """Beginning of the names of cwcli's own schemas."""

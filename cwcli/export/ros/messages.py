@@ -46,17 +46,17 @@ from cwcli.signals.vehicle_state import BODY_FRAME, EGO_ID, HEADING, MAP_FRAME, 
 
 Fields = Mapping[str, OutputField]
 POSE_COVARIANCE_SIZE = 36
-"""Number of values in a 6 x 6 covariance of position and rotation (x, y, z, roll, pitch, yaw)."""
+"""Number of values in the 6 x 6 covariance of x, y, z, roll, pitch and yaw (geometry_msgs/PoseWithCovariance)."""
 YAW_ROW = 5
 """The row and column of yaw in a 6 x 6 covariance of position and rotation (geometry_msgs/PoseWithCovariance)."""
 WARNING_CLEARED = 3
 """The value of `cwcli.v1.Warning.State` for a cleared warning."""
 LEVEL_OK, LEVEL_WARN = 0, 1
-"""The levels of `diagnostic_msgs/DiagnosticStatus`."""
+"""The values of OK and WARN for the level of a `diagnostic_msgs/DiagnosticStatus`."""
 LOG_LEVEL_STEP = 10
 """Factor from levels of foxglove.Log (1, 2, ...) to those of rcl_interfaces/Log (10, 20, ...)."""
 MAX_FOXGLOVE_LOG_LEVEL = 25
-"""Largest level of foxglove.Log whose converted level still fits into a byte."""
+"""Largest level of foxglove.Log whose converted level, ten times as large, still fits into a byte."""
 SERVICE_GPS = 1
 """The value of SERVICE_GPS in sensor_msgs/NavSatStatus."""
 NAVSATFIX_COVARIANCE_TYPES = (0, 1, 2, 3)

@@ -55,7 +55,7 @@ MAX_ALIGNMENT_XCDR1_BYTES = 8
 MAX_ALIGNMENT_XCDR2_BYTES = 4
 """The largest alignment in bytes of XCDR2 (DDS-XTypes 1.3, 7.4.3)."""
 OCTET_TYPES = ("uint8", "byte")
-"""The primitive types whose sequences are treated as blobs of bytes."""
+"""The primitive types of ROS 2 whose sequences are treated as blobs of bytes."""
 
 
 @dataclass(frozen=True)

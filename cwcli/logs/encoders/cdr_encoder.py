@@ -34,7 +34,7 @@ CDR_LITTLE_ENDIAN_HEADER = b"\x00\x01\x00\x00"
 MAX_ALIGNMENT_BYTES = 8
 """The largest alignment of a number in bytes (CDR version 1)."""
 PADDING_BYTES = np.zeros(MAX_ALIGNMENT_BYTES, np.uint8)
-"""The zero bytes from which padding is taken."""
+"""The zero bytes from which the padding in front of aligned numbers is taken."""
 
 
 def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> ByteRows:

@@ -22,7 +22,7 @@ IMPORTABLE_MAGICS = (
 )
 """The first bytes of Parquet, zip, BLF, UBX, text with a byte order mark, AVI and Matroska."""
 TEXT_BYTES = frozenset([9, 10, 13, *range(32, 127), *range(160, 256)])
-"""The bytes of text in common encodings."""
+"""The bytes that occur in text in ASCII and Latin-1: tab, line ends and printable characters."""
 MAX_NON_MESSAGE_RECORDS = 1 << 16
 """The greatest number of schemas, channels, attachments and runs of metadata in a file; one with more is refused.
 Chosen by hand: many times what recorders write."""

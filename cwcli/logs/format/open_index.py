@@ -25,23 +25,22 @@ from cwcli.logs.format.summary import find_footer_and_its_offset, is_complete_su
 from cwcli.logs.format.walk import index_data_section
 
 
-def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) -> LogIndex:
+def open_index(file: InputFile, faults: Faults, *, recover: bool) -> LogIndex:
     """Return the index of a file for reading: its summary, if that is complete.
 
     Args:
         recover: Count damage instead of raising.
-        verify: Check the summary's CRC.
 
     Raises:
         InputError: It is not an MCAP file, or is damaged; with `recover`, if nothing in it can be read.
     """
     if isinstance(file, JoinedFile):
-        joined = _index_parts(file, partial(open_index, faults=faults, recover=recover, verify=verify), recover=recover)
+        joined = _index_parts(file, partial(open_index, faults=faults, recover=recover), recover=recover)
         faults.add_file_faults(file.notes)
         return joined
     faults.add_file_faults(file.notes)
     start, head = _read_magic_and_header(file, faults, recover=recover)
-    index = summary = _read_summary_if_usable(file, start, faults, recover=recover, verify=verify)
+    index = summary = _read_summary_if_usable(file, start, faults, recover=recover)
     if index is None or not is_complete_summary(index):
         index = index_data_section(file, start, faults, summary, recover=recover)
         _check_message_count(file.name, index, summary, faults, recover=recover)
@@ -69,7 +68,7 @@ def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Log
     if isinstance(file, JoinedFile):
         return _index_parts(file, partial(index_every_record, faults=faults, recover=recover), recover=recover)
     start, head = _read_magic_and_header(file, faults, recover=recover)
-    summary = _read_summary_if_usable(file, start, Faults(), recover=True, verify=True)
+    summary = _read_summary_if_usable(file, start, Faults(), recover=True)
     index = index_data_section(file, start, faults, summary, recover=recover, define_all=True)
     if not index.has_end and not recover:
         raise _cut_short_error(file)
@@ -128,9 +127,7 @@ def _read_magic_and_header(file: InputFile, faults: Faults, *, recover: bool) ->
     return following, ("", "", 0)
 
 
-def _read_summary_if_usable(
-    file: InputFile, data_start: int, faults: Faults, *, recover: bool, verify: bool
-) -> LogIndex | None:
+def _read_summary_if_usable(file: InputFile, data_start: int, faults: Faults, *, recover: bool) -> LogIndex | None:
     """Return the index from the summary, or None if there is no usable summary.
 
     Raises:
@@ -143,7 +140,7 @@ def _read_summary_if_usable(
         faults.truncated = True
         return None
     try:
-        return read_summary_if_present(file, *found, data_start, verify=verify)
+        return read_summary_if_present(file, *found, data_start, verify=True)
     except RecordError as error:
         if not recover:
             what = f"{error} (summary at byte {found[0].summary_start})"

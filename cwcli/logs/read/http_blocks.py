@@ -33,7 +33,7 @@ MAX_SHOWN_URL_CHARS = 200
 WEB_SCHEMES = ("http", "https")
 """The schemes that are read here, and to which redirects may lead."""
 GZIP_WINDOW = zlib.MAX_WBITS | 32
-"""The window of zlib for gzip and zlib streams."""
+"""The window bits with which zlib unpacks gzip and zlib streams of any window (32: it finds out which)."""
 ENCODINGS_OF_ZLIB = ("gzip", "x-gzip", "deflate")
 """Content encodings that are unpacked (RFC 9110, 8.4.1)."""
 _CONTENT_RANGE = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18}|\*)$")

@@ -20,7 +20,7 @@ def read_log_times_and_crc32_of_messages(log: Log, topic: str) -> tuple[Int64Arr
         InputError: The file is damaged, and the log was not opened with `recover`.
     """
     ids = [channel.id for channel in log.index.channels.values() if channel.topic == topic]
-    reader = MessageReader(log.file, log.index, Faults(), recover=log.recover, verify=True)
+    reader = MessageReader(log.file, log.index, Faults(), recover=log.recover)
     reader.distrust_indexes_if_miscounted(ids)
     times: list[int] = []
     checksums: list[int] = []

@@ -84,20 +84,18 @@ class MessageReader:
 
     Args:
         recover: Leave damaged parts out and count them.
-        verify: Check CRCs and message indexes.
 
     Attributes:
         trusts_indexes: Chunks whose index does not list a channel are not opened for it.
     """
 
-    def __init__(self, file: InputFile, index: LogIndex, faults: Faults, *, recover: bool, verify: bool) -> None:
+    def __init__(self, file: InputFile, index: LogIndex, faults: Faults, *, recover: bool) -> None:
         self._file = file
         self._index = index
         self._chunks = index.items_of_type(ChunkIndex)
         self._spans = index.items_of_type(UnchunkedRange)
         self._faults = faults
         self._recover = recover
-        self._verify = verify
         self._counted: set[int] = set()
         self._verified: set[int] = set()
         self.trusts_indexes = index.has_message_counts
@@ -260,7 +258,7 @@ class MessageReader:
                 if not is_partial:
                     self._report_damaged_record(chunk.chunk_start, "a record in a chunk is damaged", 0)
                 break
-        if self._verify and not is_partial and not self._are_message_indexes_correct(chunk, noted, channel_ids):
+        if not is_partial and not self._are_message_indexes_correct(chunk, noted, channel_ids):
             self._count_fault_once(chunk.chunk_start, "broken_indexes")
         yield from noted
 
@@ -310,7 +308,7 @@ class MessageReader:
             InputError: It is wrong, and `recover` is off.
         """
         start, end = self._index.start_and_data_end_of_section_at(at)
-        if not self._verify or end is None or end in self._counted:
+        if end is None or end in self._counted:
             return
         self._counted.add(end)
         (crc,) = struct.unpack("<I", self._file[end + RECORD_PREFIX.size : end + RECORD_PREFIX.size + 4])
@@ -362,7 +360,7 @@ class MessageReader:
         if chunk.chunk_start in self._index.cut_chunks:
             self._count_fault_once(chunk.chunk_start, "chunks_partial")
             return self._index.records_with_log_ids(chunk.chunk_start, decompress_cut_chunk(self._file, chunk))
-        verify = self._verify and chunk.chunk_start not in self._verified  # the stages of a run read it several times
+        verify = chunk.chunk_start not in self._verified  # the stages of a run read it several times
         payload = decompress_chunk(self._file, chunk, verify=verify)
         self._verified.add(chunk.chunk_start)
         return self._index.records_with_log_ids(chunk.chunk_start, payload)

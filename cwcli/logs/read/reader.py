@@ -92,12 +92,10 @@ class Log:
         faults: Faults,
         *,
         recover: bool,
-        verify: bool,
         added: AddedContents | None = None,
     ) -> None:
         owner = None if added is None else added.owner
         self._index = index
-        self._verify = verify
         self._owner = owner
         self._reader: MessageReader | None = None if owner is None else owner._get_message_reader()
         self._column_cache: ColumnCache = ColumnCache() if owner is None else owner._column_cache
@@ -132,7 +130,6 @@ class Log:
         source: Source | InputFile,
         *,
         recover: bool = False,
-        verify: bool = True,
         max_chunk_bytes: int = MAX_CHUNK_BYTES,
         max_pipe_bytes: int = MAX_PIPE_BYTES,
         max_ratio: float = MAX_RATIO,
@@ -144,7 +141,6 @@ class Log:
             source: File name, or `-` for standard input (a pipe is copied to a temporary file first); a folder that is
                 a log, or the names of its parts; or an open file, which is closed with the log.
             recover: Read what is intact of a damaged file, and count the rest.
-            verify: Check CRCs and message indexes.
             max_chunk_bytes: A chunk that decompresses to more bytes counts as damaged.
             max_pipe_bytes: Greatest number of bytes read from a pipe.
             max_ratio: Greatest total size of all chunks, decompressed, as a multiple of the file's size (plus one
@@ -164,8 +160,8 @@ class Log:
         file.max_chunk_bytes, file.max_ratio = max_chunk_bytes, max_ratio
         try:
             faults = Faults()
-            index = open_index(file, faults, recover=recover, verify=verify)
-            return cls(file, index, faults, recover=recover, verify=verify)
+            index = open_index(file, faults, recover=recover)
+            return cls(file, index, faults, recover=recover)
         except BaseException as error:
             file.__exit__(type(error), error, None)
             raise
@@ -333,7 +329,6 @@ class Log:
             self._index,
             self.faults,
             recover=self.recover,
-            verify=self._verify,
             added=AddedContents(
                 tuple(by_topic.values()),
                 {**self.added_metadata, **(metadata or {})},
@@ -366,7 +361,7 @@ class Log:
         if self._reader is None:
             from cwcli.logs.read.message_reader import MessageReader
 
-            self._reader = MessageReader(self.file, self._index, self.faults, recover=self.recover, verify=self._verify)
+            self._reader = MessageReader(self.file, self._index, self.faults, recover=self.recover)
         return self._reader
 
     def _infos_of_added_channels(self) -> tuple[ChannelInfo, ...]:

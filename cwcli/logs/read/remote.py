@@ -20,7 +20,7 @@ COPY_BLOCK_BYTES = 4 << 20
 WEB_PREFIXES = ("https://", "http://")
 """The beginnings of URLs that are read without fsspec."""
 URL_SCHEMES = ("https", "http", "s3", "gs", "az", "abfs")
-"""The schemes of the URLs from which logs can be read."""
+"""The schemes of the URLs from which logs can be read: web servers and the stores of fsspec's packages."""
 URL_SCHEME_ALIASES = ("s3a", "gcs", "abfss", "adl", "memory")
 """Further names of the same stores; `memory` is for tests. Other schemes of fsspec run programs, read archives, or need
 options that a URL can't give."""

@@ -32,7 +32,7 @@ WAL_FRAME_HEADER = struct.Struct(">IIIIII")
 """The header of a frame in a write-ahead log: page, size of the database, two salts, two checksums; the page
 follows."""
 WAL_MAGIC_NUMBERS = (0x377F0682, 0x377F0683)
-"""The magic numbers of a write-ahead log, one for each byte order of its checksums."""
+"""The magic numbers of a write-ahead log, one for each byte order of its checksums (sqlite.org/fileformat2.html)."""
 WAL_HEADER_SALTS = slice(4, 6)
 """The places of the salts among the numbers of `WAL_HEADER`."""
 FRAME_SALTS = slice(2, 4)

@@ -19,9 +19,9 @@ from cwcli.url import display_name_of_url
 MIN_BYTES_PER_WAIT = 1000
 """A server that sends fewer bytes within the time counts as stalled. Chosen by hand: a modem sends that each second."""
 MAX_BLOCKS_AHEAD = 4
-"""Blocks that are read ahead of their use."""
+"""Number of blocks that are read ahead of their use. Chosen by hand: at most 16 MiB."""
 POLL_S = 0.5
-"""The time in seconds after which a thread looks whether it is still wanted."""
+"""The time in seconds after which a thread looks whether it is still wanted. Chosen by hand."""
 
 Item = bytes | BaseException | None
 """A block, the error that ended the reading, or its end."""

@@ -49,15 +49,15 @@ Content = Schema | Channel | tuple[int, int, bytes]
 """A schema, a channel, or the channel's number, log time in ns and payload of a message."""
 
 VERSION_LINES = {b"#ROSBAG V2.0\n": "2.0", b"#ROSBAG V1.2\n": "1.2"}
-"""First line of a bag -> its version."""
+"""First line of a bag -> its version (http://wiki.ros.org/Bags/Format)."""
 VERSION_LINE_BYTES = 13
-"""The size of the first line."""
+"""The size in bytes of the first line of a bag, which names its version."""
 OP_DEFINITION, OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = range(1, 8)
 """The kinds of records; a definition occurs in version 1.2 alone."""
 MAX_CHANNELS = 0xFFFF
 """The greatest number of channels: MCAP has 16 bits for their ids, from 1 on (MCAP specification)."""
 INDEX_ENTRY_BYTES = 12
-"""The size of an entry of a chunk's index: the time and the offset of a message."""
+"""The size in bytes of an entry of a chunk's index: time and offset of a message (rosbag format 2.0)."""
 ANY_CHECKSUM = "*"
 """The checksum of a connection that takes every type."""
 MAX_TYPE_NAME_CHARS = 512

@@ -25,7 +25,7 @@ CDR_HEADER = b"\x00\x01\x00\x00"
 SIZE_OF_TYPE = {name: int(dtype[1:]) for name, dtype in PRIMITIVE_DTYPES.items()}
 """Type of a number -> its size in bytes, which is its alignment, too."""
 LENGTH_BYTES = 4
-"""The size of a length in front of a text or a sequence."""
+"""The size in bytes of the length in front of a text or a sequence, in ROS 1 and in CDR."""
 MIN_ALLOWED_ELEMENTS = 1 << 16
 """A message may hold this number of messages, however few bytes it has. Chosen by hand."""
 ALLOWED_ELEMENTS_PER_BYTE = 8
@@ -34,7 +34,7 @@ hand."""
 MAX_REPEATED_PIECES = 64
 """Fixed arrays of messages up to this number of pieces are copied without a loop. Chosen by hand."""
 PADDING = tuple(bytes(n) for n in range(8))
-"""The gaps in front of aligned numbers, by their size."""
+"""The zero bytes of the gap in front of an aligned number in CDR, by the size of the gap in bytes."""
 _LENGTH = struct.Struct("<I")
 """A length in front of a text or a sequence."""
 

@@ -38,7 +38,7 @@ ROS1_HEADER_FIELDS = (
 )
 """The fields of ROS 1's header (http://docs.ros.org/en/api/std_msgs/html/msg/Header.html)."""
 RULE = "=" * 80
-"""The line between two definitions."""
+"""The line between two message definitions in the text of a connection (rosbag format 2.0)."""
 _CONSTANT = re.compile(r"^\s*(\w+)\s+(\w+)\s*=(.*)$")
 """The pattern of a line with a constant: type, name, value."""
 

@@ -29,7 +29,7 @@ from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES, ChunkPayload
 from cwcli.logs.write.profile import profile_that_channels_keep
 from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.source_copy import message_index_entries
-from cwcli.output import AtomicGroup, open_output
+from cwcli.output import open_output
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -83,9 +83,7 @@ class CutReport:
     faults: Mapping[str, int]
 
 
-def cut_log(
-    source: Log, span: CutSpan, target: str | Path, *, force: bool = False, together: AtomicGroup | None = None
-) -> CutReport:
+def cut_log(source: Log, span: CutSpan, target: str | Path, *, force: bool = False) -> CutReport:
     """Write the part of a log that lies in a span.
 
     Every message keeps its bytes, its log time, its publish time and its sequence number. A metadata record
@@ -95,14 +93,13 @@ def cut_log(
         source: The log; one opened with `recover` is copied as far as it is intact.
         target: File name, or `-` for standard output.
         force: Overwrite a file that exists. The source itself is never overwritten.
-        together: The file appears together with the others of this group.
 
     Raises:
         OutputError: The target can't be written.
         InputError: The source is damaged, or changed while it was read.
         UsageError: No wanted message lies in the span.
     """
-    with open_output(target, force=force, inputs=source.file.disk_files, together=together) as output:
+    with open_output(target, force=force, inputs=source.file.disk_files) as output:
         cutter = _Cutter(source, span, RecordWriter(output))
         cutter.write_whole_log()
         source.file.check_unchanged()
@@ -119,7 +116,7 @@ class _Cutter:
         self._writer = writer
         self._index: LogIndex = source.index
         self._faults = Faults()
-        self._reader = MessageReader(source.file, self._index, self._faults, recover=source.recover, verify=True)
+        self._reader = MessageReader(source.file, self._index, self._faults, recover=source.recover)
         wanted = span.topics
         self._wanted_ids = frozenset(
             each.id for each in self._index.channels.values() if wanted is None or each.topic in wanted

@@ -42,16 +42,13 @@ class LogWriter:
     Args:
         target: File name, `-` for standard output, or an open output, which stays open.
         profile: MCAP profile, e.g. `ros2`.
-        library: Name of the program that writes the log.
         force: Overwrite a file that exists.
 
     Raises:
         OutputError, UsageError: As `cwcli.output.open_output`.
     """
 
-    def __init__(
-        self, target: str | Path | OutputStream, *, profile: str = "", library: str = LIBRARY_NAME, force: bool = False
-    ) -> None:
+    def __init__(self, target: str | Path | OutputStream, *, profile: str = "", force: bool = False) -> None:
         self._schema_ids: dict[tuple[str, str, bytes], int] = {}
         self._feeds: list[MessageFeed] = []
         self._counts: dict[int, int] = {}
@@ -61,7 +58,7 @@ class LogWriter:
         else:
             output = self._open.enter_context(open_output(target, force=force))
         self._writer = Writer(cast("IO[bytes]", output), chunk_size=NEW_CHUNK_BYTES)
-        self._writer.start(escape_surrogates(profile), library)
+        self._writer.start(escape_surrogates(profile), LIBRARY_NAME)
 
     def __enter__(self) -> Self:
         return self

@@ -20,7 +20,7 @@ Rows = list[tuple[int, int, int, bytes]]
 
 def messages(log: Log) -> Rows:
     """Sequence, log time, publish time and payload of every message, in file order."""
-    reader = MessageReader(log.file, log._index, log.faults, recover=log.recover, verify=True)
+    reader = MessageReader(log.file, log._index, log.faults, recover=log.recover)
     return [
         (int(sequence), log_time_ns, int(publish_time_ns), bytes(payload))
         for batch in reader.iter_batches([channel.id for channel in log.channels])

@@ -149,8 +149,6 @@ def test_flipped_crc_alone_is_a_crc_mismatch(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="CRC"):
         read_all(path)
     assert read_all(path, recover=True)[1].faults.crc_mismatches == 1
-    with Log.open(path, verify=False) as log:
-        assert len(log.columns("/fix")) == N
 
 
 def test_flipped_byte_in_a_message_index_is_counted_and_harms_nobody(tmp_path: Path) -> None:
