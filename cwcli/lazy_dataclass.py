@@ -105,7 +105,6 @@ class _Deferred:
     """A data class whose methods are not compiled yet.
 
     Args:
-        owner: The class.
         settings: Arguments of the standard decorator.
     """
 

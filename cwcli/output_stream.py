@@ -41,7 +41,6 @@ class OutputStream:
     """An open target. Errors of the medium become `OutputError`; a closed pipe stays a `BrokenPipeError`.
 
     Args:
-        descriptor: Open for writing.
         name: Name of the target in messages.
         works_aside: Write and copy in a thread while the next data is computed. A later call raises its errors, and
             `wait_until_idle` must be called in the end.

@@ -28,7 +28,6 @@ class ImageShape:
         kind: `LINE_STRIP`, or `LINE_LOOP`, which is filled.
         points: Shape (k, 2): u, v in the pixels of the image.
         outline, fill: Colours; a fill of None is left out of the message.
-        thickness_px: Width of the outline.
     """
 
     kind: int
@@ -43,9 +42,7 @@ class ImageLabel:
     """A word on the image.
 
     Attributes:
-        text: The word.
         at: u, v of its lower left corner, pixels.
-        colour: Colour of the letters.
         size_px: Height of its letters.
     """
 

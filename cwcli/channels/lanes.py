@@ -82,11 +82,9 @@ class LaneFrames:
         search_size: Shape (n, 2): width and height of the searched image, pixels.
         horizon_px: Shape (n,): row in the search image, NaN where not known.
         camera_pitch_rad, camera_yaw_rad: Shape (n,): as used; nose down and counter-clockwise positive.
-        fits: n rows.
         roads: Shape (n, 2, 4): the boundaries as roads (`ground.image_hyperbolas_of_flat_road`).
         top_px: Shape (n,): row in the search image at which boundaries end.
         pinhole: Shape (n, 2): `BoundaryLines.pinhole`.
-        geometry: n rows.
         preview_m: Distance of the preview point.
         rectified_from: Width and height of an image -> the camera whose frames were rectified before the search; None:
             they were searched as they are.

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, Field, Int64Array, Strings
+from cwcli.signals.columns import Columns, Field, Int64Array, Strings, absent_strings
 from cwcli.signals.leaf_fields import numbers_of_row, read_numbers
 from cwcli.vision.camera import Camera, Mounting, pad_distortion_coefficients
 
@@ -51,7 +51,7 @@ class Lenses:
         self._intrinsics = np.stack([read_numbers(columns, f"{LENS_FIELD}.{name}") for name in INTRINSIC_NAMES], axis=1)
         self._roll_rad = read_numbers(columns, f"{LENS_FIELD}.roll_rad")
         model = columns.fields.get(f"{LENS_FIELD}.distortion_model")
-        self._model = model if isinstance(model, Strings) else Strings(np.full(n, -1, np.int32), ())
+        self._model = model if isinstance(model, Strings) else absent_strings(n)
         self._distortion = columns.fields.get(f"{LENS_FIELD}.distortion")
         self._size = np.stack([read_numbers(columns, f"image_{side}_px") for side in ("width", "height")], axis=1)
         self._made: dict[_Key, Camera] = {}
@@ -64,8 +64,7 @@ class Lenses:
             return None
         width_px, height_px = (int(side) for side in self._size[row])
         roll_rad = float(np.nan_to_num(self._roll_rad[row]))
-        code = int(self._model.codes[row])
-        model = self._model.values[code] if code >= 0 else ""
+        model = self._model.text_of_row(row)
         distortion = pad_distortion_coefficients(model, numbers_of_row(self._distortion, row))
         key = (fx, fy, cx, cy), roll_rad, model, distortion, (width_px, height_px)
         if key not in self._made:

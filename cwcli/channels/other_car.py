@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array, Strings, repeat_string
+from cwcli.signals.columns import FloatArray, Int64Array, concat_strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
@@ -28,7 +28,6 @@ class RecorderClock:
     Attributes:
         ahead_ns: Median of log time minus stamp: offset of the clock plus delay of the positions.
         sigma_ns: Standard deviation of one difference, from the median absolute deviation.
-        n: Number of positions.
         is_on_epochs: The stamps are whole epochs of GNSS time; otherwise they may be times of the computer.
     """
 
@@ -87,16 +86,12 @@ def move_states_to_our_map_and_clock(
 
 def merge_states_by_log_time(first: VehicleStates, second: VehicleStates) -> VehicleStates:
     """Concatenate the states of several vehicles in the order of their log times."""
-    names = tuple(dict.fromkeys((*first.ids.values, *second.ids.values)))
-    codes = [
-        np.array([names.index(name) for name in each.ids.values], np.int32)[each.ids.codes] for each in (first, second)
-    ]
     columns = {
         name: np.concatenate([np.asarray(getattr(first, name)), np.asarray(getattr(second, name))])
         for name in VehicleStates.__dataclass_fields__
         if name != "ids"
     }
-    made = VehicleStates(ids=Strings(np.concatenate(codes), names), **columns)
+    made = VehicleStates(ids=concat_strings([first.ids, second.ids]), **columns)
     return made.select_rows(np.argsort(made.log_time_ns, kind="stable"))
 
 

@@ -45,7 +45,6 @@ class Viewpoint:
 
     Attributes:
         camera: Width and height of an image, px -> its camera.
-        width_m: Width of the car.
         forward_m: Distance of the camera ahead of the centre of gravity.
     """
 
@@ -61,8 +60,6 @@ class PathFrames:
     Attributes:
         stamp_ns, log_time_ns: Shape (n,).
         paths: In the body frame of their start, from the centre of gravity.
-        viewpoint: The car and its camera.
-        lanes: The lanes of all frames.
         lane_rows: Shape (n,): row of `lanes` that belongs to each path.
     """
 

@@ -42,7 +42,6 @@ class PredictedPaths:
     """Paths of vehicles, n rows.
 
     Attributes:
-        ids: Vehicle id.
         stamp_ns, log_time_ns: Shape (n,): time of the start; time at which it was known.
         model: The motion model of all of them.
         paths: One a row.

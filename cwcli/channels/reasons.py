@@ -82,7 +82,6 @@ class UnboundReason(NamedTuple):
     """Why a channel fills no role.
 
     Attributes:
-        why: The reason in words.
         tries: Options that would give it a role, or a command that judges it, the likeliest first.
         fields: Paths of the fields of its messages, where no role takes the type and they are known.
     """

@@ -62,7 +62,6 @@ class VehicleStates:
     """States of vehicles, n rows.
 
     Attributes:
-        ids: Vehicle id.
         stamp_ns, log_time_ns: Shape (n,): time of the state; time at which it was known (reception for V2X).
         state: Shape (n, 8), order `STATE_NAMES`.
         covariance: Shape (n, 8, 8); packed where it was read from a channel.

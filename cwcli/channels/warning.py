@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import WARNING_LOG, WARNINGS
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Strings, repeat_string
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    Int64Array,
+    OutputChannel,
+    Strings,
+    absent_strings,
+    concat_strings,
+    repeat_string,
+)
 from cwcli.signals.leaf_fields import read_integers, read_numbers, read_texts
 from cwcli.warning.rows import HELD, RAISED, WarningRows
 
@@ -29,7 +37,6 @@ class WarningEvent:
 
     Attributes:
         event_id: Its number in the log.
-        rule: The rule that warned.
         other_id: The other vehicle, or what else it is about.
         raised_ns, last_ns: Times at which its first and its last evaluation could have been known.
         rows: Rows of the channel in which it was raised or held, in order of stamps; the first raised it.
@@ -47,7 +54,9 @@ def make_warning_and_log_channels(parts: Sequence[WarningRows]) -> tuple[OutputC
     """Make the channel of the warnings of all rules, and a log channel of those raised or cleared."""
     log_time_ns = np.concatenate([part.log_time_ns for part in parts])
     joined: dict[str, Field] = {
-        name: _concat_columns([getattr(part, name) for part in parts]) for name in WARNING_FIELDS
+        name: concat_strings(columns) if isinstance(columns[0], Strings) else np.concatenate(columns)
+        for name in WARNING_FIELDS
+        if (columns := [getattr(part, name) for part in parts])
     }
     warnings = make_output_channel(WARNINGS, log_time_ns, joined)
     state, message = np.asarray(warnings.fields["state"]), warnings.fields["message"]
@@ -62,24 +71,13 @@ def make_warning_and_log_channels(parts: Sequence[WarningRows]) -> tuple[OutputC
     return warnings, make_output_channel(WARNING_LOG, warnings.log_time_ns[rows], words)
 
 
-def _concat_columns(parts: Sequence[Any]) -> Field:
-    if not isinstance(parts[0], Strings):
-        return np.concatenate(parts)
-    index: dict[str, int] = {}
-    codes = [
-        np.array([*(index.setdefault(value, len(index)) for value in part.values), -1], np.int32)[part.codes]
-        for part in parts
-    ]
-    return Strings(np.concatenate(codes), tuple(index))
-
-
 def read_warnings(columns: Columns) -> WarningRows:
     """Read the warnings of a channel, in log-time order; unknown values are NaN, absent, or without a state.
 
     Args:
         columns: The channel; for events its fields `WARNING_EVENT_FIELDS` are enough.
     """
-    absent = Strings(np.full(len(columns), -1, np.int32), ())
+    absent = absent_strings(len(columns))
     stamp_ns = read_integers(columns, "stamp_ns")[0]
     known_ns = read_integers(columns, "known_ns")[0]
     return WarningRows(
@@ -118,16 +116,11 @@ def warning_events(warnings: WarningRows) -> list[WarningEvent]:
         found.append(
             WarningEvent(
                 event_id=int(event_id[first]),
-                rule=_text_of_row(warnings.rule, first),
-                other_id=_text_of_row(warnings.other_id, first),
+                rule=warnings.rule.text_of_row(first),
+                other_id=warnings.other_id.text_of_row(first),
                 raised_ns=int(known_ns[first]),
                 last_ns=int(known_ns[last]),
                 rows=own,
             )
         )
     return sorted(found, key=lambda event: (event.raised_ns, event.event_id))
-
-
-def _text_of_row(values: Strings, row: int) -> str:
-    code = int(values.codes[row])
-    return values.values[code] if code >= 0 else ""

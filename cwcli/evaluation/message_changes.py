@@ -274,8 +274,7 @@ def _field_text_of_row(field: Field | None, row: int) -> str:
     if field is None:
         return ""
     if isinstance(field, Strings):
-        code = int(field.codes[row])
-        return field.values[code] if code >= 0 else ""
+        return field.text_of_row(row)
     if isinstance(field, Ragged):
         return json.dumps(field.values[field.offsets[row] : field.offsets[row + 1]].tolist())
     return json.dumps(field[row].tolist())

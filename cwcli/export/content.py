@@ -42,12 +42,7 @@ EGO_AND_OTHERS = ("ego", "remote", "targets")
 
 
 class ExportContent(NamedTuple):
-    """One content of a log that can be exported.
-
-    Attributes:
-        channel: The channel that holds it.
-        is_tracks: It holds states of vehicles.
-    """
+    """One content of a log that can be exported."""
 
     channel: Channel
     is_tracks: bool = False

@@ -36,7 +36,6 @@ class Track:
     """States of one vehicle over time, n rows in the order of their stamps.
 
     Attributes:
-        id: Id of the vehicle.
         stamp_ns: Shape (n,), Unix time.
         x_m, y_m, heading_rad: Shape (n,): in the map frame; the heading counter-clockwise from east.
         speed_mps: Shape (n,).

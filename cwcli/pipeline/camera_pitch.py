@@ -27,7 +27,6 @@ class CameraPitch:
     """The camera's mean pitch over the frames with both boundaries; the car body's own pitching averages out.
 
     Attributes:
-        topic: The camera's topic.
         pitch_rad, sigma_rad: The pitch, nose down positive, and its sigma from the scatter over parts of the log.
     """
 

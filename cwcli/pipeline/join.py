@@ -49,7 +49,6 @@ class JoinedLog:
         offset_ns: How far the second recorder's clock is ahead of the first's.
         n_states: Channel -> number of the second car's states in it.
         n_outside: Number of its states before or after the first log, which are left out.
-        notes: Notes for the user.
     """
 
     log: Log

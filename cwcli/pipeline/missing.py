@@ -28,7 +28,6 @@ class MissingSignals:
     """Why a stage can't run on a log.
 
     Attributes:
-        reason: One line.
         error: The same as an error, for a log on which nothing can run.
     """
 
@@ -116,7 +115,6 @@ class SkipStagesAlreadyRun:
     """Skips the stages that a stage's command runs first if the log already holds their channels.
 
     Attributes:
-        stage: The command's stage.
         stages: Name -> stage, all of them.
         ego_station: V2X station of the ego, or None.
     """

@@ -75,7 +75,6 @@ class StageSummary:
     """The summary of a stage for the user.
 
     Attributes:
-        title: The stage.
         sections, inputs, notes: Its tables, the counts of input messages, and notes.
         verdict: One sentence on the result, "" where the stage has none.
         contradictions: One sentence for each pair of sources that contradict each other; an error with `--strict`.

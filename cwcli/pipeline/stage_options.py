@@ -29,9 +29,6 @@ class OptionEntry:
     Attributes:
         key: Name of the option in a configuration file and in Python.
         path: Names of the nested fields that lead to the value.
-        option: The annotated option.
-        kind: Type of its value.
-        default: Default value.
     """
 
     key: str

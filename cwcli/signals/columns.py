@@ -6,7 +6,7 @@ the stages (which publish it). Nothing here knows of MCAP.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any, TypeVar
 
@@ -78,6 +78,11 @@ class Strings:
         """The given rows, in the given order."""
         return Strings(self.codes[rows], self.values)
 
+    def text_of_row(self, row: int) -> str:
+        """The string of a row, "" where it is absent."""
+        code = int(self.codes[row])
+        return self.values[code] if code >= 0 else ""
+
     def merge_equal_values(self) -> Strings:
         """The same rows with every value held once: writers of dictionaries rely on that."""
         index: dict[str, int] = {}
@@ -93,6 +98,16 @@ def repeat_string(value: str, n: int) -> Strings:
 def absent_strings(n: int) -> Strings:
     """Return `n` rows without a string."""
     return Strings(np.full(n, -1, np.int32), ())
+
+
+def concat_strings(parts: Sequence[Strings]) -> Strings:
+    """Return the rows of several columns one after the other, equal values held once."""
+    index: dict[str, int] = {}
+    codes = [
+        np.array([*(index.setdefault(value, len(index)) for value in part.values), -1], np.int32)[part.codes]
+        for part in parts
+    ]
+    return Strings(np.concatenate(codes), tuple(index))
 
 
 def encode_strings(rows: Iterable[str]) -> Strings:

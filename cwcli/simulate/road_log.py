@@ -208,7 +208,6 @@ def write_road_log(
 
     Args:
         target: File, or `-` for standard output.
-        force: Overwrite a file that exists.
 
     Raises:
         OutputError: The target can't be written.

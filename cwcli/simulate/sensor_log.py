@@ -89,7 +89,6 @@ def write_simulated_log(
     Args:
         drive: See `cwcli.simulation.drive.simulate_scenario`.
         target: File, `-` for standard output, or an open output, which stays open.
-        force: Overwrite a file that exists.
 
     Returns:
         One entry per topic, in the order of the file's channels.

@@ -66,7 +66,6 @@ class CdrDecoder:
         schema_data: `ros2msg` text.
         fields: Wanted leaves, or None for all.
         blobs: Paths of the octet sequences that the method `blobs` returns.
-        n_expected: Number of messages, if known.
 
     Raises:
         SchemaError: The schema can't be understood, or holds something that cwcli does not decode.

@@ -63,7 +63,6 @@ class LeafColumn:
     """A column that a program fills.
 
     Attributes:
-        path: Dotted path.
         kind: "fixed", "string", "ragged" or "blob".
         dtype: NumPy type of an element, "" for strings and blobs.
         count: Elements of a fixed array, or of all fixed arrays around a leaf; None for a scalar or a sequence.

@@ -48,7 +48,6 @@ class JsonDecoder:
     Args:
         fields: Wanted leaves, or None for all.
         blobs: Paths of the base64 strings that the method `blobs` returns.
-        n_expected: Number of messages, if known.
     """
 
     def __init__(self, fields: Collection[str] | None, *, blobs: Collection[str] = (), n_expected: int = 0) -> None:

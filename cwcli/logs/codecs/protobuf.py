@@ -57,7 +57,6 @@ class ProtobufDecoder:
         schema_data: Serialised `FileDescriptorSet`.
         fields: Wanted leaves, or None for all.
         blobs: Paths of the bytes fields that the method `blobs` returns.
-        n_expected: Number of messages, if known.
 
     Raises:
         SchemaError: The schema can't be understood.

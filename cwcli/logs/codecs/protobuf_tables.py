@@ -72,7 +72,6 @@ class LeafColumn:
     """A column that the tables fill.
 
     Attributes:
-        path: Dotted path.
         chain: Field descriptors from the root to the leaf.
         kind: "fixed", "string", "blob", or "ragged".
         dtype: NumPy type of an element, "" for strings and blobs.

@@ -55,7 +55,6 @@ class MessageField(NamedTuple):
     """A field of a message.
 
     Attributes:
-        name: Its name.
         type: A primitive, `string`, `wstring`, or a message by its short name `package/Name`.
         is_sequence: The number of elements is part of the message.
         length: Elements of a fixed array, or None.

@@ -26,7 +26,7 @@ from cwcli.logs.encoders.cdr_fit import SECONDS_TYPE, TIME_TYPES, unrepresentabl
 from cwcli.logs.encoders.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
 from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
 from cwcli.logs.encoders.row_assembly import FixedPiece, Piece, VaryingPiece, assemble_rows, constant_piece
-from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
+from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings, absent_strings
 from cwcli.signals.units import NS_PER_S
 
 CDR_LITTLE_ENDIAN_HEADER = b"\x00\x01\x00\x00"
@@ -69,7 +69,6 @@ class _CdrRows:
     """Rows that grow piece by piece.
 
     Attributes:
-        pieces: The pieces so far.
         place: Shape (n,): bytes of each row after the encapsulation header.
     """
 
@@ -201,7 +200,7 @@ def _append_array(rows: _CdrRows, field: MessageField, column: OutputField | Tre
 def _append_text(rows: _CdrRows, column: OutputField | Tree | None) -> None:
     """Append texts: the length with the final zero, and the text. Absent texts are empty; a zero inside is replaced."""
     if column is None:
-        column = Strings(np.full(len(rows), -1, np.int32), ())
+        column = absent_strings(len(rows))
     if not isinstance(column, Strings):
         raise ColumnError("it needs strings")
     texts = [value.replace("\0", "\N{REPLACEMENT CHARACTER}").encode(errors="replace") for value in column.values]

@@ -46,7 +46,6 @@ class ChunkError(Exception):
     Attributes:
         is_crc_mismatch: It was decompressed, but its CRC is wrong.
         has_unknown_compression: Its compression is unknown: the file need not be damaged.
-        hint: Advice to the user.
     """
 
     def __init__(

@@ -88,7 +88,6 @@ class Faults:
         messages_lost: Messages in lost chunks and behind damaged records, as far as the file says.
         miscounted_channel_ids: Ids of channels with another number of messages than the summary says.
         data_crc_mismatch: Messages outside chunks were read, and the CRC over all of them is wrong.
-        truncated: The file is cut short.
         summary_damaged: The summary is damaged; the file was read record by record.
         undecodable: Topic -> reason -> messages.
     """

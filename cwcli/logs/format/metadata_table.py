@@ -30,11 +30,7 @@ class MetadataRun(NamedTuple):
 
 
 class MetadataTable:
-    """Offset, length and name of each metadata record.
-
-    Attributes:
-        names: The name of each row.
-    """
+    """Offset, length and name of each metadata record."""
 
     def __init__(self) -> None:
         self.names: list[str] = []

@@ -15,11 +15,9 @@ class ChannelInfo:
 
     Attributes:
         id: Id in the file; negative for a channel in memory.
-        topic: Its topic.
         schema_name, schema_encoding, schema_data: "" and b"" if it has no schema.
         message_encoding: `cdr`, `protobuf`, `json`, or another name from the file.
         message_count: Number of messages; None if the file does not say.
-        metadata: Metadata of the channel record.
     """
 
     id: int

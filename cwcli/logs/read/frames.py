@@ -221,8 +221,7 @@ def _text_of_row(fields: dict[str, Field], row: int, *paths: str) -> str:
     for path in paths:
         column = fields.get(path)
         if isinstance(column, Strings):
-            code = int(column.codes[row])
-            return column.values[code] if code >= 0 else ""
+            return column.text_of_row(row)
     return ""
 
 

@@ -57,8 +57,6 @@ class AddedContents(NamedTuple):
     """What a log holds in memory in addition to its file.
 
     Attributes:
-        channels: Channels.
-        metadata: Metadata records by name.
         owner: The log that has the file open.
     """
 

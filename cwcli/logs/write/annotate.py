@@ -72,7 +72,6 @@ class AnnotateReport:
 
     Attributes:
         target: The file name as given.
-        n_bytes: Size of the file.
         n_messages_copied, n_messages_added: Messages of the source and new ones.
         n_chunks_copied, n_chunks_added: Chunks of the source and new ones.
         replaced_topics: Topics of the source that were left out.

@@ -64,7 +64,6 @@ class CutReport:
 
     Attributes:
         target: The file name as given.
-        n_bytes: Size of the file.
         n_messages: Topic -> messages inside the span.
         n_earlier: Topic -> latched messages from before the span.
         n_chunks_copied, n_chunks_rewritten: Chunks that were copied byte for byte, and those that were rewritten.

@@ -187,9 +187,6 @@ class MessageMerge:
     Inside a chunk the messages are grouped by channel, each channel's in log-time order: similar messages are then
     neighbours, which saves a twentieth of the compressed size. Message indexes give the time order.
 
-    Args:
-        feeds: The messages.
-
     Attributes:
         log_time_ns: Shape (n,), non-decreasing.
     """

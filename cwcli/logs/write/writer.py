@@ -42,7 +42,6 @@ class LogWriter:
     Args:
         target: File name, `-` for standard output, or an open output, which stays open.
         profile: MCAP profile, e.g. `ros2`.
-        force: Overwrite a file that exists.
 
     Raises:
         OutputError, UsageError: As `cwcli.output.open_output`.

@@ -8,7 +8,7 @@ import numpy as np
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionKind, DetectionSignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven, Strings
+from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven, Strings, absent_strings
 from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_elements_of_sequences
 from cwcli.signals.leaf_fields import find_field, read_stamps
 from cwcli.signals.quality import Quality, RowLedger
@@ -176,7 +176,7 @@ def _make_detection_signal(
 def _frame_names_of_rows(columns: Columns, rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> Strings:
     field = find_field(columns, "header.frame_id", "frame_id")
     if not isinstance(field, Strings):
-        return Strings(np.full(len(rows), -1, np.int32), ())
+        return absent_strings(len(rows))
     return Strings(field.codes[rows], tuple(name.lstrip("/") for name in field.values))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.clocks import repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.columns import Columns, FloatArray, absent_strings
 from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_elements_of_sequences
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.osi.leaves import DETECTED_STATIONARY_PATH, SENSOR_DATA_PREFIX
@@ -77,7 +77,7 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
         kind="position",
         stamp_ns=timeline.stamp_ns,
         log_time_ns=columns.log_time_ns[timeline.rows],
-        frame=Strings(np.full(len(timeline.rows), -1, np.int32), ()),
+        frame=absent_strings(len(timeline.rows)),
         offsets=offsets,
         values=values[index],
         covariance=covariance[index],
