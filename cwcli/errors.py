@@ -127,7 +127,7 @@ class OutputError(CwcliError):
     exit_code = EXIT_OUTPUT
 
 
-def names_hint(name: str, known: Iterable[str], label: str = "one of") -> str:
+def hint_at_known_names(name: str, known: Iterable[str], label: str = "one of") -> str:
     """Return a hint for a name that is not in a list: the closest names, else all of them.
 
     Args:

@@ -72,13 +72,13 @@ def check_targets(
         for target in targets:
             if target is not None:
                 check(target)
-                place = _file_identity(target)
+                place = _identity_of_file_or_path(target)
                 if place in places:
                     raise UsageError("two outputs are the same file", where=str(target), hint="name another one")
                 places.add(place)
 
 
-def _file_identity(target: str | Path) -> object:
+def _identity_of_file_or_path(target: str | Path) -> object:
     """Return a value that is equal for all names of one file."""
     with suppress(OSError):
         found = os.fstat(_stdout_descriptor()) if str(target) == STDOUT else Path(target).stat()

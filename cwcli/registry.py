@@ -19,7 +19,7 @@ from functools import lru_cache, wraps
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar
 
-from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, names_hint
+from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, hint_at_known_names
 
 T = TypeVar("T")
 """The type of a registry's entries."""
@@ -143,12 +143,12 @@ class Registry(Mapping[str, T]):
             UsageError: There is no such entry.
         """
         if name not in self:
-            raise UsageError(f"there is no {self.what} '{name}'", hint=names_hint(name, self))
+            raise UsageError(f"there is no {self.what} '{name}'", hint=hint_at_known_names(name, self))
         return self[name]
 
     def describe(self, words: Callable[[T], str] = attrgetter("summary")) -> dict[str, str]:
         """Return name -> words about the entry; for a plug-in that can't be imported, the reason."""
-        return {name: self._words_or_problem(name, words) for name in self}
+        return {name: self._words_about_entry_or_its_problem(name, words) for name in self}
 
     def format_help(self) -> str:
         """Return the names with their summaries, for an option's help."""
@@ -158,7 +158,7 @@ class Registry(Mapping[str, T]):
         """Return the names that begin with `incomplete`, with their summaries, for the shell's completion."""
         return [(name, summary) for name, summary in self.describe().items() if name.startswith(incomplete)]
 
-    def _words_or_problem(self, name: str, words: Callable[[T], str]) -> str:
+    def _words_about_entry_or_its_problem(self, name: str, words: Callable[[T], str]) -> str:
         """Return the words about an entry, or why its plug-in can't be used."""
         try:
             return words(self[name])

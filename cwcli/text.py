@@ -17,7 +17,9 @@ def escape_control_characters(text: str) -> str:
     Topic and file names come from others: control characters, bidirectional marks, line separators and bytes that
     are not UTF-8 become `\\x1b`, `\\u202e`, ... Plain spaces stay.
     """
-    return "".join(char if char.isprintable() or char == " " else _escape_character(char) for char in text)
+    return "".join(
+        char if char.isprintable() or char == " " else _escape_character_as_code_point(char) for char in text
+    )
 
 
 def shorten_and_escape(text: str, most: int = 1000) -> str:
@@ -30,10 +32,10 @@ def escape_surrogates(text: str) -> str:
 
     Python keeps bytes of a file name that are not UTF-8 as surrogates, and JSON may hold halves of a pair.
     """
-    return _SURROGATE.sub(lambda found: _escape_character(found.group()), text)
+    return _SURROGATE.sub(lambda found: _escape_character_as_code_point(found.group()), text)
 
 
-def _escape_character(char: str) -> str:
+def _escape_character_as_code_point(char: str) -> str:
     """Return the escape sequence of a character, as in a Python string."""
     code = ord(char)
     if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8, as Python keeps it in a file name
@@ -139,14 +141,14 @@ def wrap_text(text: str, width: int) -> list[str]:
     rest = text
     width = max(width, 1)
     while display_width(rest) > width:
-        cut = _line_break_position(rest, width)
+        cut = _position_of_next_line_break(rest, width)
         lines.append(rest[:cut].rstrip())
         rest = rest[cut:].lstrip()
     lines.append(rest)
     return lines
 
 
-def _line_break_position(text: str, width: int) -> int:
+def _position_of_next_line_break(text: str, width: int) -> int:
     fits = 0
     used = 0
     for char in text:

@@ -271,7 +271,7 @@ def written(wanted: Document) -> bytes:
             writer.write_metadata(given["name"], given["metadata"])
         elif kind == "DataEnd":
             kinds = {opcode for feature, opcode in SUMMARY.items() if feature in features}
-            writer.finish(kinds, has_offsets="sum" in features, data_crc=zlib.crc32(output.data))
+            writer.write_summary_and_footer(kinds, has_offsets="sum" in features, data_crc=zlib.crc32(output.data))
             break
     return bytes(output.data)
 

@@ -33,7 +33,7 @@ from cwcli.channels.published import (
     OWN_TOPIC_PREFIX,
     TARGETS,
 )
-from cwcli.errors import MissingSignalError, UsageError, names_hint
+from cwcli.errors import MissingSignalError, UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.input_rows import CAN_FRAME_FIELDS, CAN_FRAME_SCHEMAS
 from cwcli.signals.inputs import (
@@ -260,7 +260,8 @@ def check_topic_overrides(overrides: Mapping[str, str], name_of_option: str = "-
     for name, value in overrides.items():
         if name not in EVERY_ROLE:
             raise UsageError(
-                f"{name_of_option} {name}={value}: there is no role {name}", hint=names_hint(name, EVERY_ROLE, "roles")
+                f"{name_of_option} {name}={value}: there is no role {name}",
+                hint=hint_at_known_names(name, EVERY_ROLE, "roles"),
             )
         _parse_field_mappings(name, value)
 

@@ -63,13 +63,15 @@ def make_replay_channels(
         host = VehicleStates.from_ego_states(stamp_ns, state, size_m=host_size_m)
         channels += [
             make_vehicle_state_channel(CONTROL_STATE.for_policy(name), host, local_map, has_covariance=False),
-            _control_step_channel(policy, stamp_ns, replays),
+            _control_step_channel_of_policy(policy, stamp_ns, replays),
             make_pose_channel(CONTROL_POSE.for_policy(name), stamp_ns, state),
         ]
     return tuple(channels)
 
 
-def _control_step_channel(policy: int, stamp_ns: Int64Array, replays: Sequence[ReplayedSteps]) -> OutputChannel:
+def _control_step_channel_of_policy(
+    policy: int, stamp_ns: Int64Array, replays: Sequence[ReplayedSteps]
+) -> OutputChannel:
     counts = [len(one.stamp_ns) for one in replays]
     fields: dict[str, Field] = {
         "stamp_ns": stamp_ns,

@@ -89,13 +89,13 @@ def make_image_annotation_channel(
         counts = np.cumsum([0, *(len(each) for each in drawn)]).astype(np.int64)
         made: dict[str, OutputField] = {"points": Repeated(counts, lines)}
         if labels is not None:
-            made["texts"] = _text_annotations(stamp_ns[start:stop], labels(start, stop))
+            made["texts"] = _text_annotations_of_frames(stamp_ns[start:stop], labels(start, stop))
         return made
 
     return StreamedChannel(channel.topic, channel.schema, log_time_ns, make_rows=rows)
 
 
-def _text_annotations(stamp_ns: Int64Array, labels: Sequence[Sequence[ImageLabel]]) -> Repeated:
+def _text_annotations_of_frames(stamp_ns: Int64Array, labels: Sequence[Sequence[ImageLabel]]) -> Repeated:
     flat = [label for each in labels for label in each]
     counts = [len(each) for each in labels]
     fields: dict[str, OutputField] = {

@@ -256,7 +256,7 @@ def iter_field_kinds(channel: ChannelWithDefinition) -> Iterator[tuple[str, Fiel
         nonlocal count
         for field in find_message_fields(definitions, name):
             here = f"{path}{field.name}" + ("[0]" if field.is_sequence or field.length else "")
-            if _is_number_field(field) or field.type == "bool":
+            if _is_numeric_message_field(field) or field.type == "bool":
                 count += 1
                 yield here, "truth value" if field.type == "bool" else "number"
             elif "/" in field.type and depth < MAX_NESTING and count < MAX_NUMERIC_FIELDS and not here.endswith("]"):
@@ -325,7 +325,7 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
     return tuple(line for _, role, fields in ranked for line in format_map_option_if_readable(role, topic, fields))
 
 
-def _is_number_field(field: MessageField) -> bool:
+def _is_numeric_message_field(field: MessageField) -> bool:
     return field.type.startswith(("float", "int", "uint"))
 
 

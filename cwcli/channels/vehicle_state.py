@@ -110,7 +110,7 @@ class VehicleStates:
         )
         return replace(self, state=state, covariance=pack_covariances(self.covariance))
 
-    def sort_by_stamp(self) -> VehicleStates:
+    def sort_by_stamp_without_repeats(self) -> VehicleStates:
         """Sort the states of one vehicle by stamp, and keep the first of each stamp."""
         return self.select_rows(rows_by_stamp_without_repeats(self.stamp_ns))
 

@@ -267,7 +267,7 @@ def _read_ego_truth_or_note(
     from cwcli.evaluation.estimate import read_ego_truth
 
     try:
-        return read_ego_truth(log, records.get("estimate", {}), ego.sort_by_stamp())
+        return read_ego_truth(log, records.get("estimate", {}), ego.sort_by_stamp_without_repeats())
     except CwcliError as error:
         notes.append(f"the truth is not drawn: {error.what}")
         return None

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Annotated, Literal
 
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.stated_noise import Sigmas, parse_sigma_options, parse_values_by_name
 from cwcli.lazy_dataclass import dataclass
@@ -77,7 +77,8 @@ def parse_source_units(entries: Sequence[str]) -> Mapping[str, str]:
         for part in unit.split("+"):
             if part not in known:
                 raise UsageError(
-                    f"--as {entry}: there is no unit or convention {part!r}", hint=names_hint(part, sorted(known))
+                    f"--as {entry}: there is no unit or convention {part!r}",
+                    hint=hint_at_known_names(part, sorted(known)),
                 )
         if topic in found:
             raise UsageError(f"--as names {topic} twice")

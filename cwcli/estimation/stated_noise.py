@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.signals.role import Role
 from cwcli.text import parse_float_or_nan
@@ -83,7 +83,7 @@ def require_known_names_and_sigma_counts(sigmas: Sigmas, topics: Sequence[str], 
             raise UsageError(
                 f"--sigma {name}: neither a role nor a topic of the log",
                 where=where,
-                hint=names_hint(name, [*roles, *topics]),
+                hint=hint_at_known_names(name, [*roles, *topics]),
             )
         if name in roles and (len(values) == 2) != (name == Role.IMU.value):
             raise UsageError(

@@ -89,7 +89,7 @@ def find_actual_outcomes(log: Log) -> ActualOutcomes | None:
     if not len(host):
         return None
     config = warning_config_from_record(record)
-    host_size, host = median_length_and_width_m(host.length_m, host.width_m), host.sort_by_stamp()
+    host_size, host = median_length_and_width_m(host.length_m, host.width_m), host.sort_by_stamp_without_repeats()
     own = ActualTrack(host.stamp_ns, host.state)
     pairs = {
         vehicle: Pair(

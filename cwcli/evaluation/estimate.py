@@ -32,7 +32,13 @@ from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import chi_square_mean_bounds
 from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.metrics.table import append_metric_rows
-from cwcli.pipeline.records import Record, map_from_record, parse_json_entry_or_empty, read_number, read_run_records
+from cwcli.pipeline.records import (
+    Record,
+    map_from_record,
+    parse_json_entry_or_empty,
+    read_finite_number_or_nan,
+    read_run_records,
+)
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
@@ -79,7 +85,7 @@ def add_metrics(context: EvaluationContext) -> None:
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
         return
     record = read_run_records(log).get("estimate", {})
-    states = read_vehicle_states(log.columns(EGO_STATE.topic)).sort_by_stamp()
+    states = read_vehicle_states(log.columns(EGO_STATE.topic)).sort_by_stamp_without_repeats()
     if not len(states):
         return
     reports = parse_json_entry_or_empty(record, "sources", list)
@@ -141,7 +147,7 @@ def _stamps_and_positions_of_latency_corrected_fixes(
     latency_s = 0.0
     for report in reports:
         if isinstance(report, dict) and report.get("source") == signal.source and report.get("quantity") == "position":
-            found = read_number(report, "latency_s")
+            found = read_finite_number_or_nan(report, "latency_s")
             latency_s = found if np.isfinite(found) else 0.0
     return signal.stamp_ns - round(latency_s * NS_PER_S), np.column_stack([x_m, y_m])
 
@@ -262,15 +268,20 @@ def _add_consistency_metrics(headline: HeadlineCollector, reports: Sequence[Any]
         ]
         if not judged or find_metric(f"ego.{quantity}_nis") is None:
             continue
-        n = sum(read_number(report, "used") for report in judged)
-        total = sum(read_number(report, "used") * read_number(report, "nis_per_dof") for report in judged)
+        n = sum(read_finite_number_or_nan(report, "used") for report in judged)
+        total = sum(
+            read_finite_number_or_nan(report, "used") * read_finite_number_or_nan(report, "nis_per_dof")
+            for report in judged
+        )
         headline.add_from_sums(f"ego.{quantity}_nis", total, n)
         headline.add_share(f"ego.{quantity}_nis_inside", [report["nis_inside"] for report in judged])
     for who, found in (("ego", own), ("remote", others)):
         inside = [report["nis_inside"] for report in found if isinstance(report.get("nis_inside"), bool)]
         headline.add_share(f"{who}.nis_inside_share", inside)
-        read = sum(read_number(report, "read") for report in found)
+        read = sum(read_finite_number_or_nan(report, "read") for report in found)
         if read > 0:
-            headline.add_from_sums(f"{who}.gated_share", sum(read_number(report, "gated") for report in found), read)
+            headline.add_from_sums(
+                f"{who}.gated_share", sum(read_finite_number_or_nan(report, "gated") for report in found), read
+            )
     if others:
         headline.add_count("remote.vehicles_count", len({str(report.get("vehicle")) for report in others}))

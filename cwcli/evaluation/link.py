@@ -13,7 +13,7 @@ from cwcli.estimation.result import Track
 from cwcli.metrics.headline import HeadlineCollector
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.pipeline.json_names import CellWithValues
-from cwcli.pipeline.records import read_number
+from cwcli.pipeline.records import read_finite_number_or_nan
 from cwcli.pipeline.result import SummaryTable
 from cwcli.signals.canonical import RemoteSignal, Signal
 from cwcli.signals.columns import FloatArray
@@ -149,16 +149,18 @@ def add_link_metrics(headline: HeadlineCollector, entry: Mapping[str, Any]) -> N
     """Add the metrics of the link from the record's entry; nothing without remote vehicles."""
     if not entry:
         return
-    headline.add_count("link.stations_count", read_number(entry, "stations"))
-    if read_number(entry, "sent") > 0:
-        headline.add_from_sums("link.loss_share", read_number(entry, "lost"), read_number(entry, "sent"))
+    headline.add_count("link.stations_count", read_finite_number_or_nan(entry, "stations"))
+    if read_finite_number_or_nan(entry, "sent") > 0:
+        headline.add_from_sums(
+            "link.loss_share", read_finite_number_or_nan(entry, "lost"), read_finite_number_or_nan(entry, "sent")
+        )
     for metric, name in (
         ("link.age_p95_s", "age_p95_s"),
         ("link.latency_p95_s", "latency_p95_s"),
         ("link.range_max_m", "range_m"),
     ):
         if name in entry:
-            headline.add_from_sums(metric, read_number(entry, name), 1.0)
+            headline.add_from_sums(metric, read_finite_number_or_nan(entry, name), 1.0)
 
 
 def _distance_range_cell(low_m: float, high_m: float) -> CellWithValues:

@@ -7,7 +7,7 @@ from typing import Any
 from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector
-from cwcli.pipeline.records import parse_json_entry_or_empty, read_number, read_run_records
+from cwcli.pipeline.records import parse_json_entry_or_empty, read_finite_number_or_nan, read_run_records
 from cwcli.signals.units import NS_PER_S
 
 
@@ -20,10 +20,12 @@ def add_input_message_counts(headline: HeadlineCollector, log: Log) -> None:
             if isinstance(entry, dict) and not str(entry.get("topic")).startswith(OWN_TOPIC_PREFIX):
                 inputs.setdefault((str(entry.get("topic")), str(entry.get("role"))), entry)
     if inputs:
-        read = sum(read_number(entry, "read") for entry in inputs.values())
+        read = sum(read_finite_number_or_nan(entry, "read") for entry in inputs.values())
         rejected = sum(_sum_counts_of_reasons(entry.get("rejected")) for entry in inputs.values())
         headline.add_count("data.read_count", read)
-        headline.add_count("data.used_count", sum(read_number(entry, "used") for entry in inputs.values()))
+        headline.add_count(
+            "data.used_count", sum(read_finite_number_or_nan(entry, "used") for entry in inputs.values())
+        )
         headline.add_count("data.rejected_count", rejected)
         headline.add_count(
             "data.repaired_count", sum(_sum_counts_of_reasons(entry.get("repaired")) for entry in inputs.values())
@@ -34,4 +36,4 @@ def add_input_message_counts(headline: HeadlineCollector, log: Log) -> None:
 
 
 def _sum_counts_of_reasons(counts: Any) -> float:
-    return sum(read_number(counts, reason) for reason in counts) if isinstance(counts, dict) else 0.0
+    return sum(read_finite_number_or_nan(counts, reason) for reason in counts) if isinstance(counts, dict) else 0.0

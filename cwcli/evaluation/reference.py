@@ -106,7 +106,7 @@ def add_online_state_errors(context: EvaluationContext) -> None:
     """Add the errors of the online states at their own stamps; nothing if the log has none."""
     if context.ego.states is None or all(channel.topic != EGO_ONLINE.topic for channel in context.log.channels):
         return
-    online = read_vehicle_states(context.log.columns(EGO_ONLINE.topic)).sort_by_stamp()
+    online = read_vehicle_states(context.log.columns(EGO_ONLINE.topic)).sort_by_stamp_without_repeats()
     reference = find_reference_motion(context)
     with context.headline.label_rows_with_states(comparison_label(ONLINE, reference.knowledge)):
         real = reference.motion.interpolate_motion(reference.stamp_ns, online.stamp_ns)

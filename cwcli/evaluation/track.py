@@ -15,7 +15,7 @@ from cwcli.evaluation.target_truth import (
 )
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import append_metric_rows
-from cwcli.pipeline.records import parse_json_entry_or_empty, read_number, read_run_records
+from cwcli.pipeline.records import parse_json_entry_or_empty, read_finite_number_or_nan, read_run_records
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.stages.track import TrackConfig, TrackingEvidence
@@ -49,17 +49,25 @@ def add_metrics(context: EvaluationContext) -> None:
     entry: Mapping[str, Any] = parse_json_entry_or_empty(record, "scores", dict)
     if not entry:
         return
-    headline.add_count("tracking.targets_count", read_number(entry, "tracks"))
+    headline.add_count("tracking.targets_count", read_finite_number_or_nan(entry, "tracks"))
     inside = entry.get("nis_inside")
     if isinstance(inside, list):
         headline.add_share("tracking.nis_inside_share", [bool(each) for each in inside])
     truth = entry.get("truth")
     if not context.uses_truth or not isinstance(truth, dict):
         return
-    tracked = read_number(truth, "tracked")
+    tracked = read_finite_number_or_nan(truth, "tracked")
     with headline.label_rows_with_states(comparison_label(knowledge_of_stage_output(record), TRUTH)):
-        headline.add_from_sums("tracking.gospa_m", read_number(truth, "gospa_sum_m"), read_number(truth, "moments"))
-        headline.add_from_sums("tracking.position_rmse_m", read_number(truth, "position_square_sum_m2"), tracked)
-        headline.add_from_sums("tracking.velocity_rmse_mps", read_number(truth, "velocity_square_sum_m2ps2"), tracked)
-        headline.add_from_sums("tracking.tracked_share", tracked, read_number(truth, "present"))
-        headline.add_count("tracking.switch_count", read_number(truth, "switches"))
+        headline.add_from_sums(
+            "tracking.gospa_m",
+            read_finite_number_or_nan(truth, "gospa_sum_m"),
+            read_finite_number_or_nan(truth, "moments"),
+        )
+        headline.add_from_sums(
+            "tracking.position_rmse_m", read_finite_number_or_nan(truth, "position_square_sum_m2"), tracked
+        )
+        headline.add_from_sums(
+            "tracking.velocity_rmse_mps", read_finite_number_or_nan(truth, "velocity_square_sum_m2ps2"), tracked
+        )
+        headline.add_from_sums("tracking.tracked_share", tracked, read_finite_number_or_nan(truth, "present"))
+        headline.add_count("tracking.switch_count", read_finite_number_or_nan(truth, "switches"))

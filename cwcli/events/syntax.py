@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import re
 
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
     COMPARISONS,
@@ -208,7 +208,7 @@ class _Parser(ConditionParser):
         operands, signs = self.parse_operands_and_signs()
         if not signs:
             if kind == "name" and isinstance(operands[0], Series) and not operands[0].function:
-                raise UsageError(f"there is no event {text}", hint=names_hint(text, self._events, "events"))
+                raise UsageError(f"there is no event {text}", hint=hint_at_known_names(text, self._events, "events"))
             raise self.error(f"one of {' '.join(COMPARISONS)}")
         if all(isinstance(operand, Number) for operand in operands):
             raise self.numbers_only_error()
@@ -225,7 +225,7 @@ class _Parser(ConditionParser):
         if kind == "field" or self.peek()[1] != "(":
             return Series(text)
         if text not in WINDOW_FUNCTIONS:
-            raise UsageError(f"there is no function {text}", hint=names_hint(text, WINDOW_FUNCTIONS, "known"))
+            raise UsageError(f"there is no function {text}", hint=hint_at_known_names(text, WINDOW_FUNCTIONS, "known"))
         self.require("(")
         kind, name, _ = self.peek()
         if kind not in ("name", "field"):

@@ -138,7 +138,7 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
             x_m, y_m, speed_mps, heading_rad = states.state[rows, :4].T
             place = latitude_deg[rows], longitude_deg[rows]
             motion = {"accel_mps2": states.state[rows, ACCEL], "yaw_rate_radps": states.state[rows, YAW_RATE]}
-            size_m = _median_of_known(states.length_m[rows]), _median_of_known(states.width_m[rows])
+            size_m = _median_of_finite_sizes_m(states.length_m[rows]), _median_of_finite_sizes_m(states.width_m[rows])
             track = Track(name, states.stamp_ns[rows], x_m, y_m, heading_rad, speed_mps, *place, what, size_m=size_m)
             found.append(replace(track, **motion))
     if vehicle is not None and not found:
@@ -148,7 +148,7 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
     return found
 
 
-def _median_of_known(sizes_m: FloatArray) -> float:
+def _median_of_finite_sizes_m(sizes_m: FloatArray) -> float:
     """The median of the finite values, NaN if there is none."""
     known = sizes_m[np.isfinite(sizes_m)]
     return float(np.median(known)) if len(known) else math.nan

@@ -123,7 +123,7 @@ def _make_blueprint() -> Any:
     )
 
 
-def _time_column(stamp_ns: Any) -> Any:
+def _log_time_column_of_rerun(stamp_ns: Any) -> Any:
     import rerun as rr
 
     return rr.TimeColumn(RERUN_TIMELINE, timestamp=stamp_ns.astype("datetime64[ns]"))
@@ -136,7 +136,9 @@ def _send_speeds(recording: Any, log: Log, topic: str) -> None:
     for vehicle, rows in iter_rows_by_id(states.ids):
         speed = states.state[rows, 2]
         recording.send_columns(
-            f"/speed/{vehicle}", [_time_column(states.log_time_ns[rows])], rr.Scalars.columns(scalars=speed)
+            f"/speed/{vehicle}",
+            [_log_time_column_of_rerun(states.log_time_ns[rows])],
+            rr.Scalars.columns(scalars=speed),
         )
 
 
@@ -149,4 +151,4 @@ def _send_paths(recording: Any, log: Log, topic: str) -> None:
         strips = np.stack([x, y, np.zeros_like(x)], axis=-1).astype(np.float32)
         frames = rr.CoordinateFrame.columns(frame=[MAP_FRAME] * len(rows))
         columns = [*rr.LineStrips3D.columns(strips=list(strips)), *frames]
-        recording.send_columns(f"/paths/{vehicle}", [_time_column(predicted.log_time_ns[rows])], columns)
+        recording.send_columns(f"/paths/{vehicle}", [_log_time_column_of_rerun(predicted.log_time_ns[rows])], columns)

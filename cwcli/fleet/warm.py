@@ -19,5 +19,5 @@ from cwcli.stages import DEFAULT_STAGES, STAGES
 __all__ = ["cwcli", "numpy", "pyarrow", "zstandard"]
 
 for name in DEFAULT_STAGES:
-    STAGES[name].import_module  # noqa: B018 - imports it
+    STAGES[name].imported_module  # noqa: B018 - imports it
 pyarrow.array(numpy.zeros(1))  # at its first array it looks for pandas

@@ -18,7 +18,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.tables import Answers, Guess
 from cwcli.input import read_file
@@ -42,7 +42,9 @@ def parse_table_quantity_and_column_unit(text: str) -> tuple[tuple[str, str], tu
     if not equals:
         raise UsageError(f"--column {text}: expected QUANTITY=COLUMN, or QUANTITY=COLUMN*UNIT")
     if quantity not in QUANTITIES:
-        raise UsageError(f"--column {text}: there is no quantity {quantity!r}", hint=names_hint(quantity, QUANTITIES))
+        raise UsageError(
+            f"--column {text}: there is no quantity {quantity!r}", hint=hint_at_known_names(quantity, QUANTITIES)
+        )
     return (table, quantity), split_column_and_unit(value)
 
 
@@ -79,7 +81,9 @@ def read_mapping(path: str) -> Answers:
             values[key] = value
         else:
             raise UsageError(
-                f"answers.{key}: there is no such answer", where=path, hint=names_hint(key, (*_TEXT_ANSWERS, "dbc"))
+                f"answers.{key}: there is no such answer",
+                where=path,
+                hint=hint_at_known_names(key, (*_TEXT_ANSWERS, "dbc")),
             )
     columns: dict[tuple[str, str], tuple[str, str]] = {}
     for table in tables:
@@ -98,7 +102,7 @@ def _parse_columns_to_column_and_unit(table: Any, path: str) -> dict[tuple[str, 
             raise UsageError(f"{table['name']}: {key} is not of the form COLUMN or COLUMN*UNIT", where=path)
         if key not in QUANTITIES:
             raise UsageError(
-                f"{table['name']}: there is no quantity {key!r}", where=path, hint=names_hint(key, QUANTITIES)
+                f"{table['name']}: there is no quantity {key!r}", where=path, hint=hint_at_known_names(key, QUANTITIES)
             )
         found[table["name"], key] = split_column_and_unit(value)
     return found

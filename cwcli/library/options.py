@@ -7,7 +7,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.pipeline.call import StageCall
 from cwcli.pipeline.execute import RunRules, SkipRules
 from cwcli.pipeline.missing import SignalCheck, SkipStagesAlreadyRun
@@ -35,7 +35,7 @@ def require_stage_names(names: Sequence[str]) -> tuple[str, ...]:
     """
     for name in names:
         if name not in STAGES:
-            raise UsageError(f"there is no stage {name}", hint=names_hint(name, STAGES, "known"))
+            raise UsageError(f"there is no stage {name}", hint=hint_at_known_names(name, STAGES, "known"))
     return tuple(name for name in STAGES if name in (names or DEFAULT_STAGES))
 
 
@@ -47,7 +47,7 @@ def read_sensor_options(clock: str, ego_station: str | None, calibration: str | 
         InputError: The file can't be read.
     """
     if clock not in CLOCKS:
-        raise UsageError(f"there is no clock {clock!r}", hint=names_hint(str(clock), CLOCKS))
+        raise UsageError(f"there is no clock {clock!r}", hint=hint_at_known_names(str(clock), CLOCKS))
     if calibration is None:
         return SensorReading(clock, ego_station)
     from cwcli.estimation.calibration import load_calibration

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
     COMPARISONS,
@@ -170,7 +170,7 @@ class _Parser(ConditionParser):
             return Share(self._parse_parentheses())
         if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
             known = (*FUNCTIONS, "p95", "share", "any", "all")
-            raise UsageError(f"a gate has no function {text}", hint=names_hint(text, known, "known"))
+            raise UsageError(f"a gate has no function {text}", hint=hint_at_known_names(text, known, "known"))
         self.require("(")
         kind, inner, start = self._next_token("a metric")
         if kind != "name" or self.peek()[1] == "(":

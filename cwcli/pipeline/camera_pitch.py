@@ -10,7 +10,7 @@ from cwcli.channels.lanes import read_lanes
 from cwcli.channels.published import LANES
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import read_configuration, read_input_counts, read_number, read_run_records
+from cwcli.pipeline.records import read_configuration, read_finite_number_or_nan, read_input_counts, read_run_records
 from cwcli.signals.role import Role
 
 MIN_FRAMES = 100
@@ -45,7 +45,7 @@ def estimate_camera_pitch(log: Log) -> CameraPitch | None:
         (str(each.get("topic")) for each in read_input_counts(record) if each.get("role") == Role.CAMERA.value), ""
     )
     mounting = read_configuration(record).get("mounting")
-    is_open = isinstance(mounting, dict) and read_number(mounting, "pitch_rad") == 0.0
+    is_open = isinstance(mounting, dict) and read_finite_number_or_nan(mounting, "pitch_rad") == 0.0
     if not topic or not is_open or all(channel.topic != LANES.topic for channel in log.channels):
         return None
     lanes = read_lanes(log.columns(LANES.topic))

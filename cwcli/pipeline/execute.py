@@ -133,7 +133,7 @@ def run_stages(
     choice.check_patterns_match_topics(
         made := [channel.topic for result in outcome.results for channel in result.channels]
     )
-    outcome.unmade = choice.unmatched_patterns(made)
+    outcome.unmade = choice.patterns_without_topic(made)
     outcome.faults = log.faults.counts_by_reason()
     if strict:
         raise_on_data_faults(outcome, log.start_ns)

@@ -49,7 +49,7 @@ def parse_json_entry_or_empty(record: Record, key: str, kind: type) -> Any:
     return value if isinstance(value, kind) else kind()
 
 
-def read_number(entries: Mapping[str, Any], key: str) -> float:
+def read_finite_number_or_nan(entries: Mapping[str, Any], key: str) -> float:
     """Return a finite number of a JSON object; NaN where there is none."""
     value = entries.get(key)
     number = to_float_or_nan(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
@@ -66,7 +66,7 @@ def to_float_or_nan(value: float) -> float:
 
 def read_latency_s(entries: Mapping[str, Any], key: str) -> float:
     """Return a latency of a JSON object [s]; NaN where it is missing or exceeds `MAX_LATENCY_S`."""
-    value = read_number(entries, key)
+    value = read_finite_number_or_nan(entries, key)
     return value if abs(value) <= MAX_LATENCY_S else math.nan
 
 
@@ -165,7 +165,7 @@ def vehicle_to_record_entry(vehicle: Vehicle) -> dict[str, str]:
     return {VEHICLE_KEY: json.dumps(asdict(vehicle), sort_keys=True)}
 
 
-def vehicle_from_log(log: Log) -> tuple[Vehicle, tuple[str, ...]]:
+def vehicle_and_notes_from_log(log: Log) -> tuple[Vehicle, tuple[str, ...]]:
     """Return the car of the record of `observe`, and notes; without a record the shipped example and a note.
 
     Raises:

@@ -63,7 +63,7 @@ class Stage:
         return (*((role,) for role in self.required), *self.one_of)
 
     @property
-    def import_module(self) -> ModuleType:
+    def imported_module(self) -> ModuleType:
         """Its module, imported.
 
         Raises:
@@ -99,7 +99,7 @@ class Stage:
         Raises:
             UsageError: The module, or the attribute, does not exist.
         """
-        module = self.import_module
+        module = self.imported_module
         try:
             return getattr(module, attribute)
         except AttributeError as error:

@@ -9,7 +9,7 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.pipeline.call import StageCall
@@ -97,7 +97,7 @@ def configure_stage(
         UsageError: A value is invalid.
     """
     given = {
-        entry.path: _parse_value(entry.option, values[entry.key])
+        entry.path: _parse_option_value_within_bounds(entry.option, values[entry.key])
         for entry in entries
         if entry.key in values and values[entry.key] != entry.default
     }
@@ -130,7 +130,9 @@ def check_option_values_from_python(
     for given, value in values.items():
         key = str(given).replace("-", "_")
         if key not in known:
-            raise UsageError(f"the stage {stage} has no option {given}", hint=names_hint(key, known, "options"))
+            raise UsageError(
+                f"the stage {stage} has no option {given}", hint=hint_at_known_names(key, known, "options")
+            )
         entry = known[key]
         is_default = value is None and entry.default is None
         checked[key] = None if is_default else _require_type(f"{stage}: {key}", entry.kind, value)
@@ -142,7 +144,9 @@ def _require_type(name: str, kind: Any, value: Any) -> Any:
     if typing.get_origin(kind) is typing.Literal:
         choices = typing.get_args(kind)
         if value not in choices:
-            raise UsageError(f"{name} = {value!r} is not one of its values", hint=names_hint(str(value), choices))
+            raise UsageError(
+                f"{name} = {value!r} is not one of its values", hint=hint_at_known_names(str(value), choices)
+            )
         return value
     if typing.get_origin(kind) is list:
         if isinstance(value, str) or not isinstance(value, Iterable):
@@ -166,7 +170,7 @@ def _default_of_parsed_option(kind: Any) -> Any:
     return [] if typing.get_origin(kind) is list else False if kind is bool else None
 
 
-def _parse_value(option: Option, value: Any) -> Any:
+def _parse_option_value_within_bounds(option: Option, value: Any) -> Any:
     """Return an option's value as the configuration takes it; raise `UsageError` if it is out of bounds."""
     low, high = option.above, option.at_most
     if value is not None and ((low is not None and not value > low) or (high is not None and not value <= high)):

@@ -168,7 +168,7 @@ def _require_truth(drive: Drive) -> EgoTruth:
 def _states_at_truth_stamps(drive: Drive, truth: EgoTruth) -> FloatArray:
     """Interpolate the ego's states at the truth's stamps, (n, 8)."""
     assert drive.ego is not None  # who has a truth has states
-    states = drive.ego.sort_by_stamp()
+    states = drive.ego.sort_by_stamp_without_repeats()
     return resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
 
 
@@ -288,7 +288,7 @@ def _draw_map(figure: Any, drive: Drive) -> None:
     """Draw the tracks from above."""
     axes = figure.add_subplot()
     assert drive.ego is not None
-    states = drive.ego.sort_by_stamp()
+    states = drive.ego.sort_by_stamp_without_repeats()
     _, xy = insert_line_breaks(states.stamp_ns, states.state[:, :2])
     for k, other in enumerate(drive.others):
         _, theirs = insert_line_breaks(other.track.stamp_ns, other.track.state[:, :2])

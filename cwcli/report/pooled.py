@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import find_metric
 from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pool_all_metrics
-from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_latency_s, read_number
+from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_finite_number_or_nan, read_latency_s
 from cwcli.report.tables import format_metric_value
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import EGO_ID
@@ -280,10 +280,10 @@ def read_ego_sources(log: str, record: Record) -> list[SourceInLog]:
                     str(entry.get("source")),
                     str(entry.get("quantity")).replace("_", " "),
                     read_latency_s(entry, "latency_found_s"),
-                    read_number(entry, "nis_per_dof"),
+                    read_finite_number_or_nan(entry, "nis_per_dof"),
                     inside if isinstance(inside, bool) else None,
-                    read_number(entry, "gated"),
-                    read_number(entry, "used"),
+                    read_finite_number_or_nan(entry, "gated"),
+                    read_finite_number_or_nan(entry, "used"),
                 )
             )
     return found

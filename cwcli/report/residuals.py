@@ -14,7 +14,12 @@ from cwcli.estimation.latency import MAX_DRIFT_REACH_S
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.lazy_dataclass import dataclass
-from cwcli.pipeline.records import parse_json_entry_or_empty, read_latency_s, read_number, read_recorded_summary
+from cwcli.pipeline.records import (
+    parse_json_entry_or_empty,
+    read_finite_number_or_nan,
+    read_latency_s,
+    read_recorded_summary,
+)
 from cwcli.report.decimate import first_row_per_grid_cell
 from cwcli.report.drawing import (
     EGO_COLOUR,
@@ -112,7 +117,7 @@ def iter_source_residuals(drive: Drive) -> Iterator[SourceResiduals]:
     """
     if drive.ego is None:
         return
-    states = drive.ego.sort_by_stamp()
+    states = drive.ego.sort_by_stamp_without_repeats()
     record = drive.records.get("estimate", {})
     found = read_recorded_summary(record)
     of_parameters = found.column_cells("parameters", "source", "quantity", "parameter", "value", "unit", "status")
@@ -182,7 +187,7 @@ def _level_and_sort_measurements(drive: Drive, measured: Measurements) -> list[M
 
 def _subtract_latency(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
     """Subtract the latency that the estimator applied from the stamps."""
-    latency_s, drift = read_latency_s(report, "latency_s"), read_number(report, "latency_drift")
+    latency_s, drift = read_latency_s(report, "latency_s"), read_finite_number_or_nan(report, "latency_drift")
     taken_s = np.full(len(stamp_ns), latency_s if math.isfinite(latency_s) else 0.0)
     if 0.0 < abs(drift) <= 1.0 and len(stamp_ns):
         middle_ns = (int(stamp_ns[0]) + int(stamp_ns[-1])) // 2
@@ -227,9 +232,9 @@ def _source_findings_text(
 ) -> str:
     """Format the findings: `latency 1013 ± 88 ms (applied); bias -1.8 m/s² (used); 75 of 2117 gated`."""
     said = []
-    status, found = report.get("latency_status"), 1e3 * read_number(report, "latency_found_s")
+    status, found = report.get("latency_status"), 1e3 * read_finite_number_or_nan(report, "latency_found_s")
     if math.isfinite(found):
-        sigma = 1e3 * read_number(report, "latency_sigma_s")
+        sigma = 1e3 * read_finite_number_or_nan(report, "latency_sigma_s")
         said.append(f"latency {found:.0f}{f' +- {sigma:.0f}' if math.isfinite(sigma) else ''} ms ({status})")
     elif status:
         said.append(f"latency: {status}")
@@ -240,11 +245,11 @@ def _source_findings_text(
     ]
     if noise is not None:
         said.append(f"white noise {noise[2]}")
-    nis, inside = read_number(report, "nis_per_dof"), report.get("nis_inside")
+    nis, inside = read_finite_number_or_nan(report, "nis_per_dof"), report.get("nis_inside")
     if math.isfinite(nis):
         where = f", {'inside' if inside else 'outside'} its 95 % bounds" if isinstance(inside, bool) else ""
         said.append(f"NIS per degree of freedom {nis:.2f}{where}")
-    gated, used = read_number(report, "gated"), read_number(report, "used")
+    gated, used = read_finite_number_or_nan(report, "gated"), read_finite_number_or_nan(report, "used")
     if gated > 0.0 and math.isfinite(used):
         said.append(f"{gated:.0f} of {gated + used:.0f} gated")
     return "; ".join(said).replace("+-", "±").replace("^2", "²")

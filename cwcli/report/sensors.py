@@ -142,7 +142,7 @@ def truth_error_figure(
     if not curves or drive.ego is None:
         return None
     figure = stacked_curves_figure(drive, curves, drive_encounters, n_pieces, around_zero=True)
-    span = drive.seconds_since_start(drive.ego.sort_by_stamp().stamp_ns[[0, -1]])
+    span = drive.seconds_since_start(drive.ego.sort_by_stamp_without_repeats().stamp_ns[[0, -1]])
     figure["layout"]["xaxis"]["range"] = rounded_json_numbers(span, 2)
     return figure
 
@@ -156,7 +156,7 @@ def truth_error_curves(drive: Drive, truth: EgoTruth) -> list[SignalCurve]:
     ego = drive.ego
     if ego is None:
         return []
-    states = ego.sort_by_stamp()
+    states = ego.sort_by_stamp_without_repeats()
     state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
     error = state[:, :2] - truth.xy
     if not np.isfinite(error).any():

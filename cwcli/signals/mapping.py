@@ -20,7 +20,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
@@ -195,7 +195,7 @@ def parse_field_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
     if quantities is None:
         raise UsageError(
             f"--map {role}: its fields can't be mapped",
-            hint=names_hint(role, MAPPED_QUANTITIES_BY_ROLE, "roles that can"),
+            hint=hint_at_known_names(role, MAPPED_QUANTITIES_BY_ROLE, "roles that can"),
         )
     sources: list[FieldMapping] = []
     for one in text.split(MAPPING_SEPARATOR):

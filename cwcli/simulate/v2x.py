@@ -109,14 +109,14 @@ def _bsm_core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str
     columns = {
         "msgCnt": data.count % 128,
         "secMark": data.stamp_ns // NS_PER_MS % 60_000,
-        "lat": _round_to_steps(lat_deg, 1e-7, -900_000_000, 900_000_000),
-        "long": _round_to_steps(lon_deg, 1e-7, -1_799_999_999, 1_800_000_000),
-        "elev": _round_to_steps(alt_m, 0.1, -4095, 61439),
-        "speed": _round_to_steps(speed, 0.02, 0, 8190),
-        "heading": _round_to_steps(compass_deg_from_heading(heading), 0.0125, 0, 28800) % 28800,
-        "accel": _round_to_steps(accel, 0.01, -2000, 2000),
-        "lateral": _round_to_steps(-data.lateral_accel_mps2, 0.01, -2000, 2000),
-        "yaw": _round_to_steps(-np.degrees(yaw_rate), 0.01, -32767, 32767),
+        "lat": _round_and_clip_to_whole_steps(lat_deg, 1e-7, -900_000_000, 900_000_000),
+        "long": _round_and_clip_to_whole_steps(lon_deg, 1e-7, -1_799_999_999, 1_800_000_000),
+        "elev": _round_and_clip_to_whole_steps(alt_m, 0.1, -4095, 61439),
+        "speed": _round_and_clip_to_whole_steps(speed, 0.02, 0, 8190),
+        "heading": _round_and_clip_to_whole_steps(compass_deg_from_heading(heading), 0.0125, 0, 28800) % 28800,
+        "accel": _round_and_clip_to_whole_steps(accel, 0.01, -2000, 2000),
+        "lateral": _round_and_clip_to_whole_steps(-data.lateral_accel_mps2, 0.01, -2000, 2000),
+        "yaw": _round_and_clip_to_whole_steps(-np.degrees(yaw_rate), 0.01, -32767, 32767),
     }
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return [
@@ -185,7 +185,7 @@ def _ode_record_from_core_data(core: dict[str, Any], stamp_ns: int, log_time_ns:
     }
 
 
-def _round_to_steps(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
+def _round_and_clip_to_whole_steps(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
     """Round values (n,) to whole numbers of steps, clipped to the field's range."""
     return np.clip(np.round(values / step), low, high).astype(np.int64)
 

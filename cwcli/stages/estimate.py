@@ -14,7 +14,7 @@ from cwcli.channels.rejected import make_rejected_measurement_channel, table_of_
 from cwcli.channels.road_event import make_road_event_channels, road_event_tables
 from cwcli.channels.transforms import read_lever_arms_transform_counts_and_notes
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.estimation.calibration import Calibration, calibration_record_entry
 from cwcli.estimation.config import EstimatorConfig, LeverArms
 from cwcli.estimation.correction import Correction
@@ -350,7 +350,9 @@ def _check_topics_of_options(estimator: EstimatorConfig, log: Log) -> None:
         for name in names:
             if name not in known:
                 raise UsageError(
-                    f"{option} {name}: the log has no topic {name}", where=log.name, hint=names_hint(name, known)
+                    f"{option} {name}: the log has no topic {name}",
+                    where=log.name,
+                    hint=hint_at_known_names(name, known),
                 )
 
 

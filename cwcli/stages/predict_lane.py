@@ -29,7 +29,7 @@ from cwcli.errors import MissingSignalError, UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.records import vehicle_from_log
+from cwcli.pipeline.records import vehicle_and_notes_from_log
 from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import StatesSelection, bind_state_channels
@@ -191,12 +191,12 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     has_state = np.isfinite(observed.track.state[:, 0])
     if not has_state.any():
         raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
-    vehicle, notes = vehicle_from_log(log)
+    vehicle, notes = vehicle_and_notes_from_log(log)
     body = BodyPaths.predict_from_frames(observed, vehicle, config.path_config, calibrate=config.calibrate)
     columns = sources.columns.get(EGO_STATE.role)
     in_map = None
     if columns is not None and len(columns):
-        states = read_vehicle_states(columns).sort_by_stamp()
+        states = read_vehicle_states(columns).sort_by_stamp_without_repeats()
         in_map = body_poses_from_states(states.stamp_ns, states.state, observed.track)
     poses = in_map or dead_reckoned_poses(observed.track)
     placed, count = _place_paths_in_map_and_count(body, poses, has_state, topic)

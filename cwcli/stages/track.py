@@ -213,7 +213,7 @@ def _read_ego_states(
     if not len(states):
         return None, ()
     count = InputMessageCount(topic, EGO_STATE.role, len(states), len(states))
-    return states.sort_by_stamp(), (count,)
+    return states.sort_by_stamp_without_repeats(), (count,)
 
 
 def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:

@@ -15,7 +15,7 @@ from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.records import vehicle_from_log
+from cwcli.pipeline.records import vehicle_and_notes_from_log
 from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryTable
 from cwcli.prediction.lateral import transform_paths_to_body
 from cwcli.prediction.paths import Paths
@@ -77,7 +77,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
     if not len(lanes):
         place = f"{log.name}: {lanes_topic}"
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
-    vehicle, notes = vehicle_from_log(log)
+    vehicle, notes = vehicle_and_notes_from_log(log)
     predicted = read_predicted_paths(path_columns)
     stamp_ns, log_time_ns, boundaries = _stamps_and_boundaries_of_first_frames(read_lanes(lanes), vehicle)
     paths = transform_paths_to_body(predicted.paths)

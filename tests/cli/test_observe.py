@@ -178,9 +178,9 @@ def test_the_car_of_the_record_is_used_for_the_paths(cwcli: Run, tmp_path: Path,
     (tmp_path / "car.toml").write_text(text)
     assert cwcli("observe", lanes, "--vehicle", "car.toml", "-o", "observed.mcap").returncode == 0
     from cwcli.logs.read.reader import Log
-    from cwcli.pipeline.records import vehicle_from_log
+    from cwcli.pipeline.records import vehicle_and_notes_from_log
 
     with Log.open(tmp_path / "observed.mcap") as log:
-        car, _ = vehicle_from_log(log)
+        car, _ = vehicle_and_notes_from_log(log)
     assert car.camera_forward_m == 1.5
     assert car.mass_kg == load_vehicle().mass_kg

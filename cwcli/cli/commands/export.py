@@ -13,7 +13,7 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, source_of_logs
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
-from cwcli.errors import UsageError, names_hint
+from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.export.track_formats import TRACK_FORMATS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import escape_control_characters, join_names
@@ -171,11 +171,12 @@ def _check_format_and_contents(names: Sequence[str], form: str, vehicle: str | N
         if name not in EXPORT_CONTENTS:
             raise UsageError(
                 f"--what {name!r}: there is no such thing to export",
-                hint=names_hint(name, EXPORT_CONTENTS, "it is one of"),
+                hint=hint_at_known_names(name, EXPORT_CONTENTS, "it is one of"),
             )
     if form not in EXPORT_FORMATS:
         raise UsageError(
-            f"--format {form!r}: there is no such format", hint=names_hint(form, EXPORT_FORMATS, "it is one of")
+            f"--format {form!r}: there is no such format",
+            hint=hint_at_known_names(form, EXPORT_FORMATS, "it is one of"),
         )
     if form == ROS_FORMAT and (names or vehicle is not None):
         option = "--what" if names else "--id"

@@ -13,7 +13,7 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
-from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError, names_hint
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def _find_figures(paper: str, only: list[str]) -> tuple[str, ...]:
     known = {_letters_and_digits(name): name for name in load_expectations(paper).figures}
     for text in only:
         if _letters_and_digits(text) not in known:
-            raise UsageError(f"{paper} has no '{text}'", hint=names_hint(text, known))
+            raise UsageError(f"{paper} has no '{text}'", hint=hint_at_known_names(text, known))
     return tuple(known[_letters_and_digits(text)] for text in only)
 
 
@@ -274,7 +274,7 @@ def command(
     """
     entry = PAPERS.get(paper)
     if entry is None:
-        raise UsageError(f"there is no reproduction of '{paper}'", hint=names_hint(paper, PAPERS))
+        raise UsageError(f"there is no reproduction of '{paper}'", hint=hint_at_known_names(paper, PAPERS))
     n_seeds = entry.seeds if options.seeds is None else options.seeds
     n_frames = entry.frames if options.frames is None else options.frames
     _check_options(paper, entry, options)

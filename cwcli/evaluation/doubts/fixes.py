@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
-from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_number
+from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_finite_number_or_nan
 
 MAX_SIGMAS = 4.0
 """Greatest offset, in sigmas, that is not doubted. Chosen: by chance one in 3,000 two-dimensional errors is larger."""
@@ -26,7 +26,7 @@ def find_offsets(evidence: DoubtEvidence) -> Iterator[Finding]:
     for each in parse_json_entry_or_empty(record, RECORD_KEY, list):
         if not isinstance(each, dict):
             continue
-        offset_m, sigma_m, at_ns = (read_number(each, key) for key in ("offset_m", "sigma_m", "stamp_ns"))
+        offset_m, sigma_m, at_ns = (read_finite_number_or_nan(each, key) for key in ("offset_m", "sigma_m", "stamp_ns"))
         if not (offset_m > MIN_DOUBTED_OFFSET_M and sigma_m > 0.0 and offset_m > MAX_SIGMAS * sigma_m):
             continue
         at = f" at {max(evidence.seconds_since_start(at_ns), 0.0):.0f} s" if np.isfinite(at_ns) else ""

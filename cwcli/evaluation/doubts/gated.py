@@ -7,13 +7,16 @@ from collections.abc import Iterator
 from cwcli.estimation.tolerances import MAX_GATED_SHARE
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
-from cwcli.pipeline.records import read_number
+from cwcli.pipeline.records import read_finite_number_or_nan
 
 
 def find_gated_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source of the ego that contradicts the others too often."""
     for source in evidence.ego_sources:
-        gated, n = read_number(source, "gated"), read_number(source, "gated") + read_number(source, "used")
+        gated, n = (
+            read_finite_number_or_nan(source, "gated"),
+            read_finite_number_or_nan(source, "gated") + read_finite_number_or_nan(source, "used"),
+        )
         if n > 0 and gated > MAX_GATED_SHARE * n:
             share = gated / n
             yield Finding(

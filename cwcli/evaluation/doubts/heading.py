@@ -28,7 +28,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
     quantities = {str(source.get("quantity")) for source in evidence.ego_sources}
     if evidence.ego is None or not quantities or quantities & HEADING_QUANTITIES:
         return
-    ego = evidence.ego.sort_by_stamp()
+    ego = evidence.ego.sort_by_stamp_without_repeats()
     step_s = np.diff(ego.stamp_ns) / NS_PER_S
     counted = step_s <= MAX_STEP_S
     stands = np.abs(ego.state[:-1, SPEED]) < STANDSTILL_MPS

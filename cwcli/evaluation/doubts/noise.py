@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from cwcli.estimation.tolerances import TOLERATED_VARIANCE_FACTOR
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
-from cwcli.pipeline.records import read_number, to_float_or_nan
+from cwcli.pipeline.records import read_finite_number_or_nan, to_float_or_nan
 from cwcli.text import shorten_and_escape
 
 
@@ -21,7 +21,9 @@ def find_understated_noise(evidence: DoubtEvidence) -> list[Finding]:
 def _iter_sources_with_understated_noise(evidence: DoubtEvidence) -> Iterator[Finding]:
     for source in evidence.ego_sources:
         if source.get("nis_inside") is False:
-            yield from _iter_finding_if_nis_too_large(source_name(source), read_number(source, "nis_per_dof"))
+            yield from _iter_finding_if_nis_too_large(
+                source_name(source), read_finite_number_or_nan(source, "nis_per_dof")
+            )
     for name, nis, inside in evidence.summary_of_stage("track").column_cells("sensors", "sensor", "NIS/dof", "inside"):
         if isinstance(nis, int | float) and not isinstance(nis, bool) and inside == "OUT":
             yield from _iter_finding_if_nis_too_large(shorten_and_escape(str(name), 60), to_float_or_nan(nis))

@@ -8,7 +8,7 @@ from typing import Any
 from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import MAX_NAME_CHARACTERS, DoubtEvidence
-from cwcli.pipeline.records import read_input_counts, read_number
+from cwcli.pipeline.records import read_finite_number_or_nan, read_input_counts
 from cwcli.text import shorten_and_escape
 
 MAX_REJECTED_SHARE = 0.05
@@ -30,8 +30,8 @@ def _iter_finding_if_too_many_rejected(topic: str, entry: Mapping[str, Any]) -> 
     reasons = entry.get("rejected")
     if not isinstance(reasons, dict) or not reasons:
         return
-    counts = {str(reason): read_number(reasons, reason) for reason in reasons}
-    n, n_rejected = read_number(entry, "read"), sum(counts.values())
+    counts = {str(reason): read_finite_number_or_nan(reasons, reason) for reason in reasons}
+    n, n_rejected = read_finite_number_or_nan(entry, "read"), sum(counts.values())
     if n > 0 and n_rejected > MAX_REJECTED_SHARE * n:
         share, most = n_rejected / n, max(counts, key=lambda reason: counts[reason])
         name, why = (shorten_and_escape(text, MAX_NAME_CHARACTERS) for text in (topic, most))

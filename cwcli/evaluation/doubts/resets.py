@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
-from cwcli.pipeline.records import read_number
+from cwcli.pipeline.records import read_finite_number_or_nan
 from cwcli.text import format_count
 
 MAX_RESETS = 1
@@ -16,7 +16,7 @@ MAX_RESETS = 1
 def find_resets(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source that was believed again only after repeated rejections."""
     for source in evidence.ego_sources:
-        n = read_number(source, "resets")
+        n = read_finite_number_or_nan(source, "resets")
         if n >= MAX_RESETS:
             yield Finding(n, f"{source_name(source)} jumped {format_count(int(n), 'time')}, and the track with it.")
 

@@ -51,7 +51,7 @@ def join_indexes(file: JoinedFile, indexes: Sequence[LogIndex]) -> LogIndex:
             schema_id = schema_ids.get(channel.schema_id, 0)
             joined.channels.setdefault(new_id, channel._replace(id=new_id, schema_id=schema_id))
         used = {each for chunk in index.items_of_type(ChunkIndex) for each in chunk.channel_ids}
-        start = file.part_start(k)
+        start = file.start_byte_of_part(k)
         is_same = all(old == new for each in (schema_ids, ids) for old, new in each.items()) and used <= ids.keys()
         joined.renumberings.append((start, None if is_same else ChannelRenumbering(ids)))
         joined.items += _shift_items_into_log(file, index, start, ids, joined)

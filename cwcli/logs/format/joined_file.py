@@ -73,7 +73,7 @@ class JoinedFile(InputFile):
         for each in left_out:
             each.close()
 
-    def part_start(self, k: int) -> int:
+    def start_byte_of_part(self, k: int) -> int:
         """Return the byte offset of part `k` in the log."""
         return self._starts[k]
 

@@ -214,7 +214,7 @@ def check_single_schema(channels: Sequence[ChannelInfo], name: str) -> None:
     """
     first = channels[0]
     for other in channels[1:]:
-        if _schema_key(other) != _schema_key(first):
+        if _schema_identity(other) != _schema_identity(first):
             one, two = (
                 f"{each.schema_name or 'no schema'} ({each.message_encoding}, channel {each.id})"
                 for each in (first, other)
@@ -237,6 +237,6 @@ def split_payloads_by_bytes(payloads: Payloads) -> Iterator[Payloads]:
         start = stop
 
 
-def _schema_key(channel: ChannelInfo) -> tuple[str, str, str, bytes]:
+def _schema_identity(channel: ChannelInfo) -> tuple[str, str, str, bytes]:
     """Return encodings, name and data of a channel's schema, for comparison."""
     return channel.message_encoding, channel.schema_encoding, channel.schema_name, channel.schema_data

@@ -78,10 +78,10 @@ def _file_names_in_folder(folder: Path) -> list[str]:
 
 def _log_names_in_part_order(names: Sequence[str]) -> list[str]:
     """Return the names with a suffix of a log file, sorted by their numbers."""
-    return sorted((each for each in names if each.lower().endswith(LOG_FILE_SUFFIXES)), key=_part_number_sort_key)
+    return sorted((each for each in names if each.lower().endswith(LOG_FILE_SUFFIXES)), key=_sort_key_by_part_number)
 
 
-def _part_number_sort_key(name: str) -> tuple[str, int, str]:
+def _sort_key_by_part_number(name: str) -> tuple[str, int, str]:
     """Return a sort key: the name's stem without its final number, that number, and the name."""
     stem = name.split(".", 1)[0]
     head = stem.rstrip("0123456789")

@@ -62,7 +62,7 @@ def unreadable_url_error(url: str, error: BaseException) -> InputError:
     if reason is None and isinstance(error, FileNotFoundError) and _is_only_the_file_name(words, redact_url(url)):
         words = "the server does not send it"
         if status is None:
-            reason, detail = "missing", _format_cause(error, url)
+            reason, detail = "missing", _cause_in_brackets(error, url)
     if reason == "missing":  # a store says so where the whole bucket is not there
         said = (" ".join(str(each).split()) for each in chain)
         bucket = next((each for each in said if "bucket does not exist" in each.lower()), "")
@@ -71,7 +71,7 @@ def unreadable_url_error(url: str, error: BaseException) -> InputError:
     return InputError(f"it can't be read: {what}{detail}", where=display_name_of_url(url), hint=hint)
 
 
-def _format_cause(error: BaseException, url: str) -> str:
+def _cause_in_brackets(error: BaseException, url: str) -> str:
     """Return the cause of an error in brackets, for example that the bucket does not exist; "" if there is none."""
     why = redact_urls(" ".join(str(error.__cause__ or "").split()), url)
     return f" ({why})" if why else ""

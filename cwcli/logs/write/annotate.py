@@ -153,7 +153,7 @@ def annotate_log(
         together=options.together,
     ) as output:
         writer = RecordWriter(output)
-        copy.write_beginning(
+        copy.write_header_and_definitions(
             writer,
             kept,
             replaced_ids=frozenset(replaced),
@@ -229,7 +229,7 @@ def annotate_parts(
         copy = SourceCopy(part, index, Faults(), recover=source.recover)
         with open_output(target, force=force, inputs=file.disk_files, together=together) as output:
             writer = RecordWriter(output)
-            copy.write_beginning(
+            copy.write_header_and_definitions(
                 writer,
                 profile,
                 replaced_ids=replaced,
@@ -276,7 +276,7 @@ def _write_body_and_summary(
     for name, values in metadata.items():
         writer.write_metadata(name, values)
     copy.check_source_unchanged()
-    writer.finish()
+    writer.write_summary_and_footer()
     return n_added
 
 

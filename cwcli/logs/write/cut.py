@@ -144,7 +144,7 @@ class _Cutter:
             hint = "the message times are in `cwcli info`"
             raise UsageError("no message of the chosen topics lies in the span", where=self._source.name, hint=hint)
         self._writer.write_metadata(CUT_RECORD_NAME, self._describe_cut())
-        self._writer.finish()
+        self._writer.write_summary_and_footer()
 
     def build_report(self, target: str, n_bytes: int) -> CutReport:
         """Return the counts of what was written."""

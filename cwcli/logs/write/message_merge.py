@@ -90,7 +90,7 @@ class MessageFeed:
             self._mean_size = float(probe.sizes[: self.probe_rows].mean()) + MESSAGE_RECORD_DTYPE.itemsize
         return self._mean_size
 
-    def take_rows_and_bytes(self, n: int) -> tuple[slice, ByteRows]:
+    def take_rows_and_bytes_of_next_messages(self, n: int) -> tuple[slice, ByteRows]:
         """Take the next n messages; return their rows and bytes."""
         start, stop = self._next, self._next + n
         self._next = stop
@@ -235,7 +235,7 @@ class MessageMerge:
         for k in np.flatnonzero(np.bincount(feed_of)).tolist():
             feed = self._feeds[k]
             at = np.flatnonzero(feed_of == k)
-            rows, messages = feed.take_rows_and_bytes(len(at))
+            rows, messages = feed.take_rows_and_bytes_of_next_messages(len(at))
             header["channel_id"][at] = feed.channel_id
             header["sequence"][at] = feed.first_sequence + np.arange(rows.start, rows.stop)
             header["publish_time"][at] = feed.publish_time_ns[rows]

@@ -135,7 +135,9 @@ class RecordWriter:
         file, start = source.part_and_offset(start)
         self._output.copy_from_file(file.descriptor, start, length)
 
-    def finish(self, kinds: Collection[int] | None = None, *, has_offsets: bool = True, data_crc: int = 0) -> None:
+    def write_summary_and_footer(
+        self, kinds: Collection[int] | None = None, *, has_offsets: bool = True, data_crc: int = 0
+    ) -> None:
         """Write the data end record, the summary with its offsets, and the footer with the summary's CRC.
 
         Args:

@@ -143,7 +143,7 @@ class SourceCopy:
         (crc,) = struct.unpack("<I", self._source[at : at + 4])
         return not crc or crc == crc32_of_range(self._source, item.offset + RECORD_PREFIX.size, at)
 
-    def write_beginning(
+    def write_header_and_definitions(
         self,
         writer: RecordWriter,
         profile: str,

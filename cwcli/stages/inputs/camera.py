@@ -20,7 +20,7 @@ from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.records import read_configuration, read_input_counts, read_number, read_run_records
+from cwcli.pipeline.records import read_configuration, read_finite_number_or_nan, read_input_counts, read_run_records
 from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.clocks import (
@@ -157,8 +157,8 @@ def topic_and_camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_ne
         found if isinstance(found, dict) else {} for found in map(configuration.get, RECORDED_LANES_SETTINGS)
     )
     chosen = {**{str(role): str(topic) for role, topic in recorded.items()}, **topics}
-    mounting = {entry.name: read_number(given, entry.name) for entry in fields(Mounting)}
-    angle_rad = read_number(configuration, "field_of_view_rad")
+    mounting = {entry.name: read_finite_number_or_nan(given, entry.name) for entry in fields(Mounting)}
+    angle_rad = read_finite_number_or_nan(configuration, "field_of_view_rad")
     cameras = (str(entry.get("topic")) for entry in read_input_counts(record) if entry.get("role") == Role.CAMERA.value)
     topic = next(cameras, "")
     if Role.CAMERA.value in chosen or topic not in {channel.topic for channel in log.channels}:

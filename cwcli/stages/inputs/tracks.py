@@ -105,7 +105,7 @@ def read_ego_and_other_tracks(
         counts.append(InputMessageCount(topic, role, len(everything), len(states)))
         if role == EGO_STATE.role:
             require_ego_states(states, log_name=log.name, topic=topic)
-            ego = states.sort_by_stamp()
+            ego = states.sort_by_stamp_without_repeats()
             topics[ego.ids.values[ego.ids.codes[0]]] = topic, role
             continue
         for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):

@@ -266,7 +266,7 @@ def test_killed_annotation_leaves_no_file(tmp_path: Path) -> None:
         "from pathlib import Path\n"
         "from cwcli.logs.write.annotate import annotate_log\n"
         "from tests.unit.logs_write.builders import source_stub, state_channel\n"
-        "record_writer.RecordWriter.finish = lambda self: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "record_writer.RecordWriter.write_summary_and_footer = lambda self: os.kill(os.getpid(), signal.SIGKILL)\n"
         "annotate_log(source_stub(Path(sys.argv[1])), [state_channel()], {}, sys.argv[2])\n"
     )
     target = tmp_path / "out.mcap"

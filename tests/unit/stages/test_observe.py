@@ -23,7 +23,7 @@ from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.call import run_stage
-from cwcli.pipeline.records import RUN_RECORD_PREFIX, VEHICLE_KEY, vehicle_from_log
+from cwcli.pipeline.records import RUN_RECORD_PREFIX, VEHICLE_KEY, vehicle_and_notes_from_log
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.simulation.lane_camera import LaneSensorNoise
@@ -136,7 +136,7 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
         assert (message.preview_distance_m, message.mass_kg) == (33.5, 1215.0)
     with Log.open(target) as log:
         back = read_observed_drive(log.columns(OBSERVER.topic)).track
-        car, notes = vehicle_from_log(log)
+        car, notes = vehicle_and_notes_from_log(log)
     np.testing.assert_array_equal(back.state[:, 1], [row["yaw_rate_radps"] for row in rows])
     assert (car, notes) == (load_vehicle(), ())
 
@@ -154,7 +154,7 @@ def test_a_preview_distance_that_is_none_is_the_papers(tmp_path: Path, told_m: f
 
 def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so(tmp_path: Path) -> None:
     with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
-        car, notes = vehicle_from_log(log)
+        car, notes = vehicle_and_notes_from_log(log)
     assert car == load_vehicle()
     assert "does not name its car" in notes[0]
 
@@ -164,7 +164,7 @@ def test_a_damaged_record_of_the_car_is_an_error(tmp_path: Path, entry: str) -> 
     with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
         damaged = log.with_channels([], {f"{RUN_RECORD_PREFIX}observe": {VEHICLE_KEY: entry}})
         with pytest.raises(DataError, match="the car in the record"):
-            vehicle_from_log(damaged)
+            vehicle_and_notes_from_log(damaged)
 
 
 def test_the_speed_may_come_from_the_ego_state(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ ALL = pytest.mark.parametrize("stage", STAGES.values(), ids=STAGES)
 def test_a_line_leads_to_function_configuration_and_examples(stage: Stage) -> None:
     assert callable(stage.stage_function)
     assert dataclasses.is_dataclass(stage.configuration_class())
-    assert any(f"cwcli {stage.name} " in example for example in stage.import_module.EXAMPLES)
+    assert any(f"cwcli {stage.name} " in example for example in stage.imported_module.EXAMPLES)
     assert stage.help.endswith(".") and len(stage.help) < 66
 
 
