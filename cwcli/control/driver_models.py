@@ -104,11 +104,6 @@ def _is_cut_in_early_enough(seen: DrivingSituation) -> BoolArray:
     return np.asarray(~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s > HUMAN_CRITICAL_TTC_S))
 
 
-def _human_following_braking_mps2(seen: DrivingSituation) -> FloatArray:
-    """Deceleration of the careful human behind a vehicle that brakes or stands: full."""
-    return np.full(len(seen.gap_m), HUMAN_BRAKING_MPS2)
-
-
 def _r157_braking_mps2(seen: DrivingSituation) -> FloatArray:
     """Deceleration of the regulation's criterion: full where the time to collision is too short to brake."""
     bound_s = seen.closing_speed_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_STEP_S
@@ -150,10 +145,6 @@ HUMAN_AT_CUT_IN = DriverModel(
 )
 """The careful and competent human at a cut-in, with the regulation's reaction time and release of the pedal; UN
 Regulation 157, annex 4, appendix 3."""
-HUMAN_FOLLOWING = DriverModel(
-    "careful and competent human, behind", _human_following_braking_mps2, 0.75, 0.4, HUMAN_JERK_MPS3
-)
-"""The careful and competent human behind a vehicle that brakes or stands; UN Regulation 157, annex 4, appendix 3."""
 R157_DRIVER = DriverModel("driver of UN R157", _r157_braking_mps2, R157_REACTION_S)
 """The driver of UN Regulation 157, 5.2.5.2."""
 RSS_DRIVER = DriverModel("RSS", _rss_braking_mps2, RSS_REACTION_S, 0.0, HUMAN_JERK_MPS3)

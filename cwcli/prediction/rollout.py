@@ -135,21 +135,6 @@ def roll_out_paths(
     return Paths(kept_s, x, y, heading, speed, position_covariance)
 
 
-def jacobian_of_path_xy_to_start_state(
-    model: str, state: StateRows, settings: RolloutSettings = DEFAULT_SETTINGS
-) -> FloatArray:
-    """Derivative of every predicted (x, y) with respect to the start state, shape (n, k, 2, 8)."""
-    chosen, prior = _require_model(model, settings.discretisation), settings.used_prior
-    _require_8_states_and_matching_covariances(state, None)
-    trust = chosen.trust(state, None, prior) * np.array(chosen.uses)
-    path = integrate_paths(
-        chosen, _scale_derivatives_by_trust(state, trust), settings.time_s, prior, settings.discretisation
-    )
-    jacobian = np.moveaxis(path.jacobian, 0, 2)
-    jacobian[..., DERIVATIVE_INDICES] *= trust[:, None, None, :]
-    return jacobian
-
-
 def check_rollout_options(model: str, discretisation: Discretisation, horizon_s: float, step_s: float) -> None:
     """Check what can be checked without a state.
 

@@ -92,12 +92,10 @@ def observe_single_target(
     )  # fmt: skip
 
 
-def simulate_static_target(
-    range_m: float, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PAPER_SAMPLE_PERIOD_S
-) -> DualSensorScene:
+def simulate_static_target(range_m: float, n: int, noise: SensorNoise, rng: np.random.Generator) -> DualSensorScene:
     """Simulate n observations of a target that stands straight ahead (xiang2019 figures 5 and 6)."""
     state = np.tile([0.0, range_m, 0.0, 0.0], (n, 1))
-    return observe_single_target(np.arange(n, dtype=np.float64) * period_s, state, noise, rng)
+    return observe_single_target(np.arange(n, dtype=np.float64) * PAPER_SAMPLE_PERIOD_S, state, noise, rng)
 
 
 def _line_path_positions(time_s: FloatArray) -> FloatArray:

@@ -77,20 +77,14 @@ def simulate_lane_sensors_of_run(
     *,
     noise: LaneSensorNoise | None = None,
     seed: int = 0,
-    preview_m: float = DEFAULT_PREVIEW_M,
 ) -> SensedDrive:
-    """Simulate the sensors over one run of a drive.
-
-    Args:
-        run_index: Column of the run in the truth.
-        preview_m: Distance of the preview point ahead of the camera.
-    """
+    """Simulate the sensors over one run of a drive, which is a column of the truth."""
     noise = noise or LaneSensorNoise()
     names = ("lane", str(run_index))
     index = _truth_rows_of_frames(truth_of_runs, noise, random_stream(seed, *names, "jitter"))
     left, right = (
         _sample_line_from_camera(
-            truth_of_runs, run_index, index, road, vehicle, sign * 0.5 * road.lane_width_m, preview_m
+            truth_of_runs, run_index, index, road, vehicle, sign * 0.5 * road.lane_width_m, DEFAULT_PREVIEW_M
         )[0]
         for sign in (1.0, -1.0)
     )
@@ -108,7 +102,7 @@ def simulate_lane_sensors_of_run(
         index=index,
         left_body=bodies[0],
         right_body=bodies[1],
-        lanes=lane_samples_from_boundaries(stamp_ns, bodies[0], bodies[1], covariance, preview_m),
+        lanes=lane_samples_from_boundaries(stamp_ns, bodies[0], bodies[1], covariance, DEFAULT_PREVIEW_M),
         speed=_sample_with_noise(
             truth_of_runs,
             truth_of_runs.speed_mps[:, run_index],

@@ -66,14 +66,6 @@ class MotionProfile:
     turn: tuple[TurnPiece, ...]
     end_s: float
 
-    def speed_piece_at(self, time_s: float) -> SpeedPiece:
-        """The piece of speed that applies at a time of the run."""
-        return _find_piece_at(self.speed, time_s)
-
-    def turn_piece_at(self, time_s: float) -> TurnPiece:
-        """The piece of curvature or yaw rate that applies at a time of the run."""
-        return _find_piece_at(self.turn, time_s)
-
 
 def read_motion_profile(
     longitudinal: Any, lateral: Any, *, speed_mps: float, end_s: float, path: str, source: str
@@ -219,7 +211,7 @@ def _turn_pieces_of_segment(
         target, rate = math.radians(segment["yaw_rate_dps"]), math.radians(segment["yaw_accel_dps2"])
     value = last.curvature_or_yaw_rate_at(start)
     if last.is_curvature != is_curvature and value != 0:
-        speed_mps = _find_piece_at(speed, start).speed_and_accel_at(start)[0]
+        speed_mps = find_piece_at(speed, start).speed_and_accel_at(start)[0]
         if speed_mps <= SPEED_TOLERANCE_MPS:
             raise scenario_value_error(
                 source,
@@ -261,7 +253,7 @@ def _require_forward_speed(pieces: Sequence[SpeedPiece], end_s: float, path: str
                 raise scenario_value_error(source, f"{path}.longitudinal", what, "a speed of 0 m/s or more")
 
 
-def _find_piece_at(pieces: Sequence[Piece], time_s: float) -> Piece:
+def find_piece_at(pieces: Sequence[Piece], time_s: float) -> Piece:
     """The piece that applies at a time; the first one before its start."""
     found = pieces[0]
     for piece in pieces[1:]:

@@ -84,7 +84,6 @@ def simulate_zhang2011_run(
     vehicle: Vehicle,
     *,
     start: Literal["turning", "straight"] = "turning",
-    preview_m: float = DEFAULT_PREVIEW_M,
 ) -> LinearRun:
     """Drive the car of `run.load` on the linear model, exactly over each step.
 
@@ -92,7 +91,6 @@ def simulate_zhang2011_run(
         vehicle: The car; its load is set by the run.
         start: "turning": in a steady turn from the first frame on, so the observer begins with the whole of v_y and
             gamma as its error. "straight": from v_y = gamma = 0, as the steering steps.
-        preview_m: Distance of the preview point from the centre of gravity.
     """
     car = vehicle.with_load(run.load)
     per_frame = round(run.frame_s / run.step_s)
@@ -112,7 +110,7 @@ def simulate_zhang2011_run(
         if middle != speed:
             speed = middle
             phi, gamma = transition_and_input_matrices(
-                *preview_state_matrices(car, float(speed), preview_m), run.step_s
+                *preview_state_matrices(car, float(speed), DEFAULT_PREVIEW_M), run.step_s
             )
         x = phi @ x + gamma @ inputs
         if (i + 1) % per_frame == 0:

@@ -17,7 +17,7 @@ from numpy.polynomial.polynomial import polyder, polymul, polyval
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
-from cwcli.simulation.profile import MotionProfile
+from cwcli.simulation.profile import MotionProfile, find_piece_at
 from cwcli.simulation.spec import scenario_value_error
 
 TRUTH_GRID_STEP_S = 0.001
@@ -68,7 +68,7 @@ class _ProfilePolynomials:
 
 
 class Motion(Protocol):
-    """The true motion of a vehicle, prescribed (`TrueMotion`) or recorded (`recorded_motion.RecordedMotion`)."""
+    """The true motion of a vehicle, prescribed (`TrueMotion`) or recorded."""
 
     def states_at(self, time_s: FloatArray) -> FloatArray: ...
     def is_present_at(self, time_s: FloatArray) -> npt.NDArray[np.bool_]: ...
@@ -170,7 +170,7 @@ def _merge_profile_pieces(profile: MotionProfile, heading_rad: float) -> _Profil
     yaw_rate = np.zeros((len(edges), N_YAW_RATE_COEFFICIENTS))
     speed[0, 0] = profile.speed[0].coefficients[0]
     for i, edge in enumerate(edges[1:].tolist(), start=1):
-        speed_piece, turn_piece = profile.speed_piece_at(edge), profile.turn_piece_at(edge)
+        speed_piece, turn_piece = find_piece_at(profile.speed, edge), find_piece_at(profile.turn, edge)
         v = _shift_polynomial_origin(speed_piece.coefficients, edge - speed_piece.start_s)
         turn = _shift_polynomial_origin(turn_piece.coefficients, edge - turn_piece.start_s)
         if edge == profile.end_s:  # after the run: constant speed and turn

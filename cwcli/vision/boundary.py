@@ -7,6 +7,7 @@ y = height_px - v.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import IntEnum
 from math import isfinite, nan
 
@@ -69,14 +70,5 @@ NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
 def replace_parabola_of_boundary(boundary: Boundary, a_per_px: float, b_slope: float, c_px: float) -> Boundary:
     """The boundary with another parabola; one that was not found, or has no parabola now, stays or becomes so."""
     found = boundary.found and isfinite(a_per_px) and isfinite(b_slope) and isfinite(c_px)
-    return Boundary(
-        a_per_px,
-        b_slope,
-        c_px,
-        boundary.score,
-        boundary.probability,
-        found,
-        boundary.covariance,
-        boundary.kind if found else LineKind.UNKNOWN,
-        boundary.colour if found else LineColour.UNKNOWN,
-    )
+    moved = replace(boundary, a=a_per_px, b=b_slope, c=c_px, found=found)
+    return moved if found else replace(moved, kind=LineKind.UNKNOWN, colour=LineColour.UNKNOWN)

@@ -12,7 +12,7 @@ from dataclasses import field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.vision.boundary import Boundary, LineColour, LineKind
+from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.line_colour import classify_line_colours
 from cwcli.vision.line_kind import LineKindInFrame, classify_lines_in_frame
@@ -119,12 +119,11 @@ class LineClassifier:
         if since_s >= VOTE_INTERVAL_S or frame.colour is not None:
             self._asked_ns = frame.stamp_ns
             self._collect_frame_votes(fit, frame, evidence, lane, 0.0 if math.isinf(since_s) else max(since_s, 0.0))
-        left, right = self._names
-        return replace(
-            fit,
-            left=_boundary_with_kind_and_colour(fit.left, *left),
-            right=_boundary_with_kind_and_colour(fit.right, *right),
+        left, right = (
+            replace(side, kind=kind, colour=colour) if side.found else side
+            for side, (kind, colour) in zip((fit.left, fit.right), self._names, strict=True)
         )
+        return replace(fit, left=left, right=right)
 
     def _collect_frame_votes(
         self, fit: LaneFit, frame: LaneFrame, evidence: StripeEvidence, lane: ImageLane, since_s: float
@@ -145,10 +144,3 @@ class LineClassifier:
         """Update the kinds and colours of both boundaries from their votes."""
         left, right = self._votes
         self._names = (left.majority_kind(), left.majority_colour()), (right.majority_kind(), right.majority_colour())
-
-
-def _boundary_with_kind_and_colour(side: Boundary, kind: LineKind, colour: LineColour) -> Boundary:
-    """The boundary with a kind and a colour, if it is found."""
-    if not side.found:
-        return side
-    return Boundary(side.a, side.b, side.c, side.score, side.probability, True, side.covariance, kind, colour)

@@ -131,13 +131,11 @@ def _sample_path_and_band_width(
     """Sample a path evenly in the image: x, y, heading and 90 % half width of the band; empty if the path is too
     short."""
     nothing = np.zeros(0)
-    known = np.isfinite(path.x_m + path.y_m + path.heading_rad)
-    if not known.all():
-        return nothing, nothing, nothing, nothing
+    is_known = bool(np.isfinite(path.x_m + path.y_m + path.heading_rad).all())
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(path.x_m), np.diff(path.y_m)))])
     near_m = nearest_visible_ground_m(camera)
     start, end = near_m + camera_forward_m, float(driven[-1])
-    if end <= start + MIN_DRAWN_LENGTH_M:
+    if not is_known or end <= start + MIN_DRAWN_LENGTH_M:
         return nothing, nothing, nothing, nothing
     # A step in 1 / distance is a step in image rows.
     distances_m = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_PATH_POINTS) + camera_forward_m

@@ -5,8 +5,16 @@ import numpy.typing as npt
 import pytest
 
 from cwcli.prediction.driver import DriverPrior
+from cwcli.prediction.integrate import integrate_paths
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.rollout import Discretisation, RolloutSettings, jacobian_of_path_xy_to_start_state, roll_out_paths
+from cwcli.prediction.rollout import (
+    Discretisation,
+    RolloutSettings,
+    _require_model,
+    _scale_derivatives_by_trust,
+    roll_out_paths,
+)
+from cwcli.signals.columns import StateRows
 from cwcli.signals.vehicle_state import DERIVATIVE_INDICES
 
 FloatArray = npt.NDArray[np.float64]
@@ -47,6 +55,17 @@ def test_path_starts_at_the_state(name: str) -> None:
     np.testing.assert_array_equal(start, state[:, :4])
     at_start = np.column_stack([covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]])
     np.testing.assert_allclose(paths.position_covariance_m2[:, 0], at_start, rtol=0, atol=1e-15)
+
+
+def jacobian_of_path_xy_to_start_state(model: str, state: StateRows, settings: RolloutSettings) -> FloatArray:
+    """Derivative of every predicted (x, y) with respect to the start state, shape (n, k, 2, 8)."""
+    chosen, prior = _require_model(model, settings.discretisation), settings.used_prior
+    trust = chosen.trust(state, None, prior) * np.array(chosen.uses)
+    start = _scale_derivatives_by_trust(state, trust)
+    jacobian = integrate_paths(chosen, start, settings.time_s, prior, settings.discretisation).jacobian
+    jacobian = np.moveaxis(jacobian, 0, 2)
+    jacobian[..., DERIVATIVE_INDICES] *= trust[:, None, None, :]
+    return jacobian
 
 
 @pytest.mark.parametrize(("name", "discretisation"), FORMS)

@@ -43,11 +43,6 @@ class ImageRows:
     map_u: Float32Array
     map_v: Float32Array
 
-    @property
-    def image_shape(self) -> tuple[int, int]:
-        """The shape of an image of the rows: (n, width)."""
-        return self.map_u.shape[0], self.map_u.shape[1]
-
     def map_cells_to_image(self, strip: Float32Array) -> Float32Array:
         """Map values (n, cells) by row and cell to an image (n, width); mirrored beyond the outermost cells."""
         import cv2

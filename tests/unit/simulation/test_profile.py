@@ -7,7 +7,7 @@ import math
 import pytest
 
 from cwcli.errors import UsageError
-from cwcli.simulation.profile import MotionProfile, read_motion_profile
+from cwcli.simulation.profile import MotionProfile, find_piece_at, read_motion_profile
 
 ATOL = 1e-12
 
@@ -21,7 +21,7 @@ def profile(
 
 
 def speed_and_accel(made: MotionProfile, time_s: float) -> tuple[float, float]:
-    return made.speed_piece_at(time_s).speed_and_accel_at(time_s)
+    return find_piece_at(made.speed, time_s).speed_and_accel_at(time_s)
 
 
 def test_accel_segment_ramps_at_its_jerk_then_holds() -> None:
@@ -85,8 +85,8 @@ def test_smooth_speed_change_meets_its_target() -> None:
 
 def test_curvature_ramp_by_hand() -> None:
     made = profile(None, [{"from_s": 0, "curvature_1pm": 0.025, "curvature_rate_1pmps": 0.0125}], speed_mps=10)
-    assert made.turn_piece_at(1.0).curvature_or_yaw_rate_at(1.0) == pytest.approx(0.0125, abs=ATOL)
-    assert made.turn_piece_at(5.0).curvature_or_yaw_rate_at(5.0) == 0.025
+    assert find_piece_at(made.turn, 1.0).curvature_or_yaw_rate_at(1.0) == pytest.approx(0.0125, abs=ATOL)
+    assert find_piece_at(made.turn, 5.0).curvature_or_yaw_rate_at(5.0) == 0.025
 
 
 def test_change_from_curvature_to_yaw_rate_keeps_the_yaw_rate() -> None:
@@ -98,7 +98,9 @@ def test_change_from_curvature_to_yaw_rate_keeps_the_yaw_rate() -> None:
         ],
         speed_mps=10,
     )
-    assert made.turn_piece_at(5.0).curvature_or_yaw_rate_at(5.0) == pytest.approx(0.2, abs=ATOL)  # 0.02 1/m * 10 m/s
+    assert find_piece_at(made.turn, 5.0).curvature_or_yaw_rate_at(5.0) == pytest.approx(
+        0.2, abs=ATOL
+    )  # 0.02 1/m * 10 m/s
 
 
 @pytest.mark.parametrize(

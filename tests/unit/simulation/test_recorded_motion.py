@@ -8,8 +8,8 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 from cwcli.simulation.drive import simulate_scenario
-from cwcli.simulation.recorded_motion import RecordedMotion, RecordedTrack, replace_vehicles
 from cwcli.simulation.scenario import parse_scenario
+from tests.studies.recorded_motion import RecordedMotion, RecordedTrack, replace_vehicles
 
 ATOL_M = 1e-4
 

@@ -36,7 +36,7 @@ def make(made: RoadScene, road: RoadAhead | None = None, seed: int = 1) -> RoadF
 def painted(marking: Marking, road: RoadAhead) -> tuple[np.ndarray, np.ndarray]:
     """Share of paint of every pixel, and the rows."""
     rows = compute_road_rows(CAMERA, road)
-    image = np.zeros(rows.image_shape, np.float32)
+    image = np.zeros(rows.map_u.shape, np.float32)
     paint_marking(image, rows, replace(marking, grey=1.0), gain=1.0)
     return image, rows.v_px
 
