@@ -44,12 +44,12 @@ def doubt_block(doubts: Sequence[Doubt], confidence: Sequence[str]) -> Block:
     """Return the block that says how far to trust a result: the doubts, or what is known of its errors."""
     if not doubts:
         return Block("trust", (NO_DOUBT_TEXT, *confidence), 3)
-    first = doubts[0]
-    sentences = [f"Do not trust this as it is: {first.sentence[:1].lower()}{first.sentence[1:]}", first.advice]
+    sentences = [doubts[0].headline, doubts[0].advice]
     if len(doubts) > 1:
         names = list(dict.fromkeys(_short_doubt_name(each.name) for each in doubts[1:]))
         sentences.append(f"{format_count(len(doubts) - 1, 'more doubt')}: {', '.join(names)}.")
-    return Block("doubt", tuple(sentences), 4)
+    label = "check" if all(each.is_repaired for each in doubts) else "doubt"
+    return Block(label, tuple(sentences), 4)
 
 
 def _short_doubt_name(name: str) -> str:

@@ -72,7 +72,7 @@ class Story:
     @property
     def headline(self) -> str:
         """What happened, behind the worst doubt."""
-        return " ".join(filter(None, (worst_doubt_headline(self.doubts), self.happened)))
+        return " ".join((*(doubt.headline for doubt in self.doubts[:1]), self.happened))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -103,15 +103,9 @@ def build_story(
     story = replace(story, knowledge=_state_knowledge_sentence(drive))
     if not doubts:
         return replace(story, more=(*confidence, *story.more))
-    return replace(story, badges=(Badge("not to be trusted", "bad"), *story.badges), doubts=tuple(doubts))
-
-
-def worst_doubt_headline(doubts: Sequence[Doubt]) -> str:
-    """Format `Do not trust this as it is: the track lies ...`; "" without doubts."""
-    if not doubts:
-        return ""
-    sentence = doubts[0].sentence
-    return f"Do not trust this as it is: {sentence[:1].lower()}{sentence[1:]}"
+    is_repaired = all(doubt.is_repaired for doubt in doubts)
+    badge = Badge("sensor corrected", "alert") if is_repaired else Badge("not to be trusted", "bad")
+    return replace(story, badges=(badge, *story.badges), doubts=tuple(doubts))
 
 
 def _build_story_without_doubts(

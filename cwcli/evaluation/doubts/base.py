@@ -18,6 +18,7 @@ class Doubt:
         advice: What to do about it; a whole sentence.
         value: The number that exceeds the threshold.
         threshold, unit: From which value on it is doubted, and the unit of both.
+        is_repaired: cwcli has corrected the fault: the results need a check, not distrust.
     """
 
     name: str
@@ -26,6 +27,13 @@ class Doubt:
     value: float
     threshold: float
     unit: str
+    is_repaired: bool = False
+
+    @property
+    def headline(self) -> str:
+        """The sentence behind what it means for the results: `Do not trust this as it is: the track lies ...`."""
+        meaning = "A wrong sensor was corrected" if self.is_repaired else "Do not trust this as it is"
+        return f"{meaning}: {self.sentence[:1].lower()}{self.sentence[1:]}"
 
 
 @dataclass(frozen=True)
@@ -56,6 +64,7 @@ class DoubtRule:
         is_remark: It only limits what is known, as a missing truth does: it is shown where there is no doubt, and is
             not counted as one.
         short_name: What a list of further doubts calls it; "": its name in `DOUBTS`.
+        is_repaired: As in `Doubt`.
     """
 
     summary: str
@@ -66,10 +75,19 @@ class DoubtRule:
     find: Callable[[DoubtEvidence], Iterable[Finding]]
     is_remark: bool = False
     short_name: str = ""
+    is_repaired: bool = False
 
     def find_doubts(self, name: str, evidence: DoubtEvidence) -> list[Doubt]:
         """Return the doubts of this rule."""
         return [
-            Doubt(name, found.sentence, found.advice or self.advice, found.value, self.threshold, self.unit)
+            Doubt(
+                name,
+                found.sentence,
+                found.advice or self.advice,
+                found.value,
+                self.threshold,
+                self.unit,
+                self.is_repaired,
+            )
             for found in self.find(evidence)
         ]

@@ -43,4 +43,5 @@ RULE = DoubtRule(
     source="chosen: each is shown",
     advice="Mend the recording, or confirm it with --as.",
     find=find_corrections,
+    is_repaired=True,
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from cwcli.digest.lines import LABEL_WIDTH, Block, doubt_block, format_blocks, shorten_path
@@ -63,6 +65,14 @@ def test_worst_doubt_is_said_and_the_others_are_named() -> None:
         "Check it.",
         "2 more doubts: late states.",
     )
+
+
+def test_corrected_sensor_is_checked_and_not_distrusted() -> None:
+    corrected = replace(doubt("correction", "The speed is in km/h: converted."), is_repaired=True)
+    block = doubt_block([corrected], ())
+    assert block.label == "check"
+    assert block.sentences[0] == "A wrong sensor was corrected: the speed is in km/h: converted."
+    assert doubt_block([corrected, doubt("fixes", "The track lies.")], ()).label == "doubt"
 
 
 def test_without_a_doubt_the_errors_are_said() -> None:

@@ -252,6 +252,7 @@ def test_correction_is_in_common_words_and_has_one_option(recorded: str, sentenc
     (doubt,) = find_doubts_in_evidence(evidence(more={"corrections": [recorded]}))
     assert doubt.sentence == sentence
     assert doubt.advice == "Check that sensor, or mend the recording; --trust /wheel leaves it unchanged."
+    assert doubt.is_repaired
 
 
 def test_fault_of_a_file_is_counted_if_there_are_several() -> None:
