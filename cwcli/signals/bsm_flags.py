@@ -41,8 +41,6 @@ N_EVENT_FLAGS = len(EVENT_FLAG_NAMES)
 """The number of event flags (13)."""
 HARD_BRAKING_FLAG_NAME = "eventHardBraking"
 """The name of the flag with which a sender reports that it brakes with more than 0.4 g (SAE J2735)."""
-HARD_BRAKING_BIT = 1 << (N_EVENT_FLAGS - 1 - EVENT_FLAG_NAMES.index(HARD_BRAKING_FLAG_NAME))
-"""The bit of the hard-braking flag in the 13 flags."""
 
 CODED_FLAGS_PATHS = ("partII.partII-Value.events", "partII.partII-Value.VehicleSafetyExtensions.events")
 """The paths at which a JSON BSM has all flags in one text or number, directly or as `value`."""

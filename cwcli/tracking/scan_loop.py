@@ -31,14 +31,13 @@ class Association:
     Attributes:
         row_track: Shape (n rows,): id of the track that took the row, 0 = none.
         track_id: Shape (k,): ids of the confirmed tracks, from 1, in the order of confirmation.
-        born_ns, confirmed_ns, ended_ns: Shape (k,): first detection, confirmation, and the last time it was alive.
+        confirmed_ns, ended_ns: Shape (k,): confirmation, and the last time it was alive.
         clutter_density: Source -> the density that was used.
         n_refused: Births refused because `max_tracks` was reached.
     """
 
     row_track: Int64Array
     track_id: Int64Array
-    born_ns: Int64Array
     confirmed_ns: Int64Array
     ended_ns: Int64Array
     clutter_density: dict[str, float]
@@ -90,7 +89,7 @@ class ScanLoop:
         self.filter, self.rows = config.single.build_kernel_filter(), prepared.rows.to_kernel_rows()
         self.living = _LivingTracks(config.max_tracks, len(config.single.motion_model.states))
         self.row_key = np.zeros(len(prepared.rows), np.int64)
-        self.born: list[int] = []  # by key - 1
+        self.n_begun = 0
         self.confirmed: dict[int, int] = {}
         self.ended: dict[int, int] = {}
         self.n_refused = 0
@@ -183,24 +182,23 @@ class ScanLoop:
             return
         new = slice(living.n, living.n + len(free))
         kernel.start_many(self.filter, living.x[new], living.p[new], self.rows, free)
-        living.key[new] = len(self.born) + 1 + np.arange(len(free))
+        living.key[new] = self.n_begun + 1 + np.arange(len(free))
         living.log_odds[new] = np.log(self.config.new_target_ratio)
         living.is_confirmed[new] = False
         living.misses[new] = 0
         living.last_hit_ns[new] = stamp
         self.row_key[free] = living.key[new]
-        self.born.extend([stamp] * len(free))
+        self.n_begun += len(free)
         living.n += len(free)
 
     def _build_association(self) -> Association:
         """Build the result, with ids in the order of confirmation."""
         keys = sorted(self.confirmed, key=lambda key: (self.confirmed[key], key))
-        lookup = np.zeros(len(self.born) + 1, np.int64)
+        lookup = np.zeros(self.n_begun + 1, np.int64)
         lookup[keys] = np.arange(1, len(keys) + 1)
         return Association(
             row_track=lookup[self.row_key],
             track_id=np.arange(1, len(keys) + 1),
-            born_ns=np.array([self.born[key - 1] for key in keys], np.int64),
             confirmed_ns=np.array([self.confirmed[key] for key in keys], np.int64),
             ended_ns=np.array([self.ended.get(key, self.confirmed[key]) for key in keys], np.int64),
             clutter_density=dict(zip(self.prepared.rows.sources, self.density.tolist(), strict=True)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.signals.bsm_flags import HARD_BRAKING_BIT
+from cwcli.signals.bsm_flags import EVENT_FLAG_NAMES, HARD_BRAKING_FLAG_NAME
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, DecodedMessages, Octets, decode_messages
 from cwcli.signals.radio.program import compile_type, load_message_type
 from cwcli.signals.radio.standard_messages import EVENTS_PATH
@@ -133,7 +133,7 @@ def test_broken_messages_are_decoded_or_counted() -> None:
 
 
 def test_hard_braking_is_the_eighth_flag() -> None:
-    assert HARD_BRAKING_BIT == 0b0000000100000
+    assert EVENT_FLAG_NAMES.index(HARD_BRAKING_FLAG_NAME) + 1 == 8
 
 
 @pytest.mark.parametrize("n_octets", range(37))
