@@ -9,9 +9,6 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaf_fields import find_field
 from cwcli.signals.quality import RowLedger
 
-UNEQUAL_LENGTHS_REASON = "its elements do not all have the same fields"
-"""The reason for rejecting a message whose elements do not all have the required fields."""
-
 
 def find_ragged_field(columns: Columns, *paths: str) -> Ragged | None:
     """Return the first of these fields that is there, as `Ragged`; None when there is none, or when it holds
@@ -45,7 +42,7 @@ class Elements:
         for other in counts[1:]:
             differs |= other != counts[0]
         if ledger is not None:
-            ledger.reject(differs, UNEQUAL_LENGTHS_REASON)
+            ledger.reject(differs, "its elements do not all have the same fields")
         self.counts: Int64Array = np.where(differs, 0, counts[0]).astype(np.int64)
         self.offsets: Int64Array = np.concatenate([[0], np.cumsum(self.counts)]).astype(np.int64)
 

@@ -30,8 +30,6 @@ WGS84_EQUATOR_RADIUS_M = 6_378_137.0
 """The radius of the WGS84 ellipsoid at the equator, in metres."""
 WGS84_FLATTENING = 1.0 / 298.257223563
 """The flattening (1) of the WGS84 ellipsoid."""
-NO_OBJECT_ID_REASON = "object without an id"
-"""The reason for setting aside an object without an id."""
 OBJECT_ID_ELEMENT = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
 
@@ -59,7 +57,7 @@ def make_object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2x
         read_station_ids(columns, "station", ledger=ledger)
         ledger.set_aside(
             ~np.isfinite(decode_identifier_codes(OBJECT_ID_ELEMENT, read_numbers(columns, "object"), ledger)),
-            NO_OBJECT_ID_REASON,
+            "object without an id",
         )
         return decode(columns, ledger)
 

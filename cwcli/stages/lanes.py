@@ -75,8 +75,6 @@ COLOUR_INTERVAL_NS = 1_000_000_000
 """Interval at which a frame is also decoded in colour [ns], which costs twice as much as grey; chosen by hand."""
 MAX_GAP_NS = 500_000_000
 """Longest gap between two frames [ns] over which a search goes on; chosen by hand."""
-NOT_SEARCHED_REASON = "not searched, and no frame before it could be"
-"""The reason for rejecting a frame between two searches before the first usable one."""
 NUMBERS_PER_FRAME = 8
 """Length of a frame's entry in `_numbers`: index, log time, stamp, number, two image sizes [px]."""
 
@@ -351,7 +349,7 @@ class _LaneSearchRun:
         self.n_read += 1
         if self._search is None:  # the frames before it can't be used
             self.n_read -= 1
-            self.count_rejected_frame(NOT_SEARCHED_REASON)
+            self.count_rejected_frame("not searched, and no frame before it could be")
             return
         assert self._method.carry is not None
         begin = time.perf_counter()

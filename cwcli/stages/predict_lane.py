@@ -52,10 +52,6 @@ EXAMPLES = (
 """Command lines that the help of `cwcli predict-lane` shows."""
 MODEL_NAMES = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
 """Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""
-NO_STATE = "no state"
-"""The reason for setting a frame aside in which the observer has no state."""
-NO_POSE = "no ego state near it"
-"""The reason for setting a frame aside that can't be placed, because no ego state is close to it in time."""
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -296,7 +292,10 @@ def _place_paths_in_map_and_count(
     has_pose = np.isfinite(poses.at_xy_m[:, 0]) & np.isfinite(poses.at_yaw_rad)
     rows = np.flatnonzero(has_state & has_pose)
     x_m, y_m = poses.at_xy_m[rows].T
-    left_out = {NO_STATE: int(np.count_nonzero(~has_state)), NO_POSE: int(np.count_nonzero(has_state & ~has_pose))}
+    left_out = {
+        "no state": int(np.count_nonzero(~has_state)),
+        "no ego state near it": int(np.count_nonzero(has_state & ~has_pose)),
+    }
     predicted = PredictedPaths(
         repeat_string(EGO_ID, len(rows)),
         body.observed.track.stamp_ns[rows],

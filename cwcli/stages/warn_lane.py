@@ -40,8 +40,6 @@ EXAMPLES = (
 """Command lines that the help of `cwcli warn-lane` shows."""
 REQUIRED_ROLES = (OBSERVER_PATH.role, LANES.role)
 """Roles of the channels that the stage needs: the predicted paths, then the lanes."""
-NO_PATH = "no path from the observer"
-"""The reason for setting a frame of the lanes aside from which no path starts."""
 MIN_HORIZON_S = 0.05
 """Shortest span [s] of the placeholder paths where the log holds none: one step of `cwcli predict-lane`."""
 
@@ -93,7 +91,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
         host=FrontAxle(vehicle.width_m, vehicle.front_axle_m),
     )
     without = len(stamp_ns) - len(mine)
-    set_aside = {NO_PATH: without} if without else {}
+    set_aside = {"no path from the observer": without} if without else {}
     inputs = (
         InputMessageCount(path_topic, OBSERVER_PATH.role, len(predicted), len(theirs)),
         InputMessageCount(lanes_topic, LANES.role, len(lanes), len(mine), set_aside=set_aside),

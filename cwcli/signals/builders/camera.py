@@ -10,10 +10,6 @@ from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.leaf_fields import find_field, numbers_of_row, read_frame_id, read_numbers
 from cwcli.signals.quality import Quality, RowLedger
 
-CALIBRATION_CHANGED_REASON = "calibration differs from the first one, not used"
-"""The reason for rejecting a message whose calibration differs from the first."""
-IMPLAUSIBLE_CALIBRATION_REASON = "implausible calibration"
-"""The reason for rejecting a calibration that no lens can have."""
 MAX_IMAGE_SIDE_PX = 100_000
 """The largest width or height of an image that is plausible, in pixels; chosen by hand."""
 FOCAL_LENGTH_TO_SIDE_RANGE = (0.02, 200.0)
@@ -48,13 +44,13 @@ def build_camera_info(columns: Columns, reading: Reading) -> tuple[CameraInfoSig
         if key not in known:
             known[key] = _has_plausible_intrinsics(matrix, size) and bool(np.isfinite(each).all())
         is_lens[row] = known[key]
-    ledger.reject(~is_lens, IMPLAUSIBLE_CALIBRATION_REASON)
+    ledger.reject(~is_lens, "implausible calibration")
     rows = ledger.kept_rows
     first = int(rows[0]) if len(rows) else -1
     differs = np.zeros(len(columns), dtype=np.bool_)
     for row in rows:
         differs[row] = not np.array_equal(k[row], k[first]) or width_px[row] != width_px[first]
-    ledger.reject(differs, CALIBRATION_CHANGED_REASON)
+    ledger.reject(differs, "calibration differs from the first one, not used")
     ledger.quality.used = len(ledger.kept_rows)
     intrinsic = k[first].reshape(3, 3) if first >= 0 else np.full((3, 3), np.nan)
     r, p = numbers_of_row(find_field(columns, "r", "R"), first), numbers_of_row(find_field(columns, "p", "P"), first)

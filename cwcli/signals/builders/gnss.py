@@ -22,8 +22,6 @@ from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, nan_beyond_limit
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.role import Role
 
-NO_VELOCITY_REASON = "no velocity"
-"""The reason for rejecting a message without a velocity."""
 MIN_LOG_DELAY_S, MAX_LOG_DELAY_S = -0.5, 2.0
 """The least and greatest median delay of log times after stamps, in seconds, that needs no note: the range in which
 latencies are searched."""
@@ -91,7 +89,7 @@ def _build_position(fix: GnssFix, reading: Reading, ledger: RowLedger) -> tuple[
 def _build_velocity(fix: GnssFix, reading: Reading, ledger: RowLedger) -> tuple[VelocitySignal, Quality]:
     ledger.reject(~fix.is_fix, NO_FIX_REASON)
     velocity_mps = _values_or_nan(fix.velocity_mps, ledger.columns, 2)
-    ledger.reject(np.asarray(np.isnan(velocity_mps).any(axis=1)), NO_VELOCITY_REASON)
+    ledger.reject(np.asarray(np.isnan(velocity_mps).any(axis=1)), "no velocity")
     reject_rows_beyond_limit(ledger, velocity_mps, MAX_SPEED_MPS)
     covariance_m2ps2 = _usable_covariance_or_nan(fix.velocity_covariance_m2ps2, ledger)
     timeline = _timeline_with_clock_note(ledger, fix, reading, [velocity_mps])

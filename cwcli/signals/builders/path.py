@@ -15,8 +15,6 @@ from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, NOT_FINITE_REASO
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
-TOO_FEW_POINTS_REASON = "fewer than two points"
-"""The reason for rejecting a path with fewer than two points."""
 S_PER_NS = 1.0 / NS_PER_S
 """One nanosecond in seconds."""
 
@@ -77,7 +75,7 @@ def _make_path_signal(
     speed_mps: FloatArray,
 ) -> tuple[PathSignal, Quality]:
     x_m, y_m = points.read_numbers(f"{position}.x"), points.read_numbers(f"{position}.y")
-    ledger.reject(points.counts < 2, TOO_FEW_POINTS_REASON)
+    ledger.reject(points.counts < 2, "fewer than two points")
     with np.errstate(invalid="ignore"):
         ledger.reject(points.sum_per_message((~np.isfinite(x_m + y_m)).astype(np.float64)) > 0, NOT_FINITE_REASON)
         is_far = (np.abs(x_m) > MAX_POSITION_M) | (np.abs(y_m) > MAX_POSITION_M)

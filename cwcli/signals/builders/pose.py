@@ -54,8 +54,6 @@ SOURCE_PATHS_BY_ODOMETRY_FIELD = {
     "twist.twist.angular.z": ("state.heading_rate_rps",),
 }
 """The fields of this message, by the `Odometry` field that each of them fills."""
-VEHICLE_FIXED_FRAME_NOTE = "its frame moves with the vehicle, so it has no position"
-"""The note for a channel whose frame moves with the vehicle."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
@@ -122,7 +120,7 @@ def build_kinematic_state_pose(columns: Columns, reading: Reading) -> tuple[Pose
     """
     signal, quality = build_pose(_convert_to_odometry_columns(columns), reading)
     if _has_vehicle_fixed_frame(columns):
-        quality.notes += (VEHICLE_FIXED_FRAME_NOTE,)
+        quality.notes += ("its frame moves with the vehicle, so it has no position",)
     return signal, quality
 
 

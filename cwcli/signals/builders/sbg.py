@@ -28,8 +28,6 @@ from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
 UNKNOWN_AXES_REASON = "the frame name contains neither ned (north-east-down) nor enu (east-north-up)"
 """The reason for rejecting messages whose frame name does not say which axes they use."""
-UNKNOWN_IMU_AXES_REASON = "the frame name does not contain ned (north-east-down)"
-"""The reason for rejecting inertial messages whose axes are not known."""
 DRIVER_ENU_FRAME_ID = "imu_link"
 """The frame id that the driver gives to its east-north-up messages."""
 
@@ -89,7 +87,7 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     """Build inertial measurements from `SbgImuData`, in the vehicle's axes: forward, left, up."""
     ledger = RowLedger(columns, reading.role)
     if _axes_of_frame_name(columns) != "ned":
-        ledger.reject(np.ones(len(columns), np.bool_), UNKNOWN_IMU_AXES_REASON)
+        ledger.reject(np.ones(len(columns), np.bool_), "the frame name does not contain ned (north-east-down)")
     flipped = np.array([1.0, -1.0, -1.0])
     accel_mps2, gyro_radps = flipped * read_vector(columns, "accel"), flipped * read_vector(columns, "gyro")
     reject_rows_beyond_limit(ledger, accel_mps2, MAX_ACCEL_MPS2)

@@ -17,12 +17,6 @@ from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import OTHER_STATION_REASON, RemoteRows, Senders, V2xCodec
 
-OWN_STATION_REASON = "sent by the ego station"
-"""The reason for setting aside the ego's own messages."""
-ROADSIDE_UNIT_REASON = "sent by a roadside unit"
-"""The reason for setting aside messages of roadside units."""
-MISSING_QUANTITY_REASON = "not available in the message"
-"""The reason for setting aside a message without the quantity that is needed."""
 MAX_STAMP_AHEAD_OF_LOG_NS = 2_000_000
 """The time by which a stamp may be after its log time, in ns: two steps of the message clock (1 ms)."""
 
@@ -50,8 +44,8 @@ def build_remote(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[R
 def _build_senders(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
     ledger = RowLedger(columns, reading.role)
     senders = codec.identify(columns)
-    ledger.set_aside(senders.is_roadside, ROADSIDE_UNIT_REASON)
-    ledger.set_aside(_own_message_mask(senders, reading), OWN_STATION_REASON)
+    ledger.set_aside(senders.is_roadside, "sent by a roadside unit")
+    ledger.set_aside(_own_message_mask(senders, reading), "sent by the ego station")
     decoded = codec.decode(columns, ledger)
     timeline = _timeline_per_station(columns, reading, ledger, decoded, senders.station)
     _note_timing_anomalies(ledger, decoded, senders.station, timeline)
@@ -112,7 +106,7 @@ def _decode_own_messages(
     ledger.set_aside(~_own_message_mask(senders, reading), OTHER_STATION_REASON)
     decoded = codec.decode(columns, ledger)
     if needs:
-        ledger.set_aside(~np.isfinite(getattr(decoded, needs)), MISSING_QUANTITY_REASON)
+        ledger.set_aside(~np.isfinite(getattr(decoded, needs)), "not available in the message")
     return ledger, decoded, _timeline_per_station(columns, reading, ledger, decoded, senders.station)
 
 

@@ -19,8 +19,6 @@ from cwcli.signals.osi.world import (
 )
 from cwcli.signals.quality import Quality, RowLedger
 
-NO_OTHERS_REASON = "without another road user"
-"""The reason for setting aside a message without another road user."""
 SIMULATED_POSITION_SIGMA_M = 0.01
 """The assumed error (one sigma) of a simulated position, in metres. A GroundTruth gives no errors; these five allow for
 one step of the simulator, which moves with the velocity of either end, and for a velocity of the rear axle. Chosen by
@@ -158,7 +156,7 @@ def _objects_other_rows_timeline_rows_and_times(
         np.bincount(world.message[others], weights=each[others], minlength=len(columns)).astype(np.float64)
         for each in (np.ones(len(world.id)), world.x_m, world.y_m)
     ]
-    ledger.set_aside(marks[0] == 0.0, NO_OTHERS_REASON)
+    ledger.set_aside(marks[0] == 0.0, "without another road user")
     timeline = repair_and_order_times(ledger, *read_world_stamps_ns_and_is_given(columns, prefix), reading.clock, marks)
     place = np.full(len(columns), -1, np.intp)
     place[timeline.rows] = np.arange(len(timeline.rows))

@@ -50,8 +50,6 @@ from cwcli.vision.mounting import (
 from cwcli.vision.rectify import needs_rectifying
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
-UNKNOWN_DISTORTION_TEXT = "calibration with an unknown distortion model"
-"""The reason under which the messages of a calibration that can't be applied are counted as rejected."""
 RECORDED_LANES_SETTINGS = ("mounting", "topics")
 """Keys of the recorded configuration of `cwcli lanes` that say how its camera was found."""
 
@@ -178,7 +176,9 @@ def topic_and_camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_ne
 
 def _reject_used_messages(count: InputMessageCount) -> InputMessageCount:
     """Count the used messages as rejected: they can't be applied, because the distortion model is unknown."""
-    return replace(count, used=0, rejected={**count.rejected, UNKNOWN_DISTORTION_TEXT: count.used})
+    return replace(
+        count, used=0, rejected={**count.rejected, "calibration with an unknown distortion model": count.used}
+    )
 
 
 def _camera_info_topics(log: Log) -> list[str]:

@@ -37,18 +37,12 @@ PREVIEW_RANGE_M = (0.1, 1e3)
 
 REPEATED_STAMP = "stamp repeated"
 """The reason for rejecting a frame whose stamp an earlier frame has."""
-OUT_OF_ORDER_STAMP = "stamp out of order, sorted"
-"""The name of the repair that sorts frames by their stamps."""
 OUT_OF_RANGE = "value out of range, left out"
 """The name of the repair that drops preview values beyond `PREVIEW_VALUE_LIMITS`."""
 NO_STAMP = "no usable stamp"
 """The reason for rejecting a frame whose stamp is missing or no time."""
 NO_VALUE = "no boundary found"
 """The reason for setting a frame aside in which no boundary was found."""
-TURNED_BACK = "the lane turns back before the preview point"
-"""The reason for setting a frame aside whose boundaries do not reach the preview point."""
-LANE_ONLY_CARRIED = "the lane is only carried on, left out"
-"""The reason for setting a frame aside whose lane was extrapolated from earlier frames."""
 
 
 @dataclass(frozen=True)
@@ -97,12 +91,12 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     lines = np.where(is_held[:, None, None], np.nan, lanes.curved_offset_slope_curvature_of_boundaries()[rows])
     is_empty = ~np.isfinite(values).any(axis=1) & ~is_held
     has_shape = np.asarray(np.isfinite(lines).any(axis=(1, 2)), np.bool_)
-    reasons = {NO_VALUE: ~has_shape, TURNED_BACK: has_shape & (not with_shape)}
+    reasons = {NO_VALUE: ~has_shape, "the lane turns back before the preview point": has_shape & (not with_shape)}
     set_aside = {reason: int(np.count_nonzero(is_empty & which)) for reason, which in reasons.items()}
-    set_aside[LANE_ONLY_CARRIED] = int(np.count_nonzero(is_held))
+    set_aside["the lane is only carried on, left out"] = int(np.count_nonzero(is_held))
     rejected = {NO_STAMP: len(columns) - len(usable), REPEATED_STAMP: len(usable) - len(rows)}
     repaired = {
-        OUT_OF_ORDER_STAMP: int(np.count_nonzero(np.diff(stamp_ns[usable]) < 0)),
+        "stamp out of order, sorted": int(np.count_nonzero(np.diff(stamp_ns[usable]) < 0)),
         OUT_OF_RANGE: int(np.count_nonzero(is_beyond.any(axis=1))),
     }
     samples = LaneSamples(
