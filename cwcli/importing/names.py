@@ -28,141 +28,108 @@ class Quantity:
     beside: frozenset[str] = frozenset()
 
 
-def _split_into_word_set(text: str) -> frozenset[str]:
-    return frozenset(text.split())
+def _quantity(kind: str, nouns: str, *beside: str) -> Quantity:
+    """Return a quantity by its words in texts."""
+    return Quantity(kind, frozenset(nouns.split()), frozenset(" ".join(beside).split()))
 
 
-_RECEIVER = _split_into_word_set(
+_RECEIVER = (
     "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx osd"
 )
-_CAR = _split_into_word_set(
-    "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
-)
-_TIME_BESIDE = _split_into_word_set(
+_CAR = "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
+_TIME_BESIDE = (
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
     "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date "
-    "fly flight osd "
-    "marca de step"
+    "fly flight osd marca de step"
 )
-_PLACE_BESIDE = _split_into_word_set("pos position local map utm enu global world vehicle veh ego car")
+_PLACE_BESIDE = "pos position local map utm enu global world vehicle veh ego car"
 _AXIS_NOUNS_OF_ACCEL = "gforce acceleration accelerometer accel acc accelerations"
 _AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega"
-_IMU_BESIDE = _split_into_word_set(
+_IMU_BESIDE = (
     "imu linear raw uncal calibrated body sensor rotation rate angular velocity vel total with g specific force user"
 )
 
 QUANTITIES: dict[str, Quantity] = {
-    "time": Quantity(
+    "time": _quantity(
         "time",
-        _split_into_word_set(
+        (
             "time timestamp timestamps timestep stamp t datetime epoch clock zeit zeitstempel tijd "
             "tijdstip tijdstempel temps horodatage heure tiempo hora ora tempo tid tidpunkt czas ts timeofday "
             "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"
         ),
-        _TIME_BESIDE | _split_into_word_set("time stamp timestamp week of day seconds second millis nanos uhrzeit"),
+        _TIME_BESIDE,
+        "time stamp timestamp week of day seconds second millis nanos uhrzeit",
     ),
-    "date": Quantity(
-        "text", _split_into_word_set("date datum day fecha data dato"), _split_into_word_set("utc gps gmt local")
-    ),
-    "week": Quantity(
-        "number", _split_into_word_set("week wn gpsweek weekno"), _split_into_word_set("gps gnss number no num")
-    ),
-    "latitude": Quantity(
+    "date": _quantity("text", "date datum day fecha data dato", "utc gps gmt local"),
+    "week": _quantity("number", "week wn gpsweek weekno", "gps gnss number no num"),
+    "latitude": _quantity(
         "place",
-        _split_into_word_set("latitude lat latitud latitudine breite breitengrad breedtegraad bredde breddegrad"),
-        _RECEIVER | _split_into_word_set("n s ns"),
+        "latitude lat latitud latitudine breite breitengrad breedtegraad bredde breddegrad",
+        _RECEIVER,
+        "n s ns",
     ),
-    "longitude": Quantity(
+    "longitude": _quantity(
         "place",
-        _split_into_word_set(
+        (
             "longitude longtitude lon lng long longitud longitudine länge laenge längengrad laengengrad lengtegraad "
             "længde længdegrad lengdegrad"
         ),
-        _RECEIVER | _split_into_word_set("e w ew"),
+        _RECEIVER,
+        "e w ew",
     ),
-    "latitude_half": Quantity(
-        "text", _split_into_word_set("ns latdir lathem"), _RECEIVER | _split_into_word_set("indicator hemisphere")
-    ),
-    "longitude_half": Quantity(
-        "text",
-        _split_into_word_set("ew londir lonhem longdir"),
-        _RECEIVER | _split_into_word_set("indicator hemisphere"),
-    ),
-    "altitude": Quantity(
+    "latitude_half": _quantity("text", "ns latdir lathem", _RECEIVER, "indicator hemisphere"),
+    "longitude_half": _quantity("text", "ew londir lonhem longdir", _RECEIVER, "indicator hemisphere"),
+    "altitude": _quantity(
         "length",
-        _split_into_word_set(
-            "altitude alt height elevation ele hmsl höhe hoehe hoogte altura altitud altitudine quota hauteur"
-        ),
-        _RECEIVER | _split_into_word_set("msl above sea level ellipsoid ellipsoidal wgs hae"),
+        "altitude alt height elevation ele hmsl höhe hoehe hoogte altura altitud altitudine quota hauteur",
+        _RECEIVER,
+        "msl above sea level ellipsoid ellipsoidal wgs hae",
     ),
-    "speed": Quantity(
+    "speed": _quantity(
         "speed",
-        _split_into_word_set(
+        (
             "speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad velocidade velocità "
             "velocita snelheid hastighet hastighed prędkość rychlost"
         ),
-        _RECEIVER | _CAR | _split_into_word_set("over ground 2d horizontal horiz h forward longitudinal long linear"),
+        _RECEIVER,
+        _CAR,
+        "over ground 2d horizontal horiz h forward longitudinal long linear",
     ),
-    "velocity_east": Quantity("speed", _split_into_word_set("vele ve veast"), _RECEIVER),
-    "velocity_north": Quantity("speed", _split_into_word_set("veln vn vnorth"), _RECEIVER),
-    "course": Quantity(
+    "velocity_east": _quantity("speed", "vele ve veast", _RECEIVER),
+    "velocity_north": _quantity("speed", "veln vn vnorth", _RECEIVER),
+    "course": _quantity(
         "angle",
-        _split_into_word_set(
-            "course cog bearing headmot direction richtung kurs cmg cap rumbo rumo koers direzione rotta dirección"
-        ),
-        _RECEIVER | _split_into_word_set("over ground track true motion of"),
+        "course cog bearing headmot direction richtung kurs cmg cap rumbo rumo koers direzione rotta dirección",
+        _RECEIVER,
+        "over ground track true motion of",
     ),
-    "heading": Quantity(
+    "heading": _quantity(
         "angle",
-        _split_into_word_set("heading hdg yaw azimuth psi headveh"),
-        _RECEIVER
-        | _CAR
-        | _split_into_word_set("true angle compass orientation north attitude of motion euler ins imu"),
+        "heading hdg yaw azimuth psi headveh",
+        _RECEIVER,
+        _CAR,
+        "true angle compass orientation north attitude of motion euler ins imu",
     ),
-    "yaw_rate": Quantity(
-        "turn rate",
-        _split_into_word_set("yawrate yawrt gierrate yawvel"),
-        _CAR | _RECEIVER | _split_into_word_set("imu"),
-    ),
-    "steering": Quantity(
-        "angle",
-        _split_into_word_set("steering steer lenkwinkel steeringangle"),
-        _CAR | _split_into_word_set("angle wheel road tire tyre front"),
-    ),
+    "yaw_rate": _quantity("turn rate", "yawrate yawrt gierrate yawvel", _CAR, _RECEIVER, "imu"),
+    "steering": _quantity("angle", "steering steer lenkwinkel steeringangle", _CAR, "angle wheel road tire tyre front"),
     **{
-        f"accel_{axis}": Quantity(
-            "acceleration",
-            _split_into_word_set(f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis} gf{axis}"),
-            _IMU_BESIDE,
+        f"accel_{axis}": _quantity(
+            "acceleration", f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis} gf{axis}", _IMU_BESIDE
         )
         for axis in "xyz"
     },
     **{
-        f"gyro_{axis}": Quantity(
-            "turn rate",
-            _split_into_word_set(f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}"),
-            _IMU_BESIDE,
+        f"gyro_{axis}": _quantity(
+            "turn rate", f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}", _IMU_BESIDE
         )
         for axis in "xyz"
     },
-    **{f"quaternion_{axis}": Quantity("number", _split_into_word_set(f"q{axis}")) for axis in "xyzw"},
-    "x": Quantity(
-        "length",
-        _split_into_word_set("x easting east xeast utmx posx positionx px tx"),
-        _PLACE_BESIDE,
-    ),
-    "y": Quantity(
-        "length",
-        _split_into_word_set("y northing north ynorth utmy posy positiony py ty"),
-        _PLACE_BESIDE,
-    ),
-    "z": Quantity(
-        "length",
-        _split_into_word_set("z posz positionz pz tz"),
-        _PLACE_BESIDE,
-    ),
+    **{f"quaternion_{axis}": _quantity("number", f"q{axis}") for axis in "xyzw"},
+    "x": _quantity("length", "x easting east xeast utmx posx positionx px tx", _PLACE_BESIDE),
+    "y": _quantity("length", "y northing north ynorth utmy posy positiony py ty", _PLACE_BESIDE),
+    "z": _quantity("length", "z posz positionz pz tz", _PLACE_BESIDE),
     **{
-        part: Quantity("number", _split_into_word_set(nouns), _split_into_word_set("utc gps gmt local"))
+        part: _quantity("number", nouns, "utc gps gmt local")
         for part, nouns in {
             "year": "year yyyy jahr",
             "month": "month mon monat",
@@ -174,60 +141,56 @@ QUANTITIES: dict[str, Quantity] = {
             "nanosecond": "nano nanosecond",
         }.items()
     },
-    "vehicle_id": Quantity(
-        "text",
-        _split_into_word_set("id"),
-        _split_into_word_set("vehicle veh car track object device trip station agent obj"),
-    ),
-    "fix": Quantity(
-        "number",
-        _split_into_word_set("fix fixtype quality fixquality"),
-        _split_into_word_set("gps gnss type quality status"),
-    ),
+    "vehicle_id": _quantity("text", "id", "vehicle veh car track object device trip station agent obj"),
+    "fix": _quantity("number", "fix fixtype quality fixquality", "gps gnss type quality status"),
 }
 """Name of a quantity -> what a column of it can be called, and the kind of its unit."""
 
 _AXIS_WORDS = {"x": "x", "y": "y", "z": "z", "longitudinal": "x", "lateral": "y", "vertical": "z"}
-_JOINED = {
-    ("yaw", "rate"): "yawrate",
-    ("yaw", "velocity"): "yawrate",
-    ("yaw", "rt"): "yawrate",
-    ("steering", "wheel"): "steeringwheel",
-    ("rotation", "rate"): "gyro",
-    ("angular", "velocity"): "gyro",
-    ("angular", "rate"): "gyro",
-    ("ang", "vel"): "gyro",
-    ("ang", "rate"): "gyro",
-    ("vel", "n"): "veln",
-    ("vel", "e"): "vele",
-    ("velocity", "north"): "veln",
-    ("velocity", "east"): "vele",
-    ("north", "velocity"): "veln",
-    ("east", "velocity"): "vele",
-    ("vel", "north"): "veln",
-    ("vel", "east"): "vele",
-    ("v", "north"): "veln",
-    ("v", "east"): "vele",
-    ("v", "n"): "veln",
-    ("v", "e"): "vele",
-    ("lat", "dir"): "latdir",
-    ("lon", "dir"): "londir",
-    ("n", "s"): "ns",
-    ("e", "w"): "ew",
-    ("head", "mot"): "headmot",
-    ("head", "veh"): "headveh",
-    ("i", "tow"): "itow",
-    ("h", "msl"): "hmsl",
-    ("g", "speed"): "gspeed",
-    ("ground", "speed"): "groundspeed",
-    ("sensor", "time"): "time",
-    ("g", "force"): "gforce",
-    **{("g", f"f{axis}"): f"gf{axis}" for axis in "xyz"},
+_PAIRS_BY_WORD = {
+    "yawrate": "yaw rate, yaw velocity, yaw rt",
+    "steeringwheel": "steering wheel",
+    "gyro": "rotation rate, angular velocity, angular rate, ang vel, ang rate",
+    "veln": "vel n, velocity north, north velocity, vel north, v north, v n",
+    "vele": "vel e, velocity east, east velocity, vel east, v east, v e",
+    "latdir": "lat dir",
+    "londir": "lon dir",
+    "ns": "n s",
+    "ew": "e w",
+    "headmot": "head mot",
+    "headveh": "head veh",
+    "itow": "i tow",
+    "hmsl": "h msl",
+    "gspeed": "g speed",
+    "groundspeed": "ground speed",
+    "time": "sensor time",
+    "gforce": "g force",
+    "gfx": "g fx",
+    "gfy": "g fy",
+    "gfz": "g fz",
 }
+"""One word -> the pairs of words that mean it."""
+_JOINED = {tuple(pair.split()): word for word, pairs in _PAIRS_BY_WORD.items() for pair in pairs.split(", ")}
 """Two words that mean one."""
-_PATH_WORDS = _split_into_word_set("report status state msg message data topic sensor sensors twist velocity pose odom")
+_PATH_WORDS = frozenset(
+    {
+        "report",
+        "status",
+        "state",
+        "msg",
+        "message",
+        "data",
+        "topic",
+        "sensor",
+        "sensors",
+        "twist",
+        "velocity",
+        "pose",
+        "odom",
+    }
+)
 """Words of the folders of a topic (`/vehicle/velocity_report/speed`) that say nothing against its last name."""
-_SPEED_NAMES = _split_into_word_set("mph kmh kph kmph knots kts")
+_SPEED_NAMES = frozenset({"mph", "kmh", "kph", "kmph", "knots", "kts"})
 """Units that are the whole name of a column of speeds."""
 MAX_NAME_CHARACTERS = 500
 """Number of characters of a column's name that are looked at. Chosen by hand: paths of topics have 100."""
