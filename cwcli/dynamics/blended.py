@@ -30,7 +30,7 @@ from cwcli.dynamics.samples import (
 )
 from cwcli.dynamics.signs import is_sign_opposite, opposite_sign_note, yaw_rate_from_vision_radps
 from cwcli.dynamics.single_track import preview_state_matrices
-from cwcli.dynamics.steering import dynamic_steering_correction, steering_angle_from_vision_rad
+from cwcli.dynamics.steering import dynamic_to_kinematic_steering_ratio, steering_angle_from_vision_rad
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import Begin
@@ -183,7 +183,7 @@ def _measured_or_vision_steering_rad(
         speed_mps,
         rate=config.steer_rate,
     )
-    return kinematic * dynamic_steering_correction(vehicle, speed_mps)
+    return kinematic * dynamic_to_kinematic_steering_ratio(vehicle, speed_mps)
 
 
 def _hold_last_known_value(values: FloatArray) -> FloatArray:

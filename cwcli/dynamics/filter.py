@@ -31,7 +31,7 @@ from cwcli.dynamics.samples import (
     speed_at_times_mps,
 )
 from cwcli.dynamics.signs import is_sign_opposite, opposite_sign_note, yaw_rate_from_vision_radps
-from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
+from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient_rad_per_mps2
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import ETA, KL, STEER, Begin, EventKind, EventStatus
@@ -70,7 +70,7 @@ def build_kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model
         "wheelbase_m": vehicle.wheelbase_m,
         "rear_axle_m": lr,
         "slip": m * lf / (kr * vehicle.wheelbase_m),
-        "understeer": understeer_gradient(vehicle),
+        "understeer": understeer_gradient_rad_per_mps2(vehicle),
         "min_speed": MIN_MODEL_SPEED_MPS,
         "still_mps": STANDSTILL_SPEED_MPS,
         "max_step_s": MAX_PREDICTION_STEP_S,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.dynamics.samples import LaneSamples, ScalarSamples
-from cwcli.dynamics.steering import median_slope_rate
+from cwcli.dynamics.steering import rate_per_s_by_median_slope
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
 
@@ -26,7 +26,7 @@ def opposite_sign_note(name: str) -> str:
 
 def yaw_rate_from_vision_radps(lanes: LaneSamples, speed_mps: FloatArray) -> FloatArray:
     """A coarse yaw rate from the lane, shape (n,), rad/s: gamma = de_L/dt - v K_L (eq. 20 in body signs)."""
-    change = median_slope_rate(
+    change = rate_per_s_by_median_slope(
         np.asarray(lanes.stamp_ns, np.int64), np.asarray(lanes.heading_deviation_rad, np.float64)
     )
     return change - speed_mps * np.asarray(lanes.curvature_1pm, np.float64)

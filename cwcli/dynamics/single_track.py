@@ -44,7 +44,7 @@ def lateral_state_matrices(vehicle: Vehicle, speed_mps: float) -> tuple[FloatArr
     return a, share * np.array([[kf / m], [lf * kf / inertia]])
 
 
-def lateral_acceleration_and_yaw_acceleration(
+def lateral_accel_mps2_and_yaw_accel_radps2(
     vehicle: Vehicle,
     speed_mps: FloatArray | float,
     lateral_mps: FloatArray,
@@ -77,7 +77,7 @@ def preview_state_matrices(vehicle: Vehicle, speed_mps: float, preview_m: float)
     return a, b
 
 
-def understeer_gradient(vehicle: Vehicle, mass_kg: float | None = None) -> float:
+def understeer_gradient_rad_per_mps2(vehicle: Vehicle, mass_kg: float | None = None) -> float:
     """K_mu of eq. 13, rad s^2/m: how much more steering angle a metre per second squared of lateral acceleration needs.
 
     Negative for a car that oversteers.
@@ -89,14 +89,14 @@ def understeer_gradient(vehicle: Vehicle, mass_kg: float | None = None) -> float
 
 def critical_speed_mps(vehicle: Vehicle) -> float:
     """Speed above which a car that oversteers is unstable; infinite for one that does not."""
-    gradient = understeer_gradient(vehicle)
+    gradient = understeer_gradient_rad_per_mps2(vehicle)
     return math.sqrt(-vehicle.wheelbase_m / gradient) if gradient < 0.0 else math.inf
 
 
-def steady_yaw_gain(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
+def steady_yaw_rate_per_steering_angle_1ps(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
     """The ratio gamma / delta in a steady turn, 1/s: v / (L + K_mu v^2), eq. 12."""
     v = np.asarray(speed_mps, dtype=np.float64)
-    return v / (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2)
+    return v / (vehicle.wheelbase_m + understeer_gradient_rad_per_mps2(vehicle) * v**2)
 
 
 def steady_lateral_speed_per_yaw_rate_m(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
@@ -108,5 +108,5 @@ def steady_lateral_speed_per_yaw_rate_m(vehicle: Vehicle, speed_mps: FloatArray 
 
 def steady_lateral_speed_and_yaw_rate(vehicle: Vehicle, speed_mps: float, steer_rad: float) -> tuple[float, float]:
     """The lateral speed v_y (m/s) and the yaw rate gamma (rad/s) of a steady turn."""
-    yaw_rate = float(steady_yaw_gain(vehicle, speed_mps)) * steer_rad
+    yaw_rate = float(steady_yaw_rate_per_steering_angle_1ps(vehicle, speed_mps)) * steer_rad
     return float(steady_lateral_speed_per_yaw_rate_m(vehicle, speed_mps)) * yaw_rate, yaw_rate

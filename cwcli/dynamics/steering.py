@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.dynamics.single_track import understeer_gradient
+from cwcli.dynamics.single_track import understeer_gradient_rad_per_mps2
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -15,16 +15,16 @@ SLOPE_WINDOW_FRAMES = 5
 """Number of frames of the median slope: one wrong frame of five does not change it. Chosen by hand; not fitted."""
 
 
-def dynamic_steering_correction(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
+def dynamic_to_kinematic_steering_ratio(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
     """The factor f(v) = (L + K_mu v^2) / L from kinematic to dynamic steering angle, eq. 13 (corrected).
 
     It takes the car's `correction_mass_kg`.
     """
-    gradient = understeer_gradient(vehicle, vehicle.correction_mass_kg)
+    gradient = understeer_gradient_rad_per_mps2(vehicle, vehicle.correction_mass_kg)
     return 1.0 + gradient / vehicle.wheelbase_m * np.asarray(speed_mps, dtype=np.float64) ** 2
 
 
-def rate_from_last_two_frames(stamp_ns: Int64Array, values: FloatArray, *, max_gap_s: float = 0.5) -> FloatArray:
+def rate_per_s_from_last_two_frames(stamp_ns: Int64Array, values: FloatArray, *, max_gap_s: float = 0.5) -> FloatArray:
     """The difference to the previous frame over the time between them, per second, shape (n,), as in the paper.
 
     NaN at the first frame, next to a missing value, and after a gap or a stamp that does not increase.
@@ -36,7 +36,7 @@ def rate_from_last_two_frames(stamp_ns: Int64Array, values: FloatArray, *, max_g
     return rate
 
 
-def median_slope_rate(
+def rate_per_s_by_median_slope(
     stamp_ns: Int64Array, values: FloatArray, *, window: int = SLOPE_WINDOW_FRAMES, max_gap_s: float = 0.5
 ) -> FloatArray:
     """The median of the slopes of all pairs among the last `window` frames (Theil-Sen); per second, shape (n,).
@@ -64,7 +64,7 @@ def median_slope_rate(
     return np.where((count > 0) & np.isfinite(values), middle, np.nan)
 
 
-RATE_METHODS = {"raw": rate_from_last_two_frames, "robust": median_slope_rate}
+RATE_METHODS = {"raw": rate_per_s_from_last_two_frames, "robust": rate_per_s_by_median_slope}
 """The methods for the rate of the heading deviation by the name that `--steer-rate` takes."""
 
 

@@ -120,7 +120,7 @@ def _build_velocity_or_speed_channels(meaning: Meaning) -> list[OutputChannel]:
             "twist.linear.y": nothing,
             "twist.angular.z": values.get("yaw_rate", nothing),
         }
-        rows = np.isfinite(speed) & _rows_of_receiver(meaning, speed)
+        rows = np.isfinite(speed) & _new_value_of_receiver_mask(meaning, speed)
         channels.append(
             _build_quantity_channel(meaning, SPEED_TOPIC, "geometry_msgs/msg/TwistStamped", rows, BODY_FRAME_ID, fields)
         )
@@ -129,7 +129,7 @@ def _build_velocity_or_speed_channels(meaning: Meaning) -> list[OutputChannel]:
     return channels
 
 
-def _rows_of_receiver(meaning: Meaning, values: FloatArray) -> np.ndarray:
+def _new_value_of_receiver_mask(meaning: Meaning, values: FloatArray) -> np.ndarray:
     """Return the rows of new positions where values come with them, and are repeated until the next; else all rows."""
     every = np.ones(len(values), np.bool_)
     if "latitude" not in meaning.values:
@@ -154,7 +154,7 @@ def _build_yaw_rate_channel(meaning: Meaning) -> OutputChannel:
 def _build_heading_channel(meaning: Meaning) -> OutputChannel:
     half = 0.5 * meaning.values["heading"]
     fields = {"quaternion.z": np.sin(half), "quaternion.w": np.cos(half)}
-    rows = np.isfinite(half) & _rows_of_receiver(meaning, half)
+    rows = np.isfinite(half) & _new_value_of_receiver_mask(meaning, half)
     return _build_quantity_channel(
         meaning, HEADING_TOPIC, "geometry_msgs/msg/QuaternionStamped", rows, MAP_FRAME_ID, fields
     )

@@ -264,20 +264,20 @@ def _rotation_by_turning_course(meaning: Meaning, turn: FloatArray | None, track
     if best == 2 or abs(fits[best]) < MIN_CORRELATION or abs(fits[2]) > MIN_CORRELATION:
         return np.eye(3)
     meaning.notes.append(f"the course turns with the turn rate about {'xyz'[best]}: that axis is taken as vertical")
-    return _rotation_to_z(np.sign(fits[best]) * np.eye(3)[best])
+    return _rotation_turning_vector_to_z(np.sign(fits[best]) * np.eye(3)[best])
 
 
 def _gravity_rotation_and_if_x_is_forward(meaning: Meaning, upward: FloatArray) -> tuple[FloatArray, bool]:
     """Return the rotation for a unit vector of gravity, and whether x is then forward."""
     if abs(upward[2]) <= UPRIGHT_COS or meaning.table.source.is_device_frame:
-        return _rotation_to_z(upward), False
+        return _rotation_turning_vector_to_z(upward), False
     if upward[2] > 0:
         return np.eye(3), True
     meaning.notes.append("gravity points up along z: the axes are taken as x forward, y right, z down")
     return np.diag([1.0, -1.0, -1.0]), True
 
 
-def _rotation_to_z(upward: FloatArray) -> FloatArray:
+def _rotation_turning_vector_to_z(upward: FloatArray) -> FloatArray:
     """Return the smallest rotation (3, 3) that turns a unit vector to z."""
     axis = np.cross(upward, [0.0, 0.0, 1.0])
     cosine = float(upward[2])

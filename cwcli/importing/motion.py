@@ -86,10 +86,10 @@ def spans_of_geographic_places(
     latitude, longitude, stamps = latitude_deg[keep], longitude_deg[keep], stamp_ns[keep]
     middle = float(np.median(latitude))
     east = np.unwrap(np.deg2rad(longitude)) * 180.0 / np.pi * METERS_PER_DEGREE * np.cos(np.deg2rad(middle))
-    return track_of_points(stamps, east, latitude * METERS_PER_DEGREE)
+    return spans_of_map_points(stamps, east, latitude * METERS_PER_DEGREE)
 
 
-def track_of_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> TrackSpans | None:
+def spans_of_map_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> TrackSpans | None:
     """Return the spans between points; None for too few."""
     order = np.argsort(stamp_ns, kind="stable")
     stamps, x, y = stamp_ns[order], x_m[order], y_m[order]

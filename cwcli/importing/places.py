@@ -6,7 +6,11 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import heading_minus_course_of_moving_spans_rad, spans_of_geographic_places, track_of_points
+from cwcli.importing.motion import (
+    heading_minus_course_of_moving_spans_rad,
+    spans_of_geographic_places,
+    spans_of_map_points,
+)
 from cwcli.importing.tables import UNKNOWN_UNIT, Guess, UnitChoice
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
@@ -230,7 +234,7 @@ def _find_local_positions(meaning: Meaning) -> None:
             f"--column longitude='{x}' --column latitude='{y}', or --column x='{x}*m' --column y='{y}*m'",
         )
         return
-    meaning.track = track_of_points(meaning.stamp_ns[finite], values["x"][finite], values["y"][finite])
+    meaning.track = spans_of_map_points(meaning.stamp_ns[finite], values["x"][finite], values["y"][finite])
 
 
 def _may_be_vectors_not_path(meaning: Meaning, x_column: str, y_column: str) -> bool:
@@ -243,7 +247,7 @@ def _may_be_vectors_not_path(meaning: Meaning, x_column: str, y_column: str) -> 
     companions = {"z", "speed", "heading", "course", "quaternion_w"} & set(meaning.table.candidates)
     if not bare or has_unit or companions != {"z"}:
         return False
-    track = track_of_points(meaning.stamp_ns, meaning.values["x"], meaning.values["y"])
+    track = spans_of_map_points(meaning.stamp_ns, meaning.values["x"], meaning.values["y"])
     if track is None or not track.can_show_units_and_directions:
         return True
     steps = np.hypot(np.diff(meaning.values["x"]), np.diff(meaning.values["y"]))

@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.importing.inertial import rotation_given_by_user
 from cwcli.importing.meaning import Meaning
-from cwcli.importing.motion import first_rows_of_intervals, track_of_points
+from cwcli.importing.motion import first_rows_of_intervals, spans_of_map_points
 from cwcli.importing.readers.trajectory import xyzw_quaternions_of_rotations
 from cwcli.signals.angles import rotation_matrices_of_unit_quaternions
 from cwcli.signals.columns import FloatArray
@@ -61,7 +61,7 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
         quaternions = xyzw_quaternions_of_rotations(turned)
         for k, axis in enumerate("xyzw"):
             values[f"quaternion_{axis}"] = quaternions[:, k]
-        meaning.track = track_of_points(meaning.stamp_ns, values["x"], values["y"])
+        meaning.track = spans_of_map_points(meaning.stamp_ns, values["x"], values["y"])
 
 
 def _body_from_sensor_and_if_usable(

@@ -29,7 +29,7 @@ from cwcli.importing.readers import find_kind, load_kind
 from cwcli.importing.readers.base import FileHead, Recording
 from cwcli.importing.readers.trajectory import is_one_number_per_line
 from cwcli.importing.speeds import find_headings, find_speed_and_unit, find_velocity, find_yaw_rate
-from cwcli.importing.stamps import find_stamps, require_rows_of_one_recording
+from cwcli.importing.stamps import interpret_times_of_table, require_rows_of_one_recording
 from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable
 from cwcli.importing.units import FACTORS
 from cwcli.input import InputFile
@@ -170,7 +170,7 @@ def _interpret_tables_with_quantities(
                 hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(QUANTITIES)}",
             )
         try:
-            meanings.append(find_stamps(loaded, answers))
+            meanings.append(interpret_times_of_table(loaded, answers))
         except AmbiguousError as error:
             questions.append(Question(error.where, error.what, error.hint))
     if questions:

@@ -17,8 +17,8 @@ from cwcli.importing.times import (
     APPLE_EPOCH_S,
     MAX_STAMP_NS,
     Instants,
-    NumberBase,
     TextTimes,
+    TimeBaseOfNumbers,
     can_be_gps_seconds,
     ns_and_validity_of_text_times,
     parse_start_ns,
@@ -62,7 +62,7 @@ RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "s
 
 
 @dataclass(frozen=True)
-class Candidate:
+class TimeCandidate:
     """A column that can be the time.
 
     Attributes:
@@ -82,7 +82,7 @@ class Candidate:
     question: Question | None = None
 
 
-def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
+def interpret_times_of_table(table: LoadedTable, answers: Answers) -> Meaning:
     """Return the table with its stamps; its quantities are still to be found.
 
     Raises:
@@ -109,7 +109,7 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
             hint=f"--column time=NAME, one of {names}",
         )
     given = answers.column_and_unit_for(table.source, "time")
-    coarse: list[Candidate] = []
+    coarse: list[TimeCandidate] = []
     if given is None:
         coarse = [each for each in candidates if not _does_time_advance(each)]
         candidates = [each for each in candidates if _does_time_advance(each)] or candidates
@@ -131,7 +131,7 @@ def find_stamps(table: LoadedTable, answers: Answers) -> Meaning:
     return _sort_rows_by_stamp(table, answers, best)
 
 
-def _does_time_advance(candidate: Candidate) -> bool:
+def _does_time_advance(candidate: TimeCandidate) -> bool:
     """Tell whether most rows have another time than the row before."""
     if candidate.question is not None:
         return True
@@ -139,7 +139,7 @@ def _does_time_advance(candidate: Candidate) -> bool:
     return bool(np.count_nonzero(steps) > (1.0 - MAX_REPEATED_SHARE) * len(steps))
 
 
-def _date_by_coarse_column(best: Candidate, coarse: Sequence[Candidate]) -> Candidate:
+def _date_by_coarse_column(best: TimeCandidate, coarse: Sequence[TimeCandidate]) -> TimeCandidate:
     """Return times that count from the start with the date of a column that shows whole seconds.
 
     A date without decimals is at most a second before the row; the row where it changes is the nearest.
@@ -156,19 +156,19 @@ def _date_by_coarse_column(best: Candidate, coarse: Sequence[Candidate]) -> Cand
     return best
 
 
-def _prefer_candidate_without_question(candidates: list[Candidate], best: Candidate) -> Candidate:
+def _prefer_candidate_without_question(candidates: list[TimeCandidate], best: TimeCandidate) -> TimeCandidate:
     """Return a column that needs no answer, if there is one that says as much."""
     if best.question is None:
         return best
     return next((each for each in candidates if each.question is None), best)
 
 
-def _candidates_with_any_time(candidates: list[Candidate]) -> list[Candidate]:
+def _candidates_with_any_time(candidates: list[TimeCandidate]) -> list[TimeCandidate]:
     """Return the candidates that hold any time."""
     return [each for each in candidates if each.valid.any() or each.question is not None]
 
 
-def _time_candidate_of_column(table: LoadedTable, column: str, answers: Answers) -> Candidate | None:
+def _time_candidate_of_column(table: LoadedTable, column: str, answers: Answers) -> TimeCandidate | None:
     words = split_name(column).words
     if column in table.text_times:
         times = table.text_times[column]
@@ -190,7 +190,7 @@ def _has_date_and_clock(times: TextTimes) -> bool:
 
 def _text_date_candidate(
     table: LoadedTable, column: str, times: TextTimes, answers: Answers, header_words: tuple[str, ...]
-) -> Candidate:
+) -> TimeCandidate:
     where = table.source.name
     question = None
     order, why = _date_order_and_reason(times, answers)
@@ -218,7 +218,7 @@ def _text_date_candidate(
     stamp_ns, valid = ns_and_validity_of_text_times(times, order or "ymd", zone)
     guess = Guess("time", column, "date", confidence, "; ".join(text for text in (why, why_zone) if text))
     rank = "zoned date" if has_zone or zone == "UTC" else "local date"
-    return Candidate(column, rank, stamp_ns, valid, guess, question)
+    return TimeCandidate(column, rank, stamp_ns, valid, guess, question)
 
 
 def _date_order_and_reason(times: TextTimes, answers: Answers) -> tuple[str, str]:
@@ -233,7 +233,7 @@ def _date_order_and_reason(times: TextTimes, answers: Answers) -> tuple[str, str
 
 def _date_column_with_clock_column_candidate(
     table: LoadedTable, column: str, times: TextTimes, answers: Answers
-) -> Candidate | None:
+) -> TimeCandidate | None:
     """Return the time of a column of dates together with a column of times of day."""
     clock = next(
         (name for name, other in table.text_times.items() if name != column and not other.has_date and other.has_clock),
@@ -249,10 +249,10 @@ def _date_column_with_clock_column_candidate(
         "time", column, "date", found.guess.confidence, f"with the time of day in {clock!r}; {found.guess.why}"
     )
     rank = "date and clock" if found.rank == "zoned date" else "local date"
-    return Candidate(column, rank, found.stamp_ns, found.valid, guess, found.question)
+    return TimeCandidate(column, rank, found.stamp_ns, found.valid, guess, found.question)
 
 
-def _date_parts_candidate(table: LoadedTable, answers: Answers) -> Candidate | None:
+def _date_parts_candidate(table: LoadedTable, answers: Answers) -> TimeCandidate | None:
     """Return the time of six columns that hold year, month, day, hour, minute and second."""
     columns = [next(iter(table.candidates.get(part, ())), None) for part in DATE_PARTS]
     names = [column for column in columns if column is not None]
@@ -275,7 +275,7 @@ def _date_parts_candidate(table: LoadedTable, answers: Answers) -> Candidate | N
     return _text_date_candidate(table, names[0], times, answers, words)
 
 
-def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> Candidate | None:
+def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> TimeCandidate | None:
     if any(other.has_date and not other.has_clock for other in table.text_times.values()):
         return None  # the column of dates takes it
     question = None
@@ -287,10 +287,12 @@ def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, an
     if answers.start:
         midnight = parse_start_ns(answers.start) // (86_400 * NS_PER_S) * 86_400 * NS_PER_S
         stamp_ns, why = stamp_ns + midnight, "on the day of --start"
-    return Candidate(column, "clock", stamp_ns, valid, Guess("time", column, "clock", "assumed", why), question)
+    return TimeCandidate(column, "clock", stamp_ns, valid, Guess("time", column, "clock", "assumed", why), question)
 
 
-def _choices_of_number_time(column: str, base: NumberBase, unit: str, *, may_be_gps: bool) -> tuple[str, str] | None:
+def _choices_of_number_time(
+    column: str, base: TimeBaseOfNumbers, unit: str, *, may_be_gps: bool
+) -> tuple[str, str] | None:
     """Return what is not known of numbers of time, with the options that answer it; None where all is known.
 
     Args:
@@ -312,7 +314,7 @@ def _choices_of_number_time(column: str, base: NumberBase, unit: str, *, may_be_
     return f"{column!r}: the unit of the time is not known", units
 
 
-def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> Candidate:
+def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> TimeCandidate:
     where = table.source.name
     given = answers.column_and_unit_for(table.source, "time")
     preset = table.source.presets.get(column)
@@ -327,13 +329,13 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     if given is not None and given[0] == column and given[1]:
         wanted, _, since = given[1].partition("-")
         read = time_base_of_numbers(instants, wanted, words)
-        base = NumberBase(wanted, since or read.since, "given", "as you said")
+        base = TimeBaseOfNumbers(wanted, since or read.since, "given", "as you said")
     guess = Guess("time", column, base.unit, base.confidence, base.why)
     says_epoch = preset is not None or bool(CLOCK_WORDS & {*words, unit_text}) or bool(given and "-" in given[1])
     asked = _choices_of_number_time(column, base, unit, may_be_gps=not says_epoch and can_be_gps_seconds(instants))
     if asked is not None:
         nothing = np.zeros(len(instants.whole), np.int64)
-        return Candidate(column, "unknown", nothing, instants.valid, guess, Question(where, *asked))
+        return TimeCandidate(column, "unknown", nothing, instants.valid, guess, Question(where, *asked))
     stamp_ns = instants.to_ns(base.unit)
     rest = (
         _nanosecond_column_of_second_column(table, column) if base.unit == "s" and not instants.fraction.any() else None
@@ -344,16 +346,16 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     if base.since == "2001":
         stamp_ns = stamp_ns + APPLE_EPOCH_S * NS_PER_S
     if base.since in {"1970", "2001"}:
-        return Candidate(column, "1970", stamp_ns, instants.valid, guess)
+        return TimeCandidate(column, "1970", stamp_ns, instants.valid, guess)
     if base.since == "gps":
-        return Candidate(column, "gps", utc_ns_from_gps_seconds(stamp_ns, None), instants.valid, guess)
+        return TimeCandidate(column, "gps", utc_ns_from_gps_seconds(stamp_ns, None), instants.valid, guess)
     week = next((name for name in table.candidates.get("week", ()) if name in table.numbers), None)
     if week is not None and (base.since == "week" or (base.since == "start" and {"gps", "gnss"} & set(words))):
         weeks = table.numbers[week]
         why = f"time of the GPS week, with the week in {week!r}"
         valid = instants.valid & (weeks >= 0) & (weeks <= MAX_GPS_WEEK)
         weeks = np.where(valid, weeks, 0.0)
-        return Candidate(
+        return TimeCandidate(
             column,
             "week",
             utc_ns_from_gps_seconds(stamp_ns, weeks),
@@ -367,7 +369,7 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
         start_ns, why = table.source.start_ns, "the file names the time of its start"
     guess = Guess("time", column, base.unit, base.confidence, f"{base.why}; {why}")
     stamps = np.minimum(stamp_ns, MAX_STAMP_NS + 1 - start_ns) + start_ns
-    return Candidate(column, "start" if not start_ns else "1970", stamps, instants.valid, guess)
+    return TimeCandidate(column, "start" if not start_ns else "1970", stamps, instants.valid, guess)
 
 
 def _nanosecond_column_of_second_column(table: LoadedTable, column: str) -> str | None:
@@ -381,7 +383,7 @@ def _nanosecond_column_of_second_column(table: LoadedTable, column: str) -> str 
     return None
 
 
-def _do_both_times_advance_together(first: Candidate, second: Candidate) -> bool:
+def _do_both_times_advance_together(first: TimeCandidate, second: TimeCandidate) -> bool:
     both = first.valid & second.valid
     if np.count_nonzero(both) < 2:
         return True
@@ -389,7 +391,7 @@ def _do_both_times_advance_together(first: Candidate, second: Candidate) -> bool
     return float(np.ptp(difference)) <= MAX_SPREAD_S
 
 
-def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -> Meaning:
+def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidate) -> Meaning:
     """Return the rows that have a stamp, in the order of their stamps."""
     where = table.source.name
     rows = np.flatnonzero(best.valid & ~_few_times_outside_1970_to_2038_mask(best))
@@ -442,7 +444,7 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: Candidate) -
     return meaning
 
 
-def _few_times_outside_1970_to_2038_mask(best: Candidate) -> BoolArray:
+def _few_times_outside_1970_to_2038_mask(best: TimeCandidate) -> BoolArray:
     """Return the rows (n,) whose time lies before 1970 or behind 2038, if they are few; else none."""
     is_relative = best.rank in {"start", "clock"}
     absurd = best.valid & ((best.stamp_ns > MAX_STAMP_NS) | ((best.stamp_ns < 0) & (not is_relative)))

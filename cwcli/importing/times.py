@@ -381,7 +381,7 @@ def _require_start_in_range(start_ns: int, text: str) -> int:
 
 
 @dataclass(frozen=True)
-class NumberBase:
+class TimeBaseOfNumbers:
     """How numbers of time are meant.
 
     Attributes:
@@ -396,7 +396,7 @@ class NumberBase:
     why: str
 
 
-def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> NumberBase:
+def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) -> TimeBaseOfNumbers:
     """Return how numbers of time are meant, by their size, the header's unit and words, and the rate of the rows."""
     values = instants.values_or_nan()
     finite = values[np.isfinite(values)]
@@ -408,18 +408,20 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
             continue
         if FIRST_YEAR_S <= since_s <= LAST_YEAR_S:
             if says_gps and _is_recent_gps_time(since_s):
-                return NumberBase(each, "gps", "likely", "the header says GPS, and the numbers fit GPS time")
-            return NumberBase(each, "1970", "certain" if unit else "likely", f"the numbers are {each} since 1970")
+                return TimeBaseOfNumbers(each, "gps", "likely", "the header says GPS, and the numbers fit GPS time")
+            return TimeBaseOfNumbers(
+                each, "1970", "certain" if unit else "likely", f"the numbers are {each} since 1970"
+            )
     is_of_apple = APPLE_FIRST_S <= middle < FIRST_YEAR_S and unit in {"", "s"}
     if is_of_apple or (unit and middle * FACTORS["time"][unit] / 1e9 > FIRST_YEAR_S):
-        return NumberBase("", "2001" if is_of_apple else "start", "", "")
+        return TimeBaseOfNumbers("", "2001" if is_of_apple else "start", "", "")
     if unit:
         since = (
             "week"
             if says_gps and middle * FACTORS["time"][unit] / 1e9 < SECONDS_PER_WEEK and _do_words_name_gps_week(words)
             else "start"
         )
-        return NumberBase(unit, since, "certain", "the header says the unit")
+        return TimeBaseOfNumbers(unit, since, "certain", "the header says the unit")
     step = _median_step_of_values(finite)
     fitting = [
         each
@@ -433,8 +435,8 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
         fitting = ["s"]
     if len(fitting) == 1:
         since = "week" if _do_words_name_gps_week(words) else "start"
-        return NumberBase(fitting[0], since, "likely", f"steps of {step:g} {fitting[0]} are a usual rate")
-    return NumberBase("", "start", "", "")
+        return TimeBaseOfNumbers(fitting[0], since, "likely", f"steps of {step:g} {fitting[0]} are a usual rate")
+    return TimeBaseOfNumbers("", "start", "", "")
 
 
 def can_be_gps_seconds(instants: Instants) -> bool:

@@ -72,7 +72,7 @@ def rotate_plane_covariance(covariance: FloatArray, angle_rad: FloatArray) -> Fl
     )
 
 
-def covariance_from_ellipse(
+def east_north_covariance_from_ellipse(
     semi_major_sigma_m: FloatArray, semi_minor_sigma_m: FloatArray, major_compass_deg: FloatArray
 ) -> FloatArray:
     """Return the east-north covariance of an error ellipse.

@@ -12,7 +12,11 @@ import numpy as np
 from cwcli.signals import perceived
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, SIGMAS_PER_95_PERCENT_ELLIPSE, covariance_from_ellipse
+from cwcli.signals.covariances import (
+    SIGMAS_PER_95_PERCENT,
+    SIGMAS_PER_95_PERCENT_ELLIPSE,
+    east_north_covariance_from_ellipse,
+)
 from cwcli.signals.elements import Elements
 from cwcli.signals.etsi import UNTRUSTED_POSITION_REASON
 from cwcli.signals.leaf_fields import read_numbers
@@ -20,7 +24,7 @@ from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
 from cwcli.signals.v2x_elements import decode_codes_to_values, decode_enumeration
 from cwcli.signals.v2x_tables import load_message_table, ros_leaf_path, ros_presence_paths
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_timestamp_its
+from cwcli.signals.v2x_time import message_times_or_log_times_ns, stamps_ns_and_validity_from_timestamp_its
 
 _TABLE = load_message_table("cpm", "etsi")
 """The quantities of a CPM's sender and objects: their data elements, and their paths."""
@@ -143,14 +147,14 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     latitude, longitude = perceived.shift_wgs84_positions(
         value["latitude_deg"], value["longitude_deg"], value["east_m"], value["north_m"]
     )
-    stamp_ns, has_time = stamp_and_validity_from_timestamp_its(
+    stamp_ns, has_time = stamps_ns_and_validity_from_timestamp_its(
         read_numbers(columns, "reference_time_ms"), columns.log_time_ns
     )
     own_m2 = (np.stack([value["east_95_m"], value["north_95_m"]]) / SIGMAS_PER_95_PERCENT) ** 2
     heading_95 = np.deg2rad(value["heading_95_deg"])
     return perceived.make_object_rows(
         ledger,
-        message_time_or_log_time(ledger, stamp_ns, has_time),
+        message_times_or_log_times_ns(ledger, stamp_ns, has_time),
         value,
         latitude_deg=latitude,
         longitude_deg=longitude,
@@ -160,7 +164,7 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
         lateral_accel_mps2=lateral,
         yaw_rate_radps=np.deg2rad(yaw_rate),
         position_covariance_m2=perceived.add_position_covariances(
-            covariance_from_ellipse(
+            east_north_covariance_from_ellipse(
                 value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
                 value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
                 value["semi_major_compass_deg"],

@@ -21,7 +21,7 @@ from cwcli.signals.v2x_tables import (
     ros_leaf_path,
     ros_presence_paths,
 )
-from cwcli.signals.v2x_time import NO_TIME_REASON, stamp_and_validity_from_timestamp_its
+from cwcli.signals.v2x_time import NO_TIME_REASON, stamps_ns_and_validity_from_timestamp_its
 
 CAUSE_TEXTS_BY_CODE: dict[int, str] = {
     1: "traffic condition",
@@ -89,7 +89,7 @@ def _read_codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, 
 
 def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
     """Build events from the codes of n messages, NaN where a component is absent."""
-    stamp_ns, has_time = stamp_and_validity_from_timestamp_its(raw["reference_time_ms"], log_time_ns)
+    stamp_ns, has_time = stamps_ns_and_validity_from_timestamp_its(raw["reference_time_ms"], log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, log_time_ns)
     validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], DEFAULT_VALIDITY_S)
     validity_s = np.where(np.isfinite(raw["termination"]), 0.0, validity_s)

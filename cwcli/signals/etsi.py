@@ -12,7 +12,7 @@ from cwcli.signals.columns import Columns
 from cwcli.signals.covariances import (
     SIGMAS_PER_95_PERCENT,
     SIGMAS_PER_95_PERCENT_ELLIPSE,
-    covariance_from_ellipse,
+    east_north_covariance_from_ellipse,
 )
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
@@ -24,7 +24,7 @@ from cwcli.signals.v2x_tables import (
     ros_leaf_path,
     ros_presence_paths,
 )
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_generation_delta_time
+from cwcli.signals.v2x_time import message_times_or_log_times_ns, stamps_ns_and_validity_from_generation_delta_time
 
 _TABLE = load_message_table("cam", "etsi")
 """The quantities of a CAM and a VAM: their data elements, and their paths in each version."""
@@ -107,16 +107,16 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     yaw_rate_95_degps = decode_enumeration(YAW_RATE_95_DEGPS_BY_CODE, raw["yaw_rate_confidence"])
     is_backward = raw["drive_direction"] == DRIVE_BACKWARD_CODE
     motion_rad = heading_from_compass_deg(value["heading_compass_deg"])
-    stamp_ns, has_time = stamp_and_validity_from_generation_delta_time(
+    stamp_ns, has_time = stamps_ns_and_validity_from_generation_delta_time(
         raw["generation_delta_time"], columns.log_time_ns
     )
     return make_remote_rows(
-        message_time_or_log_time(ledger, stamp_ns, has_time),
+        message_times_or_log_times_ns(ledger, stamp_ns, has_time),
         value,
         speed_mps=np.where(is_backward, -value["speed_mps"], value["speed_mps"]),
         heading_rad=np.where(is_backward, wrap_angle(motion_rad + np.pi), motion_rad),
         yaw_rate_radps=np.deg2rad(value["yaw_rate_degps"]),
-        position_covariance_m2=covariance_from_ellipse(
+        position_covariance_m2=east_north_covariance_from_ellipse(
             value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
             value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
             value["semi_major_compass_deg"],

@@ -16,14 +16,14 @@ from cwcli.signals import bsm_flags
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.canonical import MESSAGE_COUNT_MODULUS
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, absent_strings
-from cwcli.signals.covariances import covariance_from_ellipse
+from cwcli.signals.covariances import east_north_covariance_from_ellipse
 from cwcli.signals.leaf_fields import accepted_text_mask, numbers_to_bit_flags, read_numbers, read_texts
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec, make_remote_rows
 from cwcli.signals.v2x_elements import decode_codes_to_values, nan_unless_a_code_could_express
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
+from cwcli.signals.v2x_time import message_times_or_log_times_ns, stamps_ns_and_validity_from_dsecond
 
 _TABLE = load_message_table("bsm", "sae")
 """The quantities of a BSM: their data elements, and their paths per encoding."""
@@ -167,7 +167,7 @@ def _make_flag_events_and_unreadable(
     columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, values_by_quantity: dict[str, FloatArray]
 ) -> tuple[RoadEvents, BoolArray]:
     """Build one event for each flag, at its message's time (log time where it has none) and place (degrees)."""
-    stamp_ns, has_time = stamp_and_validity_from_dsecond(values_by_quantity["dsecond_ms"], columns.log_time_ns)
+    stamp_ns, has_time = stamps_ns_and_validity_from_dsecond(values_by_quantity["dsecond_ms"], columns.log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, columns.log_time_ns)
     place = values_by_quantity["latitude_deg"], values_by_quantity["longitude_deg"]
     codes, is_unread = flags
@@ -205,18 +205,18 @@ def _make_bsm_rows(
 ) -> RemoteRows:
     """Build the canonical rows from values in degrees and metres with cwcli's signs."""
     count = read_numbers(columns, paths["count"])
-    stamp_ns, has_time = stamp_and_validity_from_dsecond(values_by_quantity["dsecond_ms"], columns.log_time_ns)
+    stamp_ns, has_time = stamps_ns_and_validity_from_dsecond(values_by_quantity["dsecond_ms"], columns.log_time_ns)
     yaw_unfilled = _unfilled_yaw_rate_mask(values_by_quantity, _read_stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
         ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that counts as not measured")
     speed_mps = values_by_quantity["speed_mps"]
     return make_remote_rows(
-        message_time_or_log_time(ledger, stamp_ns, has_time),
+        message_times_or_log_times_ns(ledger, stamp_ns, has_time),
         values_by_quantity,
         speed_mps=np.where(_reverse_gear_mask(columns, paths["transmission"], prefix), -speed_mps, speed_mps),
         heading_rad=heading_from_compass_deg(values_by_quantity["heading_compass_deg"]),
         yaw_rate_radps=np.deg2rad(np.where(yaw_unfilled, np.nan, values_by_quantity["yaw_rate_degps"])),
-        position_covariance_m2=covariance_from_ellipse(
+        position_covariance_m2=east_north_covariance_from_ellipse(
             np.maximum(values_by_quantity["semi_major_m"], MIN_SEMI_AXIS_M),
             np.maximum(values_by_quantity["semi_minor_m"], MIN_SEMI_AXIS_M),
             values_by_quantity["semi_major_compass_deg"],

@@ -34,7 +34,7 @@ OBJECT_ID_ELEMENT = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
 
 
-def identify_objects(columns: Columns) -> Senders:
+def identify_objects_as_senders(columns: Columns) -> Senders:
     """Return the senders of objects: each is named after its sender and its number, columns `station` and `object`."""
     n = len(columns)
     sender = read_station_ids(columns, "station")
@@ -61,7 +61,7 @@ def make_object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2x
         )
         return decode(columns, ledger)
 
-    return V2xCodec(identify_objects, decode_numbered)
+    return V2xCodec(identify_objects_as_senders, decode_numbered)
 
 
 def shift_wgs84_positions(

@@ -15,7 +15,7 @@ import numpy as np
 from cwcli.signals import perceived
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.columns import Columns, FloatArray, absent_strings
-from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, covariance_from_ellipse
+from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, east_north_covariance_from_ellipse
 from cwcli.signals.elements import Elements
 from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
 from cwcli.signals.leaf_fields import read_numbers, read_texts
@@ -23,7 +23,7 @@ from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
 from cwcli.signals.v2x_elements import decode_codes_to_values, nan_unless_a_code_could_express
 from cwcli.signals.v2x_tables import Element, load_message_table, parse_presence_bits
-from cwcli.signals.v2x_time import message_time_or_log_time, stamp_and_validity_from_dsecond
+from cwcli.signals.v2x_time import message_times_or_log_times_ns, stamps_ns_and_validity_from_dsecond
 
 _TABLE = load_message_table("sdsm", "sae")
 """The quantities of an SDSM's sender and objects: their data elements, and their paths per encoding."""
@@ -112,18 +112,18 @@ def _decode_objects(
         values_by_quantity["east_m"],
         values_by_quantity["north_m"],
     )
-    stamp_ns, has_time = stamp_and_validity_from_dsecond(read_numbers(columns, "dsecond_ms"), columns.log_time_ns)
+    stamp_ns, has_time = stamps_ns_and_validity_from_dsecond(read_numbers(columns, "dsecond_ms"), columns.log_time_ns)
     own_m2 = sigma["position_confidence"] ** 2
     return perceived.make_object_rows(
         ledger,
-        message_time_or_log_time(ledger, stamp_ns, has_time),
+        message_times_or_log_times_ns(ledger, stamp_ns, has_time),
         values_by_quantity,
         latitude_deg=latitude,
         longitude_deg=longitude,
         heading_rad=heading_from_compass_deg(values_by_quantity["heading_compass_deg"]),
         yaw_rate_radps=np.deg2rad(values_by_quantity["yaw_rate_degps"]),
         position_covariance_m2=perceived.add_position_covariances(
-            covariance_from_ellipse(
+            east_north_covariance_from_ellipse(
                 np.maximum(values_by_quantity["semi_major_m"], MIN_SEMI_AXIS_M),
                 np.maximum(values_by_quantity["semi_minor_m"], MIN_SEMI_AXIS_M),
                 values_by_quantity["semi_major_compass_deg"],

@@ -35,7 +35,9 @@ CLOCK_DISAGREES_REASON = "message clock disagrees with log time, log time used"
 """The reason for a repair: a message whose clock disagrees with the log time takes its log time."""
 
 
-def stamp_and_validity_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
+def stamps_ns_and_validity_from_dsecond(
+    dsecond_ms: FloatArray, log_time_ns: Int64Array
+) -> tuple[Int64Array, BoolArray]:
     """Return the absolute time of a BSM: the instant with this millisecond of a UTC minute that is nearest to the log
     time.
 
@@ -54,7 +56,7 @@ def stamp_and_validity_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Ar
     return (log_ms + _wrap_difference_to_half_modulus_ms(ahead_ms, MS_PER_MINUTE)) * NS_PER_MS, has_time
 
 
-def stamp_and_validity_from_generation_delta_time(
+def stamps_ns_and_validity_from_generation_delta_time(
     delta_ms: FloatArray, log_time_ns: Int64Array
 ) -> tuple[Int64Array, BoolArray]:
     """Return the absolute time of a CAM: the instant with this generationDeltaTime that is nearest to the log time.
@@ -73,7 +75,9 @@ def stamp_and_validity_from_generation_delta_time(
     return (log_ms + _wrap_difference_to_half_modulus_ms(ahead_ms, GENERATION_TIME_MODULUS_MS)) * NS_PER_MS, has_time
 
 
-def stamp_and_validity_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
+def stamps_ns_and_validity_from_timestamp_its(
+    its_ms: FloatArray, log_time_ns: Int64Array
+) -> tuple[Int64Array, BoolArray]:
     """Return the absolute time of milliseconds of TAI since 2004 (TimestampIts); the log time gives the leap seconds.
 
     Args:
@@ -94,7 +98,7 @@ def its_ms_from_unix_ns(unix_ns: Int64Array) -> Int64Array:
     return (unix_ns - ITS_EPOCH_UNIX_S * NS_PER_S) // NS_PER_MS + 1000 * leap_s.astype(np.int64)
 
 
-def message_time_or_log_time(ledger: RowLedger, stamp_ns: Int64Array, has_time: BoolArray) -> Int64Array:
+def message_times_or_log_times_ns(ledger: RowLedger, stamp_ns: Int64Array, has_time: BoolArray) -> Int64Array:
     """Return the message times (n,) in ns where they can be used, else the log times, which are counted.
 
     A message clock that is more than `MAX_CLOCK_DISAGREEMENT_S` from the log time is not used: the age that it would

@@ -12,8 +12,8 @@ import numpy as np
 
 from cwcli.dynamics.single_track import (
     MIN_MODEL_SPEED_MPS,
-    lateral_acceleration_and_yaw_acceleration,
-    understeer_gradient,
+    lateral_accel_mps2_and_yaw_accel_radps2,
+    understeer_gradient_rad_per_mps2,
 )
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.lazy_dataclass import dataclass
@@ -149,7 +149,7 @@ def _steady_start_states(road: Road, vehicle: Vehicle, runs: LaneRuns) -> FloatA
     curvature = np.broadcast_to(road.curvature_at_1pm(np.zeros(1)), v.shape)
     slip = vehicle.mass_kg * vehicle.front_axle_m / (vehicle.rear_stiffness_nprad * vehicle.wheelbase_m)
     lateral = (vehicle.rear_axle_m - slip * v**2) * v * curvature
-    steer = (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2) * curvature
+    steer = (vehicle.wheelbase_m + understeer_gradient_rad_per_mps2(vehicle) * v**2) * curvature
     zero = np.zeros_like(v)
     heading = -np.arctan2(lateral, np.maximum(v, MIN_MODEL_SPEED_MPS))
     return np.stack([lateral, v * curvature, steer, zero, zero, heading])
@@ -166,11 +166,13 @@ def _state_derivative(
     course = heading + lateral / ve
     ahead = road.curvature_at_1pm(station + v * driver.look_ahead_s)
     correct = driver.correcting_curvature_1pm(ve, offset - target, course - rate / ve)
-    wanted = (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2) * (ahead + correct + unrest / ve**2)
+    wanted = (vehicle.wheelbase_m + understeer_gradient_rad_per_mps2(vehicle) * v**2) * (
+        ahead + correct + unrest / ve**2
+    )
     along = (v * np.cos(heading) - lateral * np.sin(heading)) / (1.0 - offset * road.curvature_at_1pm(station))
     return np.stack(
         [
-            *lateral_acceleration_and_yaw_acceleration(vehicle, v, lateral, yaw_rate, steer),
+            *lateral_accel_mps2_and_yaw_accel_radps2(vehicle, v, lateral, yaw_rate, steer),
             (wanted - steer) / driver.lag_s,
             along,
             v * np.sin(heading) + lateral * np.cos(heading),

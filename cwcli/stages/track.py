@@ -32,7 +32,7 @@ from cwcli.tracking.detections import DetectionCounts, DetectionKind, EgoStates,
 from cwcli.tracking.from_signals import (
     build_sensor_models,
     detections_from_signal,
-    require_common_frame,
+    require_common_frame_and_tell_if_map,
     scan_stamps_and_knowable_times_ns,
     scan_stamps_and_log_times_ns,
 )
@@ -137,7 +137,7 @@ def track(log: Log, config: TrackConfig) -> StageResult:
     single = config.tracker.single
     ego, ego_count = _read_ego_states(log, config.sources, "hindsight" if single.smooth else "online")
     models, notes = build_sensor_models(signals, config.sensors)
-    in_map = require_common_frame(models, has_ego=ego is not None, where=log.name)
+    in_map = require_common_frame_and_tell_if_map(models, has_ego=ego is not None, where=log.name)
     detections = [detections_from_signal(s, config.sensors.get(s.source, SensorSetting())) for s in signals]
     if not single.tune:
         models = {d.source: _replace_clutter_density(models[d.source], d.kind) for d in detections}

@@ -107,7 +107,7 @@ class PreparedDetections:
     has_ego: bool
 
 
-def in_order_mask(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
+def arrived_in_order_mask(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
     """Whether each row's stamp fits the order of arrival, up to `max_lateness_s`.
 
     As few rows as possible are rejected: the longest non-decreasing run of stamps stays (patience sorting), and with it
@@ -232,7 +232,7 @@ def _valid_rows_mask(
         counts.count_rejected(reason, int((bad & left).sum()))
         left &= ~bad
     kept = np.flatnonzero(left)
-    fits = in_order_mask(data.stamp_ns[kept], lateness_s)
+    fits = arrived_in_order_mask(data.stamp_ns[kept], lateness_s)
     counts.count_rejected("time went backwards or jumped", int((~fits).sum()))
     left[kept[~fits]] = False
     kept = kept[fits]

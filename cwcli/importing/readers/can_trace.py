@@ -36,7 +36,7 @@ BLF_MAGIC = b"LOGG"
 
 
 @dataclass
-class Frames:
+class FramesOfMessage:
     """The frames of a message: n times in ns, their data padded to `MAX_FRAME_BYTES` each, and their lengths."""
 
     stamp_ns: array[int] = field(default_factory=lambda: array("q"))
@@ -97,7 +97,7 @@ def _can_be_quantity(name: str) -> bool:
     return any(QUANTITIES[quantity].kind not in {"time", "text", "number"} for quantity in quantities_of_name(name))
 
 
-def _build_table_of_message(path: str, kind: str, message: DbcMessage, frames: Frames) -> SourceTable:
+def _build_table_of_message(path: str, kind: str, message: DbcMessage, frames: FramesOfMessage) -> SourceTable:
     octets = np.frombuffer(frames.data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
     n_octets = np.array(frames.n_octets, np.int64)
     values: dict[str, Any] = {"time": None} | decode_all_signals(octets, n_octets, message)
@@ -143,14 +143,14 @@ class _TraceLines(io.TextIOBase):
 
 def _read_frames_by_message(
     path: str, kind: str, messages: dict[tuple[int, bool], DbcMessage]
-) -> tuple[dict[tuple[int, bool], Frames], int, list[str]]:
+) -> tuple[dict[tuple[int, bool], FramesOfMessage], int, list[str]]:
     """Return the frames of each message by its identifier and whether it is extended, the number of all, and notes."""
     try:
         import can
     except ImportError as error:
         raise UsageError("CAN traces need python-can", hint=install_hint("import")) from error
     reader_of_kind = {"asc": can.ASCReader, "blf": can.BLFReader, "candump": can.CanutilsLogReader}
-    frames = {key: Frames() for key in messages}
+    frames = {key: FramesOfMessage() for key in messages}
     n_frames = n_without_time = 0
     try:
         source = path if kind == "blf" else _TraceLines(path)

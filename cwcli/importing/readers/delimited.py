@@ -35,7 +35,7 @@ MAX_BAD_SHARE = 0.05
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """How a file of separated text is laid out.
 
     Attributes:
@@ -77,7 +77,7 @@ def read_delimited_table(
     return SourceTable(path, part, kind, layout.names, read, units=layout.units, notes=notes)
 
 
-def find_separator_names_and_units(head: TextHead, where: str) -> Layout:
+def find_separator_names_and_units(head: TextHead, where: str) -> TextLayout:
     """Find the separator, the names and the units.
 
     Raises:
@@ -115,7 +115,7 @@ def find_separator_names_and_units(head: TextHead, where: str) -> Layout:
     return _layout_with_separator(separator, n_cells, numbered, where)
 
 
-def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tuple[int, str]], where: str) -> Layout:
+def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tuple[int, str]], where: str) -> TextLayout:
     rows = [(k, _split_line_into_cells(line, separator)) for k, line in numbered]
     at = next((i for i, (_, cells) in enumerate(rows) if len(cells) == n_cells and _are_cells_names(cells)), None)
     if at is None:
@@ -155,7 +155,7 @@ def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tupl
             last = k
     if last == rows[-1][0]:
         raise InputError("it has a line of names and no rows", where=where)
-    return Layout(separator, unique, units, last + 1)
+    return TextLayout(separator, unique, units, last + 1)
 
 
 def _split_line_into_cells(line: str, separator: str) -> list[str]:
@@ -213,7 +213,7 @@ def _unique_names(cells: Sequence[str]) -> tuple[str, ...]:
 
 
 def _read_rows(
-    source: str | bytes, head: TextHead, layout: Layout, columns: Sequence[str], told: tuple[str, list[str]]
+    source: str | bytes, head: TextHead, layout: TextLayout, columns: Sequence[str], told: tuple[str, list[str]]
 ) -> Iterator[Batch]:
     """Yield the rows, all cells as text."""
     import pyarrow as pa

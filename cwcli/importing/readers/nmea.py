@@ -57,7 +57,7 @@ class Sentences:
 
 
 @dataclass
-class Collected:
+class CollectedSentences:
     """What the sentences of a file say.
 
     Attributes:
@@ -121,15 +121,15 @@ def _build_sentence_table(
     return SourceTable.of_arrays(path, name, "nmea", given, presets=presets, notes=list(notes))
 
 
-def _collect_sentences(path: str) -> Collected:
-    collected = Collected()
+def _collect_sentences(path: str) -> CollectedSentences:
+    collected = CollectedSentences()
     for line in iter_text_lines(path, "ascii"):
         if line.strip():
             _collect_sentence_of_line(collected, line)
     return collected
 
 
-def _collect_sentence_of_line(collected: Collected, line: str) -> None:
+def _collect_sentence_of_line(collected: CollectedSentences, line: str) -> None:
     kind, fields = split_sentence(line)
     if not fields:
         collected.counts[kind] += 1
@@ -151,7 +151,7 @@ def _collect_sentence_of_line(collected: Collected, line: str) -> None:
         sentences.values.setdefault(name, array("d")).append(getattr(values, name))
 
 
-def _collect_time_if_sentence_has_one(collected: Collected, kind: str, fields: Sequence[str]) -> bool:
+def _collect_time_if_sentence_has_one(collected: CollectedSentences, kind: str, fields: Sequence[str]) -> bool:
     """Collect the time, and the date, of a sentence; tell whether it has a time."""
     match = re.fullmatch(r"(\d{2})(\d{2})(\d{2})(?:\.(\d*))?", fields[0])
     if not match:
@@ -183,7 +183,7 @@ def _days_since_1970_or_minus_1(year: int, month: int, day: int) -> int:
         return -1
 
 
-def _stamps_ns_and_is_date_known(collected: Collected) -> tuple[Int64Array, bool]:
+def _stamps_ns_and_is_date_known(collected: CollectedSentences) -> tuple[Int64Array, bool]:
     """Return ns since 1970 of each time, and whether a date is known: each time is near the one before."""
     ns = np.frombuffer(collected.ns_of_day, np.int64)
     day = np.frombuffer(collected.day, np.int64)

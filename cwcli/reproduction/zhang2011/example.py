@@ -20,8 +20,8 @@ from cwcli.dynamics.blended import OUTPUT_MATRIX, design_observer_bank
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.matrix_exponential import transition_and_input_matrices
 from cwcli.dynamics.riccati import steady_predicted_covariance
-from cwcli.dynamics.single_track import preview_state_matrices, understeer_gradient
-from cwcli.dynamics.steering import dynamic_steering_correction
+from cwcli.dynamics.single_track import preview_state_matrices, understeer_gradient_rad_per_mps2
+from cwcli.dynamics.steering import dynamic_to_kinematic_steering_ratio
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.expectations import printed_number
@@ -126,14 +126,14 @@ def worked_example_part() -> StudyPart:
     """Compute f(v), figure 13, the printed gains, and the worked example of section 3.2."""
     car = load_vehicle()
     measured = [
-        MeasuredNumber(*CORRECTION_NUMBER, understeer_gradient(car) / car.wheelbase_m),
+        MeasuredNumber(*CORRECTION_NUMBER, understeer_gradient_rad_per_mps2(car) / car.wheelbase_m),
         *_observer_gain_numbers(),
         *_blended_print_numbers(),
         *_model_state_numbers(),
         *_observer_state_numbers(),
     ]
     kmh = np.linspace(0.0, 160.0, 81)
-    factor = np.array([float(dynamic_steering_correction(car, v)) for v in kmh * MPS_PER_KMH])
+    factor = np.array([float(dynamic_to_kinematic_steering_ratio(car, v)) for v in kmh * MPS_PER_KMH])
     printed_kmh = np.arange(0.0, 161.0, 10.0)
     printed = 1.0 + printed_number("zhang2011", *CORRECTION_NUMBER) * (printed_kmh * MPS_PER_KMH) ** 2
     curves = [

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cwcli.dynamics.single_track import lateral_acceleration_and_yaw_acceleration
+from cwcli.dynamics.single_track import lateral_accel_mps2_and_yaw_accel_radps2
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
@@ -79,7 +79,7 @@ def times_and_states_of_drive_along_lane(
         bearing = q[BEARING]
         return np.array(
             [
-                *lateral_acceleration_and_yaw_acceleration(vehicle, v, v_y, yaw_rate, steer),
+                *lateral_accel_mps2_and_yaw_accel_radps2(vehicle, v, v_y, yaw_rate, steer),
                 along,
                 v * math.sin(heading) + v_y * math.cos(heading),
                 yaw_rate - kappa * along,

@@ -18,8 +18,8 @@ from cwcli.dynamics.single_track import (
     preview_state_matrices,
     steady_lateral_speed_and_yaw_rate,
     steady_lateral_speed_per_yaw_rate_m,
-    steady_yaw_gain,
-    understeer_gradient,
+    steady_yaw_rate_per_steering_angle_1ps,
+    understeer_gradient_rad_per_mps2,
 )
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.signals.units import MPS_PER_KMH
@@ -51,15 +51,15 @@ def test_steady_state_is_where_equation_11_rests() -> None:
 
 def test_understeer_gradient_by_hand() -> None:
     # K_mu = 1215 (1.06 - 0.90) 60000 / (1.96 * 60000^2) = 1.65306e-3; f(v) = 1 + 1.65306e-3 / 1.96 v^2.
-    assert understeer_gradient(CAR) == pytest.approx(1.65306e-3, abs=1e-8)
-    assert understeer_gradient(CAR) / CAR.wheelbase_m == pytest.approx(0.000843, abs=5e-7)
+    assert understeer_gradient_rad_per_mps2(CAR) == pytest.approx(1.65306e-3, abs=1e-8)
+    assert understeer_gradient_rad_per_mps2(CAR) / CAR.wheelbase_m == pytest.approx(0.000843, abs=5e-7)
 
 
 def test_equation_12_gives_the_same_radius_with_and_without_slip() -> None:
     # delta_D = f delta_K turns the real car on the radius L / delta_K of the car without slip.
     speed, kinematic = 25.0, 0.01
-    factor = 1.0 + understeer_gradient(CAR) / CAR.wheelbase_m * speed**2
-    yaw_rate = float(steady_yaw_gain(CAR, speed)) * factor * kinematic
+    factor = 1.0 + understeer_gradient_rad_per_mps2(CAR) / CAR.wheelbase_m * speed**2
+    yaw_rate = float(steady_yaw_rate_per_steering_angle_1ps(CAR, speed)) * factor * kinematic
     assert speed / yaw_rate == pytest.approx(CAR.wheelbase_m / kinematic, rel=1e-12)
 
 

@@ -12,9 +12,9 @@ from cwcli.signals.v2x_time import (
     CLOCK_DISAGREES_REASON,
     NO_TIME_REASON,
     its_ms_from_unix_ns,
-    message_time_or_log_time,
-    stamp_and_validity_from_dsecond,
-    stamp_and_validity_from_generation_delta_time,
+    message_times_or_log_times_ns,
+    stamps_ns_and_validity_from_dsecond,
+    stamps_ns_and_validity_from_generation_delta_time,
 )
 from tests.unit.signals.signal_columns import columns_of
 
@@ -36,14 +36,14 @@ def ns(text: str) -> int:
     ],
 )
 def test_stamp_from_dsecond_by_hand(dsecond_ms: int, log_time: str, expected: str) -> None:
-    stamp_ns, has_time = stamp_and_validity_from_dsecond(np.array([float(dsecond_ms)]), np.array([ns(log_time)]))
+    stamp_ns, has_time = stamps_ns_and_validity_from_dsecond(np.array([float(dsecond_ms)]), np.array([ns(log_time)]))
     assert has_time[0]
     assert stamp_ns[0] == ns(expected)
 
 
 @pytest.mark.parametrize("dsecond_ms", [65_535.0, 61_000.0, 65_534.0, -1.0, np.nan])
 def test_stamp_from_dsecond_unavailable_or_reserved_is_no_time(dsecond_ms: float) -> None:
-    _, has_time = stamp_and_validity_from_dsecond(np.array([dsecond_ms]), np.array([ns("2025-02-11T15:32:12")]))
+    _, has_time = stamps_ns_and_validity_from_dsecond(np.array([dsecond_ms]), np.array([ns("2025-02-11T15:32:12")]))
     assert not has_time[0]
 
 
@@ -75,7 +75,7 @@ def test_stamp_from_generation_delta_time_undoes_the_modulus(age_ms: int) -> Non
     sent_ms = log_ns // MS - age_ms
     # by hand: days from 2004-01-01 to 2019-10-08 are 5759, and 5 leap seconds
     its_ms = sent_ms - ns("2019-10-08T00:00:00") // MS + (5759 * 86_400 + 5) * 1000
-    stamp_ns, has_time = stamp_and_validity_from_generation_delta_time((its_ms % 65_536).astype(np.float64), log_ns)
+    stamp_ns, has_time = stamps_ns_and_validity_from_generation_delta_time((its_ms % 65_536).astype(np.float64), log_ns)
     assert has_time.all()
     np.testing.assert_array_equal(stamp_ns, sent_ms * MS)
 
@@ -84,6 +84,6 @@ def test_or_log_time_counts_what_it_does_not_believe() -> None:
     log_ns = np.array([10_000, 20_000, 30_000, 40_000], dtype=np.int64) * MS
     ledger = RowLedger(columns_of("X", {"a": [1.0] * 4}, log_time_ns=log_ns), "remote")
     stamp_ns = log_ns + np.array([-100, -5001, 5001, 0]) * MS
-    settled = message_time_or_log_time(ledger, stamp_ns, np.array([True, True, True, False]))
+    settled = message_times_or_log_times_ns(ledger, stamp_ns, np.array([True, True, True, False]))
     assert settled.tolist() == [log_ns[0] - 100 * MS, log_ns[1], log_ns[2], log_ns[3]]
     assert ledger.quality.repaired == {NO_TIME_REASON: 1, CLOCK_DISAGREES_REASON: 2}

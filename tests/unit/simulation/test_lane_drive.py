@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cwcli.dynamics.single_track import steady_lateral_speed_and_yaw_rate, understeer_gradient
+from cwcli.dynamics.single_track import steady_lateral_speed_and_yaw_rate, understeer_gradient_rad_per_mps2
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.simulation.drivers import TargetLineDriver
 from cwcli.simulation.lane_camera import LaneSensorNoise, simulate_lane_sensors_of_run, true_lane_at_preview
@@ -19,7 +19,7 @@ def test_a_circle_is_driven_in_the_steady_state() -> None:
     truth = simulate_lane_runs(
         CIRCLE, CAR, LaneRuns(np.array([25.0]), np.zeros(1), np.array([np.inf]), 0.0, 10.0), driver=CALM
     )
-    steer = (CAR.wheelbase_m + understeer_gradient(CAR) * 25.0**2) / RADIUS_M
+    steer = (CAR.wheelbase_m + understeer_gradient_rad_per_mps2(CAR) * 25.0**2) / RADIUS_M
     expected = steady_lateral_speed_and_yaw_rate(CAR, 25.0, steer)
     assert truth.steer_rad[-1, 0] == pytest.approx(steer, rel=1e-3)
     assert (truth.lateral_speed_mps[-1, 0], truth.yaw_rate_radps[-1, 0]) == pytest.approx(expected, rel=1e-3)

@@ -15,7 +15,11 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.track import TrackConfig
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
-from cwcli.tracking.from_signals import build_sensor_models, detections_from_signal, require_common_frame
+from cwcli.tracking.from_signals import (
+    build_sensor_models,
+    detections_from_signal,
+    require_common_frame_and_tell_if_map,
+)
 from cwcli.tracking.sensor_setting import SensorSetting
 from cwcli.tracking.tracker import track_many_targets, track_one_target, track_targets_and_name_method
 
@@ -85,10 +89,10 @@ def test_a_setting_for_a_topic_that_is_no_sensor():
 def test_sensors_in_the_map_and_on_the_car_need_the_ego():
     models = {"/a": SensorModel(carrier="map"), "/b": SensorModel()}
     with pytest.raises(MissingSignalError, match="ego state"):
-        require_common_frame(models, has_ego=False, where="log")
-    assert require_common_frame(models, has_ego=True, where="log")
-    assert require_common_frame({"/a": models["/a"]}, has_ego=False, where="log")
-    assert not require_common_frame({"/b": models["/b"]}, has_ego=False, where="log")
+        require_common_frame_and_tell_if_map(models, has_ego=False, where="log")
+    assert require_common_frame_and_tell_if_map(models, has_ego=True, where="log")
+    assert require_common_frame_and_tell_if_map({"/a": models["/a"]}, has_ego=False, where="log")
+    assert not require_common_frame_and_tell_if_map({"/b": models["/b"]}, has_ego=False, where="log")
 
 
 def lidar(xy, stamps=None):

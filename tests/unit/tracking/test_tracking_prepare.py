@@ -12,7 +12,7 @@ from cwcli.tracking.detections import (
     EgoStates,
     SensorModel,
 )
-from cwcli.tracking.prepare import in_order_mask, prepare_detections
+from cwcli.tracking.prepare import arrived_in_order_mask, prepare_detections
 
 S = 1_000_000_000
 
@@ -91,13 +91,13 @@ def test_out_of_sequence_detections_are_put_in_order():
 )
 def test_time_going_backwards_costs_the_fewest_rows(stamp_s, kept):
     stamp = (np.array(stamp_s, float) * S).astype(np.int64)
-    assert in_order_mask(stamp, 1.0).astype(int).tolist() == kept
+    assert arrived_in_order_mask(stamp, 1.0).astype(int).tolist() == kept
 
 
 def test_absurd_stamps_do_not_overflow():
     ends = np.iinfo(np.int64)
     stamp = np.array([ends.max, 0, S, ends.min, 2 * S, 3 * S], np.int64)
-    assert in_order_mask(stamp, 1.0).tolist() == [False, True, True, False, True, True]
+    assert arrived_in_order_mask(stamp, 1.0).tolist() == [False, True, True, False, True, True]
 
 
 def test_time_going_backwards_is_counted():
