@@ -26,7 +26,7 @@ class PathPlan:
     Attributes:
         model, settings: As in `roll_out_paths`.
         state, covariance: Shapes (n, 8) and (n, 8, 8) or None.
-        acting_s: Shape (n, 2, k) or None, as in `rollout`.
+        acting_s: Shape (n, 2, k) or None, as in `roll_out_paths`.
         log_scale: Shape (n, k, 2), of the ellipses (`calibrate.log_variance_scale_from_outcomes`); None: they are not
             scaled.
     """
