@@ -19,7 +19,7 @@ The rules:
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import TYPE_CHECKING, Protocol
 
 from cwcli.channels.published import (
@@ -34,7 +34,7 @@ from cwcli.channels.published import (
     TARGETS,
 )
 from cwcli.errors import MissingSignalError, UsageError, hint_at_known_names
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.input_rows import CAN_FRAME_FIELDS, CAN_FRAME_SCHEMAS
 from cwcli.signals.inputs import (
     SCHEMAS_BY_RADIO_FORMAT,

@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array, concat_strings, repeat_string
+from cwcli.signals.columns import FloatArray, Int64Array, concat_strings, median_of_values, repeat_string
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
@@ -40,8 +40,8 @@ class RecorderClock:
 def estimate_recorder_clock(stamp_ns: Int64Array, log_time_ns: Int64Array) -> RecorderClock:
     """Estimate the offset of a recorder's clock from stamps and log times (n,) of at least one position."""
     late_ns = log_time_ns - stamp_ns
-    ahead_ns = int(np.median(late_ns))
-    sigma_ns = int(MAD_TO_SIGMA * np.median(np.abs(late_ns - ahead_ns)))
+    ahead_ns = int(median_of_values(late_ns))
+    sigma_ns = int(MAD_TO_SIGMA * median_of_values(np.abs(late_ns - ahead_ns)))
     phase_ns = (stamp_ns + GNSS_EPOCH_NS // 2) % GNSS_EPOCH_NS - GNSS_EPOCH_NS // 2
     is_on_epochs = bool(np.percentile(np.abs(phase_ns), 95) <= MAX_EPOCH_PHASE_NS)
     return RecorderClock(ahead_ns, sigma_ns, len(stamp_ns), is_on_epochs)

@@ -19,6 +19,7 @@ from cwcli.signals.columns import (
     Repeated,
     Strings,
     repeat_string,
+    sort_distinct_values,
 )
 from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, read_texts, unusable_field_error
 from cwcli.signals.row_order import iter_rows_by_id
@@ -180,7 +181,7 @@ def read_targets_as_states(columns: Columns) -> VehicleStates:
     covariance = read_matrix(columns, "covariance", 16, required=True).reshape(n, 4, 4)
     if not np.isfinite(covariance).all():
         raise unusable_field_error(columns, "covariance")
-    if {frames.values[code] if code >= 0 else "" for code in np.unique(frames.codes)} - {MAP_FRAME}:
+    if {frames.values[code] if code >= 0 else "" for code in sort_distinct_values(frames.codes)} - {MAP_FRAME}:
         raise DataError(
             "the targets are in the car's own frame, and can't be compared with its path on the map",
             where=columns.topic,

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import Channel
 from cwcli.errors import MissingSignalError
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import (
     Columns,
     Field,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gc
 import os
 import signal
 import sys
@@ -23,6 +24,9 @@ from cwcli.errors import (
 
 _NO_PLUGINS = "--no-plugins"
 """Option, in front of the command, that leaves out what other packages add."""
+OBJECTS_PER_CYCLE_SEARCH = 50_000
+"""Number of new objects after which Python looks for cycles among them. Chosen by hand: with Python's own 700 the looks
+take a twentieth of a command, and cycles are few."""
 DISK_FULL_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a write that found no space."""
 
@@ -32,6 +36,7 @@ def main() -> NoReturn:
     signal.signal(signal.SIGTERM, _raise_terminated)
     # NumPy's matrix library otherwise starts a thread per core that spins for 0.1 s, for matrices as small as ours
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    gc.set_threshold(OBJECTS_PER_CYCLE_SEARCH, *gc.get_threshold()[1:])
     try:
         code = run_command_line(sys.argv[1:])
     except KeyboardInterrupt:  # it came while the last lines were printed

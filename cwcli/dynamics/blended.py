@@ -35,7 +35,7 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import Begin
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.resample import resample
 from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
 
@@ -166,7 +166,7 @@ def observe_with_blended_bank(
 def _median_frame_period_s(dt_s: FloatArray) -> float:
     """The median time between frames, s; the default if there are fewer than two."""
     steps = dt_s[1:][dt_s[1:] > 0.0]
-    return max(float(np.median(steps)), MIN_FRAME_PERIOD_S) if len(steps) else DEFAULT_FRAME_PERIOD_S
+    return max(median_of_values(steps), MIN_FRAME_PERIOD_S) if len(steps) else DEFAULT_FRAME_PERIOD_S
 
 
 def _measured_or_vision_steering_rad(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.sensor_model import GaussMarkovError, SensorModel
 from cwcli.estimation.sensor_search import FoundSensorModel
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import FloatArray
 
 FOUND_LATENCY_STATUSES = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)

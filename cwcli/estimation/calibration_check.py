@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from cwcli.estimation.score import GATE_PROBABILITY, is_prediction_clearly_bette
 from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
 

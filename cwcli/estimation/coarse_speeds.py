@@ -7,13 +7,13 @@ by one step is the true speed known, halfway, and where it is zero.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.repeated_rows import quantisation_step_of_changes
+from cwcli.lazy_dataclass import replace
 
 MIN_COARSE_STEP_MPS = 0.6
 """Least step of a speed that counts as coarse, m/s: above 2 km/h and 1 mile/h. Chosen by hand: beside fixes a finer one

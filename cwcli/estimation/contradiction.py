@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from cwcli.estimation.measurements import RATE_KINDS, Kind
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.role import Role
 
 _ROLE_OF_KIND = {

@@ -20,7 +20,7 @@ from cwcli.signals.canonical import (
     SpeedSignal,
     VelocitySignal,
 )
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.stitch import join_changed_ids
@@ -92,7 +92,7 @@ def drop_stretches_without_position_and_note(
     Args:
         max_pause_s: A longer pause of all sources together separates two stretches.
     """
-    measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
+    measured_ns = sort_distinct_values(np.concatenate([m.stamp_ns for m in measurements]))
     is_pause = np.diff(measured_ns) > max_pause_s * NS_PER_S
     if not is_pause.any():
         return list(measurements), []
@@ -242,7 +242,7 @@ def ego_output_stamps_ns(measurements: Sequence[Measurements], rate_hz: float, m
             hint="check the stamps with `cwcli info`, use --clock log, or cut with --start and --end",
         )
     grid_ns = np.asarray(first_ns + step_ns * np.arange(n), dtype=np.int64)
-    measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
+    measured_ns = sort_distinct_values(np.concatenate([m.stamp_ns for m in measurements]))
     for k in np.flatnonzero(np.diff(measured_ns) > max_bridge_s * NS_PER_S):
         grid_ns = grid_ns[(grid_ns <= measured_ns[k]) | (grid_ns >= measured_ns[k + 1])]
     return grid_ns

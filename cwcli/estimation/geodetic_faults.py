@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.result import Track
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.canonical import PositionSignal
 
 MAX_LATITUDE_DEG = 90.0

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import AccelGyroRows, FloatArray
+from cwcli.signals.columns import AccelGyroRows, FloatArray, median_of_values
 
 MIN_GRAVITY_MPS2 = 5.0
 """Least mean specific force that is taken for gravity, m/s^2; chosen as about half of it."""
@@ -184,7 +184,7 @@ def _remove_bias_and_yaw_from_pitch_rate(left_axis_rate_radps: FloatArray, yaw_r
     power = float(np.einsum("i,i", turning, turning))
     share = float(np.einsum("i,i", left_axis_rate_radps, turning)) / power if power > 0.0 else 0.0
     rest = left_axis_rate_radps - share * yaw_rate_radps
-    return rest - np.median(rest) if len(rest) else rest
+    return rest - median_of_values(rest) if len(rest) else rest
 
 
 def interpolated_sample_mask(time_s: FloatArray, values: FloatArray) -> npt.NDArray[np.bool_]:
@@ -207,7 +207,7 @@ def interpolated_sample_mask(time_s: FloatArray, values: FloatArray) -> npt.NDAr
     step = np.diff(time_s)
     slope = np.diff(values, axis=0) / np.maximum(step, 1e-9)[:, None]
     curvature = np.abs(np.diff(slope, axis=0))
-    usual = np.median(curvature, axis=0)
+    usual = np.array([median_of_values(column) for column in curvature.T])
     axes = usual > 0.0
     if not axes.any():
         return none

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
@@ -14,7 +13,7 @@ from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import LATENCY_RANGE
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
 SIGNIFICANT_SIGMAS = 3.0

@@ -8,13 +8,12 @@ reference is late. Of two groups of one size the one with a position counts: a r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.measurements import Kind
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 
 
 @dataclass(frozen=True)

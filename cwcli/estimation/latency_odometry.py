@@ -10,7 +10,6 @@ sigma (`latency_evidence`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +20,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_S
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
 WINDOW_S = 20.0

@@ -21,7 +21,6 @@ blocks from which it was not found better than a constant, the latency drifts, a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -47,8 +46,8 @@ from cwcli.estimation.trial import (
     with_outlier_gate,
 )
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.lazy_dataclass import dataclass, replace
+from cwcli.signals.columns import FloatArray, median_of_values
 
 LATENCY_GRID_STEP_S = 0.25
 """Step of the grid of latencies, s. Chosen finer than the manoeuvres that show one."""
@@ -413,7 +412,7 @@ def _begin_and_end_of_most_excited_window_s(
     edges = np.arange(begin, end, SEARCH_WINDOW_S / 10)
     energy = np.zeros(len(edges))
     for s in rows:
-        value = s.values[:, 0] - np.median(s.values[:, 0])
+        value = s.values[:, 0] - median_of_values(s.values[:, 0])
         slot = np.clip(((s.time_s - begin) / (SEARCH_WINDOW_S / 10)).astype(np.int64), 0, len(edges) - 1)
         power = np.bincount(slot, weights=value**2, minlength=len(edges))
         energy += power / max(float(power.sum()), 1e-12)

@@ -10,7 +10,6 @@ Only an IMU is left out all the same, because it has no position; the fixes then
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 from cwcli.estimation.slow_drift import find_drifting_fixes
 from cwcli.estimation.source_vote import quantity_of_series, without_any_rows
 from cwcli.estimation.tolerances import MAX_GATED_SHARE
+from cwcli.lazy_dataclass import replace
 
 MAX_USUAL_SLOW_ERROR_M = 2.5
 """Greatest sigma on each axis of a slow error of fixes that raises no doubt, m. The GPS Standard Positioning Service

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from cwcli.estimation.config import LeverArms
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import HEADING
 

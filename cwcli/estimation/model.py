@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from cwcli.kernels import ekf
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
 MANOEUVRE_SIGMA_LIMITS: dict[str, tuple[float, float]] = {
@@ -85,7 +85,8 @@ class MotionParameters:
     @property
     def hashable_key_of_equal_parameters(self) -> tuple[object, ...]:
         """What equal parameters have in common; unlike the parameters themselves it can be looked up."""
-        return tuple(tuple(value.items()) if isinstance(value, Mapping) else value for value in vars(self).values())
+        *numbers, time_constant_s, turn_noise = vars(self).values()
+        return *numbers, *time_constant_s.items(), None, *turn_noise.items()
 
     def to_process_model(self, walk: FloatArray) -> ekf.ProcessModel:
         """Return the kernel's model; walk (n,): white noise behind the parameter states, variance per second."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 from cwcli.estimation.result import SourceReport
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import Int64Array, StateRows
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 from cwcli.signals.vehicle_state import SPEED

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +14,8 @@ from cwcli.estimation.prepare import average_rows_to_rate
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.stamp_noise import NoiseFit, fit_stamp_errors, may_have_stamp_errors
 from cwcli.estimation.trial import FilterTrials, cut_to_window, trial_key
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
+from cwcli.signals.columns import median_of_values, sort_distinct_values
 
 AVERAGING_HZ = 10.0
 """Rate to which inertial series and speeds are averaged, Hz. Chosen: manoeuvres are slower."""
@@ -205,7 +205,7 @@ def _cut_to_busiest_window(series: Sequence[SensorSeries]) -> list[SensorSeries]
     end = max(float(s.time_s[-1]) for s in series if len(s))
     span = (end - begin) * most / total
     # A slow source needs enough rows in it to show its noise.
-    slowest = max((float(np.median(np.diff(s.time_s))) for s in series if len(s) > MIN_ROWS_FOR_NOISE), default=0.0)
+    slowest = max((median_of_values(np.diff(s.time_s)) for s in series if len(s) > MIN_ROWS_FOR_NOISE), default=0.0)
     span = min(max(span, 2.0 * MIN_ROWS_FOR_NOISE * slowest), end - begin)
     left = longest_driven_window_start_s(series, begin, end, span)
     return [cut_to_window(s, left, left + span) for s in series]
@@ -224,8 +224,8 @@ def longest_driven_window_start_s(
     if last_start - begin_s <= 4 * len(time) * step:
         choices = np.arange(begin_s, last_start + 1e-9, step)
     else:  # a pause of years: only windows with fixes in them
-        cell = np.unique(((time - begin_s) / step).astype(np.int64))
-        index = np.unique(np.clip(cell[:, None] - np.arange(5), 0, int((last_start - begin_s) / step)))
+        cell = sort_distinct_values(((time - begin_s) / step).astype(np.int64))
+        index = sort_distinct_values(np.clip(cell[:, None] - np.arange(5), 0, int((last_start - begin_s) / step)))
         choices = begin_s + step * index
     first = np.clip(np.searchsorted(time, choices), 0, len(time) - 1)
     middle = np.clip(np.searchsorted(time, choices + window_s / 2), 0, len(time) - 1)

@@ -10,7 +10,7 @@ from cwcli.estimation.hypotheses.imu import IMU, tilt_hypothesis
 from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_column
-from cwcli.signals.columns import AccelGyroRows, FloatArray, ValueRows
+from cwcli.signals.columns import AccelGyroRows, FloatArray, ValueRows, quantile_of_values
 
 GRAVITY_MPS2 = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
@@ -57,7 +57,7 @@ def find_impossible_imu_values(values: AccelGyroRows) -> list[tuple[Hypothesis, 
         norm *= GRAVITY_MPS2
     if norm > 0.5 * GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * float(np.linalg.norm(force)):
         found.append((_imu_hypothesis_by_name("x,-y,-z"), "gravity points upward"))
-    fast = float(np.quantile(np.abs(values[:, 5]), 0.99))
+    fast = quantile_of_values(np.abs(values[:, 5]), 0.99)
     for name, radps in (("degrees/s", np.radians(fast)), ("milliradians/s", 1e-3 * fast)):
         if radps <= MAX_YAW_RATE_RADPS < fast:
             found.append((_imu_hypothesis_by_name(name), f"yaw rates reach {fast:.0f}"))

@@ -13,7 +13,7 @@ from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.tolerances import MAX_UNREPORTED_DELAY_S
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Int64Array
+from cwcli.signals.columns import Int64Array, quantile_of_values, sort_distinct_values
 from cwcli.signals.units import NS_PER_S
 
 STAMP_ROUNDING_SLACK_NS = 1_000
@@ -58,7 +58,9 @@ class OnlineAvailability:
     def delay_median_p95_and_max_s(self) -> tuple[float, ...]:
         """Return median, 95 % quantile and maximum of the delay from stamp to availability, s; NaN without states."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
-        return tuple(np.quantile(after_s, [0.5, 0.95, 1.0]).tolist()) if self.n_states else (np.nan,) * 3
+        if not self.n_states:
+            return (np.nan,) * 3
+        return tuple(quantile_of_values(after_s, share) for share in (0.5, 0.95, 1.0))
 
     @property
     def notes_on_late_states(self) -> list[str]:
@@ -130,7 +132,7 @@ def _first_position_received_ns(
     measurements: Sequence[Measurements], stamp_ns: Int64Array, max_pause_ns: int
 ) -> Int64Array:
     """Return when the first position of each state's stretch was received, (m,)."""
-    measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
+    measured_ns = sort_distinct_values(np.concatenate([m.stamp_ns for m in measurements]))
     begins = np.append(measured_ns[0], measured_ns[1:][np.diff(measured_ns) > max_pause_ns])
     first_ns = np.full(len(begins), NEVER_AVAILABLE_NS)
     for m in measurements:

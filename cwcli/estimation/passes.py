@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from cwcli.estimation.median import median_of_finite_column
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import lay_steps
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
 N_MOTION_STATES = 8
@@ -180,6 +180,13 @@ class RowTimeOrder:
     index: IntArray
     patience: IntArray
 
+    @cached_property
+    def place(self) -> npt.NDArray[np.intp]:
+        """Place in time order of each row, (U,): the inverse of `order`."""
+        place = np.empty_like(self.order)
+        place[self.order] = np.arange(len(self.order))
+        return place
+
 
 def find_row_time_order(
     series: Sequence[SensorSeries], start_s: float, output_s: FloatArray, reset_after: int
@@ -245,9 +252,8 @@ class PassInput:
 
     def split_result_by_series(self, result: ekf.Pass) -> PassResult:
         """Return the result with `nis` and `status` split by series, in the order of their rows."""
-        nis, status = np.empty_like(result.nis), np.empty_like(result.status)
-        order, in_time = self.time_order.order, self.time_order.in_time
-        nis[order], status[order] = result.nis, result.status
+        in_time, place = self.time_order.in_time, self.time_order.place
+        nis, status = result.nis.take(place, axis=0), result.status.take(place)
         edges = np.cumsum([0] + [np.count_nonzero(rows) for rows in in_time])
         found_nis, found_status = [], []
         for (i, j), rows in zip(itertools.pairwise(edges.tolist()), in_time, strict=True):
@@ -286,10 +292,9 @@ def build_pass_input(
     order_of = time_order or find_row_time_order(series, start_s, output_s, reset_after)
     in_time, order = order_of.in_time, order_of.order
     series = [s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
-    values = (
-        np.concatenate([_measured_values_with_pitch_rate(s) for s in series])[order] if len(order) else np.zeros((0, 2))
-    )
-    noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
+    # `take` copies whole rows, which indexing does element by element
+    values = np.concatenate([np.zeros((0, 2)), *map(_measured_values_with_pitch_rate, series)]).take(order, axis=0)
+    noise = np.concatenate([np.zeros((0, 3)), *(s.noise for s in series)]).take(order, axis=0)
     sources = ekf.SourceTable(
         sensor=np.array([s.kind for s in series], np.int32),
         parameters=np.array(

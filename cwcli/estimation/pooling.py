@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import chi_square_quantile
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +14,8 @@ from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurem
 from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
-from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array, ValueRows
+from cwcli.lazy_dataclass import dataclass, replace
+from cwcli.signals.columns import FloatArray, Int64Array, ValueRows, median_of_values
 from cwcli.signals.units import NS_PER_S
 
 NO_KNOWN_MOUNTINGS: Mapping[str, ImuMounting] = {}
@@ -202,7 +201,7 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
     if len(time_s) < 10 * MIN_BURST_GAPS:
         return late
     gap = np.diff(time_s)
-    short = (gap < MAX_BURST_GAP_RATIO * float(np.median(gap))).astype(np.int8)
+    short = (gap < MAX_BURST_GAP_RATIO * median_of_values(gap)).astype(np.int8)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], short, [0]))))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end - begin >= MIN_BURST_GAPS:
@@ -297,7 +296,7 @@ def _initial_noise_sigma(kind: Kind, time_s: FloatArray, values: ValueRows) -> f
     if kind not in RATE_KINDS or len(time_s) < 200:
         return default
     second = values[2:, 0] - 2.0 * values[1:-1, 0] + values[:-2, 0]
-    rough = float(np.median(np.abs(second))) / 0.6745 / np.sqrt(6.0)
+    rough = median_of_values(np.abs(second)) / 0.6745 / np.sqrt(6.0)
     return float(max(rough, 0.1 * default))
 
 
@@ -308,7 +307,7 @@ def average_row_blocks(series: SensorSeries, factor: int) -> SensorSeries:
     n = len(series) // factor * factor
     shape = (n // factor, factor)
     time = series.time_s[:n].reshape(shape)
-    whole = np.ptp(time, axis=1) < 2.0 * factor * float(np.median(np.diff(series.time_s)))
+    whole = np.ptp(time, axis=1) < 2.0 * factor * median_of_values(np.diff(series.time_s))
     return replace(
         series,
         time_s=time.mean(axis=1)[whole],
@@ -321,4 +320,4 @@ def average_rows_to_rate(series: SensorSeries, rate_hz: float) -> SensorSeries:
     """Average an inertial series or a speed down to about `rate_hz`; other series are returned unchanged."""
     if series.kind not in (*RATE_KINDS, Kind.SPEED) or len(series) < 3:
         return series
-    return average_row_blocks(series, int(1.0 / (rate_hz * max(float(np.median(np.diff(series.time_s))), 1e-4)) + 0.25))
+    return average_row_blocks(series, int(1.0 / (rate_hz * max(median_of_values(np.diff(series.time_s)), 1e-4)) + 0.25))

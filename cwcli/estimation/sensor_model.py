@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Literal
 
 import numpy as np
@@ -26,7 +26,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import MAX_PITCH_RATE_GAP_S, PitchRateSeries, SensorSeries
 from cwcli.kernels.estimation import fading_integral
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 

@@ -11,7 +11,7 @@ where the likelihood is largest; then each is left out again where the log does 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
 
@@ -41,7 +41,7 @@ from cwcli.estimation.trial import (
     with_outlier_gate,
 )
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
 MIN_LOG_SPAN_S = 60.0

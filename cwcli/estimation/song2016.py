@@ -8,7 +8,6 @@ the matrix update of eq. 8. The heading innovation is wrapped, which the paper d
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -34,7 +33,8 @@ from cwcli.estimation.start import (
 from cwcli.estimation.state_flags import compute_state_flags
 from cwcli.kernels import ekf
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.lazy_dataclass import replace
+from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_RATE
 
@@ -261,11 +261,11 @@ def _step_numbers_without_pauses(
 ) -> Int64Array:
     """Return the step numbers from `first_step` to the last measurement, without long pauses, and the wanted ones."""
     measured = np.concatenate([np.round(s.time_s / step_s).astype(np.int64) for s in series])
-    ends = np.unique(np.append(measured[measured >= first_step], first_step))
+    ends = sort_distinct_values(np.append(measured[measured >= first_step], first_step))
     apart = np.diff(ends)
     each = np.where(apart * step_s > MAX_PAUSE_S, 1, apart)
     within = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
-    return np.unique(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted_steps]))
+    return sort_distinct_values(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted_steps]))
 
 
 def _last_row_of_each_step(s: SensorSeries, step_s: float) -> SensorSeries:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from enum import StrEnum
 from itertools import combinations
 
@@ -29,7 +28,7 @@ from cwcli.estimation.step_motion import (
     step_edges_s,
 )
 from cwcli.estimation.turn_regression import regressed_turn_ratio
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
 STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)

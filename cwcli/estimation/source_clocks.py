@@ -9,7 +9,6 @@ where the motion then fits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -22,8 +21,8 @@ from cwcli.estimation.score import bounded_log_likelihood_without_inertial_senso
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import FilterTrials, with_outlier_gate
 from cwcli.estimation.tune import add_bias_states_and_their_variances
-from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.lazy_dataclass import dataclass, replace
+from cwcli.signals.columns import FloatArray, Int64Array, median_of_values, sort_distinct_values
 from cwcli.signals.units import NS_PER_S
 
 MIN_CLOCK_STEP_S = 0.3
@@ -151,8 +150,8 @@ def _replace_coarse_stamps_and_note(
             log_ns, stamp_ns = m.received_ns[order], m.stamp_ns[order]
             is_equal = np.diff(stamp_ns) == 0
             is_coarse = is_equal.mean() >= MIN_EQUAL_STAMP_SHARE and (np.diff(log_ns)[is_equal] > 0).mean() > 0.9
-            if is_coarse and len(np.unique(stamp_ns)) > MIN_STEP_ROWS:
-                step_s = median_of_finite_column(np.diff(np.unique(stamp_ns))) / NS_PER_S
+            if is_coarse and len(sort_distinct_values(stamp_ns)) > MIN_STEP_ROWS:
+                step_s = median_of_finite_column(np.diff(sort_distinct_values(stamp_ns))) / NS_PER_S
                 least_ns = int((log_ns - stamp_ns).min())
                 notes[m.source] = (
                     f"{m.source}: its stamps are cut to {step_s:.2g} s; the log times less {least_ns / NS_PER_S:.3f} s "
@@ -178,7 +177,7 @@ def _spread_rows_of_equal_stamp_and_step_s(m: Measurements) -> tuple[Measurement
     step_ns = int(np.min(np.diff(stamp_ns)))
     if (is_equal & is_new).mean() < MIN_EQUAL_STAMP_SHARE or (stamp_ns % step_ns).any():
         return None
-    usual = int(np.median(size))
+    usual = int(median_of_values(size))
     n_rows = size.copy()
     n_rows[[0, -1]] = np.maximum(size[[0, -1]], usual)
     order = np.arange(len(m)) - np.repeat(first, size)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from cwcli.estimation.source_vote import (
     find_tilted_imus,
 )
 from cwcli.estimation.standstill_heading import has_heading_jumps
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 
 Prepare = Callable[[Sequence[Measurements]], tuple[list[PreparedSeries], list[str]]]
 """A function that cleans measurements; returns the series and notes."""

@@ -8,7 +8,6 @@ each other, the hypotheses of `hypotheses` are tried, and the one that clearly w
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -36,7 +35,7 @@ from cwcli.estimation.source_vote import (
 from cwcli.estimation.standstill_heading import has_heading_jumps
 from cwcli.estimation.way_ratio import correct_and_list_scaled_speeds
 from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 
 SourceUnits = Mapping[str, str]
 """Source -> name of a hypothesis that the user says, see `HYPOTHESES`."""

@@ -8,7 +8,6 @@ other one is left out. Of two sources of which neither is a position both are le
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from cwcli.estimation.odd_sensors import MAX_GRAVITY_IN_ANY_UNIT
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison, compare_all_source_pairs
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 MIN_GRAVITY_SHARE = 0.5

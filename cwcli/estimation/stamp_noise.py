@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -33,9 +32,9 @@ from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.trial import FilterTrials, with_outlier_gate
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, median_of_values
 
 STAMP_SIGMA_AT_STEP_ZERO_S = 0.005
 """Sigma of the stamp error at step 0 of the grid, s. Chosen by hand; not fitted."""
@@ -123,7 +122,7 @@ class _StampErrorSearch:
             == 0
         )
         speed_mps = np.hypot(*np.diff(few.values, axis=0).T) / np.maximum(np.diff(few.time_s), 1e-3)
-        self._speed2 = float(np.median(speed_mps)) ** 2
+        self._speed2 = median_of_values(speed_mps) ** 2
         stated = s.noise_origin.startswith("message") and s.slow_state < 0
         # What a message states is raised only, however little it states.
         self._least = 1.0 / fit.factors[i] if stated else s.floor**2 / self._variance

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, START_TOLERANCE_S, FilterStart, SensorSeries
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import FloatArray
 
 MIN_DISPLACEMENT_M = 2.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.role import Role
 from cwcli.text import parse_float_or_nan
 

@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS
 from cwcli.estimation.result import SourceReport, Track, TrackSummary
 from cwcli.metrics.table import MetricRow, Table, table_of_metric_rows
+from cwcli.signals.columns import median_of_values
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
 from cwcli.text import finite_or_none
@@ -24,7 +25,7 @@ def summarise_track(track: Track) -> TrackSummary:
         n_states=n,
         span_s=float(track.stamp_ns[-1] - track.stamp_ns[0]) / NS_PER_S if n else 0.0,
         max_speed_mps=float(np.abs(track.state[:, 2]).max()) if n else math.nan,
-        median_sigma_m=float(np.median(np.sqrt(variance))) if n else math.nan,
+        median_sigma_m=median_of_values(np.sqrt(variance)) if n else math.nan,
         n_flagged={str(f.name).lower(): int(np.count_nonzero(track.flags & f)) for f in StateFlag},
         sources=track.sources,
         notes=track.notes,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -79,7 +78,7 @@ from cwcli.estimation.start import (
 from cwcli.estimation.state_flags import add_variance_of_rejected_rows, compute_state_flags
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import chi_square_mean_bounds, nis_gate_limit
 from cwcli.signals.columns import Int64Array, Strings
 from cwcli.signals.units import NS_PER_S

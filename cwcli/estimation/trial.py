@@ -12,7 +12,6 @@ series share their start and their time order, and those with the same stamps th
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -29,7 +28,7 @@ from cwcli.estimation.score import GATE_PROBABILITY
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels import ekf
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
 
 N_REMEMBERED_PASSES = 6
@@ -148,15 +147,16 @@ def trial_key(trial: StateLayout) -> Hashable:
 
 
 def _series_keys(series: Sequence[SensorSeries]) -> tuple[Hashable, ...]:
-    return tuple(
-        (
-            *(id(array) for array in (s.time_s, s.values, s.noise, s.pitch_rate)),
-            *(s.source, s.kind, s.noise_origin, s.latency_s, s.stamp_error, s.place_m, s.gate_nis, s.floor),
-            *(s.bias_state, s.latency_state, s.slow_state, s.scale_state, s.lever_state, s.ahead_state),
-            *(s.interval_s, s.is_exact),
-        )
-        for s in series
-    )
+    return tuple([_series_key(s) for s in series])
+
+
+def _series_key(s: SensorSeries) -> Hashable:
+    """Return what tells a series from others; written out, because it is made some thousand times a log."""
+    return (
+        id(s.time_s), id(s.values), id(s.noise), id(s.pitch_rate), s.source, s.kind, s.noise_origin, s.latency_s,
+        s.stamp_error, s.place_m, s.gate_nis, s.floor, s.bias_state, s.latency_state, s.slow_state, s.scale_state,
+        s.lever_state, s.ahead_state, s.interval_s, s.is_exact,
+    )  # fmt: skip
 
 
 def with_outlier_gate(s: SensorSeries) -> SensorSeries:

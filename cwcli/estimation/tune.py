@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +45,7 @@ from cwcli.estimation.sensor_search import (
     series_whose_forward_arm_may_be_latency,
 )
 from cwcli.kernels import ekf
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.source_checks import MIN_ROWS
 from cwcli.estimation.standstill_heading import has_heading_jumps, standstill_flip_mask
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import FloatArray
 
 SPEED_STEP_S = 2.0

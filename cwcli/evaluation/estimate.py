@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,7 @@ from cwcli.evaluation.truth import (
     place_truth_in_map,
     truth_error_metric_rows,
 )
+from cwcli.lazy_dataclass import replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import chi_square_mean_bounds
 from cwcli.metrics.headline import HeadlineCollector, find_metric
@@ -42,7 +42,7 @@ from cwcli.pipeline.records import (
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
-from cwcli.signals.columns import FloatArray, Int64Array, StateRows
+from cwcli.signals.columns import FloatArray, Int64Array, StateRows, median_of_values
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
@@ -101,7 +101,7 @@ def add_metrics(context: EvaluationContext) -> None:
         headline.add_errors("ego.fix_residual_rmse_m", np.hypot(*(fix_xy - at_fix).T))
     headline.add_count("ego.distance_km", driven_distance_m(states) / 1000.0)
     variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
-    headline.add_from_sums("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
+    headline.add_from_sums("ego.sigma_median_m", median_of_values(np.sqrt(variance)) * len(states), len(states))
     _add_consistency_metrics(headline, reports)
     add_link_metrics(headline, parse_json_entry_or_empty(record, "link", dict))
     context.notes += [

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.evaluation.doubts.fixes import LASTING_S, MAX_SIGMAS, MIN_DOUBTED_OFFSET_M, RECORD_KEY
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 
@@ -54,7 +54,7 @@ def _largest_lasting_offset_as_document(
     distance_m = least_value_in_window_from_each_row(
         stamp_ns / NS_PER_S - stamp_ns[0] / NS_PER_S, np.hypot(*offset.T), LASTING_S
     )
-    scatter_m = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(offset, 2, axis=0)))) / SECOND_DIFFERENCE_SIGMA
+    scatter_m = MAD_TO_SIGMA * median_of_values(np.abs(np.diff(offset, 2, axis=0))) / SECOND_DIFFERENCE_SIGMA
     sigma_m = np.sqrt(np.maximum(variance, 0.0) + scatter_m**2)
     doubted = (distance_m > MIN_DOUBTED_OFFSET_M) & (distance_m > MAX_SIGMAS * sigma_m)
     at = int(np.where(doubted, distance_m, -1.0).argmax() if doubted.any() else distance_m.argmax())

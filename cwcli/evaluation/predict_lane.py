@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from cwcli.channels.lateral_state import ObservedDrive, read_lateral_truth_stamps_and_states
 from cwcli.channels.published import EGO_STATE
 from cwcli.evaluation.predict import MAX_TRACK_GAP_S, error_horizons_s
+from cwcli.lazy_dataclass import replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, StageResult, SummaryTable

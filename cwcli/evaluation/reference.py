@@ -12,7 +12,7 @@ from cwcli.evaluation.knowledge import HINDSIGHT, ONLINE, TRUTH, comparison_labe
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import find_metric
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.columns import FloatArray, Int64Array, StateRows
+from cwcli.signals.columns import FloatArray, Int64Array, StateRows, median_of_values
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE
@@ -113,7 +113,7 @@ def add_online_state_errors(context: EvaluationContext) -> None:
         add_motion_errors(context, "ego.online_", EgoMotion.from_states(online.state), real)
     delay_s = (online.log_time_ns - online.stamp_ns) / NS_PER_S
     context.headline.add_errors("ego.online_delay_mean_s", delay_s)
-    usual_s = float(np.median(delay_s)) if len(delay_s) else 0.0
+    usual_s = median_of_values(delay_s) if len(delay_s) else 0.0
     if usual_s > MIN_REPORTED_DELAY_S:
         context.notes.append(
             f"{EGO_ONLINE.topic}: its states were usually known {usual_s:.1f} s after their time; their errors are "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from cwcli.evaluation.conflicts import (
     find_real_conflicts,
     judge_warning,
 )
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.measures import MEASURES
 from cwcli.measures.distances import GAP
 from cwcli.measures.pair import ActualTrack, Pair

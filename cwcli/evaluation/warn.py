@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.vehicle_state import driven_distance_m
@@ -20,6 +19,7 @@ from cwcli.evaluation.knowledge import (
 from cwcli.evaluation.preventable import add_preventable_share
 from cwcli.evaluation.records import find_collision_warning_record_and_is_of_targets
 from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score_warnings
+from cwcli.lazy_dataclass import replace
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
 from cwcli.metrics.headline import HeadlineCollector, find_metric

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
 from cwcli.measures.uncertainty import sigmas_of_measures
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.units import NS_PER_S
 
 MOMENTS_PER_BLOCK = 2048
@@ -121,7 +120,7 @@ def _extremes_of_encounter(
 
 def stamps_of_extremes_with_sigma(measured: MeasuredPair, measures: Mapping[str, Measure]) -> Int64Array:
     """The increasing stamps of the extremes that can have a sigma."""
-    return np.unique(
+    return sort_distinct_values(
         np.array([each.stamp_ns for each in measured.extremes if _can_have_sigma(each, measures)], np.int64)
     )
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from cwcli.lazy_dataclass import replace
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair, RatiosAtStamps
 from cwcli.signals.columns import FloatArray

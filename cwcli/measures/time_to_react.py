@@ -8,11 +8,11 @@ found by bisection.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import replace
 from cwcli.measures.base import Measure
 from cwcli.measures.collision_time import TTC
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s, straight_contact_time_s

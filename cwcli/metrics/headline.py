@@ -16,14 +16,14 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import field
 from functools import cache
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.intervals import UNKNOWN_INTERVAL, poisson_interval, proportion_interval
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray

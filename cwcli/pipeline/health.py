@@ -11,7 +11,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.clocks import MAX_STAMP_NS, find_stamp_gaps
-from cwcli.signals.columns import Columns, Int64Array
+from cwcli.signals.columns import Columns, Int64Array, median_of_values
 from cwcli.signals.leaf_fields import read_stamps
 from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
 from cwcli.signals.units import NS_PER_S
@@ -85,7 +85,7 @@ def topic_health_from_columns(columns: Columns, start_ns: int, end_ns: int) -> T
     given, logged = stamp_ns[has_stamp], log_ns[has_stamp]
     time_ns = np.sort(given if len(given) > 0.5 * len(log_ns) else log_ns[is_time])
     steps = np.diff(time_ns)
-    median_ns = float(np.median(steps)) if len(steps) else 0.0
+    median_ns = median_of_values(steps) if len(steps) else 0.0
     gaps = find_stamp_gaps(np.sort(log_ns.view(np.uint64)), start_ns=start_ns, end_ns=end_ns)
     return TopicHealth(
         columns.topic,
@@ -96,7 +96,7 @@ def topic_health_from_columns(columns: Columns, start_ns: int, end_ns: int) -> T
         len(gaps),
         max((gap.duration_s for gap in gaps), default=0.0),
         int(np.count_nonzero(np.diff(given) < 0)),
-        float(np.median(logged - given)) / NS_PER_S if len(given) else np.nan,
+        median_of_values(logged - given) / NS_PER_S if len(given) else np.nan,
         clock_drift_ms_per_min(given, logged),
     )
 
@@ -116,7 +116,7 @@ def clock_drift_ms_per_min(stamp_ns: Int64Array, log_ns: Int64Array) -> float:
     third = n // 3
     delay_s = (log_ns - stamp_ns) / NS_PER_S
     first, last = delay_s[:third], delay_s[-third:]
-    minutes = (np.median(log_ns[-third:]) - np.median(log_ns[:third])) / NS_PER_S / S_PER_MIN
+    minutes = (median_of_values(log_ns[-third:]) - median_of_values(log_ns[:third])) / NS_PER_S / S_PER_MIN
     change_s = float(np.quantile(last, 0.25) - np.quantile(first, 0.25))
     scatter_s = max(float(np.subtract(*np.quantile(part, (0.75, 0.25)))) for part in (first, last)) / np.sqrt(third)
     return 1e3 * change_s / float(minutes) if abs(change_s) > max(MIN_DRIFT_SIGMAS * scatter_s, 1e-4) else 0.0

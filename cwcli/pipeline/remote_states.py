@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +14,7 @@ from cwcli.estimation.online_availability import not_overtaken_message_mask
 from cwcli.estimation.result import Track, TrackSummary
 from cwcli.estimation.summary import summarise_track
 from cwcli.estimation.track import estimate_hindsight_and_online_tracks, map_in_threads
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap

@@ -6,10 +6,10 @@ import json
 import math
 from collections import ChainMap
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Any
 
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.table import Table
 from cwcli.pipeline.json_names import table_row_to_json
 from cwcli.signals.columns import OutputChannel

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from cwcli.channels.binding import Bindings, ChannelLike, bind_roles
 from cwcli.channels.published import CHANNEL_OF_ROLE, EGO_STATE, ONLINE_CHANNEL_OF_ROLE
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states, require_ego_states
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection

@@ -23,12 +23,11 @@ other models begin with 1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from cwcli.kernels.paths import adapt_scale, stream_quantiles
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, QUANTILE_LEVELS, load_fleet_prior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (

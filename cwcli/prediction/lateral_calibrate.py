@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, dead_reckon_x_y_heading
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
@@ -54,7 +54,7 @@ def sigma_factors_from_driven_track(paths: Paths, track: LateralTrack) -> FloatA
     cos, sin = np.cos(heading), np.sin(heading)
     factors = np.ones(len(paths.time_s))
     horizon_s = float(paths.time_s[-1])
-    period_s = float(np.median(np.diff(track.stamp_ns))) / NS_PER_S if len(track) > 1 else horizon_s
+    period_s = median_of_values(np.diff(track.stamp_ns)) / NS_PER_S if len(track) > 1 else horizon_s
     for k, time_s in enumerate(paths.time_s.tolist()):
         if k == 0:
             continue

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.kernels.paths import on_track
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array, select_table_rows
+from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array, select_table_rows, sort_distinct_values
 from cwcli.signals.units import NS_PER_S
 
 ELLIPSE_50_SQUARED_RADIUS = 2.0 * np.log(2.0)
@@ -150,7 +150,7 @@ def _track_xy_and_is_known_at(
 def indices_of_needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:
     """Increasing indices of the points that errors at the horizons depend on, and of the first and last point."""
     after = _indices_of_points_after(time_s, np.asarray(horizons_s, dtype=np.float64))
-    return np.unique(np.concatenate([[0], after - 1, after, [len(time_s) - 1]]))
+    return sort_distinct_values(np.concatenate([[0], after - 1, after, [len(time_s) - 1]]))
 
 
 def _indices_of_points_after(time_s: FloatArray, horizon_s: FloatArray) -> npt.NDArray[np.intp]:

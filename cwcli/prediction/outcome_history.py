@@ -30,7 +30,7 @@ from cwcli.kernels import record as kernel
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, FleetPrior, acting_time_from_displacement_share_s, load_fleet_prior
 from cwcli.prediction.outcome import actual_positions
-from cwcli.signals.columns import FloatArray, Int64Array, StateRows
+from cwcli.signals.columns import FloatArray, Int64Array, StateRows, sort_distinct_values
 from cwcli.signals.packed_covariances import Covariances, variances_of_states
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
@@ -154,7 +154,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
     is_finite = np.isfinite(state[:, : YAW_RATE + 1]).all(axis=1)
     clear = how_clearly_derivatives_exceed_noise(state, starts.covariance)
     tracks = []
-    for one in np.unique(starts.vehicle):
+    for one in sort_distinct_values(starts.vehicle):
         rows = np.flatnonzero((starts.vehicle == one) & is_finite)
         rows = rows[np.lexsort((stamp_ns[rows], known_ns[rows]))]
         newest = np.maximum.accumulate(stamp_ns[rows])

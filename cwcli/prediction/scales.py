@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from cwcli.lazy_dataclass import replace
 from cwcli.prediction.fleet import HORIZON_KNOTS_S
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import ROWS_PER_BATCH

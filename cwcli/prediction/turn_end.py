@@ -7,12 +7,10 @@ counts: its change of heading over the way that it has just driven, which a stop
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.plan import SelectedPaths
 from cwcli.signals.angles import wrap_angle

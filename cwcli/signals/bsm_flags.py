@@ -16,7 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings, repeat_string
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    FloatArray,
+    Int64Array,
+    Ragged,
+    Strings,
+    repeat_string,
+    sort_distinct_values,
+)
 from cwcli.signals.leaf_fields import numbers_to_bit_flags
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, join_road_events
@@ -138,7 +147,7 @@ def format_flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ..
     rows = np.flatnonzero(names[events.kind.codes] & np.isnan(events.cause))
     notes = []
     if len(rows):
-        n_stations = len(np.unique(events.station.codes[rows]))
+        n_stations = len(sort_distinct_values(events.station.codes[rows]))
         notes.append(f"{len(rows)} messages of {n_stations} stations flag hard braking (over 0.4 g)")
     if is_unread.any():
         n_unread = np.count_nonzero(is_unread)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cwcli.errors import DataError, MissingSignalError
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.builders.base import Build, Input, Reading
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import UsageError, install_hint
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_FACTORS_BY_KIND, FieldMapping, Term

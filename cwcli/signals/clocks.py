@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FirstAndLastNs, FloatArray, Int64Array
+from cwcli.signals.columns import FirstAndLastNs, FloatArray, Int64Array, median_of_values
 from cwcli.signals.quality import S_PER_NS, BoolArray, Gap, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
@@ -134,7 +134,7 @@ def repair_and_order_times(
     stamps = time_ns[rows]
     ledger.quality.used = len(rows)
     if len(rows):
-        ledger.quality.delay_s = float(np.median(log_ns[rows] - stamps)) * S_PER_NS
+        ledger.quality.delay_s = median_of_values(log_ns[rows] - stamps) * S_PER_NS
         ledger.quality.gaps = find_stamp_gaps(stamps)
     return Timeline(rows=rows, stamp_ns=stamps)
 
@@ -186,7 +186,7 @@ def find_stamp_gaps(
     if len(stamp_ns) == 0:
         return (Gap(start_ns, end_ns),) if start_ns is not None and end_ns is not None and end_ns > start_ns else ()
     if min_gap_s is None:
-        median_s = float(np.median(np.diff(stamp_ns))) * S_PER_NS if len(stamp_ns) > 1 else 0.0
+        median_s = median_of_values(np.diff(stamp_ns)) * S_PER_NS if len(stamp_ns) > 1 else 0.0
         min_gap_s = max(1.0, 5.0 * median_s)
     long_steps = np.flatnonzero(np.diff(stamp_ns) * S_PER_NS > min_gap_s)
     gaps = [Gap(int(stamp_ns[i]), int(stamp_ns[i + 1])) for i in long_steps]

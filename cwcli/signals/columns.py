@@ -7,13 +7,13 @@ the stages (which publish it). Nothing here knows of MCAP.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 
 Int64Array = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
@@ -41,6 +41,7 @@ LatLonAlt = tuple[float, float, float]
 FirstAndLastNs = tuple[int, int]
 """The first and the last time of a span, ns since 1970."""
 T = TypeVar("T")
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -238,7 +239,38 @@ def select_column_rows(column: Field, rows: npt.NDArray[np.intp]) -> Field:
         offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
         inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], lengths)
         return Ragged(column.values[np.repeat(column.offsets[:-1][rows], lengths) + inside], offsets)
-    return column[rows]
+    return column.take(rows, axis=0)
+
+
+def sort_distinct_values(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
+    """Return the distinct values in increasing order, each NaN one of its own.
+
+    `np.unique` imports `numpy.ma` to find out that an array is not masked, which takes a tenth of a short command.
+    """
+    ordered = np.sort(values, axis=None)
+    is_first = np.ones(len(ordered), bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=is_first[1:])
+    return ordered[is_first]
+
+
+def median_of_values(values: npt.NDArray[Any]) -> float:
+    """Return the median of all values, NaN where one is or there is none: as `np.median`, but without `numpy.ma`."""
+    if not values.size or np.isnan((ordered := np.sort(values, axis=None))[-1]):
+        return np.nan
+    middle = len(ordered) // 2
+    return float(np.mean(ordered[middle - 1 + len(ordered) % 2 : middle + 1]))
+
+
+def quantile_of_values(values: npt.NDArray[Any], share: float) -> float:
+    """Return a quantile of all values, at least one, interpolated as `np.quantile` does; NaN where one is NaN."""
+    ordered = np.sort(values, axis=None)
+    if np.isnan(ordered[-1]):
+        return np.nan
+    place = (len(ordered) - 1) * share
+    below = int(place)
+    low, high = float(ordered[below]), float(ordered[min(below + 1, len(ordered) - 1)])
+    part = place - below
+    return high - (high - low) * (1.0 - part) if part >= 0.5 else low + (high - low) * part
 
 
 def select_table_rows(table: T, rows: npt.NDArray[np.generic] | slice, *, shared: Collection[str] = ()) -> T:
@@ -259,7 +291,8 @@ def select_table_rows(table: T, rows: npt.NDArray[np.generic] | slice, *, shared
 
 def _select_rows_if_column(column: Any, rows: Any) -> Any:
     if isinstance(column, np.ndarray):
-        return column[rows]
+        is_numbers = isinstance(rows, np.ndarray) and rows.dtype.kind in "iu"  # `take` copies whole rows
+        return column.take(rows, axis=0) if is_numbers else column[rows]
     return column.select_rows(rows) if hasattr(column, "select_rows") else column
 
 

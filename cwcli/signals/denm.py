@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, encode_strings
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, encode_strings, sort_distinct_values
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.perceived import unknown_senders
 from cwcli.signals.quality import BoolArray, RowLedger
@@ -139,7 +139,7 @@ def format_event_counts_notice(events: RoadEvents) -> str:
     kinds, counts = np.unique([events.kind.values[code] for code in events.kind.codes], return_counts=True)
     order = np.argsort(-counts, kind="stable")
     said = ", ".join(f"{counts[k]} {kinds[k]}" for k in order)
-    return f"{len(events)} DENMs of {len(np.unique(events.station.codes))} stations: {said}"
+    return f"{len(events)} DENMs of {len(sort_distinct_values(events.station.codes))} stations: {said}"
 
 
 def _set_all_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:

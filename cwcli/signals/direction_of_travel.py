@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, median_of_values
 from cwcli.signals.units import NS_PER_S
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -113,7 +113,7 @@ def find_yaw_mounting(
     is_reversing = forward.real < 0.0
     speed = np.where(is_reversing, -1.0, 1.0) * speed[use]
     left = wrap_angle(-np.angle(np.where(is_reversing, -forward, forward)))
-    if float(np.median(np.abs(left - np.median(left)))) > MAX_SCATTER_RAD:
+    if median_of_values(np.abs(left - median_of_values(left))) > MAX_SCATTER_RAD:
         return None
     turning = np.where(np.isfinite(yaw_rate_radps[use]), yaw_rate_radps[use], 0.0)
     regressors = np.column_stack([np.ones(len(left)), -turning / speed, turning * speed])
@@ -195,11 +195,11 @@ def _huber_intercept_and_sigma(values: FloatArray, regressors: FloatArray, weigh
     """
     prior = np.diag([0.0, AHEAD_SIGMA_M**-2, SLIP_SIGMA_RAD_S2PM**-2])
     own = weights
-    coefficients, variance, slow = np.array([np.median(values), 0.0, 0.0]), 1.0, 1.0
+    coefficients, variance, slow = np.array([median_of_values(values), 0.0, 0.0]), 1.0, 1.0
     information = np.eye(3)
     for _ in range(10):
         residual = values - regressors @ coefficients
-        scale = max(1.4826 * float(np.median(np.abs(residual - np.median(residual)))), 1e-6)
+        scale = max(1.4826 * median_of_values(np.abs(residual - median_of_values(residual))), 1e-6)
         own = weights * np.minimum(1.0, 2.0 * scale / np.maximum(np.abs(residual), 1e-12))
         variance = float(own @ residual**2 / own.sum()) + 1e-12
         slow = _variance_factor_of_slow_errors(residual, own)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.clocks import MAX_STAMP_NS
 from cwcli.signals.columns import (
     Columns,
@@ -16,6 +15,7 @@ from cwcli.signals.columns import (
     Ragged,
     StampsNsAndIsGiven,
     Strings,
+    median_of_values,
 )
 from cwcli.signals.leaf_fields import find_field, read_numbers, read_stamps
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, FieldMapping, Term
@@ -88,7 +88,7 @@ def add_quantities_of_channel(
     at_ns = np.where(own_has, own_ns, mapped.log_time_ns) if is_by_stamp else mapped.log_time_ns
     order = np.argsort(their_ns, kind="stable")
     steps_s = np.diff(their_ns[order]) / NS_PER_S
-    gap_s = MAX_INTERPOLATED_STEPS * float(np.median(steps_s[steps_s > 0.0])) if (steps_s > 0.0).any() else 0.0
+    gap_s = MAX_INTERPOLATED_STEPS * median_of_values(steps_s[steps_s > 0.0]) if (steps_s > 0.0).any() else 0.0
     fields: dict[str, Field] = dict(mapped.fields)
     kinds = MAPPED_QUANTITIES_BY_ROLE[part.role].fields
     for name, each in values.items():

@@ -18,10 +18,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 from cwcli.errors import UsageError, hint_at_known_names
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
 from cwcli.signals.units import MPS_PER_KMH, STANDARD_GRAVITY_MPS2

@@ -12,7 +12,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.canonical import MESSAGE_COUNT_MODULUS, RemoteSignal
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, median_of_values, quantile_of_values
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
@@ -140,9 +140,9 @@ def _lost_counts_absences_and_period_s(sent_s: FloatArray, count: FloatArray) ->
     if not len(pause_s):
         return np.full(0, np.nan), np.zeros(0, np.bool_), float("nan")
     if np.isnan(steps).any() or not steps.any():
-        period_s = float(np.median(pause_s))
+        period_s = median_of_values(pause_s)
         return np.full(len(steps), np.nan), pause_s >= MESSAGE_COUNT_MODULUS * period_s, period_s
-    period_s = float(np.median((pause_s / np.maximum(steps, 1))[steps > 0]))
+    period_s = median_of_values((pause_s / np.maximum(steps, 1))[steps > 0])
     is_absence: BoolArray = pause_s >= (MESSAGE_COUNT_MODULUS - 0.5) * period_s
     is_repeat = (steps == 0) & (pause_s < 0.5 * MESSAGE_COUNT_MODULUS * period_s)
     n_lost = np.where(is_absence | is_repeat, 0.0, (steps - 1) % MESSAGE_COUNT_MODULUS)
@@ -159,7 +159,7 @@ def _measure_station_link(
     distance_m: FloatArray,
 ) -> StationLink:
     latency_s = (signal.log_time_ns[order] - signal.stamp_ns[order]) / NS_PER_S
-    has_clock = bool(latency_s.any()) and float(np.median(latency_s)) >= -MAX_NEGATIVE_LATENCY_S
+    has_clock = bool(latency_s.any()) and median_of_values(latency_s) >= -MAX_NEGATIVE_LATENCY_S
     heard_ns = np.sort(signal.log_time_ns[order])
     pause_s = np.diff(heard_ns) / NS_PER_S
     present = ~is_absence
@@ -178,8 +178,8 @@ def _measure_station_link(
         present_s=present_s,
         rate_hz=n_steps / present_s if present_s > 0 else nothing,
         n_sent=n_sent,
-        latency_median_s=float(np.median(latency_s)) if has_clock else nothing,
-        latency_p95_s=float(np.quantile(latency_s, 0.95)) if has_clock else nothing,
+        latency_median_s=median_of_values(latency_s) if has_clock else nothing,
+        latency_p95_s=quantile_of_values(latency_s, 0.95) if has_clock else nothing,
         age=np.stack([fresh_s, fresh_s + pause_s], axis=1)[present],
         n_gaps=int(np.count_nonzero(is_gap)),
         longest_gap_s=float(pause_s[present].max()) if present.any() else nothing,

@@ -9,14 +9,13 @@ apart.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import lap
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import UsageError
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import FloatArray, Int64Array, Strings, select_table_rows

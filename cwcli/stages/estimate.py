@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -45,7 +45,7 @@ from cwcli.estimation.stated_noise import Sigmas, apply_stated_noise, require_kn
 from cwcli.estimation.summary import build_estimate_table, format_source_diagnostics_json, summarise_track
 from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.estimation.verdict import consistency_verdict_sentence
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.records import map_to_record_entry

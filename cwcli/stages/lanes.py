@@ -7,7 +7,7 @@ import time
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -23,7 +23,7 @@ from cwcli.channels.lanes import (
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, calibration_record_entry
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.option import Option

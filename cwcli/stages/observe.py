@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -20,7 +20,7 @@ from cwcli.dynamics.table import observer_table
 from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.estimation.calibration import Calibration, calibration_record_entry
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.records import vehicle_to_record_entry

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -12,7 +12,7 @@ from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE, TARGETS_ONLINE
 from cwcli.channels.target import make_target_channels
 from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.json_names import CellWithValues
@@ -21,7 +21,7 @@ from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, StageSum
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import States, choose_state_topics
 from cwcli.signals.canonical import DetectionSignal, Signal
-from cwcli.signals.columns import Int64Array
+from cwcli.signals.columns import Int64Array, sort_distinct_values
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
@@ -178,7 +178,9 @@ def track(log: Log, config: TrackConfig) -> StageResult:
         evaluation_inputs=TrackingEvidence(
             result=result,
             truths=sources.by_role.get(Role.TARGET_TRUTH, ()),
-            moments_ns=known_ns[0] if how == "many" else np.unique(np.concatenate([d.stamp_ns for d in detections])),
+            moments_ns=known_ns[0]
+            if how == "many"
+            else sort_distinct_values(np.concatenate([d.stamp_ns for d in detections])),
             in_map=in_map,
             local_map=map_from_record(read_run_records(log).get("estimate", {})) if ego is not None else None,
             n_notes=n_of_sensors,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated
 
 from cwcli.channels.predicted_path import AnyPaths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_EVENTS, REMOTE_PATH, REMOTE_STATE, TARGETS
 from cwcli.channels.road_event import read_road_events
 from cwcli.channels.target import read_targets_as_states
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.json_names import CellWithValues

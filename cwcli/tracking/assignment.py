@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 
 MAX_CANDIDATES_PER_TRACK = 32
 """Number of best detections of each track that are considered; it bounds the memory. Chosen by hand."""
@@ -69,7 +69,7 @@ def _group_rows_by_shared_columns(useful: np.ndarray) -> list[Int64Array]:
         if (new == label).all():
             break
         label = new
-    return [np.flatnonzero(label == k) for k in np.unique(label)]
+    return [np.flatnonzero(label == k) for k in sort_distinct_values(label)]
 
 
 def rows_and_columns_assigned_in_groups(gain: FloatArray) -> tuple[Int64Array, Int64Array]:

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.builders.motion import MAP_FRAME_IDS
 from cwcli.signals.canonical import DetectionSignal
-from cwcli.signals.columns import Int64Array, Strings
+from cwcli.signals.columns import Int64Array, Strings, sort_distinct_values
 from cwcli.signals.elements import offsets_and_element_indices_of_sequences
 from cwcli.tracking.convert import radar_values_and_covariances_from_cartesian
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
@@ -35,7 +35,7 @@ def detections_from_signal(signal: DetectionSignal, setting: SensorSetting) -> D
         values=values,
         covariance=covariance,
         frame=Strings(np.repeat(signal.frame.codes[arrival], counts), signal.frame.values),
-        scan_stamp_ns=np.unique(signal.stamp_ns),
+        scan_stamp_ns=sort_distinct_values(signal.stamp_ns),
     )
 
 

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 from cwcli.tracking.assignment import rows_and_columns_of_best_pairs
 
 
@@ -105,8 +105,8 @@ class TargetMoments:
     def interpolate_at(self, stamp_ns: Int64Array, *, max_gap_s: float = 0.5) -> TargetMoments:
         """Interpolate each id at the stamps within its life, linearly between its rows, not across longer gaps."""
         stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
-        wanted = np.unique(stamp_ns)
-        for k in np.unique(self.id).tolist():
+        wanted = sort_distinct_values(stamp_ns)
+        for k in sort_distinct_values(self.id).tolist():
             mine = np.flatnonzero(self.id == k)
             mine = mine[np.argsort(self.stamp_ns[mine], kind="stable")]
             known = self.stamp_ns[mine]
@@ -131,12 +131,12 @@ def score_tracks(
     A switch is counted as in CLEAR MOT (Bernardin, Stiefelhagen 2008): the target is paired with another id than when
     it was last paired.
     """
-    moments = np.unique(truth.stamp_ns)
+    moments = sort_distinct_values(truth.stamp_ns)
     parts = np.zeros((len(moments), 4))
     numbers = np.zeros((len(moments), 2), np.int64)
     held: dict[int, int] = {}
     switches: dict[int, int] = {}
-    errors: dict[int, list[FloatArray]] = {int(k): [] for k in np.unique(truth.id)}
+    errors: dict[int, list[FloatArray]] = {int(k): [] for k in sort_distinct_values(truth.id)}
     truth_rows, track_rows = _rows_at_moments(truth.stamp_ns, moments), _rows_at_moments(tracks.stamp_ns, moments)
     for k in range(len(moments)):
         a, b = truth_rows[k], track_rows[k]

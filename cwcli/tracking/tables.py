@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cwcli.metrics.table import MetricRow, Table, table_of_metric_rows
+from cwcli.signals.columns import median_of_values
 from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.detections import DetectionCounts, DetectionKind
 from cwcli.tracking.tracker import TargetTrack, TrackResult
@@ -87,4 +88,4 @@ def process_noise_unit(config: FilterConfig) -> str:
 
 def median_position_sigma_m(track: TargetTrack) -> float:
     """Median over the track of the position's sigma per axis, m."""
-    return float(np.median(np.sqrt(0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1]))))
+    return median_of_values(np.sqrt(0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1])))

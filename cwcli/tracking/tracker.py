@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.kernels.track import RowKind, RowStatus
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 from cwcli.tracking.association import associate_detections
 from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.detections import DetectionCounts, Detections, EgoStates, SensorModel
@@ -174,7 +174,7 @@ def track_many_targets(
 def _rows_at_all_scans(prepared: PreparedDetections, which: Int64Array, last_ns: int) -> DetectionRows:
     """The rows `which` and a predict-only row at every other scan between the first of them and `last_ns`."""
     rows = prepared.rows.select_rows(which)
-    times = np.unique(prepared.scans.stamp_ns)
+    times = sort_distinct_values(prepared.scans.stamp_ns)
     inside = times[(times > rows.stamp_ns[0]) & (times <= last_ns)]
     empty = np.setdiff1d(inside, rows.stamp_ns)
     m = len(empty)

@@ -12,12 +12,11 @@ than 4 s, where ISO 15623 calls a warning too early.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.columns import FloatArray
+from cwcli.lazy_dataclass import replace
+from cwcli.signals.columns import FloatArray, sort_distinct_values
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.measures import MEASURE_ARRAY_NAMES, Measures, measure_paths
 from cwcli.warning.remote_alignment import PathPoints, interpolate_paths
@@ -84,7 +83,7 @@ def measure_to_braking_horizon(
     chosen = np.flatnonzero(applies)
     if not len(chosen):
         return whole
-    ends_s = np.unique(np.append(np.arange(0.0, time_s[-1], END_STEP_S).round(9), time_s[-1]))
+    ends_s = sort_distinct_values(np.append(np.arange(0.0, time_s[-1], END_STEP_S).round(9), time_s[-1]))
     by_end = pairs.select_rows(rows[chosen]).contact_probability_by_times(
         far.min_distance_m[chosen], time_s, tuple(ends_s)
     )
@@ -113,7 +112,7 @@ def _host_path_times_until_s(pairs: PathPairs, end_s: float) -> FloatArray:
     """The times of the host's path points, (q,), as far as the end, and the end."""
     step_s = float(pairs.host.time_s[1])
     times = np.arange(int(end_s / step_s + 1e-6) + 1) * step_s
-    return np.unique(np.append(times, end_s).round(9))
+    return sort_distinct_values(np.append(times, end_s).round(9))
 
 
 def _rows_and_paths_in_one_stream(

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.collision_probability import UncertainPaths, collision_probability, is_touch_improbable
 from cwcli.measures.outlines import Size
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, sort_distinct_values
 from cwcli.warning.remote_alignment import PathPoints, interpolate_covariances, interpolate_paths
 from cwcli.warning.types import PathArrays
 
@@ -64,7 +64,7 @@ class PathPairs:
             return out
         every = max(1, int(MAX_COMPARISON_STEP_S / float(time_s[1]) + 1e-6))
         ends = np.searchsorted(time_s, np.array(ends_s) - 1e-9)
-        kept = np.union1d(np.arange(0, len(time_s), every), ends)
+        kept = sort_distinct_values(np.concatenate([np.arange(0, len(time_s), every), ends]))
         at_s = time_s[kept]
         out[near] = self.select_rows(near)._contact_probability(
             at_s, at_s, (at_s, at_s), ends=np.searchsorted(kept, ends)

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import Table
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, sort_distinct_values
 from cwcli.warning.conflict_definition import parse_conflict_definition
 from cwcli.warning.kinds import WarningKind
 from cwcli.warning.output import (
@@ -159,4 +159,4 @@ def _evaluation_times_s(host: VehicleTrack, config: WarningConfig, rule: Rule) -
     end_s = config.horizon_s + persistence_s
     grid = np.arange(int(end_s / step_s + 1e-6) + 1) * step_s
     grid = np.concatenate([grid, [config.horizon_s, end_s]])
-    return np.unique(np.round(grid, 9))
+    return sort_distinct_values(np.round(grid, 9))

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Int64Array
+from cwcli.signals.columns import Int64Array, sort_distinct_values
 from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
@@ -73,7 +73,7 @@ def find_events(
         raised & armed & (_armed_duration_ns(stamp_ns, armed, hold_off_ns) >= persistence_ns - PERSISTENCE_TOLERANCE_NS)
     )
     if at_once is not None:
-        ready = np.union1d(ready, np.flatnonzero(at_once))
+        ready = sort_distinct_values(np.concatenate([ready, np.flatnonzero(at_once)]))
         raised = raised | at_once
     keep = np.flatnonzero(held | raised)
     spans: list[EventSpan] = []

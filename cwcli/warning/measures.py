@@ -6,12 +6,12 @@ Positions are relative, other minus host; r(tau) is linear between the path poin
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, fields, replace
+from dataclasses import field, fields
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.measures.outlines import Size, outline_separation_m
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.collision import PathPairs

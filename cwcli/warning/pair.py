@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.measures.outlines import Size
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.braking_horizon import measure_to_braking_horizon
 from cwcli.warning.collision import PathPairs
@@ -302,7 +302,9 @@ def _measures_and_short_paths_coarse_then_fine(
 ) -> tuple[Measures, BoolArray]:
     """Measure all rows at every fifth point, near ones at every point; also find paths that end too early, (m,)."""
     horizon_index = int(np.searchsorted(time_s, config.horizon_s - 1e-9))
-    thinned = np.union1d(np.arange(0, len(time_s), COARSE_POINT_STRIDE), [horizon_index, len(time_s) - 1])
+    thinned = sort_distinct_values(
+        np.concatenate([np.arange(0, len(time_s), COARSE_POINT_STRIDE), [horizon_index, len(time_s) - 1]])
+    )
     coarse, beyond = _measures_and_short_paths_at_times(host_points, paths, at_moments, time_s, thinned, config, sizes)
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_MARGIN_M)
     at_near = (at_moments[0][near], at_moments[1][near], at_moments[2][near])

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.signals.clocks import earliest_known_times_ns
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, median_of_values
 from cwcli.warning.conflict_definition import (
     DEFAULT_CONFLICT,
     ConflictDefinition,
@@ -114,7 +114,7 @@ def median_length_and_width_m(lengths_m: FloatArray, widths_m: FloatArray) -> tu
 def _median_or_default_m(values_m: FloatArray, default_m: float) -> float:
     """Median of the finite values; the default without any."""
     given = values_m[np.isfinite(values_m)]
-    return _positive_or_default(float(np.median(given)) if len(given) else None, default_m)
+    return _positive_or_default(median_of_values(given) if len(given) else None, default_m)
 
 
 def _positive_or_default(value: float | None, default: float) -> float:

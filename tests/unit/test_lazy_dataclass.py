@@ -179,6 +179,37 @@ def test_it_does_what_the_standard_one_does(name: str) -> None:
     assert outcome(ACTIONS[name], lazy_dataclass.dataclass) == expected
 
 
+CHANGES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
+    "one": ("Point", {"x": 1.0}, {"y": 3.0}),
+    "none": ("Point", {"x": 1.0, "note": "n"}, {}),
+    "unknown": ("Point", {"x": 1.0}, {"z": 3.0}),
+    "of-a-subclass": ("Place", {"name": "a"}, {"x": 9.0}),
+    "refused-after-init": ("Place", {"name": "a"}, {"name": "nowhere"}),
+    "one-that-changes": ("Counter", {}, {"n": 4}),
+    "keywords-only": ("Both", {"a": 1, "place": 7}, {"note": "m"}),
+    "no-argument": ("Late", {"a": 1}, {"twice": 3}),
+    "plain-subclass": ("Plain", {"x": 1.0}, {"y": 3.0}),
+}
+"""Class, its values and the changes of a copy."""
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_replace_does_what_the_standard_one_does(name: str) -> None:
+    kind, values, changes = CHANGES[name]
+
+    def copy_with(replace: Callable[..., Any]) -> Callable[[dict[str, type[Any]]], Any]:
+        return lambda of: (copied := replace(of[kind](**values), **changes), type(copied).__name__, vars(copied))[1:]
+
+    expected = outcome(copy_with(dataclasses.replace), dataclasses.dataclass)
+    assert outcome(copy_with(lazy_dataclass.replace), lazy_dataclass.dataclass) == expected
+
+
+def test_replace_copies_no_cached_value() -> None:
+    point = classes(lazy_dataclass.dataclass)["Point"](3.0)
+    assert point.norm == 5.0
+    assert lazy_dataclass.replace(point, x=1.0).norm == 3.0
+
+
 @lazy_dataclass.dataclass(frozen=True)
 class Sent:
     """For the pickle."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.passes import SensorSeries
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import ValueRows
 
 

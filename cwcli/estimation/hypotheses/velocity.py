@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.speed import SPEED
+from cwcli.lazy_dataclass import replace
 
 NO_OFFSET = (0.0, 0.0)
 """Offset of a hypothesis without one: zero east and north."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from cwcli.errors import DataError
@@ -12,6 +10,7 @@ from cwcli.evaluation.knowledge import SYSTEM, comparison_label
 from cwcli.evaluation.reference import EgoMotion, add_motion_errors, find_reference_motion
 from cwcli.evaluation.system.placing import FramePlacement, fit_frame_placement
 from cwcli.evaluation.system.reading import read_signal_of_other_system
+from cwcli.lazy_dataclass import replace
 from cwcli.pipeline.records import map_from_record, read_run_records
 from cwcli.signals.canonical import PoseSignal, PositionSignal
 from cwcli.signals.columns import EastNorthRows, FloatArray

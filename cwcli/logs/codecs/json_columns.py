@@ -330,11 +330,10 @@ class JsonColumnBuffer:
 
 def _number_column(tags: TagArray, values: Int64Array) -> NumericArray:
     """Return a column of truth values, of integers, or of floats if the kinds are mixed."""
-    kinds = set(np.unique(tags).tolist())
-    if kinds == {TAG_BOOL}:
+    if len(tags) and (tags == TAG_BOOL).all():
         is_true: NumericArray = values != 0
         return is_true
-    if kinds == {TAG_INT}:
+    if len(tags) and (tags == TAG_INT).all():
         return values.astype(np.int64)
     return _float_column_nan_where_no_number(tags, values)
 

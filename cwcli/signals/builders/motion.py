@@ -6,11 +6,9 @@ frame_id says neither, or the user named the channel for the role, the role deci
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.angles import rotation_matrices_of_unit_quaternions
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import HeadingSignal, SpeedSignal, SteerSignal, VelocitySignal

@@ -6,10 +6,9 @@ undulation is that of the geoid above the ellipsoid. An azimuth is the vehicle's
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.builders.gnss import (
     GnssFix,
     covariance_of_east_north_sigmas,

@@ -3,12 +3,12 @@ of simulated logs."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.motion import BODY_FRAME_IDS, BodyMotion, read_yaw_rad, speed_signal_from_body_motion

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.bsm_flags import format_flag_notes
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, SpeedSignal
 from cwcli.signals.clocks import Timeline, build_signal_and_quality, repair_and_order_times
-from cwcli.signals.columns import Columns, Strings, key_numbers_and_rows_of_first_appearance
+from cwcli.signals.columns import (
+    Columns,
+    Strings,
+    key_numbers_and_rows_of_first_appearance,
+    median_of_values,
+    sort_distinct_values,
+)
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
@@ -112,7 +119,7 @@ def _decode_own_messages(
 
 def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
     """Return the events without those of the ego's own messages."""
-    own_codes = np.unique(senders.station.codes[_own_message_mask(senders, reading)])
+    own_codes = sort_distinct_values(senders.station.codes[_own_message_mask(senders, reading)])
     own = {senders.station.values[code] for code in own_codes if code >= 0}
     is_own = np.array([*(name in own for name in events.station.values), False])
     return events.select_rows(np.flatnonzero(~is_own[events.station.codes]))
@@ -176,14 +183,14 @@ def _note_timing_anomalies(ledger: RowLedger, decoded: RemoteRows, station: Stri
     ahead_ns = timeline.stamp_ns - ledger.columns.log_time_ns[timeline.rows]
     is_ahead = ahead_ns > MAX_STAMP_AHEAD_OF_LOG_NS
     if is_ahead.any():
-        median_ms = float(np.median(ahead_ns[is_ahead])) * 1e-6
+        median_ms = median_of_values(ahead_ns[is_ahead]) * 1e-6
         ledger.add_note(
             f"{np.count_nonzero(is_ahead)} messages are stamped after they were logged (median {median_ms:.0f} ms): "
             "the sender's clock is ahead, or the log time is early"
         )
     intervals_ns = np.diff(stamps_ns)[is_same_station]
     if len(intervals_ns):
-        n_bursts = int(np.count_nonzero(intervals_ns < 0.25 * np.median(intervals_ns)))
+        n_bursts = int(np.count_nonzero(intervals_ns < 0.25 * median_of_values(intervals_ns)))
         if n_bursts:
             ledger.add_note(f"{n_bursts} messages come in bursts (less than a quarter of the usual interval apart)")
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PoseSignal, RemoteSignal, SpeedSignal, TargetTruthSignal
 from cwcli.signals.clocks import Timeline, repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.columns import Columns, FloatArray, median_of_values
 from cwcli.signals.osi.world import (
     NO_HOST_REASON,
     OSI_FRAME,
@@ -169,7 +169,7 @@ def _objects_other_rows_timeline_rows_and_times(
 def _median_or_none(sizes_m: FloatArray) -> float | None:
     """Return the median of the finite sizes, or None where there are none."""
     given = sizes_m[np.isfinite(sizes_m)]
-    return float(np.median(given)) if len(given) else None
+    return median_of_values(given) if len(given) else None
 
 
 def _isotropic_position_covariances(n: int) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.clocks import repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray, absent_strings
+from cwcli.signals.columns import Columns, FloatArray, absent_strings, median_of_values
 from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_element_indices_of_sequences
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.osi.leaves import DETECTED_STATIONARY_PATH, SENSOR_DATA_PREFIX
@@ -104,4 +104,4 @@ def _rear_axle_x_m(columns: Columns, reading: Reading) -> float:
     world = read_moving_objects(columns, reading, RowLedger(columns, reading.role), SENSOR_DATA_PREFIX)
     given = world.rear_x_m[world.is_host_mask]
     given = given[np.isfinite(given)]
-    return float(np.median(given)) if len(given) else float("nan")
+    return median_of_values(given) if len(given) else float("nan")

@@ -14,7 +14,15 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, StampsNsAndIsGiven, Strings
+from cwcli.signals.columns import (
+    Columns,
+    FloatArray,
+    Int64Array,
+    Ragged,
+    StampsNsAndIsGiven,
+    Strings,
+    sort_distinct_values,
+)
 from cwcli.signals.elements import Elements, find_ragged_field
 from cwcli.signals.leaf_fields import find_field, read_integers
 from cwcli.signals.limits import (
@@ -161,7 +169,7 @@ def _note_unused_parts(columns: Columns, ledger: RowLedger, prefix: str) -> None
     still = find_ragged_field(columns, f"{prefix}{STATIONARY_OBJECT_FIELD}.id.value")
     if still is not None and len(still.values):
         n_messages = int(np.count_nonzero(np.diff(still.offsets)))
-        n = len(np.unique(still.values))
+        n = len(sort_distinct_values(still.values))
         ledger.add_note(
             f"{n} stationary objects (in {n_messages} messages) are left out: road users are moving objects"
         )

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals import cpm, etsi, j2735, sdsm
-from cwcli.signals.columns import Columns, Field, Strings
+from cwcli.signals.columns import Columns, Field, Strings, sort_distinct_values
 from cwcli.signals.denm import events_from_codes, format_event_counts_notice
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.radio import frames, messages, standard_messages
@@ -213,7 +213,7 @@ def _reject_by_status(ledger: RowLedger, status: messages.UInt8Array, reasons: d
 def _set_aside_other_messages(ledger: RowLedger, found: frames.UnwrappedFrames, is_known: BoolArray, form: str) -> None:
     """Set aside the messages that do not describe their sender, by name."""
     others = ~is_known & (found.status == 0)
-    for number in np.unique(found.message[others]):
+    for number in sort_distinct_values(found.message[others]):
         name = MESSAGE_NAMES_BY_FORMAT[form].get(int(number), f"message {number}")
         what = "objects counted separately" if name in PERCEPTION_MESSAGES else "not about its sender"
         ledger.set_aside(others & (found.message == number), f"{name} ({what})")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from cwcli.errors import UsageError
 from cwcli.estimation.calibrated import calibrated_imu_mountings
 from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.measurements import Kind
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.canonical import ImuSignal, Signal, SpeedSignal, VelocitySignal
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import SensorSignals

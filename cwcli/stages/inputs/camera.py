@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 
 from cwcli.channels.binding import bind_roles, is_truth_topic
 from cwcli.channels.published import LANES, OWN_TOPIC_PREFIX
 from cwcli.channels.transforms import add_transforms_of_topic_to_tree
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT

@@ -19,7 +19,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, VelocitySignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
@@ -124,7 +124,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
 
 def _common_preview_distance_m(previews_m: FloatArray, where: str) -> float:
     """Return the preview distance that all frames share [m]; raise `DataError` if they share none."""
-    distinct = np.unique(previews_m)
+    distinct = sort_distinct_values(previews_m)
     low, high = PREVIEW_RANGE_M
     if len(distinct) > 1:
         told = f"{distinct[0]:g} and {distinct[1]:g} m"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
 
 from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.errors import MissingSignalError
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection, replace_selection
 from cwcli.pipeline.result import InputMessageCount

@@ -23,7 +23,7 @@ from cwcli.measures.evaluate import MeasuredPair, add_sigmas_to_extremes, stamps
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputMessageCount
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import N_STATES
@@ -160,7 +160,7 @@ def _read_covariances_at_stamps(
 ) -> dict[str, dict[int, FloatArray]]:
     """Return vehicle -> stamp -> covariance of its state, read one slice of the log at a time."""
     found: dict[str, dict[int, FloatArray]] = {vehicle: {} for vehicle in wanted}
-    stamps = {vehicle: np.unique(each) for vehicle, each in wanted.items()}
+    stamps = {vehicle: sort_distinct_values(each) for vehicle, each in wanted.items()}
     for topic, role in dict.fromkeys(tracks.topics[vehicle] for vehicle in wanted):
         asked = [vehicle for vehicle in wanted if tracks.topics[vehicle] == (topic, role)]
         for states in _iter_states_near_stamps(log, topic, role, tracks, asked, stamps):
@@ -188,7 +188,7 @@ def _iter_states_near_stamps(
     for vehicle in vehicles:
         states = tracks.ego if vehicle == tracks.ego_id else tracks.others[vehicle]
         logged.append(states.log_time_ns[np.isin(states.stamp_ns, stamps[vehicle])])
-    times = np.unique(np.concatenate(logged))
+    times = sort_distinct_values(np.concatenate(logged))
     while len(times):
         last = int(np.searchsorted(times, times[0] + COVARIANCE_SLICE_NS))
         span = (int(times[0]), int(times[last - 1]) + 1)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from cwcli.channels.published import WARNINGS
 from cwcli.channels.warning import make_warning_and_log_channels, read_warnings
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary, SummaryTable
