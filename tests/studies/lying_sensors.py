@@ -8,16 +8,23 @@ excepted by the verdict, as what the sources do not show. `--quiet` runs the who
 estimate of drives without a fault and of the logs of `--logs` instead: nothing may be corrected or named there. The exit code is 1 where less than MIN_SHARE
 of the cases is good, a verdict is wrong, or something is corrected without a fault.
 
-`--kept-aside` runs those faults that were kept aside; without it they are left out.
+`--kept-aside` runs those faults that were kept aside; without it they are left out. `--results FILE` adds each case to a
+file of JSON lines, and cases that it has are not run again: so the study can be stopped and go on.
+
+What the estimate takes of the sources, after corrections and the vote, is often the same for two faults: all units of a
+speed are converted to the same values, and a source that is left out is left out however it is wrong. It is estimated
+once (`Estimates`).
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import sys
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +33,7 @@ from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
+from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.source_judgement import JudgedSources, judge_sources
 from cwcli.estimation.summary import summarise_track
 from cwcli.estimation.verdict import consistency_verdict_sentence
@@ -41,6 +49,18 @@ from tests.studies.sensor_faults import FAULTS, Fault
 from tests.studies.sensor_model import measurements_of
 
 LEAN = (Kind.POSITION, Kind.IMU)
+TOLD_WORDS = (
+    "stuck",
+    "saturat",
+    "stamps are cut",
+    "rounded",
+    "a copy of",
+    "antenna",
+    "interpolated",
+    "repeat",
+    "clock",
+)
+"""Words of notes that name a fault of a source."""
 FIRST_SEED = 9301
 HARMLESS, MAX_NEES, MIN_SHARE = 1.2, 4.0, 0.95
 SCENARIOS = {
@@ -96,8 +116,57 @@ def simulated(name: str, seed: int) -> SimulatedDrive:
 
 def judged(measurements: Sequence[Measurements]) -> JudgedSources:
     """What the vote says, without an estimate."""
-    epoch = earliest_stamp_ns(measurements)
-    return judge_sources(measurements, lambda current: clean_and_sort_measurements(current, epoch))
+    aligned, notes = align_source_clocks_and_note(measurements)
+    epoch = earliest_stamp_ns(aligned)
+    found = judge_sources(aligned, lambda current: clean_and_sort_measurements(current, epoch))
+    return replace(found, notes=[*notes, *found.notes])
+
+
+def used_of(found: JudgedSources) -> Hashable:
+    """What the estimate takes of judged sources: equal where it is the same but for the last digits of numbers."""
+    digest = hashlib.sha256()
+    for p in found.prepared:
+        s = p.series
+        digest.update(repr((s.source, s.kind, len(s), s.noise_origin, round(s.floor, 9), s.coarse_steps_m)).encode())
+        for column in (s.time_s, s.values, s.noise):
+            digest.update((np.round(column, 8) + 0.0).tobytes())
+    return digest.hexdigest(), tuple((c.who, c.against, c.left_out) for c in found.contradictions)
+
+
+@dataclass
+class Estimates:
+    """Estimates of one drive with different faults.
+
+    Attributes:
+        drive: The drive.
+        known: What the estimate takes of the sources and the point ahead -> its error (m), its NEES per degree of
+            freedom, what was judged, and the track.
+    """
+
+    drive: SimulatedDrive
+    known: dict[Hashable, tuple[float, float, JudgedSources, Track]] = field(default_factory=dict)
+
+    def of(self, measurements: Sequence[Measurements], ahead_m: float = 0.0) -> tuple[float, float, Track]:
+        """Return error, NEES and track as `estimated` does; the texts are those of these measurements."""
+        own = judged(measurements)
+        key = used_of(own), ahead_m
+        if key not in self.known:
+            error_m, nees, track = estimated(self.drive, measurements, ahead_m)
+            self.known[key] = error_m, nees, own, track
+            return error_m, nees, track
+        error_m, nees, other, track = self.known[key]
+        found_later = [each for each in track.contradictions if each not in other.contradictions]
+        notes_later = [each for each in track.notes if each not in other.notes]
+        return (
+            error_m,
+            nees,
+            replace(
+                track,
+                corrections=own.corrections,
+                contradictions=(*own.contradictions, *found_later),
+                notes=(*own.notes, *notes_later),
+            ),
+        )
 
 
 def estimated(
@@ -117,11 +186,7 @@ def told_of(track: Track) -> list[str]:
     return [
         *(each.sentence_on_fault_and_undoing for each in track.corrections),
         *(each.contradiction_sentence for each in track.contradictions),
-        *(
-            note
-            for note in track.notes
-            if any(word in note for word in ("stuck", "saturat", "stamps are cut", "rounded", "a copy of", "antenna"))
-        ),
+        *(note for note in track.notes if any(word in note for word in TOLD_WORDS)),
     ]
 
 
@@ -141,35 +206,71 @@ def is_named(fault: Fault, track: Track) -> bool:
 
 def run_fault(drive: SimulatedDrive, right: Sequence[Measurements], fault: Fault, least_m: float) -> Case:
     """Put a fault into a drive and estimate it."""
-    true = drive.true_states_by_vehicle[HOST_NAME][::50]
+    return _case_of_fault(Estimates(drive), right, fault, least_m)
+
+
+def _case_of_fault(estimates: Estimates, right: Sequence[Measurements], fault: Fault, least_m: float) -> Case:
+    true = estimates.drive.true_states_by_vehicle[HOST_NAME][::50]
     time_s = 0.05 * np.arange(len(true))
     sensor_faults.STANDING_SPEED[:] = [time_s, np.abs(true[:, 2])]
     sensor_faults.TRUE_HEADING[:] = [time_s, true[:, 3]]
-    error_m, nees, track = estimated(drive, fault.apply(right), fault.ahead_m)
+    error_m, nees, track = estimates.of(fault.apply(right), fault.ahead_m)
     verdict = consistency_verdict_sentence(summarise_track(track))
     return Case(error_m / least_m, is_named(fault, track), nees, verdict, "; ".join(told_of(track)),
                 fault.is_drift)  # fmt: skip
 
 
+@dataclass
+class KnownCases:
+    """Cases in a file of JSON lines, to which new ones are added; without a file they are forgotten."""
+
+    path: Path | None
+    cases: dict[tuple[str, str, str], Case] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Read the file."""
+        if self.path is not None and self.path.exists():
+            for line in self.path.read_text().splitlines():
+                (*key, case) = json.loads(line)
+                self.cases[key[0], key[1], key[2]] = Case(**case)
+
+    def add(self, key: tuple[str, str, str], case: Case) -> None:
+        """Add a case."""
+        self.cases[key] = case
+        if self.path is not None:
+            with self.path.open("a") as file:
+                file.write(json.dumps([*key, asdict(case)]) + "\n")
+
+
 def iter_cases(
-    scenarios: Sequence[str], seeds: Sequence[int], faults: Sequence[Fault]
+    scenarios: Sequence[str], seeds: Sequence[int], faults: Sequence[Fault], known: KnownCases
 ) -> Iterator[tuple[str, str, Fault, Case]]:
     """Yield drive, variant, fault and case."""
-    for name in scenarios:
-        for seed in seeds:
+    for seed in seeds:
+        for name in scenarios:
             drive = simulated(name, seed)
             for variant, right in variants(measurements_of(drive)).items():
-                least_m, _, _ = estimated(drive, right)
+                estimates, least_m = Estimates(drive), float("nan")
                 for fault in faults:
-                    if any(m.kind is fault.kind for m in right):
-                        yield f"{name} {seed}", variant, fault, run_fault(drive, right, fault, least_m)
+                    key = f"{name} {seed}", variant, fault.name
+                    if not any(m.kind is fault.kind for m in right):
+                        continue
+                    if key not in known.cases:
+                        if not estimates.known:
+                            least_m, _, _ = estimates.of(right)
+                        known.add(key, _case_of_fault(estimates, right, fault, least_m))
+                    yield key[0], variant, fault, known.cases[key]
 
 
-def check_faults(scenarios: Sequence[str], seeds: Sequence[int], faults: Sequence[Fault], *, is_wordy: bool) -> bool:
-    """Print a line for each fault; whether enough cases are good, and no verdict is wrong."""
+def check_faults(
+    scenarios: Sequence[str], seeds: Sequence[int], faults: Sequence[Fault], known: KnownCases, *, is_wordy: bool
+) -> bool:
+    """Print a line for each fault and each scenario; whether enough cases are good, and no verdict is wrong."""
     by_fault: dict[str, list[Case]] = defaultdict(list)
-    for drive, variant, fault, case in iter_cases(scenarios, seeds, faults):
+    by_scenario: dict[str, list[Case]] = defaultdict(list)
+    for drive, variant, fault, case in iter_cases(scenarios, seeds, faults, known):
         by_fault[fault.name].append(case)
+        by_scenario[f"{drive.split()[0]} {variant}"].append(case)
         if is_wordy or not case.is_good or case.has_wrong_verdict:
             mark = "ok" if case.is_good and not case.has_wrong_verdict else "BAD"
             print(f"{mark} {drive} {variant} {fault.name}: {case.ratio:.2f} x, NEES {case.nees:.1f}, {case.told or 'nothing'}"
@@ -179,6 +280,9 @@ def check_faults(scenarios: Sequence[str], seeds: Sequence[int], faults: Sequenc
         ratios = [case.ratio for case in cases]
         print(f"| {name} | {len(cases)} | {sum(c.is_good for c in cases)} | {sum(c.is_named for c in cases)} | "
               f"{np.median(ratios):.2f}, {max(ratios):.2f} | {sum(c.has_wrong_verdict for c in cases)} |")  # fmt: skip
+    for name, cases in by_scenario.items():
+        print(f"{name}: {sum(c.is_good for c in cases)} of {len(cases)} good, "
+              f"{sum(c.has_wrong_verdict for c in cases)} wrong verdicts")  # fmt: skip
     every = [case for cases in by_fault.values() for case in cases]
     n_good, n_wrong = sum(c.is_good for c in every), sum(c.has_wrong_verdict for c in every)
     print(f"{n_good} of {len(every)} good ({100 * n_good / max(len(every), 1):.1f} %), {n_wrong} wrong verdicts")
@@ -229,6 +333,7 @@ def main() -> None:
     parser.add_argument("--kept-aside", action="store_true", help="The faults that were kept aside alone.")
     parser.add_argument("--quiet", action="store_true", help="Drives without a fault alone.")
     parser.add_argument("--logs", type=Path, nargs="*", default=[])
+    parser.add_argument("--results", type=Path, help="File of JSON lines that holds the cases that were run.")
     parser.add_argument("--wordy", action="store_true", help="A line for each case.")
     options = parser.parse_args()
     seeds = range(options.first_seed, options.first_seed + options.seeds)
@@ -241,7 +346,9 @@ def main() -> None:
         if fault.is_kept_aside is options.kept_aside
         and (not options.faults or any(part in fault.name for part in options.faults))
     ]
-    sys.exit(0 if check_faults(options.scenarios, seeds, chosen, is_wordy=options.wordy) else 1)
+    sys.exit(
+        0 if check_faults(options.scenarios, seeds, chosen, KnownCases(options.results), is_wordy=options.wordy) else 1
+    )
 
 
 if __name__ == "__main__":

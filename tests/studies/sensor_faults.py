@@ -232,6 +232,99 @@ def exchanged_degrees(_: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.column_stack([values[:, 1] * np.cos(np.radians(11.0)), values[:, 0] / stretch])
 
 
+def partly(change: Change, begin: float, end: float = 1.0) -> Change:
+    """A change between two shares of the log alone."""
+
+    def partly_changed(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        wrong = (time_s >= begin * time_s[-1]) & (time_s <= end * time_s[-1])
+        return np.where(wrong[:, None], change(time_s, values.copy()), values)
+
+    return partly_changed
+
+
+def slipping(factor: float) -> Change:
+    """A speed of wheels that slip while the car turns."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        turn_s, heading = TRUE_HEADING
+        rate = np.interp(time_s, turn_s, np.gradient(np.unwrap(heading), turn_s))
+        return np.where(np.abs(rate)[:, None] > 0.05, factor * values, values)
+
+    return change
+
+
+def lagging(delay_s: float) -> Change:
+    """Values of some time ago under right stamps."""
+    return lambda time_s, values: np.column_stack(
+        [np.interp(time_s - delay_s, time_s, column) for column in np.unwrap(values, axis=0).T]
+    )
+
+
+def noisy(sigma: float, *columns: int, share: float = 1.0) -> Change:
+    """White noise on some columns of a share of the rows."""
+
+    def change(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+        rng = np.random.default_rng(2)
+        hit = rng.random(len(values)) < share
+        for k in columns:
+            values[:, k] += sigma * hit * rng.standard_normal(len(values))
+        return values
+
+    return change
+
+
+def stepping_east(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Reflections: three pieces of the log lie 8, -15 and 10 m east of the truth."""
+    share = time_s / time_s[-1]
+    for begin, end, east_m in ((0.2, 0.3, 8.0), (0.5, 0.62, -15.0), (0.8, 0.85, 10.0)):
+        values[(share > begin) & (share < end), 0] += east_m
+    return values
+
+
+def wavy_accel(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    values[:, 0] += 2.0 * np.sin(2.0 * np.pi * time_s / 60.0)
+    return values
+
+
+def altitude_for_latitude(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+    values[:, 1] = 0.03 * np.random.default_rng(1).standard_normal(len(values)).cumsum()
+    return values
+
+
+def interpolated_from_1_hz(m: Measurements) -> list[Measurements]:
+    known = np.arange(0, len(m), max(1, round(1e9 / float(np.median(np.diff(m.stamp_ns))))))
+    columns = [np.interp(m.stamp_ns, m.stamp_ns[known], column) for column in m.values[known].T]
+    return [replace(m, values=np.column_stack(columns))]
+
+
+def late_from_middle(delay_s: float) -> Rewrite:
+    def rewrite(m: Measurements) -> list[Measurements]:
+        late = m.stamp_ns > (m.stamp_ns[0] + m.stamp_ns[-1]) // 2
+        return [replace(m, stamp_ns=m.stamp_ns + np.where(late, int(delay_s * 1e9), 0))]
+
+    return rewrite
+
+
+def clock_ahead(offset_s: float) -> Rewrite:
+    return lambda m: [logged_after(0.02, m, m.stamp_ns + int(offset_s * 1e9))]
+
+
+def clock_drifts(rate: float) -> Rewrite:
+    return lambda m: [replace(m, stamp_ns=m.stamp_ns + ((m.stamp_ns - m.stamp_ns[0]) * rate).astype(np.int64))]
+
+
+def all_times_cut_to_1_s(m: Measurements) -> list[Measurements]:
+    return [replace(m, stamp_ns=m.stamp_ns // 10**9 * 10**9)]
+
+
+def mixed_in_eights(m: Measurements) -> list[Measurements]:
+    rng = np.random.default_rng(6)
+    order = np.arange(len(m))
+    for begin in range(0, len(m) - 8, 8):
+        order[begin : begin + 8] = begin + rng.permutation(8)
+    return [replace(m, values=m.values[order])]
+
+
 FAULTS = (
     Fault("speed in km/h", Kind.SPEED, scaled(3.6), ("km/h",)),
     Fault("speed / 3.6", Kind.SPEED, scaled(1 / 3.6), ("divided by 3.6",)),
@@ -308,5 +401,37 @@ FAULTS = (
     Fault("fix stuck 10 s", Kind.POSITION, stuck(15.0, 25.0), ("stuck",)),
     Fault("fix drifts off by 15 m", Kind.POSITION, drifting_off(15.0, 0.3, 0.7), ("ego_position",), is_drift=True),
     Fault("fix smoothed over 2 s", Kind.POSITION, low_passed(2.0), ("latency",)),
+    Fault("heading 1 s late", Kind.HEADING, unchanged, ("ego_heading",), rewrite=late_by(1.0)),
+    Fault("heading + 7 deg", Kind.HEADING, affine(1, 7), ("ego_heading",)),
+    Fault("heading drifts by 0.1 deg/s", Kind.HEADING, lambda t, v: v + np.radians(0.1) * t[:, None], ("ego_heading",)),
+    Fault("heading clockwise from mid-log", Kind.HEADING, partly(affine(-1, 90), 0.5), ("ego_heading",)),
+    Fault("heading clock + 1 h", Kind.HEADING, unchanged, ("clock",), rewrite=clock_ahead(3600.0)),
+    Fault("speed slips by 5 % in bends", Kind.SPEED, slipping(1.05), ("ego_speed",)),
+    Fault("speed in km/h from 70 %", Kind.SPEED, partly(scaled(3.6), 0.7), ("ego_speed",)),
+    Fault("speed x 0.7 in the first third", Kind.SPEED, partly(scaled(0.7), 0.0, 0.33), ("ego_speed",)),
+    Fault("speed x 1.15", Kind.SPEED, scaled(1.15), ("ego_speed",)),
+    Fault("speed cut to 1 m/s", Kind.SPEED, rounded(1.0, 0, cuts=True), ("ego_speed", "rounded")),
+    Fault("speed rounded to 5 km/h", Kind.SPEED, rounded(5 / 3.6, 0), ("ego_speed", "rounded")),
+    Fault("speed smoothed over 5 s", Kind.SPEED, low_passed(5.0), ("ego_speed",)),
+    Fault("speed 0.7 s late from mid-log", Kind.SPEED, partly(lagging(0.7), 0.5), ("ego_speed",)),
+    Fault("gyro in deg/s from mid-log", Kind.IMU, partly(imu(gyro=180 / np.pi), 0.5), ("yaw rate", "degrees/s")),
+    Fault("gyro sign from mid-log", Kind.IMU, partly(imu(gyro=-1.0), 0.5), ("yaw rate", "gyroscope")),
+    Fault("gyro x 0.8", Kind.IMU, imu(gyro=0.8), ("yaw rate",)),
+    Fault("gyro of 0.3 rad/s noise", Kind.IMU, noisy(0.3, 3, 4, 5), ("yaw rate",)),
+    Fault("accel x 1.5", Kind.IMU, imu(accel=1.5), ("accel",)),
+    Fault("accel bias comes and goes", Kind.IMU, wavy_accel, ("accel", "imu (imu)")),
+    Fault("IMU yawed 10 deg", Kind.IMU, turned(*rotation(2, 10.0)), ("mounted",)),
+    Fault("IMU clock drifts by 0.2 %", Kind.IMU, unchanged, ("imu", "clock"), rewrite=clock_drifts(2e-3)),
+    Fault("IMU 1 s late from mid-log", Kind.IMU, unchanged, ("imu",), rewrite=late_from_middle(1.0)),
+    Fault("IMU mixed in eights", Kind.IMU, unchanged, ("imu",), rewrite=mixed_in_eights),
+    Fault("fix altitude for latitude", Kind.POSITION, altitude_for_latitude, ("ego_position",)),
+    Fault("fix x 1.1", Kind.POSITION, scaled(1.1), ("ego_position",)),
+    Fault("fix east x 1.5", Kind.POSITION, lambda _, v: v * np.array([1.5, 1.0]), ("ego_position",)),
+    Fault("fix interpolated from 1 Hz", Kind.POSITION, unchanged, ("interpolated",), rewrite=interpolated_from_1_hz),
+    Fault("fix times cut to 1 s", Kind.POSITION, unchanged, ("stamps",), rewrite=all_times_cut_to_1_s),
+    Fault("fix clock drifts by 0.2 %", Kind.POSITION, unchanged, ("latency", "clock"), rewrite=clock_drifts(2e-3)),
+    Fault("fix 1.5 s late from mid-log", Kind.POSITION, unchanged, ("ego_position",), rewrite=late_from_middle(1.5)),
+    Fault("fix steps by reflections", Kind.POSITION, stepping_east, ("ego_position",)),
+    Fault("fix with 10 % outliers", Kind.POSITION, noisy(30.0, 0, 1, share=0.1), ("ego_position",)),
 )  # fmt: skip
 """The faults; numbers and axes by hand. Words are what the sentence on the right fault must contain."""
