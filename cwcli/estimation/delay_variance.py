@@ -1,8 +1,10 @@
 """Variance of the states due to what is not known of the sources' delays.
 
 A source that is late by e, and is not corrected for it, gives the state of e ago: its position lies v e behind, its
-speed a e, its heading w e. All rows of a source have the same e, so that the filter does not average it out. Of several
-sources of a quantity the one whose delay is best known counts.
+speed a e, its heading w e. All rows of a source have the same e, so that the filter does not average it out. How much
+of that the states take up, and for how long, the filter itself shows: it runs again with the stamps of one source moved
+by one sigma of its delay (`covariance_from_moved_stamps`). Beside a gyroscope what a bend adds to the heading lasts for
+half a minute.
 
 A clock of all sources that is off by e moves the whole state: the covariance grows by x' x'^T sigma^2 with the rate of
 change x' of the state.
@@ -11,7 +13,8 @@ change x' of the state.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +23,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_S
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import StateCovariances, StateRows
+from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 
 QUANTITIES_BY_STATE = {
@@ -104,17 +107,70 @@ def delay_sigmas_of_best_known_sources(
     return DelaySigmas(found[X], found[SPEED], found[HEADING], clock_sigma_s)
 
 
-def covariance_from_delays(state: StateRows, sigmas: DelaySigmas) -> StateCovariances:
-    """Return the covariance (m, 8, 8) that the delays add to states (m, 8)."""
+def delay_sigmas_s(series: Sequence[SensorSeries], latencies: Sequence[Latency], least: DelaySigmas) -> FloatArray:
+    """Return one sigma of what is not known of the delay of each series (n,), s.
+
+    Args:
+        series, latencies: Parallel.
+        least: Least sigma of the sources of each quantity.
+    """
+    least_s = {Kind.POSITION: least.position, Kind.SPEED: least.speed, Kind.HEADING: least.heading}
+    return np.array(
+        [
+            max(math.hypot(unknown_delay_sigma_s(latency), early_correction_s(s, latency)), least_s.get(s.kind, 0.0))
+            if len(s) and not s.is_exact and latency.status is not LatencyStatus.REFERENCE
+            else 0.0
+            for s, latency in zip(series, latencies, strict=True)
+        ]
+    )
+
+
+def covariance_from_moved_stamps(
+    series: Sequence[SensorSeries],
+    sigmas_s: FloatArray,
+    state: StateRows,
+    states_of: Callable[[Sequence[SensorSeries]], StateRows],
+    *,
+    causal: bool,
+) -> StateCovariances:
+    """Return the covariance (m, 8, 8) of states (m, 8): how they change with the delay of each source.
+
+    All quantities of one topic have one clock, so their stamps are moved together. No state moves by more than it
+    changes in that time anywhere in the track, or before it: a row that the gate then rejects is no delay.
+
+    Args:
+        series: Series of one vehicle.
+        sigmas_s: Shape (n,): one sigma of the delay of each series.
+        state: The states as they are.
+        states_of: Estimates the states from other series.
+        causal: No later state may count.
+    """
     grown = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
+    rate = np.abs(np.nan_to_num(_rates_of_change(state)))
+    rate[:, X] = rate[:, Y] = np.hypot(rate[:, X], rate[:, Y])
+    rate = np.maximum.accumulate(rate) if causal else rate.max(axis=0, initial=0.0)
+    for source in dict.fromkeys(s.source for s in series):
+        own_s = [sigma if s.source == source else 0.0 for s, sigma in zip(series, sigmas_s.tolist(), strict=True)]
+        if not any(own_s):
+            continue
+        moved = [replace(s, latency_s=s.latency_s - sigma_s) for s, sigma_s in zip(series, own_s, strict=True)]
+        most = max(own_s) * rate
+        change = np.clip(np.nan_to_num(states_of(moved) - state), -most, most)
+        grown += change[:, :, None] * change[:, None, :]
+    return grown
+
+
+def covariance_from_clock(state: StateRows, sigma_s: float) -> StateCovariances:
+    """Return the covariance (m, 8, 8) that a clock of all sources adds to states (m, 8), with one sigma of it, s."""
+    rate = _rates_of_change(state)
+    return np.asarray(sigma_s**2 * rate[:, :, None] * rate[:, None, :])
+
+
+def _rates_of_change(state: StateRows) -> StateRows:
+    """Return the change of each state in a second, (m, 8); 0 of the highest derivatives."""
     speed, heading = state[:, SPEED], state[:, HEADING]
     rate = np.zeros((len(state), N_MOTION_STATES))
     rate[:, X], rate[:, Y] = speed * np.cos(heading), speed * np.sin(heading)
     rate[:, SPEED], rate[:, HEADING] = state[:, ACCEL], state[:, YAW_RATE]
-    grown[:, :2, :2] = sigmas.position**2 * rate[:, :2, None] * rate[:, None, :2]
-    grown[:, SPEED, SPEED] = (sigmas.speed * rate[:, SPEED]) ** 2
-    grown[:, HEADING, HEADING] = (sigmas.heading * rate[:, HEADING]) ** 2
-    if sigmas.clock:
-        rate[:, ACCEL], rate[:, YAW_RATE] = state[:, JERK], state[:, YAW_ACCEL]
-        grown += sigmas.clock**2 * rate[:, :, None] * rate[:, None, :]
-    return grown
+    rate[:, ACCEL], rate[:, YAW_RATE] = state[:, JERK], state[:, YAW_ACCEL]
+    return rate

@@ -24,7 +24,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction
-from cwcli.estimation.delay_variance import covariance_from_delays
+from cwcli.estimation.delay_variance import covariance_from_clock, covariance_from_moved_stamps, delay_sigmas_s
 from cwcli.estimation.fix_scatter import covariance_from_lasting_errors, noise_sigma_from_scatter_about_neighbours
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.leave_one_out import (
@@ -46,6 +46,7 @@ from cwcli.estimation.passes import (
     ROW_BEFORE_START,
     FilterStart,
     PassResult,
+    SensorSeries,
     notes_on_rows_before_start,
     run_filter_pass,
 )
@@ -80,7 +81,7 @@ from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import chi_square_mean_bounds, nis_gate_limit
-from cwcli.signals.columns import Int64Array, Strings
+from cwcli.signals.columns import Int64Array, StateRows, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
 
@@ -305,8 +306,20 @@ def _filter_and_smooth(
     state, covariance = move_states_and_covariances_to_antenna(tuned.series, result.state, result.covariance)
     if config.causal:
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
+
+    def states_of(series: Sequence[SensorSeries]) -> StateRows:
+        moved = run_filter_pass(
+            series, start, tuned.motion, output_s,
+            smooth=not config.causal, reset_after=config.reset_after, restarts=restarts,
+        )  # fmt: skip
+        return move_states_and_covariances_to_antenna(series, moved.state, moved.covariance)[0]
+
+    sigmas_s = delay_sigmas_s(tuned.series, tuned.latencies, tuned.delay_sigmas)
     covariance = (
-        covariance + covariance_from_delays(state, tuned.delay_sigmas) + covariance_from_coarse_fixes(tuned.series)
+        covariance
+        + covariance_from_moved_stamps(tuned.series, sigmas_s, state, states_of, causal=config.causal)
+        + covariance_from_clock(state, tuned.delay_sigmas.clock)
+        + covariance_from_coarse_fixes(tuned.series)
     )
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]

@@ -104,7 +104,7 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
 
 
 def _exception_for_unseen_drift_text(sources: Sequence[SourceReport], nees: Sequence[NeesOfQuantity]) -> str:
-    """Return what the verdict does not cover: a drift of the only position, unless its way is measured otherwise.
+    """Return what the verdict does not cover: a drift or scale of the only position, unless others measure its way.
 
     A truth shows a drift, and so does the way by a speed and a heading or turn rate (docs/estimation.md). The
     acceleration of an IMU does not, as the grade of the road changes it by more than a drift of minutes; nor does the
@@ -125,7 +125,8 @@ def _exception_for_unseen_drift_text(sources: Sequence[SourceReport], nees: Sequ
     ]
     if not missing:
         return ""
-    return f"; a slow drift of {positions.pop()} would not show, because no {' and no '.join(missing)} is measured"
+    unseen = f"a slow drift or another scale of {positions.pop()}"
+    return f"; {unseen} would not show, because no {' and no '.join(missing)} is measured"
 
 
 def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:

@@ -35,7 +35,7 @@ class Fault:
         is_kept_aside: Not looked at while the detection was built.
         rewrite: What it does to stamps, rows and sources.
         ahead_m: How far ahead of the true point the states then are, lawfully.
-        is_drift: It is a slow drift of the only position, which the verdict may except.
+        is_drift: It is a slow drift or a scale of the only position, which the verdict may except.
     """
 
     name: str
@@ -425,7 +425,7 @@ FAULTS = (
     Fault("IMU 1 s late from mid-log", Kind.IMU, unchanged, ("imu",), rewrite=late_from_middle(1.0)),
     Fault("IMU mixed in eights", Kind.IMU, unchanged, ("imu",), rewrite=mixed_in_eights),
     Fault("fix altitude for latitude", Kind.POSITION, altitude_for_latitude, ("ego_position",)),
-    Fault("fix x 1.1", Kind.POSITION, scaled(1.1), ("ego_position",)),
+    Fault("fix x 1.1", Kind.POSITION, scaled(1.1), ("ego_position", "gnss is wrong"), is_drift=True),
     Fault("fix east x 1.5", Kind.POSITION, lambda _, v: v * np.array([1.5, 1.0]), ("ego_position",)),
     Fault("fix interpolated from 1 Hz", Kind.POSITION, unchanged, ("interpolated",), rewrite=interpolated_from_1_hz),
     Fault("fix times cut to 1 s", Kind.POSITION, unchanged, ("stamps",), rewrite=all_times_cut_to_1_s),

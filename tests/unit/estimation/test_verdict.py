@@ -36,7 +36,7 @@ def test_what_lies_in_its_bounds_is_consistent() -> None:
 
 
 def test_a_drift_that_no_other_source_shows_is_excepted() -> None:
-    no_speed = "; a slow drift of /gps would not show, because no wheel speed is measured"
+    no_speed = "; a slow drift or another scale of /gps would not show, because no wheel speed is measured"
     assert _said(GOOD, IMU, nees=()) == f"no contradiction{no_speed}"
     assert _said(GOOD, SPEED, nees=()).endswith("/gps would not show, because no heading or turn rate is measured")
     assert _said(GOOD, nees=()).endswith("because no wheel speed and no heading or turn rate is measured")
