@@ -1,6 +1,9 @@
 """Commands that are disturbed at random moments: `python -m tests.disturb --help`.
 
 They are killed, find no room, their input changes, their folder for temporary files goes, or they run twice at once.
+A full disk is a small file system where one can be mounted (Linux, as root), else a limit on the size of files.
+`--state FILE` keeps what was done, and goes on from there. `--warm` forks most commands from this process, which has
+imported the libraries, so that most of their time is work; every fourth one starts as a user starts it.
 
 What must hold of every one of them: no file of its outputs is a part of one, or a mixture of two logs; nothing else is
 left; the same command, run again, gives what an undisturbed one gives; and it ends by itself with a documented code.
@@ -9,7 +12,10 @@ left; the same command, run again, gives what an undisturbed one gives; and it e
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
 import os
+import pkgutil
 import resource
 import shutil
 import signal
@@ -21,13 +27,15 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
+import zstandard
 from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from cwcli.cli.main import run_command_line
+import cwcli
 from cwcli.errors import EXIT_BAD_INPUT, EXIT_OUTPUT
 from tests.unit.importing import files
 from tests.unit.logs_read.test_bags import bag, recording
@@ -35,6 +43,12 @@ from tests.unit.logs_read.test_bags import bag, recording
 ROOT = Path(__file__).parents[1]
 SAMPLES = ROOT / "sample_logs"
 LONGEST_S = 600
+FINDINGS = "FINDINGS"
+"""The name under which findings are counted."""
+CHILDREN_END_S = 20.0
+"""Seconds in which the processes of a command end with it. Chosen by hand, for a busy machine."""
+MIN_DISK_BYTES = 16_384
+"""The smallest file system that is mounted: one page of Linux holds no file beside its folder."""
 COMMANDS = (
     ("estimate", "log.mcap", "-o", "out/out.mcap", "--metrics", "out/out.csv", "--force", "--quiet"),
     ("run", "log.mcap", "-o", "out/out.mcap", "--metrics-dir", "out/tables", "--force", "--quiet"),
@@ -48,8 +62,20 @@ COMMANDS = (
     ("export", "annotated.mcap", "--format", "ros2", "-o", "out/ros.mcap", "--force", "--quiet"),
     ("report", "annotated.mcap", "-o", "out/page.html", "--force", "--quiet"),
     ("calibrate", "log.mcap", "other.mcap", "-o", "out/car.toml", "--force", "--quiet"),
+    ("find", "annotated.mcap", "all", "-o", "out/found.csv", "--clips", "out/clips", "--force", "--quiet"),
+    ("merge", "shards/1", "shards/2", "-d", "out/merged", "--quiet"),
+    ("estimate", "log.mcap.zst", "-o", "out/out.mcap", "--force", "--quiet"),
+    ("export", "annotated.mcap", "--what", "paths", "-o", "out/paths.parquet", "--force", "--quiet"),
+    ("import", "drive.gpx", "-o", "out/drive.mcap", "--force", "--quiet"),
+    ("import", "drive.nmea", "-o", "out/drive.mcap", "--force", "--quiet"),
+    ("import", "drive.blf", "--dbc", "car.dbc", "-o", "out/drive.mcap", "--force", "--quiet"),
+    ("import", "drive.zip", "-o", "out/drive.mcap", "--force", "--quiet"),
+    ("import", "drive.parquet", "-o", "out/drive.mcap", "--force", "--quiet"),
+    ("import", "drive.mp4", "--times", "frames.txt", "-o", "out/drive.mcap", "--force", "--quiet"),
 )
 """Each names its input second: that is what changes."""
+UNCHANGED = ("calibrate", "find", "merge")
+"""Commands whose input does not change: they report a log that fails and go on without it, or read a folder."""
 WHOLE = (".mcap", ".csv", ".parquet", ".html", ".toml")
 """Outputs that are the same bytes in every run; the manifest of `-d` tells how long it took."""
 Files = dict[str, bytes]
@@ -69,12 +95,98 @@ class Finding(AssertionError):
     """What must not be."""
 
 
-def start(folder: Path, command: tuple[str, ...], limit_bytes: int | None = None) -> subprocess.Popen[bytes]:
+class Forked:
+    """A command in a process that was forked from this one, with what the tests use of `subprocess.Popen`.
+
+    Args:
+        folder: The folder that it runs in.
+        command: Its arguments.
+        limit_bytes: The longest file that it can write.
+    """
+
+    def __init__(self, folder: Path, command: tuple[str, ...], limit_bytes: int | None) -> None:
+        self._said, writes = os.pipe()
+        self.pid = os.fork()
+        if not self.pid:
+            code = 70
+            try:
+                os.setsid()
+                os.chdir(folder)
+                os.environ.update(environment_of(folder))
+                tempfile.tempdir = None
+                os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+                os.dup2(writes, 2)
+                sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
+                if limit_bytes is not None:
+                    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limit_bytes))
+                sys.argv[1:] = command
+                from cwcli.cli.main import main as run_cwcli
+
+                run_cwcli()
+            except SystemExit as left:
+                code = int(left.code or 0)
+            finally:
+                with contextlib.suppress(OSError, ValueError):
+                    sys.stderr.flush()
+                os._exit(code)
+        os.close(writes)
+
+    def terminate(self) -> None:
+        """Send SIGTERM."""
+        os.kill(self.pid, signal.SIGTERM)
+
+    def wait_and_read(self) -> tuple[int, str]:
+        """Its exit code, and what it said."""
+        with os.fdopen(self._said, "rb") as file:
+            said = file.read().decode(errors="replace")
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1]), said
+
+
+def environment_of(folder: Path) -> dict[str, str]:
+    """The environment of a command."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", "TMPDIR": str(folder / "tmp")}
+
+
+@dataclass
+class Launcher:
+    """Starts commands.
+
+    Attributes:
+        is_warm: Whether most are forked from this process.
+        n_started: Commands that were started.
+    """
+
+    is_warm: bool = False
+    n_started: int = 0
+
+    def forks(self, command: tuple[str, ...]) -> bool:
+        """Whether the next command is forked: not every fourth one, and none of those that start processes by name."""
+        self.n_started += 1
+        return self.is_warm and self.n_started % 4 > 0 and "-d" not in command
+
+
+LAUNCHER = Launcher()
+Process = subprocess.Popen[bytes] | Forked
+
+
+def import_all() -> None:
+    """Import what commands import, for those that are forked."""
+    for each in pkgutil.walk_packages(cwcli.__path__, "cwcli."):
+        if not each.name.endswith("__main__"):
+            with contextlib.suppress(ImportError):
+                import_module(each.name)
+    for name in ("cv2", "pyarrow.parquet", "pyarrow.csv", "mcap.writer", "lz4.frame", "zstandard", "yaml", "jinja2"):
+        import_module(name)
+
+
+def start(folder: Path, command: tuple[str, ...], limit_bytes: int | None = None) -> Process:
     """The command, in a group of processes of its own; `limit_bytes` is the longest file that it can write."""
+    if LAUNCHER.forks(command):
+        return Forked(folder, command, limit_bytes)
     process = subprocess.Popen(
         [sys.executable, "-m", "cwcli", *command],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1", "TMPDIR": str(folder / "tmp")},
+        env=environment_of(folder),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         start_new_session=True,
@@ -84,10 +196,33 @@ def start(folder: Path, command: tuple[str, ...], limit_bytes: int | None = None
     return process
 
 
-def ended(process: subprocess.Popen[bytes]) -> tuple[int, str]:
-    """Its exit code and what it said."""
-    _, said = process.communicate(timeout=LONGEST_S)
-    return process.returncode, said.decode(errors="replace")
+def ended(process: Process) -> tuple[int, str]:
+    """Its exit code and what it said; it leaves no process behind.
+
+    Raises:
+        Finding: A process of its group still runs.
+    """
+    if isinstance(process, Forked):
+        code, said = process.wait_and_read()
+    else:
+        _, text = process.communicate(timeout=LONGEST_S)
+        code, said = process.returncode, text.decode(errors="replace")
+    until = time.monotonic() + CHILDREN_END_S
+    while has_processes(process.pid):
+        if time.monotonic() > until:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise Finding(f"a process of it still runs {CHILDREN_END_S:g} s after it ended with {code}: {said}")
+        time.sleep(0.01)
+    return code, said
+
+
+def has_processes(group: int) -> bool:
+    """Whether a group of processes has any."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def outputs(folder: Path) -> Files:
@@ -101,22 +236,57 @@ def inputs() -> Inputs:
     """Inputs of every kind."""
     one, two = ((SAMPLES / f"{name}.mcap").read_bytes() for name in ("intersection", "rear-end"))
     found = {"log.mcap": (one, two), "other.mcap": (two, two)}
+    found["log.mcap.zst"] = zstandard.compress(one), zstandard.compress(two)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         annotated = []
         for log in ("intersection", "rear-end"):
-            assert run_command_line(["run", str(SAMPLES / f"{log}.mcap"), "-o", str(folder / log), "--quiet"]) == 0
+            run_undisturbed(folder, "run", str(SAMPLES / f"{log}.mcap"), "-o", log)
             annotated.append((folder / log).read_bytes())
         found["annotated.mcap"] = annotated[0], annotated[1]
+        samples = [str(SAMPLES / f"{log}.mcap") for log in ("intersection", "rear-end")]
+        for shard in ("1", "2"):
+            run_undisturbed(folder, "run", *samples, "--shard", f"{shard}/2", "-d", f"shards/{shard}", "--jobs", "1")
+        for path in (folder / "shards").rglob("*"):
+            if path.is_file():
+                found[str(path.relative_to(folder))] = path.read_bytes(), b""
         bags = (bag(folder / f"{each}.bag", each).read_bytes() for each in (None, Writer.CompressionFormat.LZ4))
         databases = (
             next(recording(folder / f"{mode}", StoragePlugin.SQLITE3, mode).glob("*.db3*")).read_bytes()
             for mode in (None, CompressionMode.MESSAGE)
         )
-        csv, ubx = (make(folder)[0].read_bytes() for make in (files.csv_logger, files.ubx))
         found |= {"drive.bag": (next(bags), next(bags)), "drive.db3": (next(databases), next(databases))}
+        csv, ubx, nmea, gpx, phone, parquet, video = (
+            make(folder)[0].read_bytes()
+            for make in (
+                files.csv_logger,
+                files.ubx,
+                files.nmea_full,
+                files.gpx_speed,
+                files.sensor_logger,
+                files.parquet_epoch,
+                files.video,
+            )
+        )
         found |= {"drive.csv": (csv, csv[: csv.rindex(b"\n", 0, -9999) + 1]), "drive.ubx": (ubx, ubx[:30_000])}
+        found["drive.nmea"] = nmea, nmea[: nmea.rindex(b"\n", 0, -9999) + 1]
+        found |= {
+            "drive.gpx": (gpx, files.gpx_plain(folder)[0].read_bytes()),
+            "drive.mp4": (video, video + b"\0\0\0\x08free"),
+        }
+        found["drive.zip"] = phone, files.phyphox(folder)[0].read_bytes()
+        found["drive.parquet"] = parquet, files.parquet_zone(folder)[0].read_bytes()
+        found["frames.txt"] = files.video(folder)[1].read_bytes(), b""
+        trace, dbc = files.can_blf(folder)
+        found |= {"car.dbc": (dbc.read_bytes(), b""), "drive.blf": (trace.read_bytes(), trace.read_bytes()[:-99])}
     return found
+
+
+def run_undisturbed(folder: Path, *command: str) -> None:
+    """Run a command of cwcli that must not fail."""
+    subprocess.run(
+        [sys.executable, "-m", "cwcli", *command, "--quiet"], cwd=folder, env=environment_of(folder.parent), check=True
+    )
 
 
 def reference(folder: Path, command: tuple[str, ...], n_contents: int) -> Reference:
@@ -139,7 +309,9 @@ def empty(folder: Path, command: tuple[str, ...], k: int = 0) -> None:
     for name in ("out", "tmp"):
         shutil.rmtree(folder / name, ignore_errors=True)
         (folder / name).mkdir()
+    shutil.rmtree(folder / "shards", ignore_errors=True)
     for name, contents in inputs().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(contents[k if name == command[1] else 0])
     (folder / "cwcli.toml").write_bytes(b"")  # no other one, of a folder above, counts
 
@@ -193,16 +365,47 @@ def kill(folder: Path, command: tuple[str, ...], known: Reference, rng: np.rando
 
 
 def fill(folder: Path, command: tuple[str, ...], known: Reference, rng: np.random.Generator) -> str:
-    """No file can grow beyond some size."""
+    """No file can grow beyond some size, or the file system of the outputs or of temporary files is full."""
     largest = max(map(len, known.outputs[0].values()))
-    code, said = ended(start(folder, command, int(rng.integers(int(largest * 1.05)))))
+    n_bytes = int(rng.integers(int(largest * 1.05)))
+    place = ("", "out", "tmp")[int(rng.integers(3))]
+    if place and mount_disk(folder / place, n_bytes):
+        try:
+            code, said = ended(start(folder, command))
+            found = check_full_disk(folder, command, known, code, said)
+        finally:
+            subprocess.run(["umount", str(folder / place)], check=True)
+        if code == 0:  # a file was on the disk that is no more there
+            return f"{place} on a small disk, ended with 0, {len(found)} files"
+    else:
+        place = ""
+        code, said = ended(start(folder, command, n_bytes))
+        check_full_disk(folder, command, known, code, said)
+    check_again(folder, command, known.outputs[0])
+    return f"{f'{place} on a small disk' if place else 'a limit on files'}, ended with {code}"
+
+
+def check_full_disk(folder: Path, command: tuple[str, ...], known: Reference, code: int, said: str) -> Files:
+    """Check what a command left that found no room; returns the files."""
     if code not in (0, EXIT_OUTPUT) or "Traceback" in said:
         raise Finding(f"it ended with {code}: {said}")
     check_outputs(folder, known)
-    if code and "-d" not in command and outputs(folder):
-        raise Finding(f"it ended with {code} and wrote {sorted(outputs(folder))}")
-    check_again(folder, command, known.outputs[0])
-    return f"ended with {code}"
+    found = outputs(folder)
+    if code and "-d" not in command and "--clips" not in command and found:
+        raise Finding(f"it ended with {code} and wrote {sorted(found)}")
+    if code == 0 and found != known.outputs[0]:
+        raise Finding(f"it ended with 0 and wrote {sorted(found)}")
+    return found
+
+
+def mount_disk(folder: Path, n_bytes: int) -> bool:
+    """Mount a file system of some size over an empty folder; False where that is not permitted."""
+    size = f"size={max(n_bytes, MIN_DISK_BYTES)}"
+    command = ["mount", "-t", "tmpfs", "-o", size, "cwcli-small-disk", str(folder)]
+    try:
+        return subprocess.run(command, check=False, capture_output=True).returncode == 0
+    except OSError:
+        return False
 
 
 def change(folder: Path, command: tuple[str, ...], known: Reference, rng: np.random.Generator) -> str:
@@ -284,17 +487,34 @@ KINDS: dict[str, Kind] = {
 }
 
 
-def disturb(kind: str, n: int, seed: int, folder: Path, commands: Sequence[tuple[str, ...]] = COMMANDS) -> Counter[str]:
+def disturb(
+    kind: str,
+    n: int,
+    seed: int,
+    folder: Path,
+    commands: Sequence[tuple[str, ...]] = COMMANDS,
+    state: Path | None = None,
+) -> Counter[str]:
     """Disturb commands n times; what became of them, counted.
 
+    Args:
+        kind: One of `KINDS`.
+        n: How many times, with those of `state`.
+        seed: Of the moments.
+        folder: Where the commands run.
+        commands: The commands, in turn.
+        state: A file that keeps the counts, so that another call goes on; findings are printed and counted there.
+
     Raises:
-        Finding: Something came out that must not.
+        Finding: Something came out that must not, and there is no `state`.
     """
     counts: Counter[str] = Counter()
     known: dict[tuple[str, ...], Reference] = {}
-    if kind == "change":  # calibrate reports a log that fails, and goes on without it
-        commands = [each for each in commands if each[0] != "calibrate"]
-    for k in range(n):
+    if kind == "change":
+        commands = [each for each in commands if each[0] not in UNCHANGED]
+    if state is not None and state.exists():
+        counts.update(json.loads(state.read_text()))
+    for k in range(counts.total(), n):
         rng = np.random.default_rng([seed, k])
         command = commands[k % len(commands)]
         if command not in known:
@@ -303,7 +523,13 @@ def disturb(kind: str, n: int, seed: int, folder: Path, commands: Sequence[tuple
         try:
             counts[KINDS[kind](folder, command, known[command], rng)] += 1
         except Finding as error:
-            raise Finding(f"{kind} {k} of seed {seed} ({' '.join(command)}): {error}") from error
+            what = f"{kind} {k} of seed {seed} ({' '.join(command)}): {error}"
+            if state is None:
+                raise Finding(what) from error
+            print(what, flush=True)
+            counts[FINDINGS] += 1
+        if state is not None:
+            state.write_text(json.dumps(counts))
     return counts
 
 
@@ -313,13 +539,18 @@ def main() -> int:
     parser.add_argument("kind", choices=KINDS)
     parser.add_argument("-n", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--folder", type=Path, help="where the outputs go; a small file system to fill, say")
+    parser.add_argument("--folder", type=Path, help="where the outputs go")
+    parser.add_argument("--state", type=Path, help="keeps what was done; the same command goes on behind it")
+    parser.add_argument("--warm", action="store_true", help="fork most commands from this process")
     given = parser.parse_args()
+    if given.warm:
+        LAUNCHER.is_warm = True
+        import_all()
     with tempfile.TemporaryDirectory(dir=given.folder) as folder:
-        counts = disturb(given.kind, given.n, given.seed, Path(folder))
+        counts = disturb(given.kind, given.n, given.seed, Path(folder), state=given.state)
     for what, count in sorted(counts.items()):
         print(f"{count:5} {what}")
-    return 0
+    return 1 if counts[FINDINGS] else 0
 
 
 if __name__ == "__main__":

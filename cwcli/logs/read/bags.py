@@ -6,23 +6,20 @@ Iron has no message definitions: those of the latest release that the library `r
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing
-from typing import IO, TYPE_CHECKING, cast
+from typing import IO, TYPE_CHECKING
 
 from cwcli.errors import CwcliError, InputError
 from cwcli.input import InputFile
+from cwcli.logs.format.message_log import MessageLog
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.read.read_bounds import ReadBounds
+from cwcli.output_stream import OutputStream
 
 if TYPE_CHECKING:
-    from mcap.writer import Writer
-
     from cwcli.logs.read.source_format import SourceFormat
 
-MAX_SEQUENCE = 0xFFFFFFFF
-"""The greatest sequence number of a message: the format has 32 bits for it (MCAP specification)."""
 MAX_LOG_TIME_NS = (1 << 64) - 1
 """The greatest log time in ns: the format has 64 bits for it (MCAP specification)."""
 
@@ -53,16 +50,11 @@ def convert_bag(
         OSError: The log can't be written.
         UsageError: A package is not installed.
     """
-    from mcap.writer import CompressionType, Writer
-
-    from cwcli.output_stream import OutputStream
-
     output = OutputStream(target.fileno(), file.name)
-    writer = Writer(cast("IO[bytes]", output), compression=CompressionType.LZ4)
-    writer.start("ros2", "cwcli")
+    log = MessageLog(output, "ros2", "cwcli")
     with closing(iter_recording_content(file, source, journals, bounds)) as content:
-        _write_content(writer, content)
-    writer.finish()  # type: ignore[no-untyped-call]
+        _add_content(log, content)
+    log.finish()
     output.flush()
 
 
@@ -96,11 +88,10 @@ def _iter_with_read_errors(content: Iterator[Content], name: str, reader: str) -
 
 
 def _iter_ros1_content(file: InputFile, source: SourceFormat, bounds: ReadBounds) -> Generator[Content, None, None]:
-    """Yield schemas, channels and converted messages of a ROS 1 bag."""
+    """Return schemas, channels and converted messages of a ROS 1 bag, whose times always fit in a log."""
     from cwcli.logs.ros1.bag import BagReader
 
-    for item in BagReader(file, source, bounds).iter_content():
-        yield item if isinstance(item, Schema | Channel) else _validate_message(*item)
+    return BagReader(file, source, bounds).iter_content()
 
 
 def _iter_ros2_content(
@@ -126,20 +117,15 @@ def _validate_message(channel_id: int, log_time_ns: int, data: bytes | memoryvie
     return channel_id, log_time_ns, memoryview(data)
 
 
-def _write_content(writer: Writer, content: Iterator[Content]) -> None:
-    """Write schemas, channels and messages; ids become those that the writer assigns."""
+def _add_content(log: MessageLog, content: Iterator[Content]) -> None:
+    """Add schemas, channels and messages to a log; ids become those that it assigns."""
     schema_ids: dict[int, int] = {0: 0}
     channel_ids: dict[int, int] = {}
-    counts: Counter[int] = Counter()
     for item in content:
         if isinstance(item, Schema):
-            schema_ids[item.id] = writer.register_schema(item.name, item.encoding, item.data)
+            schema_ids[item.id] = log.add_schema(item.name, item.encoding, item.data)
         elif isinstance(item, Channel):
-            channel_ids[item.id] = writer.register_channel(
-                item.topic, item.message_encoding, schema_ids[item.schema_id], item.metadata
-            )
+            channel_ids[item.id] = log.add_channel(item._replace(schema_id=schema_ids[item.schema_id]))
         else:
             channel_id, log_time_ns, payload = item
-            sequence = counts[channel_id] & MAX_SEQUENCE
-            writer.add_message(channel_ids[channel_id], log_time_ns, bytes(payload), log_time_ns, sequence)
-            counts[channel_id] += 1
+            log.add_message(channel_ids[channel_id], log_time_ns, payload)

@@ -8,6 +8,7 @@ Format: http://wiki.ros.org/Bags/Format/2.0, http://wiki.ros.org/Bags/Format/1.2
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,7 +26,7 @@ from cwcli.logs.ros1.definitions import (
 )
 from cwcli.logs.ros1.records import (
     LENGTH,
-    TIME,
+    NS_PER_S,
     BagError,
     EndOfRecordsError,
     Header,
@@ -56,8 +57,12 @@ OP_DEFINITION, OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP
 """The kinds of records; a definition occurs in version 1.2 alone."""
 MAX_CHANNELS = 0xFFFF
 """The greatest number of channels: MCAP has 16 bits for their ids, from 1 on (MCAP specification)."""
-INDEX_ENTRY_BYTES = 12
-"""The size in bytes of an entry of a chunk's index: time and offset of a message (rosbag format 2.0)."""
+INDEX_ENTRY = struct.Struct("<III")
+"""An entry of a chunk's index: seconds, nanoseconds, and the offset of a message (rosbag format 2.0)."""
+INDEX_ENTRY_BYTES = INDEX_ENTRY.size
+"""The size in bytes of such an entry."""
+INDEX_ENTRIES_AT_ONCE = 65_536
+"""Entries that are read at a time. Chosen by hand."""
 ANY_CHECKSUM = "*"
 """The checksum of a connection that takes every type."""
 MAX_TYPE_NAME_CHARS = 512
@@ -206,7 +211,9 @@ class BagReader:
         try:
             self._is_in_chunk = True
             while not source.is_at_end():
-                yield from self._iter_record(take_record_head(source), source)
+                yield from self._iter_held_messages(source)
+                if not source.is_at_end():
+                    yield from self._iter_record(take_record_head(source), source)
         except BagError as error:
             if at + head.n_bytes <= len(self._file):  # else the file was cut, which is noted once
                 self._note_damage(LOST_CHUNKS, f"{error} (at byte {at})")
@@ -283,6 +290,13 @@ class BagReader:
             self._types[name, text] = _Type(0, None)
             self._count_fault(f"message types whose definition can't be used ({shown[:80]}: {error})")
 
+    def _iter_held_messages(self, source: PieceSource) -> Iterator[Content]:
+        """Yield the messages that come next, as long as they are as recorders write them."""
+        for key, log_time_ns, data in source.take_messages(self._bounds.max_chunk_bytes):
+            message = self._converted_message(key, log_time_ns, data)
+            if message is not None:
+                yield message
+
     def _iter_message(self, head: RecordHead, data: bytes) -> Iterator[Content]:
         key: object = head.header[b"topic"] if b"conn" not in head.header and b"topic" in head.header else None
         if key is None:
@@ -290,18 +304,25 @@ class BagReader:
             log_time_ns = ros_time_to_ns(head.header.get(b"time", b""))
         else:
             log_time_ns = ros_time_to_ns(head.header.get(b"sec", b"") + head.header.get(b"nsec", b""))
-        connection = self._connections.get(key)
+        message = self._converted_message(key, log_time_ns, data)
+        if message is not None:
+            yield message
+
+    def _converted_message(self, key: object, log_time_ns: int, data: bytes) -> tuple[int, int, bytes] | None:
+        """Return a message as it is in the log; None, and it is counted, where it can't be converted."""
         self._read_counts[key] += 1
         self._read_sum += hash((key, log_time_ns))
+        connection = self._connections.get(key)
         if connection is None:
             self._count_fault("messages of connections that are not described")
-            return
+            return None
         try:
             if connection.converter is None:
                 raise ConversionError("its type can't be used")
-            yield connection.channel, log_time_ns, connection.converter.convert(data)
+            return connection.channel, log_time_ns, connection.converter.convert(data)
         except ConversionError:
             self._count_fault(f"messages that can't be converted on {connection.topic}")
+            return None
 
     def _add_indexed_counts(self, data: bytes) -> None:
         """Add the counts of one chunk's messages by connection."""
@@ -314,11 +335,15 @@ class BagReader:
         """Add the index of one connection's messages in a chunk, whose data are at a place of the file."""
         key = head.header.get(b"conn", b"")
         if len(key) == LENGTH.size:  # version 1.2 has another one
+            number = int.from_bytes(key, "little")
             source = PieceSource(iter_file_pieces(self._file, at, at + head.n_bytes))
-            for _ in range(head.n_bytes // INDEX_ENTRY_BYTES):
-                time = source.take(INDEX_ENTRY_BYTES)[: TIME.size]
-                self._index_sum += hash((int.from_bytes(key, "little"), ros_time_to_ns(time)))
-                self._n_index_entries += 1
+            n_left = head.n_bytes // INDEX_ENTRY_BYTES
+            while n_left:
+                n = min(n_left, INDEX_ENTRIES_AT_ONCE)
+                for seconds, nanoseconds, _ in INDEX_ENTRY.iter_unpack(source.take(n * INDEX_ENTRY_BYTES)):
+                    self._index_sum += hash((number, seconds * NS_PER_S + nanoseconds))
+                self._n_index_entries += n
+                n_left -= n
 
     def _compare_with_index(self) -> None:
         """Count the messages by which the index and what was read differ."""

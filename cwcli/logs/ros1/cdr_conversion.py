@@ -1,5 +1,8 @@
 """Converts messages of ROS 1 to CDR, as ROS 2 writes it, by tables: no code is made from a definition.
 
+How a message is cut into pieces and what is put between them depends on its size and on the lengths in it alone. Each
+new case of these is kept as a plan, by which the next such message is converted at once.
+
 ROS 1 packs fields without gaps, little-endian, a text or a sequence behind its length in four bytes
 (http://wiki.ros.org/ROS/Technical%20Overview). CDR aligns each number to its size, counted from behind the first four
 bytes, and ends a text with a zero byte (OMG CORBA 3.3, part 2, 9.3). A message without fields takes one byte in ROS 2.
@@ -33,10 +36,18 @@ ALLOWED_ELEMENTS_PER_BYTE = 8
 hand."""
 MAX_REPEATED_PIECES = 64
 """Fixed arrays of messages up to this number of pieces are copied without a loop. Chosen by hand."""
+MAX_PLANS = 200
+"""The greatest number of plans that are kept for a type. Chosen by hand: most types have one for each frame's name."""
+MAX_PLAN_PIECES = 64
+"""The greatest number of pieces, and of lengths, in a plan. Chosen by hand: what has more is rare, and long."""
+MAX_PLAN_BYTES = 256
+"""The greatest number of bytes that a plan puts between the pieces. Chosen by hand."""
 PADDING = tuple(bytes(n) for n in range(8))
 """The zero bytes of the gap in front of an aligned number in CDR, by the size of the gap in bytes."""
 _LENGTH = struct.Struct("<I")
 """A length in front of a text or a sequence."""
+_UNPACK_LENGTH = _LENGTH.unpack_from
+"""Reads such a length."""
 
 
 class ConversionError(ValueError):
@@ -76,6 +87,30 @@ class Layout(NamedTuple):
     n_elements: int
 
 
+class Plan(NamedTuple):
+    """How all messages of one size with the same lengths in them are converted.
+
+    Attributes:
+        cut: Cuts the pieces out of such a message.
+        template: The message as CDR, with `%b` in place of each piece.
+    """
+
+    cut: struct.Struct
+    template: bytes
+
+
+class Branch(NamedTuple):
+    """A length in a message, on which the rest of its conversion depends.
+
+    Attributes:
+        at: Its place.
+        found: Each value that was met -> what follows.
+    """
+
+    at: int
+    found: dict[int, Branch | Plan]
+
+
 class Ros1Converter:
     """Converts the messages of one type.
 
@@ -88,6 +123,8 @@ class Ros1Converter:
         self._definition = definition
         self._drops_sequence = has_ros1_header(definition)
         self._layout = self._layout_of_message(definition.root)
+        self._plans: dict[int, Branch | Plan] = {}
+        self._n_plans = 0
 
     def convert(self, data: bytes) -> bytes:
         """Return a message as CDR.
@@ -95,12 +132,31 @@ class Ros1Converter:
         Raises:
             ConversionError: It does not fit the definition, or holds too many messages.
         """
+        plan = self._plans.get(len(data))
+        while isinstance(plan, Branch):
+            plan = plan.found.get(_UNPACK_LENGTH(data, plan.at)[0])
+        if plan is not None:
+            return plan.template % plan.cut.unpack(data)
         conversion = _Conversion(data)
         conversion.reserve(self._layout, 1)
         conversion.run(self._layout)
         if conversion.at != len(data):
             raise ConversionError("the message is longer than its definition")
+        if self._n_plans < MAX_PLANS and conversion.is_plannable:
+            self._keep_plan(conversion, len(data))
         return bytes(conversion.out)
+
+    def _keep_plan(self, conversion: _Conversion, n_bytes: int) -> None:
+        """Keep how a message was converted for all of its size with the same lengths, unless that takes too much."""
+        if conversion.n_put_bytes() > MAX_PLAN_BYTES:
+            return
+        self._n_plans += 1
+        found, key = self._plans, n_bytes
+        for at, value in conversion.lengths:
+            branch = found.setdefault(key, Branch(at, {}))
+            assert isinstance(branch, Branch)  # whether a length follows depends on what led here
+            found, key = branch.found, value
+        found[key] = conversion.plan()
 
     def _layout_of_message(self, name: str) -> Layout:
         found = self._layouts.get(name)
@@ -183,13 +239,36 @@ class _Conversion:
     Attributes:
         at: Bytes of the message that are converted.
         out: The message as CDR.
+        lengths: Place and value of each length that was read.
+        is_plannable: Whether the message has so few pieces and lengths that its plan is worth keeping.
     """
+
+    __slots__ = ("_data", "_n_left", "_pieces", "at", "is_plannable", "lengths", "out")
 
     def __init__(self, data: bytes) -> None:
         self._data = data
         self._n_left = MIN_ALLOWED_ELEMENTS + ALLOWED_ELEMENTS_PER_BYTE * len(data)
         self.at = 0
         self.out = bytearray(CDR_HEADER)
+        self.lengths: list[tuple[int, int]] = []
+        self._pieces: list[tuple[int, int, int]] = []  # place in the message, in the output, and size
+        self.is_plannable = True
+
+    def n_put_bytes(self) -> int:
+        """Return the number of bytes of the output that are no copies."""
+        return len(self.out) - sum(n for _, _, n in self._pieces)
+
+    def plan(self) -> Plan:
+        """Return how the whole message was converted."""
+        layout, template = ["<"], bytearray()
+        at = out_at = 0
+        for start, out_start, n in self._pieces:
+            layout.append(f"{start - at}x{n}s")
+            template += bytes(self.out[out_at:out_start]).replace(b"%", b"%%") + b"%b"
+            at, out_at = start + n, out_start + n
+        layout.append(f"{len(self._data) - at}x")
+        template += bytes(self.out[out_at:]).replace(b"%", b"%%")
+        return Plan(struct.Struct("".join(layout)), bytes(template))
 
     def reserve(self, layout: Layout, n: int) -> None:
         """Count `n` messages before any of them is converted.
@@ -213,14 +292,11 @@ class _Conversion:
             kind = step[0]
             if kind == Kind.NUMBERS:
                 self._require_bytes(step[1])
-                at = self.at
                 for size, n_bytes in step[2]:
                     gap = -len(out) & (size - 1) if size < 8 else 4 - len(out) & 7
                     if gap:
                         out += PADDING[gap]
-                    out += self._data[at : at + n_bytes]
-                    at += n_bytes
-                self.at = at
+                    self._copy_bytes(n_bytes)
             elif kind == Kind.TEXT:
                 self._copy_text()
             elif kind == Kind.MESSAGES:
@@ -235,28 +311,45 @@ class _Conversion:
             else:
                 out += PADDING[1]
 
-    def _copy_and_return_length(self) -> int:
-        """Take a length from the message, and write it."""
+    def _copy_bytes(self, n: int) -> None:
+        """Copy the next `n` bytes, which are there."""
+        start, out_start = self.at, len(self.out)
+        self.at = start + n
+        self.out += self._data[start : self.at]
+        if self.is_plannable:
+            pieces = self._pieces
+            if pieces and pieces[-1][0] + pieces[-1][2] == start and pieces[-1][1] + pieces[-1][2] == out_start:
+                pieces[-1] = pieces[-1][0], pieces[-1][1], pieces[-1][2] + n
+            else:
+                pieces.append((start, out_start, n))
+            self.is_plannable = len(pieces) <= MAX_PLAN_PIECES
+
+    def _take_length(self) -> int:
+        """Take a length from the message."""
         self._require_bytes(LENGTH_BYTES)
-        (n,) = _LENGTH.unpack_from(self._data, self.at)
+        (n,) = _UNPACK_LENGTH(self._data, self.at)
+        if self.is_plannable:
+            self.lengths.append((self.at, n))
+            self.is_plannable = len(self.lengths) <= MAX_PLAN_PIECES
         self.at += LENGTH_BYTES
-        self.out += PADDING[-len(self.out) & 3]
-        self.out += _LENGTH.pack(n)
         return int(n)
 
+    def _copy_and_return_length(self) -> int:
+        """Take a length from the message, and write it."""
+        n = self._take_length()
+        self.out += PADDING[-len(self.out) & 3]
+        self.out += _LENGTH.pack(n)
+        return n
+
     def _copy_text(self) -> None:
-        self._require_bytes(LENGTH_BYTES)
-        (n,) = _LENGTH.unpack_from(self._data, self.at)
-        start = self.at + LENGTH_BYTES
-        self.at = start
+        n = self._take_length()
         self._require_bytes(n)
-        self.at += n
         out = self.out
         gap = -len(out) & 3
         if gap:
             out += PADDING[gap]
         out += _LENGTH.pack(n + 1)
-        out += self._data[start : start + n]
+        self._copy_bytes(n)
         out += PADDING[1]
 
     def _copy_texts(self, count: int | None) -> None:
@@ -270,8 +363,7 @@ class _Conversion:
         self._require_bytes(n_bytes)
         if n_bytes:
             self.out += PADDING[4 - len(self.out) & (size - 1)]
-            self.out += self._data[self.at : self.at + n_bytes]
-            self.at += n_bytes
+            self._copy_bytes(n_bytes)
 
     def _convert_messages(self, layout: Layout, count: int | None) -> None:
         if count is None:

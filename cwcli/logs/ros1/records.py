@@ -24,6 +24,14 @@ LENGTH = struct.Struct("<I")
 """The length in front of a header, a field, or data."""
 TIME = struct.Struct("<II")
 """A time: seconds and nanoseconds."""
+CONNECTION_MARK, OP_MARK, TIME_MARK = b"\t\0\0\0conn=", b"\4\0\0\0op=\2", b"\r\0\0\0time="
+"""The fields of a message's header as recorders write them, with their lengths, up to their values."""
+MESSAGE_HEADER_BYTES, MESSAGE_HEAD_BYTES = 38, 46
+"""The size of such a header, and with its length and that of the data."""
+_CONNECTION_FIRST = struct.Struct("<I9sI8s9sIII").unpack_from
+"""Reads such a header as the recorder of ROS writes it."""
+_OP_FIRST = struct.Struct("<I8s9sI9sIII").unpack_from
+"""Reads such a header as ROS's library for Python writes it."""
 CHUNK_MARK = b"op=\x05"
 """The field of a header that says that its record is a chunk."""
 
@@ -67,6 +75,26 @@ class PieceSource:
             at = self._at
         self._at = at + n
         return self._held[at : at + n]
+
+    def take_messages(self, most_bytes: int) -> Iterator[tuple[int, int, bytes]]:
+        """Yield the connection, the time in ns and the data of the messages that come next and are held whole.
+
+        It ends before a record of another kind, or with another header than recorders write, or with more data than
+        `most_bytes`; `take_record_head` reads any.
+        """
+        held, at = self._held, self._at
+        end = len(held)
+        while at + MESSAGE_HEAD_BYTES <= end:
+            n_header, first, key, second, third, seconds, nanoseconds, n = _CONNECTION_FIRST(held, at)
+            if first != CONNECTION_MARK or second != OP_MARK:
+                n_header, second, first, key, third, seconds, nanoseconds, n = _OP_FIRST(held, at)
+            start = at + MESSAGE_HEAD_BYTES
+            stop = start + n
+            is_message = n_header == MESSAGE_HEADER_BYTES and first == CONNECTION_MARK and second == OP_MARK
+            if not is_message or third != TIME_MARK or stop > end or n > most_bytes:
+                return
+            self._at = at = stop
+            yield key, seconds * NS_PER_S + nanoseconds, held[start:stop]
 
     def skip(self, n: int) -> None:
         """Leave out the next `n` bytes; raise as `take` does."""

@@ -17,7 +17,6 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import zstandard
-from mcap.writer import Writer
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -27,6 +26,7 @@ from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE, InputError, OutputError, UsageError
 from cwcli.input import InputFile
 from cwcli.logs.codecs.compressed_messages import decompress_message
+from cwcli.logs.format.message_log import MessageLog
 from cwcli.logs.read.bags import convert_bag
 from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.reader import Log
@@ -256,7 +256,7 @@ def test_a_damaged_bag_is_an_error_or_read(tmp_path: Path, kind: str) -> None:
     assert n_errors > 5
 
 
-@pytest.mark.parametrize("method", ["register_schema", "register_channel", "add_message", "finish"])
+@pytest.mark.parametrize("method", ["add_schema", "add_channel", "add_message", "finish"])
 def test_what_fails_in_writing_is_no_fault_of_the_bag(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str
 ) -> None:
@@ -264,7 +264,7 @@ def test_what_fails_in_writing_is_no_fault_of_the_bag(
         raise OSError(errno.ENOSPC, "no room")
 
     path = bag(tmp_path / "drive.bag")
-    monkeypatch.setattr(Writer, method, fails)
+    monkeypatch.setattr(MessageLog, method, fails)
     with pytest.raises(OSError, match="no room"):
         convert(path, journals=None)
 

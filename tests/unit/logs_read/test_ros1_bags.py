@@ -224,3 +224,56 @@ def test_header_field_with_an_equals_sign_in_its_value_is_kept(tmp_path: Path) -
     content = record({"op": b"\x07", "conn": u32(0), "topic": b"/a=b"}, data) + message(0, struct.pack("<d", 3.0))
     with Log.open(bag(tmp_path / "x.bag", [chunk(content)])) as log:
         assert np.asarray(log.columns("/a=b").fields["data"]).tolist() == [3.0]
+
+
+PLANNED = {
+    "a/Plain": "uint8 a\nfloat64 b\nint16[3] c\n",
+    "a/Texts": "string s\nfloat64[] x\nstring[] names\nuint8 end\n",
+    "a/Nested": "a/Point[] points\nstring s\na/Point[2] more\n" + f"{'=' * 80}\nMSG: a/Point\nfloat32 x\nstring name\n",
+}
+
+
+@pytest.mark.parametrize("name", PLANNED)
+def test_a_plan_converts_as_a_converter_without_one(name: str) -> None:
+    """Messages of the same size whose lengths differ, with percent signs in them, in any order."""
+    rng = np.random.default_rng(1)
+    definition = parse_ros1_definition(name, PLANNED[name])
+
+    def text(n: int) -> bytes:
+        return u32(n) + bytes(rng.choice([37, 98, 0, 255], n).tolist())
+
+    def point() -> bytes:
+        return rng.bytes(4) + text(int(rng.integers(4)))
+
+    def sent() -> bytes:
+        n, m, k = rng.integers(4, size=3).tolist()
+        if name == "a/Plain":
+            return rng.bytes(15)
+        if name == "a/Texts":
+            return text(n) + u32(m) + rng.bytes(8 * m) + u32(k) + b"".join(text(m) for _ in range(k)) + rng.bytes(1)
+        return u32(n) + b"".join(point() for _ in range(n)) + text(m) + point() + point()
+
+    planned = Ros1Converter(definition)
+    for _ in range(300):
+        data = sent()
+        assert planned.convert(data) == Ros1Converter(definition).convert(data)
+        for cut in (data[:-1], data + b"\0"):
+            results = []
+            for converter in (planned, Ros1Converter(definition)):
+                try:
+                    results.append(converter.convert(cut))
+                except ConversionError:
+                    results.append(b"refused")
+            assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("order", ["conn op time", "op conn time", "time op conn", "conn time op"])
+def test_the_order_of_a_message_header_does_not_matter(tmp_path: Path, order: str) -> None:
+    fields = {"op": b"\x02", "conn": u32(0)}
+    sent = b""
+    for k in range(N):
+        time = {"time": u32(T0_S + k) + u32(0)}
+        sent += record({name: (fields | time)[name] for name in order.split()}, struct.pack("<d", k))
+    content = connection(0, "/x", "std_msgs/Float64", FLOAT, FLOAT_CHECKSUM) + sent
+    path = bag(tmp_path / "x.bag", [chunk(content)])
+    assert read(path, recover=False) == ([float(k) for k in range(N)], {})
