@@ -113,13 +113,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
     channels = [(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)]
     _ask_about_repeated_quantities(channels)
     if not channels and not recordings:
-        columns = tuple(column for table in tables for column in table.columns)
-        raise MissingSignalError(
-            "no column is a position, a speed, a heading or an inertial measurement",
-            where=", ".join(files),
-            found=columns[:40],
-            hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(QUANTITIES)}",
-        )
+        raise _no_quantity_error(", ".join(files), tables)
     guesses = [(meaning.name, tuple(meaning.guesses)) for meaning in meanings if len(meaning.guesses) > 1]
     guesses += [(each.name, tuple(each.guesses)) for each in recordings]
     notes = {meaning.name: (*meaning.table.source.notes, *meaning.notes) for meaning in meanings}
@@ -159,16 +153,11 @@ def _interpret_tables_with_quantities(
     meanings, unused, questions = [], {}, []
     for table in tables:
         loaded = load_table(table, answers)
-        if not _has_candidate_of_quantity(loaded.candidates) and len(tables) > 1:
+        if not _has_candidate_of_quantity(loaded.candidates):
+            if len(tables) == 1:
+                raise _no_quantity_error(table.name, tables)
             unused[table.name] = table.columns
             continue
-        if not _has_candidate_of_quantity(loaded.candidates):
-            raise MissingSignalError(
-                "no column is a position, a speed, a heading or an inertial measurement",
-                where=table.name,
-                found=table.columns[:40],
-                hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(QUANTITIES)}",
-            )
         try:
             meanings.append(interpret_times_of_table(loaded, answers))
         except AmbiguousError as error:
@@ -176,6 +165,15 @@ def _interpret_tables_with_quantities(
     if questions:
         raise questions[0].as_error(questions[1:])
     return meanings, unused
+
+
+def _no_quantity_error(where: str, tables: Sequence[SourceTable]) -> MissingSignalError:
+    return MissingSignalError(
+        "no column is a position, a speed, a heading or an inertial measurement",
+        where=where,
+        found=tuple(column for table in tables for column in table.columns)[:40],
+        hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(QUANTITIES)}",
+    )
 
 
 def _has_candidate_of_quantity(candidates: Mapping[str, Sequence[str]]) -> bool:

@@ -29,7 +29,7 @@ N_STATES = 9
 def understeer_factor_s2pm2(vehicle: Vehicle) -> float:
     """The factor k of the steering correction f = 1 + k v^2, s^2/m^2 (zhang2011, eq. 13 corrected; 0.000843 there).
 
-    The order of operations, other than that of `understeer_gradient`, keeps the bits of simulated logs.
+    The order of operations, other than that of `understeer_gradient_rad_per_mps2`, keeps the bits of simulated logs.
     """
     kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
     moment = vehicle.rear_axle_m * kr - vehicle.front_axle_m * kf
