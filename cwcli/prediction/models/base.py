@@ -68,9 +68,7 @@ class Model:
     learns: bool = False
 
 
-def full_trust_in_derivatives(
-    state: StateRows, covariance: StateCovariances | None, prior: DriverPrior
-) -> DerivativeTrust:
+def full_trust(state: StateRows, covariance: StateCovariances | None, prior: DriverPrior) -> DerivativeTrust:
     """Trust in the derivatives as the filter gives them, shape (n, 4) of ones."""
     return np.ones((len(state), 4))
 
@@ -89,7 +87,7 @@ def constant_derivatives_model(summary: str, uses: tuple[bool, bool, bool, bool]
             half_square if yaw_accel else none,
         )
 
-    return Model(summary=summary, uses=uses, responses=responses, trust=full_trust_in_derivatives, in_paper=True)
+    return Model(summary=summary, uses=uses, responses=responses, trust=full_trust, in_paper=True)
 
 
 def check_responses(responses: Responses, time_s: FloatArray, *others: object) -> Responses:
