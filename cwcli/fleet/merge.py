@@ -31,6 +31,7 @@ from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, w
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import make_folder
+from cwcli.temporary import TemporaryFile
 
 RUN_AGAIN_HINT = "run the shard again with the same command: it continues"
 """Advice on a shard that was killed."""
@@ -266,11 +267,25 @@ def _link_or_copy(source: Path, target: Path) -> None:
         try:
             os.link(source, target)
         except OSError:  # another file system, or one without links
-            part = target.with_name(f".{target.name}.part")
-            shutil.copyfile(source, part)
-            part.replace(target)
+            _copy_whole(source, target)
     except OSError as error:
         raise OutputError(f"it can't be written: {error.strerror}", where=str(target)) from error
+
+
+def _copy_whole(source: Path, target: Path) -> None:
+    """Copy a file, which appears when it is whole; a copy that fails leaves nothing.
+
+    Raises:
+        OSError: It can't be read or written.
+    """
+    temporary = TemporaryFile(target)
+    try:
+        with source.open("rb") as original, os.fdopen(temporary.descriptor, "wb", closefd=False) as copy:
+            shutil.copyfileobj(original, copy)
+        temporary.publish()
+    except BaseException:
+        temporary.discard()
+        raise
 
 
 def _merge_run_times(shards: Sequence[_ShardFolder]) -> Document:

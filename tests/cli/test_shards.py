@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -11,6 +12,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 import fsspec
 import pytest
@@ -108,6 +110,31 @@ def test_merge_that_was_killed_goes_on(runs: Path, tmp_path: Path) -> None:
     (target / "metrics.parquet").write_bytes(b"half")
     assert merge(runs, "shard1", "shard2", out=target) == EXIT_DONE
     assert tree(target) == tree(runs / "whole")
+
+
+def test_merge_onto_another_file_system_that_is_full_leaves_no_part(
+    runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A log can't be linked there, and is copied; the disk is full before the end of the copy."""
+
+    def copy_half(source: BinaryIO, target: BinaryIO) -> None:
+        target.write(source.read(1000))
+        raise OSError(errno.ENOSPC, "no room")
+
+    link = os.link
+
+    def link_inside(source: str | Path, target: Path, **more: int) -> None:
+        if isinstance(source, Path):
+            raise OSError(errno.EXDEV, "another file system")
+        link(source, target, **more)
+
+    monkeypatch.setattr(os, "link", link_inside)
+    with monkeypatch.context() as full:
+        full.setattr(shutil, "copyfileobj", copy_half)
+        assert merge(runs, "shard1", "shard2", out=tmp_path / "merged") == EXIT_OUTPUT
+    assert not list(tmp_path.rglob("*.part*"))
+    assert merge(runs, "shard1", "shard2", out=tmp_path / "merged") == EXIT_DONE
+    assert tree(tmp_path / "merged") == tree(runs / "whole")
 
 
 def test_shard_that_was_killed_is_refused_until_it_ran_again(
