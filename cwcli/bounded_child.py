@@ -56,6 +56,20 @@ def serve_request() -> None:
     os._exit(0)  # what the libraries do when Python ends is of no use, and may hang
 
 
+def become_program() -> None:
+    """Limit this process, and go on as the program that the arguments name (`bounded_process.bounded_command`)."""
+    envelope = json.loads(sys.argv[1])
+    _end_with_parent(None, envelope["parent"])
+    if envelope["has_no_network"]:
+        _leave_network()
+    _limit_resources(envelope["limits"])
+    command = sys.argv[2:]
+    try:
+        os.execvp(command[0], command)
+    except OSError as error:
+        sys.exit(f"{command[0]}: {error.strerror}")
+
+
 def _limit_resources(limits: dict[str, Any]) -> None:
     """Bound what this process may take (`cwcli.bounded_process.Limits`), as far as the system has such limits."""
     try:

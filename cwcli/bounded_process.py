@@ -102,7 +102,7 @@ def run_bounded(
     envelope = {
         "function": function,
         "request": dict(request),
-        "limits": {key: getattr(limits, key) for key in Limits.__annotations__},
+        "limits": _fields_of_limits(limits),
         "parent": os.getpid(),
         "folder": folder,
     }
@@ -118,6 +118,24 @@ def run_bounded(
         raise InputError(what, where=name, hint=HARM_HINT)
     how = signal.Signals(-code).name if -code in set(signal.Signals) else f"code {code}"
     raise InputError(f"the process that reads it ended with {how}", where=name, hint=HARM_HINT)
+
+
+def bounded_command(command: Sequence[str], limits: Limits, *, has_no_network: bool = False) -> list[str]:
+    """Return the command that runs a program of others, which ends with this process and has limits.
+
+    Args:
+        command: The program and its arguments.
+        limits: What it, and each process that it starts, may take.
+        has_no_network: Whether it gives up the network, too: it may then be refused a sandbox of its own.
+    """
+    envelope = {"limits": _fields_of_limits(limits), "parent": os.getpid(), "has_no_network": has_no_network}
+    path = f"import sys; sys.path[:] = {sys.path!r}"
+    code = f"{path}; from cwcli.bounded_child import become_program; become_program()"
+    return [sys.executable, "-c", code, json.dumps(envelope), *command]
+
+
+def _fields_of_limits(limits: Limits) -> dict[str, Any]:
+    return {key: getattr(limits, key) for key in Limits.__annotations__}
 
 
 def _run_child(envelope: dict[str, Any], name: str, descriptors: Sequence[int]) -> tuple[int, dict[str, Any]]:

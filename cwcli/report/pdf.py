@@ -8,9 +8,11 @@ import signal
 import subprocess
 import tempfile
 from contextlib import suppress
+from math import ceil
 from pathlib import Path
 from typing import IO
 
+from cwcli.bounded_process import Limits, bounded_command
 from cwcli.errors import OutputError, UsageError
 
 BROWSER_PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -19,6 +21,13 @@ PRINT_TIMEOUT_S = 120.0
 """Time that the browser may take to start and to print, in s. Chosen by hand; not fitted."""
 PRINT_TIMEOUT_PER_FIGURE_S = 2.0
 """Time that the browser may take in addition for each figure, in s. Chosen by hand; not fitted."""
+CPU_S_PER_S = 8
+"""Processor time that one process of the browser may take for each second that the browser may take: it has threads.
+Chosen by hand; not fitted."""
+MAX_BROWSER_FILE_BYTES = 2_000_000_000
+"""Greatest size of a file that the browser writes. Chosen by hand: pages of an hour make 100 MB."""
+MAX_BROWSER_OPEN_FILES = 4096
+"""The greatest number of files that one process of the browser has open at once. Chosen by hand."""
 FIGURE_TAG = b'<script type="text/plain" id="log-'
 """The tag by which the page's figures are counted."""
 DRAWING_TIME_BUDGET_MS = 60_000
@@ -67,12 +76,19 @@ def _print_pdf_in_folder(folder: Path, html: bytes, browser: str, limit_s: float
         *(["--no-sandbox"] if os.geteuid() == 0 else []),  # root has no sandbox: a container of CI
         "--no-first-run",
         "--disable-background-networking",
+        "--host-resolver-rules=MAP * ~NOTFOUND",  # the page needs no network
         "--no-pdf-header-footer",
         f"--user-data-dir={folder / 'profile'}",
         f"--virtual-time-budget={DRAWING_TIME_BUDGET_MS}",
         f"--print-to-pdf={target}",
         page.as_uri(),
     ]
+    # no limit of memory: the browser reserves terabytes of addresses, and has a limit for each page
+    limits = Limits(
+        ceil(limit_s) * CPU_S_PER_S, MAX_BROWSER_FILE_BYTES, n_files=MAX_BROWSER_OPEN_FILES, has_threads=True
+    )
+    # without privileges, giving up the network takes the right to a sandbox, which is worth more
+    command = bounded_command(command, limits, has_no_network=os.geteuid() == 0)
     with talk.open("wb") as said:  # no pipe: it would stay open as long as any child of the browser lives
         code = _run_and_end_children(command, said, limit_s)
     if code or not target.is_file():

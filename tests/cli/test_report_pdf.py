@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tempfile
 import time
@@ -98,6 +99,26 @@ def test_a_browser_that_hangs_is_one_line(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(OutputError) as caught:
         print_pdf(figures, path)
     assert str(caught.value) == f"{path} did not print the page: it took longer than 1 s"
+
+
+def test_the_browser_has_limits_and_no_network(tmp_path: Path) -> None:
+    """It prints what it may take instead of a page."""
+    browser = fake_browser(
+        tmp_path, "(ulimit -c; ulimit -n; ulimit -t; ulimit -f; tail -n +3 /proc/net/dev | cut -d: -f1) > $target\n"
+    )
+    n_core, n_files, cpu_s, file_kb, *networks = print_pdf(b"<p>x</p>", browser).decode().split()
+    assert (n_core, int(n_files), int(cpu_s)) == ("0", 4096, 960)
+    assert int(file_kb) == 2_000_000_000 // 1024
+    if os.geteuid() == 0:
+        assert networks in (["lo"], [])
+
+
+def test_a_browser_that_takes_more_than_its_limits_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pdf_module, "MAX_BROWSER_FILE_BYTES", 100_000)
+    path = fake_browser(tmp_path, 'head -c 300000 /dev/zero > "$target"\n')
+    with pytest.raises(OutputError, match="did not print the page") as caught:
+        print_pdf(b"<p>x</p>", path)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_file_that_cannot_be_written_is_an_error_of_the_output(
