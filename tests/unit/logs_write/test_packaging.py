@@ -44,7 +44,14 @@ def test_every_file_kind_of_the_data_folders_is_shipped() -> None:
 def test_kernels_keep_to_the_limited_api() -> None:
     """One wheel for this version of Python and all later ones; Python would prefer a build for one version alone."""
     built = [path.name for path in Path(str(kernels.__path__[0])).glob("*.so")]
-    assert sorted(built) == sorted(f"{path.stem}.abi3.so" for path in (ROOT / "cwcli/kernels").glob("*.pyx"))
+    names = {"_memoryviews", *(path.stem for path in (ROOT / "cwcli/kernels").glob("*.pyx"))}
+    assert sorted(built) == sorted(f"{name}.abi3.so" for name in names)
+
+
+def test_kernels_share_the_code_of_memoryviews() -> None:
+    """Each would compile it again: two thirds of the time of a compilation and half of the wheel."""
+    sources = [path.with_suffix(".abi3.so") for path in (ROOT / "cwcli/kernels").glob("*.pyx")]
+    assert [path.name for path in sources if b"_memoryviews" not in path.read_bytes()] == []
 
 
 def test_a_missing_compiler_is_said_in_one_line(tmp_path: Path) -> None:
