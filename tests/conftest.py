@@ -47,9 +47,24 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "peer(module): needs a module of the extra `[peers]`")
 
 
-def pytest_ignore_collect(collection_path: Path) -> bool | None:
-    """Leave a file out whose needs are not installed; one line at the end says so."""
-    return True if find_missing(collection_path) else None
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave a file out whose needs are not installed, or of which this run wants no test; lines at the end say so.
+
+    Every worker would import the file, only to leave its tests out.
+    """
+    is_test = collection_path.match("test_*.py")
+    return True if find_missing(collection_path) or (is_test and not may_be_wanted(config, collection_path)) else None
+
+
+def may_be_wanted(config: pytest.Config, path: Path) -> bool:
+    """Whether the options may ask for a test of a file, as far as its path and its markers' names tell."""
+    if is_named(config, path):
+        return True
+    if config.getoption("--rest"):
+        text = path.read_text(encoding="utf-8")
+        is_marked = "mark.peer" in text or (bool(config.getoption("--long")) and "mark.long" in text)
+        return is_marked or is_long(path) or needs_more(path)
+    return bool(config.getoption("--long")) or not is_long(path)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -70,13 +85,13 @@ def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
     if config.getoption("--rest"):
         is_rest = is_long(item.path) or marker is not None or needs_more(item.path)
         return wants_all if is_marked_long else is_rest
-    return wants_all or not (is_marked_long or is_long(item.path)) or is_named(config, item)
+    return wants_all or not (is_marked_long or is_long(item.path)) or is_named(config, item.path)
 
 
-def is_named(config: pytest.Config, item: pytest.Item) -> bool:
-    """Whether the command line names the test's file or a folder of it below `tests`: who asks for it gets it."""
+def is_named(config: pytest.Config, file: Path) -> bool:
+    """Whether the command line names a test file or a folder of it below `tests`: who asks for it gets it."""
     named = {Path(argument.partition("::")[0]).resolve() for argument in config.args}
-    return any(path in named for path in (item.path, *item.path.parents) if FOLDER in path.parents)
+    return any(path in named for path in (file, *file.parents) if FOLDER in path.parents)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
