@@ -61,7 +61,7 @@ def draw(seed: int, count: int) -> list[tuple[str, str]]:
             if claims:
                 found[path.relative_to(ROOT).as_posix()] = sorted(set(claims))
     rng = random.Random(seed)
-    drawn = []
+    drawn: list[tuple[str, str]] = []
     while len(drawn) < count and found:
         page = rng.choice(sorted(found))
         drawn.append((page, found[page].pop(rng.randrange(len(found[page])))))

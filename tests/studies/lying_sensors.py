@@ -31,7 +31,6 @@ import numpy as np
 
 from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
-from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.source_judgement import JudgedSources, judge_sources
