@@ -208,7 +208,7 @@ def odd_field(rng: np.random.Generator, n: int) -> Field:
     ("schema", "entry", "encoding"), [each for each in BUILT if each.values[0] not in READ_MESSAGE_BY_MESSAGE]
 )
 def test_a_channel_is_read_without_python_for_each_message(
-    schema, entry, encoding, tmp_path: Path, monkeypatch
+    schema, entry, encoding, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # else the methods of a class are compiled between the two readings
     monkeypatch.setattr(lazy_dataclass, "MAX_FILLED", 0)

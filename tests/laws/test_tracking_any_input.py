@@ -47,7 +47,7 @@ def detections(draw):
     cartesian=st.sampled_from([0.0, 0.3]),
     with_ego=st.booleans(),
 )
-def test_any_input_is_counted_and_gives_finite_states(data, name, model, smooth, cartesian, with_ego):
+def test_any_input_is_counted_and_gives_finite_states(data, name, model, smooth, cartesian, with_ego) -> None:
     single = FilterConfig(filter=name, model=model, smooth=smooth, cartesian_below=cartesian)
     stamp = np.arange(0, 10**10, 10**8)
     t: np.ndarray = stamp * 1e-9

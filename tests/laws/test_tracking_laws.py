@@ -68,21 +68,21 @@ def random_rows(seed, n=60, *, kinds=(0, 1, 2), repeat_stamps=False):
 
 
 @pytest.mark.parametrize("model", MOTION_MODELS)
-def test_no_time_no_motion(model):
+def test_no_time_no_motion(model) -> None:
     x, p = moved(model, SOME_STATE[model], 0.0, np.eye(len(SOME_STATE[model])), noise=1.0)
     np.testing.assert_allclose(x, SOME_STATE[model], atol=0.0)
     np.testing.assert_allclose(p, np.eye(len(x)), atol=0.0)
 
 
 @pytest.mark.parametrize("model", MOTION_MODELS)
-def test_two_steps_are_one(model):
+def test_two_steps_are_one(model) -> None:
     half, _ = moved(model, SOME_STATE[model], 0.35)
     np.testing.assert_allclose(moved(model, half, 0.35)[0], moved(model, SOME_STATE[model], 0.7)[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("turn_rate", [0.0, 1e-9, 1e-5, 1e-3, 0.7, -0.7])
 @pytest.mark.parametrize("model", MOTION_MODELS)
-def test_the_covariance_moves_with_the_finite_difference_jacobian(model, turn_rate):
+def test_the_covariance_moves_with_the_finite_difference_jacobian(model, turn_rate) -> None:
     state = np.array(SOME_STATE[model])
     if model == "ctrv":
         state[4] = turn_rate
@@ -96,7 +96,7 @@ def test_the_covariance_moves_with_the_finite_difference_jacobian(model, turn_ra
     np.testing.assert_allclose(moved(model, state, 0.3, p0)[1], f @ p0 @ f.T, rtol=1e-6, atol=1e-7)
 
 
-def test_a_constant_turn_keeps_the_speed_and_closes_the_circle():
+def test_a_constant_turn_keeps_the_speed_and_closes_the_circle() -> None:
     state = np.array([0.0, 0.0, 3.0, 4.0, 0.5])
     x, _ = moved("ctrv", state, 2 * np.pi / 0.5)
     np.testing.assert_allclose(x, state, atol=1e-9)
@@ -107,7 +107,7 @@ def test_a_constant_turn_keeps_the_speed_and_closes_the_circle():
 @filters_and_models
 @pytest.mark.parametrize("cartesian", [0.0, 0.3])
 @pytest.mark.parametrize("seed", range(6))
-def test_covariances_stay_symmetric_and_positive(name, model, cartesian, seed):
+def test_covariances_stay_symmetric_and_positive(name, model, cartesian, seed) -> None:
     rows = random_rows(seed, repeat_stamps=seed % 2 == 1)
     config = FilterConfig(
         filter=name, model=model, cartesian_below=cartesian, gate_probability=1.0, max_gap_s=1e9, noise=0.5
@@ -117,7 +117,7 @@ def test_covariances_stay_symmetric_and_positive(name, model, cartesian, seed):
 
 
 @filters_and_models
-def test_covariances_stay_positive_whatever_the_last_bits_are(name, model):
+def test_covariances_stay_positive_whatever_the_last_bits_are(name, model) -> None:
     """Another processor rounds otherwise: the same rows, each number moved by one unit in its last place at random.
 
     Steps of up to 3,000 s and noise from 0.1 mm to 100 m: a covariance of 1e6 m and more is left with 0.1 mm.
@@ -135,7 +135,7 @@ def test_covariances_stay_positive_whatever_the_last_bits_are(name, model):
 
 
 @pytest.mark.parametrize("model", ["cv", "ca"])
-def test_both_filters_and_the_closed_form_agree_where_all_is_linear(model):
+def test_both_filters_and_the_closed_form_agree_where_all_is_linear(model) -> None:
     """Positions only, a linear model: the smoother is the least-squares solution over all states at once."""
     rows = random_rows(3, 25, kinds=(0,))
     rng = np.random.default_rng(1)
@@ -170,7 +170,7 @@ def test_both_filters_and_the_closed_form_agree_where_all_is_linear(model):
 
 
 @filters_and_models
-def test_what_is_seen_exactly_is_known_exactly(name, model):
+def test_what_is_seen_exactly_is_known_exactly(name, model) -> None:
     """A detection almost without noise: the position is the detection, the other coordinate frame does not matter."""
     rows = random_rows(11, 30, kinds=(0,))
     rows = replace(rows, r=np.tile(np.eye(3) * 1e-10, (30, 1, 1)))
@@ -182,7 +182,7 @@ def test_what_is_seen_exactly_is_known_exactly(name, model):
 
 @filters_and_models
 @pytest.mark.parametrize("angle", [0.7, np.pi])
-def test_turning_the_world_turns_the_track(name, model, angle):
+def test_turning_the_world_turns_the_track(name, model, angle) -> None:
     scene = simulate_target_on_path("weave", 120, NOISE, np.random.default_rng(3))
     data = [
         Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
@@ -212,7 +212,7 @@ def walk(rng, n, dt, noise):
 
 
 @pytest.mark.parametrize("name", IS_UNSCENTED_BY_FILTER)
-def test_nees_and_nis_lie_inside_their_bounds(name):
+def test_nees_and_nis_lie_inside_their_bounds(name) -> None:
     """50 seeded runs of 100 samples: the errors are as large as the covariances say (Bar-Shalom et al., 5.4.2)."""
     rng = np.random.default_rng(20)
     n, dt, n_runs = 100, 0.05, 50
@@ -254,7 +254,7 @@ def test_nees_and_nis_lie_inside_their_bounds(name):
 
 
 @pytest.mark.parametrize("name", TARGET_PATHS)
-def test_a_scene_repeats_with_its_seed_and_its_velocity_is_the_paths(name):
+def test_a_scene_repeats_with_its_seed_and_its_velocity_is_the_paths(name) -> None:
     a, b = (simulate_target_on_path(name, 50, NOISE, np.random.default_rng(9)) for _ in range(2))
     np.testing.assert_array_equal(a.radar, b.radar)
     middle = (a.truth_state[2:, :2] - a.truth_state[:-2, :2]) / 0.1

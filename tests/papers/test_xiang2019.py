@@ -36,13 +36,13 @@ def column(table, name):
     return np.array(table[name], float)
 
 
-def test_table_1_of_the_paper_is_typed_right():
+def test_table_1_of_the_paper_is_typed_right() -> None:
     for name, (x, y) in {"ekf": (4.24, 6.15), "ukf": (2.99, 4.83)}.items():
         assert np.mean(PAPER_TABLE_1_PER_MILLE_M2[name]["x"]) == pytest.approx(x, abs=0.006)
         assert np.mean(PAPER_TABLE_1_PER_MILLE_M2[name]["y"]) == pytest.approx(y, abs=0.006)
 
 
-def test_figure_6_combining_is_better_than_either_sensor_s_single_looks(small):
+def test_figure_6_combining_is_better_than_either_sensor_s_single_looks(small) -> None:
     table = small["figure_6"]
     assert table["range_m"] == list(PAPER_STATIC_RANGES_M)
     assert (column(table, "lidar_error_m") < column(table, "radar_error_m")).all()
@@ -50,7 +50,7 @@ def test_figure_6_combining_is_better_than_either_sensor_s_single_looks(small):
     assert (column(table, "radar_single_gain_pct") > 50.0).all()
 
 
-def test_figure_6_like_for_like_is_what_the_noises_say(small):
+def test_figure_6_like_for_like_is_what_the_noises_say(small) -> None:
     """Inverse-variance weights: sqrt(1 + (0.10 / 0.25)^2) = 1.077 for the lidar, the other way 2.69 for the radar."""
     both = column(small["figure_6"], "combined_error_m").mean()
     lidar, radar = (column(small["figure_6"], f"{sensor}_error_m").mean() for sensor in ("lidar", "radar"))
@@ -58,7 +58,7 @@ def test_figure_6_like_for_like_is_what_the_noises_say(small):
     assert radar / both == pytest.approx(np.sqrt(1 + (SCENE_NOISE.range_m / SCENE_NOISE.lidar_m) ** 2), rel=0.15)
 
 
-def test_figure_6_at_long_range_is_the_weighted_mean_of_the_looks():
+def test_figure_6_at_long_range_is_the_weighted_mean_of_the_looks() -> None:
     """A standing target straight ahead: the filter must give the inverse-variance mean of the eight looks."""
     scene = simulate_static_target(15.2, 8, SCENE_NOISE, np.random.default_rng(0))
     state = filter_single_target(
@@ -69,7 +69,7 @@ def test_figure_6_at_long_range_is_the_weighted_mean_of_the_looks():
     assert state[1] == pytest.approx(mean, abs=2e-3)  # the bearing's curvature is left
 
 
-def test_figure_6_has_the_largest_errors_that_the_paper_s_percentages_allow(small):
+def test_figure_6_has_the_largest_errors_that_the_paper_s_percentages_allow(small) -> None:
     """At most 0.01 m for both together; the lidar alone at most 150 % worse, the radar alone at most 400 %."""
     plot = distance_errors_plot(small["figure_6"])
     printed_m = {curve.label: curve.y[0] for curve in plot.curves if "printed" in curve.label}
@@ -77,28 +77,28 @@ def test_figure_6_has_the_largest_errors_that_the_paper_s_percentages_allow(smal
     assert plot.level == ("all eight, at most as printed", 0.01)
 
 
-def test_table_1_both_filters_reach_the_papers_ukf(small):
+def test_table_1_both_filters_reach_the_papers_ukf(small) -> None:
     table = small["table_1"]
     assert len(table["segment"]) == 8
     for name in ("ekf", "ukf"):
         assert column(table, name).mean() < column(table, "paper_ukf").mean()
 
 
-def test_table_1_the_filters_do_not_differ_by_more_than_one_per_cent(small):
+def test_table_1_the_filters_do_not_differ_by_more_than_one_per_cent(small) -> None:
     table = small["table_1"]
     np.testing.assert_allclose(column(table, "ekf"), column(table, "ukf"), rtol=0.01)
     assert (column(table, "difference_low") <= column(table, "difference")).all()
     assert set(table["better"]) <= {"ukf", "ekf", "neither"}
 
 
-def test_where_the_bend_is_large_the_ukf_wins(small):
+def test_where_the_bend_is_large_the_ukf_wins(small) -> None:
     table = small["where"]
     bend, gain = column(table, "bend"), column(table, "gain_pct")
     assert (np.abs(gain[bend < 0.1]) < 2.0).all()
     assert gain[bend > 2.0].mean() > 3.0
 
 
-def test_the_verdict_names_figures_tables_and_reasons(small):
+def test_the_verdict_names_figures_tables_and_reasons(small) -> None:
     text = "\n".join(ukf_against_ekf_sentences(small))
     for word in ("Table 1", "Figure 6", "Where", "Why"):
         assert word in text
@@ -145,7 +145,7 @@ def flipped(tables, name, columns):
 
 
 @pytest.mark.parametrize("case", FLIPS)
-def test_other_numbers_make_other_sentences(small, case):
+def test_other_numbers_make_other_sentences(small, case) -> None:
     table, columns, before, after = FLIPS[case]
     calm = flipped(small, "figure_6", {"lidar_gain_pct": [8.0] * 5})  # whatever few seeds do
     assert before in "\n".join(ukf_against_ekf_sentences(calm))
@@ -202,7 +202,9 @@ CLASSES = {  # table, columns, the row -> its class, whether the exit code is 1
 
 
 @pytest.mark.parametrize("case", CLASSES)
-def test_classes_sentence_and_exit_code_follow_from_the_numbers(small, case, monkeypatch, capsys):
+def test_classes_sentence_and_exit_code_follow_from_the_numbers(
+    small, case, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
     table, columns, row, reached, is_failure = CLASSES[case]
     tables = flipped(small, "figure_6", {"lidar_gain_pct": [8.0] * 5, "radar_gain_pct": [170.0] * 5})
     tables = flipped(tables, table, columns)

@@ -57,7 +57,7 @@ def settings(name="ukf", *, smooth, tune=True):
     return TrackerConfig(FilterConfig(filter=name, smooth=smooth, tune=tune))
 
 
-def test_causal_and_smoothed_ukf_with_tuned_noise(drive):
+def test_causal_and_smoothed_ukf_with_tuned_noise(drive) -> None:
     detections, stamp, truth = drive
     causal = track_one_target(detections, config=settings(smooth=False))
     smoothed = track_one_target(detections, config=settings(smooth=True))
@@ -69,13 +69,13 @@ def test_causal_and_smoothed_ukf_with_tuned_noise(drive):
         assert check.n_gated == 0
 
 
-def test_the_default_setting_without_tuning_reaches_the_causal_pass_mark(drive):
+def test_the_default_setting_without_tuning_reaches_the_causal_pass_mark(drive) -> None:
     detections, stamp, truth = drive
     causal = track_one_target(detections, config=settings(smooth=False, tune=False))
     assert (rmse(causal.tracks[0], stamp, truth) <= (0.09, 0.10, 0.40, 0.30)).all()
 
 
-def test_the_noise_that_is_found_is_the_noise_of_the_detections(drive):
+def test_the_noise_that_is_found_is_the_noise_of_the_detections(drive) -> None:
     """The data were made with 0.15 m; 0.3 m, 0.03 rad, 0.3 m/s."""
     detections, stamp, truth = drive
     tuned = track_one_target(detections, config=settings(smooth=False)).tuned
@@ -85,7 +85,7 @@ def test_the_noise_that_is_found_is_the_noise_of_the_detections(drive):
     assert np.array(tuned.scale["/radar/scan"]) == pytest.approx(1.0, abs=0.1)
 
 
-def test_wrong_noise_by_fifteen_times_is_repaired_by_tuning(drive):
+def test_wrong_noise_by_fifteen_times_is_repaired_by_tuning(drive) -> None:
     detections, stamp, truth = drive
     wrong = {
         "/lidar/objects": SensorModel(sigma=(0.01, 0.01)),
@@ -95,7 +95,7 @@ def test_wrong_noise_by_fifteen_times_is_repaired_by_tuning(drive):
     assert (rmse(smoothed.tracks[0], stamp, truth) <= SMOOTHED_LIMIT).all()
 
 
-def test_the_ekf_reaches_nearly_the_same(drive):
+def test_the_ekf_reaches_nearly_the_same(drive) -> None:
     detections, stamp, truth = drive
     ukf, ekf = (
         rmse(track_one_target(detections, config=settings(f, smooth=True)).tracks[0], stamp, truth)
@@ -104,7 +104,7 @@ def test_the_ekf_reaches_nearly_the_same(drive):
     np.testing.assert_allclose(ekf, ukf, rtol=0.05)
 
 
-def test_the_tracker_of_many_finds_one_target_and_is_as_good(drive):
+def test_the_tracker_of_many_finds_one_target_and_is_as_good(drive) -> None:
     detections, stamp, truth = drive
     result = track_many_targets(detections, config=settings(smooth=True))
     assert [t.id for t in result.tracks] == [1]

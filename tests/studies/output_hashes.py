@@ -22,6 +22,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
@@ -195,6 +196,7 @@ def content_hash(path: Path) -> str:
         digest.update(make_reader(file).get_header().profile.encode())
         file.seek(0)
         names: dict[int, str] = {}
+        record: Any  # of a kind each, with other fields
         for record in StreamReader(file, record_size_limit=None).records:
             kind = type(record).__name__
             if kind == "Schema":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import fsspec
 import pytest
 
@@ -25,7 +27,7 @@ def test_an_unknown_scheme_is_one_line(scheme: str, capsys: pytest.CaptureFixtur
     ] == [True]
 
 
-def test_many_logs_of_an_unknown_scheme_are_refused_too(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_many_logs_of_an_unknown_scheme_are_refused_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command_line(["run", "github://org/drives/*.mcap", "-d", str(tmp_path / "out")]) == EXIT_USAGE
     assert "URLs that begin with 'github://'" in capsys.readouterr().err
 

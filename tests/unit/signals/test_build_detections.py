@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def detected(schema_name, fields, **more):
     return signal, quality
 
 
-def test_radar_scan_keeps_empty_scans_and_projects_by_the_elevation():
+def test_radar_scan_keeps_empty_scans_and_projects_by_the_elevation() -> None:
     signal, quality = detected(
         "radar_msgs/msg/RadarScan",
         {
@@ -56,7 +57,7 @@ def test_radar_scan_keeps_empty_scans_and_projects_by_the_elevation():
     assert (quality.read, quality.used) == (3, 3)
 
 
-def test_radar_scan_whose_rate_is_never_filled():
+def test_radar_scan_whose_rate_is_never_filled() -> None:
     fields = {
         "returns.range": ragged([1.0], [2.0]),
         "returns.azimuth": ragged([0.0], [0.0]),
@@ -67,14 +68,14 @@ def test_radar_scan_whose_rate_is_never_filled():
     assert "not measured" in quality.notes[0]
 
 
-def test_a_message_whose_elements_differ_is_rejected_and_counted():
+def test_a_message_whose_elements_differ_is_rejected_and_counted() -> None:
     fields = {"returns.range": ragged([1.0, 2.0], [3.0]), "returns.azimuth": ragged([0.0], [0.5])}
     signal, quality = detected("radar_msgs/RadarScan", fields)
     np.testing.assert_array_equal(signal.values[:, :2], [[3.0, 0.5]])
     assert quality.rejected == {"its elements do not all have the same fields": 1}
 
 
-def test_messages_out_of_order_take_their_elements_along():
+def test_messages_out_of_order_take_their_elements_along() -> None:
     stamp = T0_NS + 100_000_000 * np.array([0, 2, 1])
     columns = columns_of(
         "radar_msgs/RadarScan",
@@ -91,7 +92,7 @@ def test_messages_out_of_order_take_their_elements_along():
     assert quality.repaired == {"out of order, sorted": 1}
 
 
-def test_radar_tracks_with_their_covariances():
+def test_radar_tracks_with_their_covariances() -> None:
     signal, _ = detected(
         "radar_msgs/msg/RadarTracks",
         {
@@ -110,7 +111,7 @@ def test_radar_tracks_with_their_covariances():
     assert np.isnan(signal.covariance[1, :2, :2]).all()
 
 
-def test_boxes_take_the_covariance_of_the_only_hypothesis():
+def test_boxes_take_the_covariance_of_the_only_hypothesis() -> None:
     matrix = np.zeros(36)
     matrix[[0, 1, 6, 7]] = 0.5, 0.1, 0.1, 0.7
     signal, _ = detected(
@@ -127,7 +128,7 @@ def test_boxes_take_the_covariance_of_the_only_hypothesis():
     assert np.isnan(signal.covariance[2]).all()
 
 
-def test_empty_boxes_give_way_to_the_poses_of_the_hypotheses():
+def test_empty_boxes_give_way_to_the_poses_of_the_hypotheses() -> None:
     signal, quality = detected(
         "vision_msgs/Detection3DArray",
         {
@@ -171,7 +172,7 @@ def scene(k):
 
 
 @pytest.mark.parametrize("encoding", ["protobuf", "json"])
-def test_cubes_of_a_scene_written_by_the_official_classes(tmp_path, encoding):
+def test_cubes_of_a_scene_written_by_the_official_classes(tmp_path: Path, encoding) -> None:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
     scenes = [scene(k) for k in (1, 2, 3)]
@@ -211,7 +212,7 @@ def test_cubes_of_a_scene_written_by_the_official_classes(tmp_path, encoding):
     assert quality.repaired == {}
 
 
-def json_log(tmp_path, messages):
+def json_log(tmp_path: Path, messages):
     lines = [json.dumps(message).encode() for message in messages]
     return read(write(tmp_path / "a.mcap", "cwcli.Detections", "json", "jsonschema", b"{}", lines))
 
@@ -221,7 +222,7 @@ def stamp(k):
     return {"sec": stamp_ns // 10**9, "nsec": stamp_ns % 10**9}
 
 
-def test_json_positions_with_and_without_covariance(tmp_path):
+def test_json_positions_with_and_without_covariance(tmp_path: Path) -> None:
     full = {"x_m": 1.0, "y_m": 2.0, "covariance_xx_m2": 0.1, "covariance_xy_m2": 0.02, "covariance_yy_m2": 0.3}
     signal, quality = json_log(
         tmp_path,
@@ -240,7 +241,7 @@ def test_json_positions_with_and_without_covariance(tmp_path):
     np.testing.assert_array_equal(signal.stamp_ns, T0_NS + 100_000_000 * np.arange(3))
 
 
-def test_json_ranges_with_null_for_what_is_not_measured(tmp_path):
+def test_json_ranges_with_null_for_what_is_not_measured(tmp_path: Path) -> None:
     one = {"range_m": 5.0, "azimuth_rad": 0.1, "range_rate_mps": -1.0}
     two = {"range_m": 6.0, "azimuth_rad": 0.2, "range_rate_mps": None}
     sigma = {"range_sigma_m": 0.2, "azimuth_sigma_rad": 0.01}
@@ -255,7 +256,7 @@ def test_json_ranges_with_null_for_what_is_not_measured(tmp_path):
     np.testing.assert_allclose(np.diagonal(signal.covariance[1])[:2], [0.04, 0.0001])
 
 
-def test_the_lidar_radar_log_is_read_as_it_is_and_its_truth_has_the_map_s_velocity():
+def test_the_lidar_radar_log_is_read_as_it_is_and_its_truth_has_the_map_s_velocity() -> None:
     with Log.open(development_log("udacity-obj-pose.ros2.mcap")) as log:
         bound = bind_roles(log.channels, {}, required=(Role.DETECTIONS, Role.TARGET_TRUTH))
         assert {one.topic for one in bound.channels_of_role(Role.DETECTIONS)} == {"/lidar/objects", "/radar/scan"}
@@ -273,7 +274,7 @@ def test_the_lidar_radar_log_is_read_as_it_is_and_its_truth_has_the_map_s_veloci
     np.testing.assert_allclose(truth.vy_mps, twist["twist.twist.linear.y"], atol=2e-3)
 
 
-def test_states_of_many_targets_are_kept_apart_by_their_ids():
+def test_states_of_many_targets_are_kept_apart_by_their_ids() -> None:
     n = 4
     fields = {
         "stamp_ns": T0_NS + 100_000_000 * np.array([0, 0, 1, 1]),
@@ -287,7 +288,7 @@ def test_states_of_many_targets_are_kept_apart_by_their_ids():
     assert [signal.id.values[k] for k in signal.id.codes] == ["a", "b", "a", "b"]
 
 
-def test_drawn_cubes_count_only_where_no_sensor_reports():
+def test_drawn_cubes_count_only_where_no_sensor_reports() -> None:
     class Found:
         def __init__(self, topic, schema_name, message_encoding="cdr"):
             self.topic, self.schema_name, self.message_encoding = topic, schema_name, message_encoding
@@ -313,6 +314,6 @@ def test_drawn_cubes_count_only_where_no_sensor_reports():
         ("cwcli.Detections", "json"),
     ],
 )
-def test_every_schema_names_its_fields(schema, encoding):
+def test_every_schema_names_its_fields(schema, encoding) -> None:
     entry = find_input_for_role(Role.DETECTIONS, schema)
     assert entry is not None and entry.fields[encoding]

@@ -42,7 +42,9 @@ def read(path: Path, role: Role, **how: Any) -> tuple[Any, Quality]:
         ((PARKED, Actor(0, CAR.motion, kind=MovingObject.TYPE_PEDESTRIAN), OTHER), None, None, 80.0, "9, the smallest"),
     ],
 )
-def test_host_is_who_is_named_or_the_first_vehicle_that_drives(tmp_path, actors, host, station, expected, told) -> None:
+def test_host_is_who_is_named_or_the_first_vehicle_that_drives(
+    tmp_path: Path, actors, host, station, expected, told
+) -> None:
     path = write_trace(tmp_path / "a.mcap", actors, host=host, duration_s=2.0)
     signal, quality = read(path, Role.EGO_POSITION, ego_station=station)
     assert signal.x_m[0] == expected
@@ -53,13 +55,13 @@ def test_host_is_who_is_named_or_the_first_vehicle_that_drives(tmp_path, actors,
         assert expected not in others.x_m[: len(actors) - 1]
 
 
-def test_a_station_that_is_no_object_is_not_replaced_by_another(tmp_path) -> None:
+def test_a_station_that_is_no_object_is_not_replaced_by_another(tmp_path: Path) -> None:
     path = write_trace(tmp_path / "a.mcap", (CAR, OTHER), host=4, duration_s=1.0)
     _, quality = read(path, Role.EGO_POSITION, ego_station="5")
     assert (quality.used, quality.set_aside) == (0, {"without the host vehicle": quality.read})
 
 
-def test_two_hosts_in_a_channel_are_told_and_one_of_them_is_taken(tmp_path) -> None:
+def test_two_hosts_in_a_channel_are_told_and_one_of_them_is_taken(tmp_path: Path) -> None:
     messages = []
     for k in range(60):
         message = GroundTruth()
@@ -72,14 +74,14 @@ def test_two_hosts_in_a_channel_are_told_and_one_of_them_is_taken(tmp_path) -> N
     assert any("4 (40 messages), 9 (20 messages): 4 is the ego" in note for note in quality.notes)
 
 
-def test_simulated_time_begins_at_zero(tmp_path) -> None:
+def test_simulated_time_begins_at_zero(tmp_path: Path) -> None:
     for role in (Role.EGO_POSITION, Role.EGO_SPEED, Role.REMOTE):
         signal, quality = read(write_trace(tmp_path / f"{role}.mcap", (CAR, OTHER), duration_s=1.0), role)
         assert signal.stamp_ns.tolist() == [round(k / 30.3 * 1e9) for k in range(31)]
         assert not quality.n_faults
 
 
-def test_reversing_is_a_negative_speed_and_a_course_to_the_side_is_a_pedestrians_heading(tmp_path) -> None:
+def test_reversing_is_a_negative_speed_and_a_course_to_the_side_is_a_pedestrians_heading(tmp_path: Path) -> None:
     walker = Actor(2, along(10.0, 0.0, pi / 2, 1.4), size_m=(0.5, 0.6), kind=MovingObject.TYPE_PEDESTRIAN, rear_m=None)
     reversing = Actor(3, along(30.0, 0.0, 0.5, -2.0))
     path = write_trace(tmp_path / "a.mcap", (CAR, walker, reversing), host=4, duration_s=1.0)
@@ -109,7 +111,7 @@ def changed(path: Path, actors: tuple[Actor, ...], change: Any, n: int = 40) -> 
     return write_messages(path, messages)
 
 
-def test_a_velocity_that_is_left_out_is_none(tmp_path) -> None:
+def test_a_velocity_that_is_left_out_is_none(tmp_path: Path) -> None:
     def without(world: GroundTruth) -> None:
         for each in world.moving_object:
             each.base.ClearField("velocity")
@@ -124,7 +126,7 @@ def test_a_velocity_that_is_left_out_is_none(tmp_path) -> None:
     assert np.isnan(remote.length_m).all()
 
 
-def test_a_yaw_that_is_left_out_is_the_course(tmp_path) -> None:
+def test_a_yaw_that_is_left_out_is_the_course(tmp_path: Path) -> None:
     north = Actor(4, along(0.0, 0.0, pi / 2, 12.0))
 
     def without(world: GroundTruth) -> None:
@@ -137,7 +139,7 @@ def test_a_yaw_that_is_left_out_is_the_course(tmp_path) -> None:
     np.testing.assert_allclose(speed.speed_mps, 12.0)
 
 
-def test_objects_without_a_place_and_ids_given_twice_are_left_out_and_told(tmp_path) -> None:
+def test_objects_without_a_place_and_ids_given_twice_are_left_out_and_told(tmp_path: Path) -> None:
     def spoil(world: GroundTruth) -> None:
         twin = world.moving_object.add()
         twin.CopyFrom(world.moving_object[1])
@@ -156,7 +158,7 @@ def test_objects_without_a_place_and_ids_given_twice_are_left_out_and_told(tmp_p
     np.testing.assert_allclose(signal.x_m[0], 80.0)
 
 
-def test_size_and_place_far_from_the_origin_are_kept(tmp_path) -> None:
+def test_size_and_place_far_from_the_origin_are_kept(tmp_path: Path) -> None:
     path = write_trace(tmp_path / "a.mcap", (CAR, OTHER), host=4, at_m=(691_000.25, 5_336_000.5), duration_s=1.0)
     pose, _ = read(path, Role.EGO_POSITION)
     assert isinstance(pose, PoseSignal)
@@ -166,7 +168,7 @@ def test_size_and_place_far_from_the_origin_are_kept(tmp_path) -> None:
     assert remote.frame_id == pose.frame_id == "osi"
 
 
-def test_a_view_names_the_host_that_carries_its_sensor(tmp_path) -> None:
+def test_a_view_names_the_host_that_carries_its_sensor(tmp_path: Path) -> None:
     path = write_trace(tmp_path / "a.mcap", (CAR, OTHER), host=9, as_view=True, duration_s=1.0)
     speed, quality = read(path, Role.EGO_SPEED)
     assert isinstance(speed, SpeedSignal)
@@ -174,7 +176,7 @@ def test_a_view_names_the_host_that_carries_its_sensor(tmp_path) -> None:
     assert not quality.notes
 
 
-def test_a_host_is_known_by_every_digit_of_its_id(tmp_path) -> None:
+def test_a_host_is_known_by_every_digit_of_its_id(tmp_path: Path) -> None:
     host = 2**53 + 1  # next to it 2^53 is a float64, it is none
     data = SensorData()
     view = data.sensor_view.add()
@@ -186,14 +188,14 @@ def test_a_host_is_known_by_every_digit_of_its_id(tmp_path) -> None:
     assert not quality.notes
 
 
-def test_a_ground_truth_fills_every_role_whatever_its_topic_is_called(tmp_path) -> None:
+def test_a_ground_truth_fills_every_role_whatever_its_topic_is_called(tmp_path: Path) -> None:
     for topic in ("ground_truth", "/osi/world", "/truth"):
         with Log.open(write_trace(tmp_path / "a.mcap", (CAR, OTHER), topic=topic, duration_s=1.0)) as log:
             bound = bind_roles(log.channels, {}, required=(Role.EGO_POSITION, Role.EGO_SPEED, Role.REMOTE, Role.TRUTH))
             assert {bindings[0].topic for bindings in bound.by_role.values()} == {topic}
 
 
-def test_what_stands_still_and_where_the_world_lies_is_told_and_not_used(tmp_path) -> None:
+def test_what_stands_still_and_where_the_world_lies_is_told_and_not_used(tmp_path: Path) -> None:
     def add(world: GroundTruth) -> None:
         world.proj_string = "+proj=utm +zone=32"
         for number in (100, 101, 102):
@@ -210,7 +212,7 @@ def test_what_stands_still_and_where_the_world_lies_is_told_and_not_used(tmp_pat
     ]
 
 
-def test_detections_of_what_stands_still_are_counted(tmp_path) -> None:
+def test_detections_of_what_stands_still_are_counted(tmp_path: Path) -> None:
     message = SensorData()
     message.timestamp.seconds = 1
     message.moving_object.add().base.position.x = 10.0
@@ -235,7 +237,7 @@ def test_detections_of_what_stands_still_are_counted(tmp_path) -> None:
     ],
 )
 @pytest.mark.parametrize("is_of_host", [True, False])
-def test_values_that_no_road_user_has_are_left_out_and_counted(tmp_path, path, value, told, is_of_host) -> None:
+def test_values_that_no_road_user_has_are_left_out_and_counted(tmp_path: Path, path, value, told, is_of_host) -> None:
     """In the roles of the object that has them, and in no other."""
     messages: list[tuple[str, int, Any]] = []
     for k in range(20):

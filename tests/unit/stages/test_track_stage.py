@@ -47,7 +47,7 @@ def signal(kind, rows, *, offsets=None, frame="radar", log_time_ns=None, source=
     )
 
 
-def test_detections_come_in_the_order_of_arrival_with_their_scans():
+def test_detections_come_in_the_order_of_arrival_with_their_scans() -> None:
     late = [T0_NS + 3, T0_NS + 9, T0_NS + 5]
     data = detections_from_signal(
         signal("position", [[0, 0], [1, 1], [2, 2]], offsets=[0, 1, 2, 3], log_time_ns=late), SensorSetting()
@@ -58,18 +58,18 @@ def test_detections_come_in_the_order_of_arrival_with_their_scans():
     np.testing.assert_array_equal(data.scan_stamp_ns - T0_NS, [0, STEP_NS, 2 * STEP_NS])
 
 
-def test_a_radar_s_track_becomes_range_azimuth_and_closing_speed():
+def test_a_radar_s_track_becomes_range_azimuth_and_closing_speed() -> None:
     data = detections_from_signal(signal("radar_track", [[3.0, 4.0, 5.0, 0.0]]), SensorSetting())
     assert data.kind == DetectionKind.RADAR
     np.testing.assert_allclose(data.values, [[5.0, np.arctan2(4, 3), 3.0]])
 
 
-def test_a_range_rate_that_is_positive_for_what_comes_nearer_is_turned():
+def test_a_range_rate_that_is_positive_for_what_comes_nearer_is_turned() -> None:
     data = detections_from_signal(signal("radar", [[5.0, 0.1, 2.0]]), SensorSetting(is_rate_towards=True))
     np.testing.assert_allclose(data.values, [[5.0, 0.1, -2.0]])
 
 
-def test_the_usual_frame_is_accepted_and_a_map_s_frame_stands_still():
+def test_the_usual_frame_is_accepted_and_a_map_s_frame_stands_still() -> None:
     mixed = signal("position", [[1, 1], [2, 2], [3, 3]])
     mixed = DetectionSignal(**{**mixed.__dict__, "frame": Strings(np.array([1, 0, 1], np.int32), ("other", "lidar"))})
     still = signal("position", [[1, 1]], frame="map", source="/fixed")
@@ -81,12 +81,12 @@ def test_the_usual_frame_is_accepted_and_a_map_s_frame_stands_still():
     assert build_sensor_models([mixed], {"/s": SensorSetting(x_m=1.0)})[1] == []
 
 
-def test_a_setting_for_a_topic_that_is_no_sensor():
+def test_a_setting_for_a_topic_that_is_no_sensor() -> None:
     with pytest.raises(UsageError, match="/other"):
         build_sensor_models([signal("position", [[1, 1]])], {"/other": SensorSetting()})
 
 
-def test_sensors_in_the_map_and_on_the_car_need_the_ego():
+def test_sensors_in_the_map_and_on_the_car_need_the_ego() -> None:
     models = {"/a": SensorModel(carrier="map"), "/b": SensorModel()}
     with pytest.raises(MissingSignalError, match="ego state"):
         require_common_frame_and_tell_if_map(models, has_ego=False, where="log")
@@ -106,13 +106,13 @@ def run(data, **config):
     return track_targets_and_name_method(made.targets, [data], {}, made.tracker)
 
 
-def test_auto_takes_one_target_where_no_scan_holds_two():
+def test_auto_takes_one_target_where_no_scan_holds_two() -> None:
     xy = np.column_stack([np.arange(40) * 0.5, np.zeros(40)])
     assert run(lidar(xy))[1] == "one"
     assert run(lidar(xy), targets="many")[1] == "many"
 
 
-def test_auto_takes_many_where_a_scan_holds_two():
+def test_auto_takes_many_where_a_scan_holds_two() -> None:
     xy = np.repeat(np.column_stack([np.arange(20) * 0.5, np.zeros(20)]), 2, axis=0)
     xy[1::2, 1] = 30.0
     stamps = T0_NS + STEP_NS * np.repeat(np.arange(20), 2)
@@ -123,7 +123,7 @@ def test_auto_takes_many_where_a_scan_holds_two():
     assert run(lidar(xy, stamps))[1] == "one"
 
 
-def test_auto_takes_many_where_scans_alternate_between_two_targets():
+def test_auto_takes_many_where_scans_alternate_between_two_targets() -> None:
     xy = np.column_stack([np.arange(60) * 0.2, np.where(np.arange(60) % 2, 30.0, 0.0)])
     result, how = run(lidar(xy))
     assert how == "many"
@@ -144,7 +144,7 @@ def read_back(channel):
                    np.arange(n, dtype=np.uint32), dict(channel.fields))  # fmt: skip
 
 
-def test_targets_come_back_as_vehicle_states():
+def test_targets_come_back_as_vehicle_states() -> None:
     result, channel = made()
     states = read_targets_as_states(read_back(channel))
     (track,) = result.tracks
@@ -156,7 +156,7 @@ def test_targets_come_back_as_vehicle_states():
     assert np.isnan(states.length_m).all()
 
 
-def test_of_two_rows_of_a_target_at_one_time_the_last_is_taken():
+def test_of_two_rows_of_a_target_at_one_time_the_last_is_taken() -> None:
     _, channel = made()
     columns = read_back(channel)
     stamp_ns = np.array(columns.fields["stamp_ns"])
@@ -166,12 +166,12 @@ def test_of_two_rows_of_a_target_at_one_time_the_last_is_taken():
     assert states.state[0, 0] == columns.fields["x_m"][1]
 
 
-def test_targets_in_the_car_s_frame_are_no_vehicle_states():
+def test_targets_in_the_car_s_frame_are_no_vehicle_states() -> None:
     with pytest.raises(DataError, match="car's own frame"):
         read_targets_as_states(read_back(made(in_map=False)[1]))
 
 
-def test_many_targets_keep_their_rows_in_log_time_order():
+def test_many_targets_keep_their_rows_in_log_time_order() -> None:
     xy = np.repeat(np.column_stack([np.arange(30) * 0.5, np.zeros(30)]), 2, axis=0)
     xy[1::2, 1] = 30.0
     data = lidar(xy, T0_NS + STEP_NS * np.repeat(np.arange(30), 2))
@@ -196,7 +196,7 @@ def truth_of(result, **more):
     return TargetTruthSignal(**{**fields, **more})
 
 
-def test_errors_against_the_truth_by_hand_and_velocities_from_positions():
+def test_errors_against_the_truth_by_hand_and_velocities_from_positions() -> None:
     result, _ = made()
     moments = result.tracks[0].stamp_ns
     truth = truth_of(result, x_m=np.arange(40) * 0.5 + 3.0, y_m=np.full(40, -2.0))
@@ -209,7 +209,7 @@ def test_errors_against_the_truth_by_hand_and_velocities_from_positions():
     assert "differences" in notes[0]
 
 
-def test_a_truth_in_another_frame_is_not_compared():
+def test_a_truth_in_another_frame_is_not_compared() -> None:
     result, _ = made(in_map=False)
     errors, notes = score_tracks_against_truth(
         truth_of(result), result, result.tracks[0].stamp_ns, in_map=False, local_map=None
@@ -218,7 +218,7 @@ def test_a_truth_in_another_frame_is_not_compared():
     assert "not compared" in notes[0]
 
 
-def test_a_truth_on_the_globe_is_brought_into_the_map_of_the_ego():
+def test_a_truth_on_the_globe_is_brought_into_the_map_of_the_ego() -> None:
     result, _ = made()
     local_map = map_from_record({"map_origin_latitude_deg": "48.0", "map_origin_longitude_deg": "11.0",
                         "map_origin_altitude_m": "500.0"})  # fmt: skip

@@ -19,7 +19,7 @@ def best_by_scipy(gain):
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1), (5, 5), (3, 9), (12, 4), (20, 60)])
 @pytest.mark.parametrize("share", [0.05, 0.4, 1.0])
-def test_assignment_is_as_good_as_scipys(shape, share):
+def test_assignment_is_as_good_as_scipys(shape, share) -> None:
     rng = np.random.default_rng([*shape, int(100 * share)])
     for _ in range(20):
         gain = rng.normal(1.0, 3.0, shape)
@@ -33,19 +33,19 @@ def test_assignment_is_as_good_as_scipys(shape, share):
                 assert gain[i, j].sum() == pytest.approx(best_by_scipy(gain), abs=1e-9)
 
 
-def test_the_best_for_all_is_not_the_nearest_for_each():
+def test_the_best_for_all_is_not_the_nearest_for_each() -> None:
     gain = np.array([[10.0, 9.0], [9.5, 1.0]])  # greedy: 10 + 1; global: 9 + 9.5
     i, j = rows_and_columns_assigned_in_groups(gain)
     assert dict(zip(i.tolist(), j.tolist(), strict=True)) == {0: 1, 1: 0}
 
 
-def test_nothing_to_assign():
+def test_nothing_to_assign() -> None:
     for gain in (np.zeros((0, 3)), np.zeros((3, 0)), np.full((2, 2), -np.inf), np.full((2, 2), -1.0)):
         i, j = rows_and_columns_assigned_in_groups(gain)
         assert len(i) == len(j) == 0
 
 
-def test_five_hundred_tracks_that_all_want_ten_thousand_detections_stay_small():
+def test_five_hundred_tracks_that_all_want_ten_thousand_detections_stay_small() -> None:
     gain = np.random.default_rng(0).random((500, 10_000)) + 1.0
     tracemalloc.start()
     i, j = rows_and_columns_assigned_in_groups(gain)

@@ -31,7 +31,7 @@ def by_all_permutations(truth, tracks, cutoff_m, p):
 @pytest.mark.parametrize("n_truth", [0, 1, 3, 5])
 @pytest.mark.parametrize("n_tracks", [0, 1, 4, 5])
 @pytest.mark.parametrize("p", [1.0, 2.0])
-def test_gospa_equals_the_definition(n_truth, n_tracks, p):
+def test_gospa_equals_the_definition(n_truth, n_tracks, p) -> None:
     rng = np.random.default_rng(10 * n_truth + n_tracks)
     for _ in range(5):
         truth, tracks = rng.uniform(0, 8, (n_truth, 2)), rng.uniform(0, 8, (n_tracks, 2))
@@ -39,7 +39,7 @@ def test_gospa_equals_the_definition(n_truth, n_tracks, p):
         assert distance == pytest.approx(by_all_permutations(truth, tracks, 3.0, p))
 
 
-def test_parts_by_hand():
+def test_parts_by_hand() -> None:
     # one pair 3 m apart, one target missed, two tracks false; c = 5, p = 2: 9 + 12.5 + 25 = 46.5
     truth = np.array([[0.0, 0.0], [100.0, 0.0]])
     tracks = np.array([[0.0, 3.0], [50.0, 0.0], [60.0, 0.0]])
@@ -55,7 +55,7 @@ def two_walkers(ids):
     return TargetMoments(stamp, np.tile([1, 2], 4), state), TargetMoments(stamp, np.array(ids).ravel(), found)
 
 
-def test_id_switches_and_errors_of_each_target():
+def test_id_switches_and_errors_of_each_target() -> None:
     truth, tracks = two_walkers([[7, 8], [7, 8], [8, 7], [8, 7]])
     scores = score_tracks(truth, tracks)
     assert scores.id_switches == 2
@@ -66,7 +66,7 @@ def test_id_switches_and_errors_of_each_target():
     np.testing.assert_allclose(scores.distance, np.sqrt(2 * 0.09))
 
 
-def test_a_track_that_pauses_and_returns_under_its_id_is_no_switch():
+def test_a_track_that_pauses_and_returns_under_its_id_is_no_switch() -> None:
     truth, tracks = two_walkers([[7, 8], [7, 8], [7, 8], [7, 8]])
     keep = np.array([True, True, False, True, True, True, True, True])
     paused = TargetMoments(tracks.stamp_ns[keep], tracks.id[keep], tracks.state[keep])
@@ -76,7 +76,7 @@ def test_a_track_that_pauses_and_returns_under_its_id_is_no_switch():
     assert scores.targets[0].n_tracked == 3
 
 
-def test_no_tracks_at_all():
+def test_no_tracks_at_all() -> None:
     truth, _ = two_walkers([[7, 8]] * 4)
     scores = score_tracks(truth, TargetMoments.from_tracks([]))
     np.testing.assert_allclose(scores.distance, 5.0)

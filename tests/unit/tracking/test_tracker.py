@@ -33,7 +33,7 @@ def walker(k, x0=0.0, y0=0.0, vx=1.0):
     return (x0 + 0.1 * k * vx, y0)
 
 
-def test_two_targets_get_two_ids_that_last():
+def test_two_targets_get_two_ids_that_last() -> None:
     scans = [[walker(k), walker(k, y0=10.0, vx=-1.0)] for k in range(50)]
     result = track_many_targets([lidar(scans)], SENSOR, CV)
     assert [t.id for t in result.tracks] == [1, 2]
@@ -44,7 +44,7 @@ def test_two_targets_get_two_ids_that_last():
     assert result.counts["lidar"].used == 100
 
 
-def test_a_target_that_is_missed_a_few_times_keeps_its_id_and_is_coasted():
+def test_a_target_that_is_missed_a_few_times_keeps_its_id_and_is_coasted() -> None:
     scans = [[walker(k)] if k not in (20, 21, 40) else [] for k in range(60)]
     result = track_many_targets([lidar(scans)], SENSOR, CV)
     assert len(result.tracks) == 1
@@ -55,7 +55,7 @@ def test_a_target_that_is_missed_a_few_times_keeps_its_id_and_is_coasted():
     assert track.covariance[21, 0, 0] > track.covariance[30, 0, 0]
 
 
-def test_a_target_that_leaves_dies_and_its_id_is_not_used_again():
+def test_a_target_that_leaves_dies_and_its_id_is_not_used_again() -> None:
     scans = [[walker(k)] for k in range(30)] + [[] for _ in range(30)] + [[walker(k)] for k in range(30)]
     result = track_many_targets([lidar(scans)], SENSOR, CAUSAL)
     assert [t.id for t in result.tracks] == [1, 2]
@@ -63,7 +63,7 @@ def test_a_target_that_leaves_dies_and_its_id_is_not_used_again():
     assert result.tracks[1].stamp_ns[0] >= 6 * S
 
 
-def test_a_track_is_not_revived_after_a_long_pause():
+def test_a_track_is_not_revived_after_a_long_pause() -> None:
     stamp = np.concatenate([np.arange(30), 1e8 + np.arange(30)]).astype(np.int64) * 100_000_000
     xy = np.array([walker(k) for k in range(60)])
     result = track_many_targets([Detections("lidar", DetectionKind.POSITION, stamp, xy)], SENSOR, CAUSAL)
@@ -71,7 +71,7 @@ def test_a_track_is_not_revived_after_a_long_pause():
     assert len(result.tracks[0]) <= 30
 
 
-def test_lone_points_are_no_track():
+def test_lone_points_are_no_track() -> None:
     rng = np.random.default_rng(0)
     scans = [[rng.uniform(-50, 50, 2) for _ in range(5)] for _ in range(100)]
     result = track_many_targets([lidar(scans)], {"lidar": SensorModel(sigma=(0.1, 0.1), clutter_density=5e-4)}, CAUSAL)
@@ -79,7 +79,7 @@ def test_lone_points_are_no_track():
     assert result.counts["lidar"].rejected["belongs to no confirmed track"] >= 490
 
 
-def test_a_causal_track_does_not_know_the_future():
+def test_a_causal_track_does_not_know_the_future() -> None:
     rng = np.random.default_rng(4)
     scans = [[np.add(walker(k), 0.1 * rng.standard_normal(2))] for k in range(60)]
     known = {"lidar": SensorModel(sigma=(0.1, 0.1), clutter_density=1e-3)}
@@ -90,7 +90,7 @@ def test_a_causal_track_does_not_know_the_future():
     np.testing.assert_array_equal(full.state[: len(half)], half.state)
 
 
-def test_a_target_out_of_view_is_not_expected_and_does_not_die():
+def test_a_target_out_of_view_is_not_expected_and_does_not_die() -> None:
     """A forward radar does not see the target that the lidar sees beside the car: its empty scans say nothing."""
     points = [[(0.0, 20.0)] for _ in range(50)]
     stamp = np.arange(400) * S // 80
@@ -101,7 +101,7 @@ def test_a_target_out_of_view_is_not_expected_and_does_not_die():
     assert len(track_many_targets([lidar(points), nothing], wide, CAUSAL).tracks) == 0
 
 
-def test_lidar_and_radar_feed_one_track():
+def test_lidar_and_radar_feed_one_track() -> None:
     t = np.arange(100) * 0.05
     truth = np.stack([10.0 + t, 5.0 + 0.0 * t], axis=1)
     stamp = np.round(t * 1e9).astype(np.int64)
@@ -117,7 +117,7 @@ def test_lidar_and_radar_feed_one_track():
     np.testing.assert_allclose(result.tracks[0].state[:, :2], truth, atol=0.02)
 
 
-def test_tracks_live_in_the_map_when_the_car_moves():
+def test_tracks_live_in_the_map_when_the_car_moves() -> None:
     """The car drives at 15 m/s past a parked car; in the map it stands still."""
     stamp = np.arange(60) * S // 10
     x: np.ndarray = 15.0 * stamp * 1e-9
@@ -140,7 +140,7 @@ def measured(scene: DualSensorScene) -> list[Detections]:
 
 
 @pytest.mark.parametrize("with_radar", [False, True])
-def test_five_crossing_targets_in_clutter(with_radar):
+def test_five_crossing_targets_in_clutter(with_radar) -> None:
     distance, switches = [], 0
     for seed in range(8):
         scene = simulate_crossing_targets(np.random.default_rng(seed), with_radar=with_radar)
@@ -158,13 +158,13 @@ def test_five_crossing_targets_in_clutter(with_radar):
     assert switches <= 8
 
 
-def test_clutter_density_is_found():
+def test_clutter_density_is_found() -> None:
     scene = simulate_crossing_targets(np.random.default_rng(1), noise=SensorNoise(lidar_m=0.3))
     found = track_many_targets(measured(scene)[:1], {"lidar": SensorModel(sigma=(0.3, 0.3))}, CAUSAL).clutter_density
     assert found["lidar"] == pytest.approx(10.0 / 100.0**2, rel=0.3)
 
 
-def test_noise_is_tuned_over_all_targets():
+def test_noise_is_tuned_over_all_targets() -> None:
     rng = np.random.default_rng(2)
     scans = [[np.add(walker(k, y0=20.0 * i), 0.05 * rng.standard_normal(2)) for i in range(3)] for k in range(100)]
     config = TrackerConfig(FilterConfig(model="cv", tune=True))
@@ -174,7 +174,7 @@ def test_noise_is_tuned_over_all_targets():
     assert len(result.tracks) == 3
 
 
-def test_ten_thousand_detections_in_one_scan_are_bounded_in_memory_and_work():
+def test_ten_thousand_detections_in_one_scan_are_bounded_in_memory_and_work() -> None:
     rng = np.random.default_rng(0)
     scans = [[walker(k)] for k in range(20)]
     for k in (10, 11, 12):
@@ -193,7 +193,7 @@ def test_ten_thousand_detections_in_one_scan_are_bounded_in_memory_and_work():
     np.testing.assert_allclose(first.state[-1, :2], walker(19), atol=0.3)
 
 
-def test_ten_thousand_detections_in_one_place_do_not_blow_up():
+def test_ten_thousand_detections_in_one_place_do_not_blow_up() -> None:
     scans = [[walker(k)] for k in range(20)]
     scans[10] = [(1.0 + 1e-4 * i, 0.0) for i in range(10_000)]
     scans[11] = scans[10]
@@ -202,7 +202,7 @@ def test_ten_thousand_detections_in_one_place_do_not_blow_up():
 
 
 @pytest.mark.parametrize("run", [track_one_target, track_many_targets])
-def test_nothing_and_only_rubbish_give_no_tracks(run):
+def test_nothing_and_only_rubbish_give_no_tracks(run) -> None:
     assert run([]).tracks == ()
     empty = Detections("lidar", DetectionKind.POSITION, np.zeros(0, np.int64), np.zeros((0, 2)))
     assert run([empty]).tracks == ()
@@ -216,7 +216,7 @@ def test_nothing_and_only_rubbish_give_no_tracks(run):
 
 
 @pytest.mark.parametrize("run", [track_one_target, track_many_targets])
-def test_rubbish_among_good_detections_is_counted_and_changes_nothing(run):
+def test_rubbish_among_good_detections_is_counted_and_changes_nothing(run) -> None:
     good = np.array([walker(k) for k in range(60)])
     stamp = np.arange(60) * S // 10
     clean = run([Detections("lidar", DetectionKind.POSITION, stamp, good)], SENSOR, CV)
@@ -227,7 +227,7 @@ def test_rubbish_among_good_detections_is_counted_and_changes_nothing(run):
     np.testing.assert_allclose(dirty.tracks[0].state, clean.tracks[0].state)
 
 
-def test_one_target_counts_gated_detections():
+def test_one_target_counts_gated_detections() -> None:
     good = np.array([walker(k) for k in range(60)])
     good[30] += 30.0
     result = track_one_target([Detections("lidar", DetectionKind.POSITION, np.arange(60) * S // 10, good)], SENSOR, CV)
@@ -236,7 +236,7 @@ def test_one_target_counts_gated_detections():
     assert result.tracks[0].source[30] == -1
 
 
-def test_settings_that_make_no_sense_are_refused():
+def test_settings_that_make_no_sense_are_refused() -> None:
     for bad in ({"filter": "pf"}, {"model": "warp"}, {"kappa": -1.0}, {"gate_probability": 0.0}):
         with pytest.raises(ValueError):
             FilterConfig(**bad)

@@ -41,7 +41,7 @@ def rows_with_moving_sensor(use_rate=True):
 @pytest.mark.parametrize("kappa", [0.0, 1.5])
 @pytest.mark.parametrize("model", MOTION_MODELS)
 @pytest.mark.parametrize("name", IS_UNSCENTED_BY_FILTER)
-def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate):
+def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate) -> None:
     rows = rows_with_moving_sensor(use_rate)
     config = FilterConfig(
         filter=name, model=model, noise=0.7, turn_noise=0.3, kappa=kappa, cartesian_below=0.0, gate_probability=1.0
@@ -60,7 +60,7 @@ def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate):
     assert log_likelihood_of_rows(rows, config) == pytest.approx(causal.log_likelihood, abs=1e-9)
 
 
-def test_start_from_lidar_is_the_point_with_an_open_velocity():
+def test_start_from_lidar_is_the_point_with_an_open_velocity() -> None:
     rows = rows_with_moving_sensor().select_rows(slice(0, 1))
     out = filter_single_target(rows, FilterConfig(model="cv", start_speed_mps=7.0))
     assert out.status[0] == RowStatus.STARTED
@@ -69,7 +69,7 @@ def test_start_from_lidar_is_the_point_with_an_open_velocity():
     np.testing.assert_allclose(out.covariance[0, 2:, 2:], 49.0 * np.eye(2))
 
 
-def test_start_from_radar_knows_the_speed_along_the_beam():
+def test_start_from_radar_knows_the_speed_along_the_beam() -> None:
     # 10 m along 30 deg, receding at 4 m/s from a sensor at rest: the beam direction takes the rate, the rest is open
     data = Detections("r", DetectionKind.RADAR, np.array([0]), np.array([[10.0, np.radians(30.0), 4.0]]))
     rows = prepare_detections([data], {"r": SensorModel(sigma=(0.2, 0.001, 0.01))}).rows
@@ -88,7 +88,7 @@ def test_start_from_radar_knows_the_speed_along_the_beam():
 
 @pytest.mark.parametrize("name", IS_UNSCENTED_BY_FILTER)
 @pytest.mark.parametrize("first", ["lidar", "radar"])
-def test_a_target_at_the_origin_starts_and_is_followed(name, first):
+def test_a_target_at_the_origin_starts_and_is_followed(name, first) -> None:
     """Range 0: the bearing does not exist. The target stands on the sensor, then walks away."""
     rng = np.random.default_rng(3)
     t = 0.05 * np.arange(200)
@@ -111,7 +111,7 @@ def test_a_target_at_the_origin_starts_and_is_followed(name, first):
     np.testing.assert_allclose(out.state[-1, :4], [truth[-1, 0], 0.0, 1.0, 0.0], atol=0.25)
 
 
-def test_a_bearing_across_pi_is_wrapped():
+def test_a_bearing_across_pi_is_wrapped() -> None:
     """A target that walks behind the sensor, where the azimuth jumps from pi to -pi."""
     t = 0.05 * np.arange(100)
     truth = np.stack([np.full(100, -5.0), 1.0 - 0.4 * t, np.zeros(100), np.full(100, -0.4)], axis=1)
@@ -128,7 +128,7 @@ def test_a_bearing_across_pi_is_wrapped():
         np.testing.assert_allclose(out.state[-1], truth[-1], atol=0.05)
 
 
-def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start():
+def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start() -> None:
     n = 100
     stamp = 100_000_000 * np.arange(n)
     xy = np.stack([np.arange(n) * 0.1, np.zeros(n)], axis=1)
@@ -144,7 +144,7 @@ def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start():
     np.testing.assert_allclose(out.state[-1, :2], xy[-1], atol=0.2)
 
 
-def test_a_gap_longer_than_is_bridged_makes_a_new_start():
+def test_a_gap_longer_than_is_bridged_makes_a_new_start() -> None:
     stamp = np.concatenate([np.arange(10), 100 + np.arange(10)]) * 100_000_000
     xy = np.concatenate([np.zeros((10, 2)), np.full((10, 2), 30.0)])
     rows = prepare_detections([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
@@ -154,7 +154,7 @@ def test_a_gap_longer_than_is_bridged_makes_a_new_start():
     np.testing.assert_allclose(out.state[10:, :2], 30.0, atol=1e-9)
 
 
-def test_no_rows_give_no_states():
+def test_no_rows_give_no_states() -> None:
     rows = prepare_detections([]).rows
     out = filter_single_target(rows, FilterConfig())
     assert out.state.shape == (0, 5)

@@ -29,7 +29,7 @@ def radar(values, stamp=None, **more):
     return Detections("radar", DetectionKind.RADAR, stamp, values, **more)
 
 
-def test_bad_detections_are_counted_by_reason():
+def test_bad_detections_are_counted_by_reason() -> None:
     values = [
         [5, 0, 0],
         [np.nan, 0, 0],
@@ -46,7 +46,7 @@ def test_bad_detections_are_counted_by_reason():
     assert (count.read, count.used) == (8, 4)
 
 
-def test_a_wrong_frame_id_is_counted():
+def test_a_wrong_frame_id_is_counted() -> None:
     frame = Strings(np.array([0, 1, 0, -1], np.int32), ("lidar_front", "lidar_rear"))
     prepared = prepare_detections(
         [lidar(np.ones((4, 2)), frame=frame)], {"lidar": SensorModel(frame_ids=("lidar_front",))}
@@ -55,19 +55,19 @@ def test_a_wrong_frame_id_is_counted():
     assert prepared.rows.index.tolist() == [0, 2]
 
 
-def test_huge_numbers_do_no_harm():
+def test_huge_numbers_do_no_harm() -> None:
     count = prepare_detections([lidar([[1e308, 1e308], [-1e308, 0.0], [1.0, 1.0]])]).counts["lidar"]
     assert count.rejected == {"beyond the sensor's range": 2}
 
 
-def test_a_missing_rate_makes_a_two_value_row():
+def test_a_missing_rate_makes_a_two_value_row() -> None:
     rows = prepare_detections([radar([[5, 0, 1.0], [5, 0, np.nan]])]).rows
     assert rows.kind.tolist() == [2, 1]
     rows = prepare_detections([radar([[5, 0, 1.0]])], {"radar": SensorModel(use_range_rate=False)}).rows
     assert rows.kind.tolist() == [1]
 
 
-def test_out_of_sequence_detections_are_put_in_order():
+def test_out_of_sequence_detections_are_put_in_order() -> None:
     stamp = np.array([0, 1, 3, 2, 4]) * S // 10
     prepared = prepare_detections([lidar(np.arange(10), stamp)])
     assert prepared.rows.index.tolist() == [0, 1, 3, 2, 4]
@@ -89,31 +89,31 @@ def test_out_of_sequence_detections_are_put_in_order():
         ([], []),
     ],
 )
-def test_time_going_backwards_costs_the_fewest_rows(stamp_s, kept):
+def test_time_going_backwards_costs_the_fewest_rows(stamp_s, kept) -> None:
     stamp = (np.array(stamp_s, float) * S).astype(np.int64)
     assert arrived_in_order_mask(stamp, 1.0).astype(int).tolist() == kept
 
 
-def test_absurd_stamps_do_not_overflow():
+def test_absurd_stamps_do_not_overflow() -> None:
     ends = np.iinfo(np.int64)
     stamp = np.array([ends.max, 0, S, ends.min, 2 * S, 3 * S], np.int64)
     assert arrived_in_order_mask(stamp, 1.0).tolist() == [False, True, True, False, True, True]
 
 
-def test_time_going_backwards_is_counted():
+def test_time_going_backwards_is_counted() -> None:
     stamp = np.array([100, 101, 1, 102]) * S
     count = prepare_detections([lidar(np.ones((4, 2)), stamp)]).counts["lidar"]
     assert count.rejected == {"time went backwards or jumped": 1}
 
 
-def test_a_crowded_scan_is_cut_and_counted():
+def test_a_crowded_scan_is_cut_and_counted() -> None:
     stamp = np.concatenate([np.zeros(50), [S]]).astype(np.int64)
     prepared = prepare_detections([lidar(np.ones((51, 2)), stamp)], max_scan=20)
     assert prepared.counts["lidar"].rejected == {"more than 20 in one scan": 30}
     assert np.diff(prepared.scans.first).tolist() == [20, 1]
 
 
-def test_noise_is_the_messages_then_the_models_then_the_default():
+def test_noise_is_the_messages_then_the_models_then_the_default() -> None:
     given = np.tile(np.eye(2) * 4.0, (4, 1, 1))
     given[1] = np.nan
     given[2] = 0.0
@@ -124,7 +124,7 @@ def test_noise_is_the_messages_then_the_models_then_the_default():
     np.testing.assert_allclose(prepare_detections([lidar([[1, 1]])]).rows.r[0, 0, 0], 0.15**2)
 
 
-def test_mounting_turns_positions_covariances_and_bearings():
+def test_mounting_turns_positions_covariances_and_bearings() -> None:
     model = SensorModel(x_m=2.0, y_m=1.0, yaw_rad=np.pi / 2, sigma=(0.1, 0.4))
     rows = prepare_detections([lidar([[3.0, 0.5]])], {"lidar": model}).rows
     np.testing.assert_allclose(rows.z[0, :2], [2.0 - 0.5, 1.0 + 3.0])
@@ -136,7 +136,7 @@ def test_mounting_turns_positions_covariances_and_bearings():
     np.testing.assert_allclose(rows.origin[0], [2.0, 1.0, 0.0, 0.0])
 
 
-def test_paper_axes_are_x_right_y_forward():
+def test_paper_axes_are_x_right_y_forward() -> None:
     forward, right = [0.0, 7.0], [3.0, 0.0]
     rows = prepare_detections([lidar([forward, right])], {"lidar": SensorModel(axes="paper")}).rows
     np.testing.assert_allclose(rows.z[:, :2], [[7.0, 0.0], [0.0, -3.0]], atol=1e-12)
@@ -155,7 +155,7 @@ def circle(n=200, rate=20.0):
     )  # fmt: skip
 
 
-def test_ego_motion_puts_a_standing_target_at_one_place_of_the_map():
+def test_ego_motion_puts_a_standing_target_at_one_place_of_the_map() -> None:
     ego = circle()
     target = np.array([70.0, 20.0])
     stamp = np.arange(40) * S // 5 + 13_000_000  # between the ego's stamps
@@ -190,7 +190,7 @@ def test_ego_motion_puts_a_standing_target_at_one_place_of_the_map():
     np.testing.assert_allclose(-(line * at[:, 2:]).sum(axis=1), seen[:, 2], atol=5e-3)
 
 
-def test_detections_without_an_ego_state_are_counted():
+def test_detections_without_an_ego_state_are_counted() -> None:
     ego = circle(20)  # 0 to 0.95 s
     stamp = np.array([0, S // 2, 5 * S])
     prepared = prepare_detections([lidar(np.ones((3, 2)), stamp)], None, ego)
@@ -199,18 +199,18 @@ def test_detections_without_an_ego_state_are_counted():
     assert prepare_detections([lidar(np.ones((3, 2)), stamp)], None, none).counts["lidar"].used == 0
 
 
-def test_a_sensor_fixed_in_the_map_is_not_moved_with_the_car():
+def test_a_sensor_fixed_in_the_map_is_not_moved_with_the_car() -> None:
     rows = prepare_detections([lidar([[1.0, 2.0]])], {"lidar": SensorModel(carrier="map")}, circle()).rows
     np.testing.assert_allclose(rows.z[0, :2], [1.0, 2.0])
 
 
-def test_empty_scans_are_kept():
+def test_empty_scans_are_kept() -> None:
     data = lidar(np.ones((2, 2)), np.array([0, 2 * S]), scan_stamp_ns=np.array([0, S, 2 * S, 3 * S]))
     scans = prepare_detections([data]).scans
     assert np.diff(scans.first).tolist() == [1, 0, 1, 0]
 
 
-def test_two_entries_for_one_source_and_wrong_shapes_are_refused():
+def test_two_entries_for_one_source_and_wrong_shapes_are_refused() -> None:
     with pytest.raises(ValueError, match="two entries"):
         prepare_detections([lidar([[1, 1]]), lidar([[1, 1]])])
     with pytest.raises(ValueError, match="values"):
@@ -221,7 +221,7 @@ def test_two_entries_for_one_source_and_wrong_shapes_are_refused():
         prepare_detections([radar([[1, 1, 1]])], {"radar": SensorModel(sigma=(0.1,))})
 
 
-def test_nothing_that_was_given_is_changed():
+def test_nothing_that_was_given_is_changed() -> None:
     values, stamp = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([S, 0])
     kept = values.copy(), stamp.copy()
     prepare_detections([lidar(values, stamp)], {"lidar": SensorModel(yaw_rad=1.0)})

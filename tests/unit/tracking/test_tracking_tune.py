@@ -34,7 +34,7 @@ def constant_velocity_walk(seed, n=1500, dt=0.05):
 
 
 @pytest.mark.parametrize("name", ["ukf", "ekf"])
-def test_noise_is_found_although_the_defaults_are_wrong_by_up_to_fifteen_times(name):
+def test_noise_is_found_although_the_defaults_are_wrong_by_up_to_fifteen_times(name) -> None:
     start = SensorModel(sigma=(0.9, 0.9)), SensorModel(sigma=(0.3, 0.03, 1.5))
     rows = prepare_detections(constant_velocity_walk(5), {"lidar": start[0], "radar": start[1]}).rows
     found = tune_noise([rows], FilterConfig(filter=name, model="cv"))
@@ -52,7 +52,7 @@ def test_noise_is_found_although_the_defaults_are_wrong_by_up_to_fifteen_times(n
         assert check.is_within_bounds
 
 
-def test_too_few_rows_are_left_alone():
+def test_too_few_rows_are_left_alone() -> None:
     rows = prepare_detections([Detections("l", DetectionKind.POSITION, np.arange(3), np.zeros((3, 2)))]).rows
     found = tune_noise([rows], FilterConfig())
     assert found.scale == {}
@@ -60,7 +60,7 @@ def test_too_few_rows_are_left_alone():
     assert tune_noise([], FilterConfig()).scale == {}
 
 
-def test_the_search_finds_what_scipy_finds():
+def test_the_search_finds_what_scipy_finds() -> None:
     def valley(x):
         return float(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2 + (x[2] - 0.5) ** 2)
 
