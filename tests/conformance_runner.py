@@ -79,13 +79,13 @@ def streamed(file: InputFile) -> Document:
 def _records(file: InputFile, data: ByteSource, at: int, end: int) -> Iterator[Document]:
     while at < end:
         opcode, start, stop = records.read_opcode_and_content_range(data, at, end)
-        if opcode == records.OPCODE_CHUNK:
+        if opcode == records.Opcode.CHUNK:
             chunk = records.read_chunk(data, start, stop)
             sizes = chunk.data_length, chunk.uncompressed_size
             place = ChunkIndex(chunk.start_ns, chunk.end_ns, at, stop - at, {}, 0, chunk.compression, *sizes)
             payload = decompress_chunk(file, place, verify=True)
             yield from _records(file, payload, 0, len(payload))
-        elif opcode != records.OPCODE_MESSAGE_INDEX:
+        elif opcode != records.Opcode.MESSAGE_INDEX:
             yield KINDS[opcode](data, start, stop)
         at = stop
 
@@ -139,23 +139,23 @@ def _summary_offset(data: ByteSource, start: int, stop: int) -> Document:
 
 
 KINDS: dict[int, Callable[[ByteSource, int, int], Document]] = {
-    records.OPCODE_HEADER: _header,
-    records.OPCODE_SCHEMA: lambda *place: schema(records.read_record(records.Schema, *place)),
-    records.OPCODE_CHANNEL: lambda *place: channel(records.read_record(records.Channel, *place)),
-    records.OPCODE_MESSAGE: _message,
-    records.OPCODE_ATTACHMENT: _attachment,
-    records.OPCODE_METADATA: _metadata,
-    records.OPCODE_DATA_END: lambda data, start, stop: record(
+    records.Opcode.HEADER: _header,
+    records.Opcode.SCHEMA: lambda *place: schema(records.read_record(records.Schema, *place)),
+    records.Opcode.CHANNEL: lambda *place: channel(records.read_record(records.Channel, *place)),
+    records.Opcode.MESSAGE: _message,
+    records.Opcode.ATTACHMENT: _attachment,
+    records.Opcode.METADATA: _metadata,
+    records.Opcode.DATA_END: lambda data, start, stop: record(
         "DataEnd", data_section_crc=int.from_bytes(data[start : start + 4], "little")
     ),
-    records.OPCODE_STATISTICS: lambda *place: statistics(records.read_record(records.Statistics, *place)),
-    records.OPCODE_CHUNK_INDEX: lambda *place: _chunk_index(records.read_record(records.ChunkIndex, *place)),
-    records.OPCODE_ATTACHMENT_INDEX: _attachment_index,
-    records.OPCODE_METADATA_INDEX: lambda *place: record(
+    records.Opcode.STATISTICS: lambda *place: statistics(records.read_record(records.Statistics, *place)),
+    records.Opcode.CHUNK_INDEX: lambda *place: _chunk_index(records.read_record(records.ChunkIndex, *place)),
+    records.Opcode.ATTACHMENT_INDEX: _attachment_index,
+    records.Opcode.METADATA_INDEX: lambda *place: record(
         "MetadataIndex", **records.read_record(records.MetadataIndex, *place)._asdict()
     ),
-    records.OPCODE_SUMMARY_OFFSET: _summary_offset,
-    records.OPCODE_FOOTER: lambda *place: record("Footer", **records.read_record(records.Footer, *place)._asdict()),
+    records.Opcode.SUMMARY_OFFSET: _summary_offset,
+    records.Opcode.FOOTER: lambda *place: record("Footer", **records.read_record(records.Footer, *place)._asdict()),
 }
 
 
@@ -258,7 +258,7 @@ def written(wanted: Document) -> bytes:
         elif kind == "Message":
             numbers = [int(given[name]) for name in ("channel_id", "sequence", "log_time", "publish_time")]
             content = struct.pack("<HIQQ", *numbers) + octets(given["data"])
-            packed = records.RECORD_PREFIX.pack(records.OPCODE_MESSAGE, len(content)) + content
+            packed = records.RECORD_PREFIX.pack(records.Opcode.MESSAGE, len(content)) + content
             if "ch" in features:
                 places.append((numbers[0], numbers[2], len(in_chunk)))
                 in_chunk += packed
@@ -277,12 +277,12 @@ def written(wanted: Document) -> bytes:
 
 
 SUMMARY = {
-    "rsh": records.OPCODE_SCHEMA,
-    "rch": records.OPCODE_CHANNEL,
-    "st": records.OPCODE_STATISTICS,
-    "chx": records.OPCODE_CHUNK_INDEX,
-    "ax": records.OPCODE_ATTACHMENT_INDEX,
-    "mdx": records.OPCODE_METADATA_INDEX,
+    "rsh": records.Opcode.SCHEMA,
+    "rch": records.Opcode.CHANNEL,
+    "st": records.Opcode.STATISTICS,
+    "chx": records.Opcode.CHUNK_INDEX,
+    "ax": records.Opcode.ATTACHMENT_INDEX,
+    "mdx": records.Opcode.METADATA_INDEX,
 }
 
 

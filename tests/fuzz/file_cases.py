@@ -21,11 +21,7 @@ from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_OUTPUT, CwcliError
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
-    OPCODE_CHANNEL,
-    OPCODE_CHUNK,
-    OPCODE_DATA_END,
-    OPCODE_MESSAGE,
-    OPCODE_SCHEMA,
+    Opcode,
 )
 from cwcli.logs.read.reader import Log
 from tests.fuzz.logs import MESSAGE_HEAD, Record, mutated_log, opened, split
@@ -46,7 +42,7 @@ COMMANDS = (
 WITH_COMMAND = 0.1
 N_INPUTS = 4
 BEYOND_BYTES = 1 << 16
-DEFINITIONS: dict[int, Any] = {OPCODE_SCHEMA: mcap.records.Schema, OPCODE_CHANNEL: mcap.records.Channel}
+DEFINITIONS: dict[int, Any] = {Opcode.SCHEMA: mcap.records.Schema, Opcode.CHANNEL: mcap.records.Channel}
 UNEXPECTED = {EXIT_BUG, EXIT_OUTPUT}
 SCENARIO = """description = "two cars"
 duration_s = 2
@@ -189,7 +185,7 @@ def walked_rows(data: bytes, path: Path) -> dict[str, list[Row]]:
         topics = {channel.id: channel.topic for channel in log.channels}
     found: dict[str, list[Row]] = {}
     for each, _ in _records(data):
-        if each.opcode == OPCODE_MESSAGE:
+        if each.opcode == Opcode.MESSAGE:
             channel, sequence, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(each.content)
             found.setdefault(topics[channel], []).append((log_time_ns, publish_time_ns, sequence))
     return found
@@ -198,9 +194,9 @@ def walked_rows(data: bytes, path: Path) -> dict[str, list[Row]]:
 def _records(data: bytes) -> Iterator[tuple[Record, bool]]:
     """Those of the data section, and whether each is in a chunk; none of a chunk that can't be unpacked."""
     for record in split(data[len(MCAP_MAGIC) : -len(MCAP_MAGIC)]):
-        if record.opcode == OPCODE_DATA_END:
+        if record.opcode == Opcode.DATA_END:
             return
-        if record.opcode == OPCODE_CHUNK:
+        if record.opcode == Opcode.CHUNK:
             with suppress(Exception):  # each library raises its own
                 yield from ((each, True) for each in split(opened(record)[3]))
         else:

@@ -16,14 +16,9 @@ import zstandard
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
-    OPCODE_CHANNEL,
-    OPCODE_CHUNK,
-    OPCODE_DATA_END,
-    OPCODE_MESSAGE,
-    OPCODE_MESSAGE_INDEX,
-    OPCODE_SCHEMA,
     RECORD_PREFIX,
     ChunkIndex,
+    Opcode,
     Statistics,
 )
 from tests.fuzz.messages import JSON_TOKENS, ROS_TOKENS
@@ -73,7 +68,7 @@ def mutated_log(rng: Rng, data: bytes) -> bytes:
     if choice < 0.15:
         return mutate(rng, data)
     records = split(data[len(MCAP_MAGIC) : -len(MCAP_MAGIC)])
-    n_data = next(k for k, each in enumerate(records) if each.opcode == OPCODE_DATA_END)
+    n_data = next(k for k, each in enumerate(records) if each.opcode == Opcode.DATA_END)
     inside, summary = records[:n_data], records[n_data + 1 : -1]
     if choice < 0.35:  # the summary's records, with a CRC that fits
         return _file(inside, mutated_records(rng, summary))
@@ -81,9 +76,9 @@ def mutated_log(rng: Rng, data: bytes) -> bytes:
         inside = mutated_records(rng, inside)
     else:
         inside = [
-            _mutated_chunk(rng, each) if each.opcode == OPCODE_CHUNK and rng.random() < 0.5 else each for each in inside
+            _mutated_chunk(rng, each) if each.opcode == Opcode.CHUNK and rng.random() < 0.5 else each for each in inside
         ]
-        if not any(each.opcode == OPCODE_CHUNK for each in inside):
+        if not any(each.opcode == Opcode.CHUNK for each in inside):
             inside = mutated_records(rng, inside)
     choice = rng.random()
     if choice < 0.6:
@@ -113,7 +108,7 @@ def mutated_records(rng: Rng, records: list[Record]) -> list[Record]:
 
 def _mutated_record(rng: Rng, record: Record) -> Record:
     opcode, content = record
-    if opcode == OPCODE_MESSAGE and len(content) >= MESSAGE_HEAD.size:
+    if opcode == Opcode.MESSAGE and len(content) >= MESSAGE_HEAD.size:
         channel, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(content)
         payload = content[MESSAGE_HEAD.size :]
         if rng.random() < 0.2:
@@ -123,7 +118,7 @@ def _mutated_record(rng: Rng, record: Record) -> Record:
         else:
             payload = mutate(rng, payload, JSON_TOKENS if payload[:1] == b"{" else NUMBERS)
         return Record(opcode, MESSAGE_HEAD.pack(channel, sequence, log_ns, publish_ns) + payload)
-    if opcode == OPCODE_SCHEMA and rng.random() < 0.8:
+    if opcode == Opcode.SCHEMA and rng.random() < 0.8:
         return Record(opcode, mutate(rng, content, ROS_TOKENS if b"float64" in content else NUMBERS))
     return Record(opcode, mutate(rng, content))
 
@@ -143,7 +138,7 @@ def _mutated_chunk(rng: Rng, chunk: Record) -> Record:
         stored = mutate(rng, stored)
     head = CHUNK_HEAD.pack(start_ns, end_ns, size, crc)
     named = struct.pack("<I", len(compression)) + compression.encode()
-    return Record(OPCODE_CHUNK, head + named + struct.pack("<Q", len(stored)) + stored)
+    return Record(Opcode.CHUNK, head + named + struct.pack("<Q", len(stored)) + stored)
 
 
 def opened(chunk: Record) -> tuple[int, int, str, bytes]:
@@ -182,7 +177,7 @@ def _told(inside: list[Record]) -> list[Record]:
     at = len(MCAP_MAGIC)
     for record in inside:
         within = [record]
-        if record.opcode == OPCODE_CHUNK:
+        if record.opcode == Opcode.CHUNK:
             start_ns, end_ns, size, _ = CHUNK_HEAD.unpack_from(record.content)
             (n,) = struct.unpack_from("<I", record.content, CHUNK_HEAD.size)
             name_at = CHUNK_HEAD.size + 4
@@ -193,19 +188,19 @@ def _told(inside: list[Record]) -> list[Record]:
                 within = split(opened(record)[3])
             except Exception:  # what is in it can't be told
                 within = []
-        elif record.opcode == OPCODE_MESSAGE_INDEX and indexes and len(record.content) >= 2:
+        elif record.opcode == Opcode.MESSAGE_INDEX and indexes and len(record.content) >= 2:
             index = indexes[-1]
             offsets = {**index.index_offsets, int.from_bytes(record.content[:2], "little"): at}
             length = at + len(record.bytes) - index.chunk_start - index.chunk_length
             indexes[-1] = index._replace(index_offsets=offsets, index_length=length)
         for each in within:
-            if each.opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
+            if each.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 defined.setdefault(bytes([each.opcode]) + each.content[:2], each)
-            elif each.opcode == OPCODE_MESSAGE and len(each.content) >= 2:
+            elif each.opcode == Opcode.MESSAGE and len(each.content) >= 2:
                 channel = int.from_bytes(each.content[:2], "little")
                 counts[channel] = counts.get(channel, 0) + 1
         at += len(record.bytes)
-    n_schemas = sum(each.opcode == OPCODE_SCHEMA for each in defined.values())
+    n_schemas = sum(each.opcode == Opcode.SCHEMA for each in defined.values())
     counted = Statistics(sum(counts.values()), n_schemas, len(defined) - n_schemas, 0, 0, len(indexes), 0, 0, counts)
     written = [record_bytes.encode_record(counted), *map(record_bytes.encode_record, indexes)]
     return [*defined.values(), *split(b"".join(written))]

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.kernels.message_scan import DAMAGED, DONE, FULL, Messages, scan_messages
 from cwcli.kernels.metadata_scan import scan_metadata, scan_metadata_index
 from cwcli.logs.format import record_bytes
-from cwcli.logs.format.records import OPCODE_METADATA, OPCODE_METADATA_INDEX, MetadataIndex
+from cwcli.logs.format.records import MetadataIndex, Opcode
 from tests.fuzz.mutate import Rng, mutate
 
 N_INPUTS = 16
@@ -42,19 +42,19 @@ def check_scan(rng: Rng) -> dict[str, int]:
 
 def _check_metadata(rng: Rng) -> bool:
     """Whether all records were noted."""
-    opcode = int(rng.choice([OPCODE_METADATA, OPCODE_METADATA_INDEX]))
+    opcode = int(rng.choice([Opcode.METADATA, Opcode.METADATA_INDEX]))
     texts = [str(rng.choice(["", "run", "ä", "name of a record"])) for _ in range(30)]
     names = iter(texts)
     records = [
         record_bytes.encode_metadata(next(names), {next(names): next(names)} if rng.random() < 0.5 else {})
-        if opcode == OPCODE_METADATA
+        if opcode == Opcode.METADATA
         else record_bytes.encode_record(MetadataIndex(int(rng.integers(1 << 63)), 7, next(names)))
         for _ in range(int(rng.integers(10)))
     ]
     data = mutate(rng, b"".join(records))
     capacity = int(rng.integers(1, 12))
     room, found = array("Q", bytes(16 * capacity)), list[str]()
-    scan = scan_metadata if opcode == OPCODE_METADATA else scan_metadata_index
+    scan = scan_metadata if opcode == Opcode.METADATA else scan_metadata_index
     at, n = scan(np.array(bytearray(data), np.uint8).data, 1000, room, found)
     assert n == len(found)
     rows = [(*room[2 * k : 2 * k + 2], name) for k, name in enumerate(found)]
@@ -72,7 +72,7 @@ def _metadata(data: bytes, opcode: int, capacity: int) -> tuple[list[tuple[int, 
         try:
             if end > len(data):
                 break
-            if opcode == OPCODE_METADATA_INDEX:
+            if opcode == Opcode.METADATA_INDEX:
                 rows.append((*struct.unpack_from("<QQ", content), _text(content, 16)[0]))
             else:
                 name, name_end = _text(content, 0)

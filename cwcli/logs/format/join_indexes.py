@@ -9,10 +9,9 @@ from cwcli.logs.format.index import Item, LogIndex, UnchunkedRange, UnchunkedRec
 from cwcli.logs.format.joined_file import UNKNOWN_CHANNEL_ID, ChannelRenumbering, JoinedFile
 from cwcli.logs.format.metadata_table import MetadataRun
 from cwcli.logs.format.records import (
-    OPCODE_CHANNEL,
-    OPCODE_SCHEMA,
     AttachmentIndex,
     ChunkIndex,
+    Opcode,
     Statistics,
 )
 
@@ -94,7 +93,7 @@ def _shift_items_into_log(
         elif isinstance(item, UnchunkedRange):
             items.append(UnchunkedRange(item.start + start, item.end + start))
         elif isinstance(item, UnchunkedRecord):
-            if item.opcode not in (OPCODE_SCHEMA, OPCODE_CHANNEL):
+            if item.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
                 items.append(item._replace(start=item.start + start))
         elif isinstance(item, AttachmentIndex):
             items.append(item._replace(offset=item.offset + start))

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from cwcli.errors import InputError
-from cwcli.logs.format.records import OPCODE_METADATA, ByteSource, MetadataIndex
+from cwcli.logs.format.records import ByteSource, MetadataIndex, Opcode
 
 MAX_METADATA_RECORDS = 1 << 21
 """The greatest number of metadata records of a file, so that the table fits in memory. Chosen by hand."""
@@ -65,7 +65,7 @@ class MetadataTable:
         """
         from cwcli.kernels.metadata_scan import scan_metadata, scan_metadata_index
 
-        scan = scan_metadata if opcode == OPCODE_METADATA else scan_metadata_index
+        scan = scan_metadata if opcode == Opcode.METADATA else scan_metadata_index
         room = array("Q", bytes(16 * SCAN_BLOCK_RECORDS))
         while at < end:
             n_bytes, n = scan(data[at : min(at + SCAN_BLOCK_BYTES, end)], at, room, self.names)

@@ -15,8 +15,8 @@ from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.part_order import arrange_parts, note_unreadable_part
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
-    OPCODE_HEADER,
     ChunkIndex,
+    Opcode,
     RecordError,
     read_opcode_and_content_range,
     read_profile_and_library,
@@ -113,7 +113,7 @@ def _read_magic_and_header(file: InputFile, faults: Faults, *, recover: bool) ->
         raise not_mcap_error(file.name, bytes(file[:16]))
     try:
         opcode, start, end = read_opcode_and_content_range(file, at, len(file))
-        if opcode != OPCODE_HEADER:
+        if opcode != Opcode.HEADER:
             raise RecordError("the first record is not a header")
         return end, (*read_profile_and_library(file, start, end), end)
     except RecordError as error:

@@ -12,13 +12,6 @@ from itertools import islice
 from typing import Any
 
 from cwcli.logs.format.records import (
-    OPCODE_CHUNK,
-    OPCODE_DATA_END,
-    OPCODE_FOOTER,
-    OPCODE_HEADER,
-    OPCODE_MESSAGE_INDEX,
-    OPCODE_METADATA,
-    OPCODE_SUMMARY_OFFSET,
     RECORD_LAYOUTS,
     RECORD_PREFIX,
     AttachmentIndex,
@@ -26,6 +19,7 @@ from cwcli.logs.format.records import (
     ChunkIndex,
     FieldReader,
     MetadataIndex,
+    Opcode,
     Schema,
     Statistics,
 )
@@ -33,7 +27,7 @@ from cwcli.text import escape_surrogates
 
 
 def encode_header(profile: str, library: str) -> bytes:
-    return _join_record(OPCODE_HEADER, _encode_text(profile), _encode_text(library))
+    return _join_record(Opcode.HEADER, _encode_text(profile), _encode_text(library))
 
 
 def encode_record(record: Schema | Channel | ChunkIndex | AttachmentIndex | MetadataIndex | Statistics) -> bytes:
@@ -56,32 +50,32 @@ def encode_chunk_head(start_ns: int, end_ns: int, size: int, crc: int, compressi
         + _encode_text(compression)
         + _pack_little_endian("Q", stored_size)
     )
-    return RECORD_PREFIX.pack(OPCODE_CHUNK, len(fields) + stored_size) + fields
+    return RECORD_PREFIX.pack(Opcode.CHUNK, len(fields) + stored_size) + fields
 
 
 def encode_message_index(channel_id: int, entries: bytes) -> bytes:
     """Encode a message index record; `entries` are (u64 log time, u64 offset) pairs."""
-    return _join_record(OPCODE_MESSAGE_INDEX, _pack_little_endian("H", channel_id), _with_length_prefix(entries))
+    return _join_record(Opcode.MESSAGE_INDEX, _pack_little_endian("H", channel_id), _with_length_prefix(entries))
 
 
 def encode_metadata(name: str, values: Mapping[str, str]) -> bytes:
-    return _join_record(OPCODE_METADATA, _encode_text(name), _encode_text_map(values))
+    return _join_record(Opcode.METADATA, _encode_text(name), _encode_text_map(values))
 
 
 def encode_data_end(crc: int = 0) -> bytes:
     """Encode a data end record; a CRC of 0 means that it is not available."""
-    return _join_record(OPCODE_DATA_END, _pack_little_endian("I", crc))
+    return _join_record(Opcode.DATA_END, _pack_little_endian("I", crc))
 
 
 def encode_summary_offset(opcode: int, start: int, length: int) -> bytes:
     """Encode a summary offset record: the place of the summary's records with one opcode."""
-    return _join_record(OPCODE_SUMMARY_OFFSET, _pack_little_endian("BQQ", opcode, start, length))
+    return _join_record(Opcode.SUMMARY_OFFSET, _pack_little_endian("BQQ", opcode, start, length))
 
 
 def encode_footer(summary_start: int, summary_offset_start: int, summary: bytes | bytearray) -> bytes:
     """Encode the footer record with the CRC over the summary and the footer's own beginning."""
     fields = _pack_little_endian("QQ", summary_start, summary_offset_start)
-    head = RECORD_PREFIX.pack(OPCODE_FOOTER, len(fields) + 4) + fields
+    head = RECORD_PREFIX.pack(Opcode.FOOTER, len(fields) + 4) + fields
     return head + _pack_little_endian("I", zlib.crc32(head, zlib.crc32(summary)))
 
 

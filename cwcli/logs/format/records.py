@@ -21,37 +21,6 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 RECORD_PREFIX = struct.Struct("<BQ")
 """The layout in front of every record: opcode and length of the content in bytes (MCAP specification)."""
 
-OPCODE_HEADER = 0x01
-"""The opcode of the header record (MCAP specification, as are all opcodes below)."""
-OPCODE_FOOTER = 0x02
-"""The opcode of the footer record."""
-OPCODE_SCHEMA = 0x03
-"""The opcode of a schema record."""
-OPCODE_CHANNEL = 0x04
-"""The opcode of a channel record."""
-OPCODE_MESSAGE = 0x05
-"""The opcode of a message record."""
-OPCODE_CHUNK = 0x06
-"""The opcode of a chunk record."""
-OPCODE_MESSAGE_INDEX = 0x07
-"""The opcode of a message index record."""
-OPCODE_CHUNK_INDEX = 0x08
-"""The opcode of a chunk index record."""
-OPCODE_ATTACHMENT = 0x09
-"""The opcode of an attachment record."""
-OPCODE_ATTACHMENT_INDEX = 0x0A
-"""The opcode of an attachment index record."""
-OPCODE_STATISTICS = 0x0B
-"""The opcode of the statistics record."""
-OPCODE_METADATA = 0x0C
-"""The opcode of a metadata record."""
-OPCODE_METADATA_INDEX = 0x0D
-"""The opcode of a metadata index record."""
-OPCODE_SUMMARY_OFFSET = 0x0E
-"""The opcode of a summary offset record."""
-OPCODE_DATA_END = 0x0F
-"""The opcode of the data end record."""
-
 FOOTER_BYTES = RECORD_PREFIX.size + 20
 """Size in bytes of a footer record with its prefix (MCAP specification)."""
 MESSAGE_HEADER_BYTES = 22
@@ -61,6 +30,26 @@ MESSAGE_INDEX_ENTRY_BYTES = 16
 """Size in bytes of an entry of a message index: log time and offset (MCAP specification)."""
 CRC_BLOCK_BYTES = 1 << 20
 """Bytes that are read at a time to compute a CRC. Chosen by hand."""
+
+
+class Opcode:
+    """The opcodes of the records (MCAP specification)."""
+
+    HEADER = 0x01
+    FOOTER = 0x02
+    SCHEMA = 0x03
+    CHANNEL = 0x04
+    MESSAGE = 0x05
+    CHUNK = 0x06
+    MESSAGE_INDEX = 0x07
+    CHUNK_INDEX = 0x08
+    ATTACHMENT = 0x09
+    ATTACHMENT_INDEX = 0x0A
+    STATISTICS = 0x0B
+    METADATA = 0x0C
+    METADATA_INDEX = 0x0D
+    SUMMARY_OFFSET = 0x0E
+    DATA_END = 0x0F
 
 
 class ByteSource(Protocol):
@@ -280,13 +269,13 @@ _TEXT, _BYTES = FieldReader.read_string, FieldReader.read_byte_string
 _COUNT_MAP = FieldReader.read_count_map
 """The layout of a map of channel ids to numbers."""
 RECORD_LAYOUTS: dict[type[tuple[Any, ...]], tuple[int, tuple[FieldLayout, ...]]] = {
-    Schema: (OPCODE_SCHEMA, (_U16, _TEXT, _TEXT, _BYTES)),
-    Channel: (OPCODE_CHANNEL, (struct.Struct("<HH"), _TEXT, _TEXT, FieldReader.read_text_map)),
-    ChunkIndex: (OPCODE_CHUNK_INDEX, (struct.Struct("<QQQQ"), _COUNT_MAP, _U64, _TEXT, _U64_U64)),
-    AttachmentIndex: (OPCODE_ATTACHMENT_INDEX, (struct.Struct("<QQQQQ"), _TEXT, _TEXT)),
-    MetadataIndex: (OPCODE_METADATA_INDEX, (_U64_U64, _TEXT)),
-    Statistics: (OPCODE_STATISTICS, (struct.Struct("<QHIIIIQQ"), _COUNT_MAP)),
-    Footer: (OPCODE_FOOTER, (struct.Struct("<QQI"),)),
+    Schema: (Opcode.SCHEMA, (_U16, _TEXT, _TEXT, _BYTES)),
+    Channel: (Opcode.CHANNEL, (struct.Struct("<HH"), _TEXT, _TEXT, FieldReader.read_text_map)),
+    ChunkIndex: (Opcode.CHUNK_INDEX, (struct.Struct("<QQQQ"), _COUNT_MAP, _U64, _TEXT, _U64_U64)),
+    AttachmentIndex: (Opcode.ATTACHMENT_INDEX, (struct.Struct("<QQQQQ"), _TEXT, _TEXT)),
+    MetadataIndex: (Opcode.METADATA_INDEX, (_U64_U64, _TEXT)),
+    Statistics: (Opcode.STATISTICS, (struct.Struct("<QHIIIIQQ"), _COUNT_MAP)),
+    Footer: (Opcode.FOOTER, (struct.Struct("<QQI"),)),
 }
 """Class of a record -> its opcode, and the layout of its fields in their order (MCAP specification)."""
 AnyRecord = TypeVar("AnyRecord", bound=tuple[Any, ...])

@@ -13,12 +13,9 @@ import numpy as np
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
     MESSAGE_HEADER_BYTES,
-    OPCODE_CHUNK,
-    OPCODE_DATA_END,
-    OPCODE_FOOTER,
-    OPCODE_MESSAGE,
     RECORD_PREFIX,
     ByteSource,
+    Opcode,
     RecordError,
     read_chunk,
     read_opcode_and_content_range,
@@ -43,7 +40,7 @@ def find_next_record_offset(data: ByteSource, at: int, channels: Container[int])
         stop = min(at + SEARCH_BLOCK_BYTES, last)
         octets = np.frombuffer(data[at : stop + RECORD_PREFIX.size], np.uint8)
         opcodes = octets[: stop - at]
-        believable = (opcodes >= 1) & (opcodes <= OPCODE_DATA_END)
+        believable = (opcodes >= 1) & (opcodes <= Opcode.DATA_END)
         for k in range(RECORD_PREFIX.size - N_ZERO_HIGH_LENGTH_BYTES, RECORD_PREFIX.size):
             believable &= octets[k : k + stop - at] == 0
         for candidate in (np.flatnonzero(believable) + at).tolist():
@@ -58,15 +55,15 @@ def is_plausible_record(data: ByteSource, at: int, channels: Container[int]) -> 
     for _ in range(N_RECORDS_TO_VERIFY):
         try:
             opcode, start, end = read_opcode_and_content_range(data, at, len(data))
-            if opcode == OPCODE_CHUNK:
+            if opcode == Opcode.CHUNK:
                 chunk = read_chunk(data, start, end)
                 return chunk.data_start + chunk.data_length == end
         except RecordError:
             return False
-        if opcode == OPCODE_FOOTER:
+        if opcode == Opcode.FOOTER:
             return data[end : end + len(MCAP_MAGIC)] == MCAP_MAGIC
-        is_known = opcode <= OPCODE_DATA_END
-        if opcode == OPCODE_MESSAGE:
+        is_known = opcode <= Opcode.DATA_END
+        if opcode == Opcode.MESSAGE:
             is_long_enough = end - start >= MESSAGE_HEADER_BYTES
             is_known = is_long_enough and int.from_bytes(data[start : start + 2], "little") in channels
         if not is_known or end == len(data):

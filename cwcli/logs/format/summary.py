@@ -12,15 +12,6 @@ from cwcli.logs.format.metadata_table import MIN_RECORDS_FOR_KERNEL
 from cwcli.logs.format.records import (
     FOOTER_BYTES,
     MCAP_MAGIC,
-    OPCODE_ATTACHMENT_INDEX,
-    OPCODE_CHANNEL,
-    OPCODE_CHUNK_INDEX,
-    OPCODE_DATA_END,
-    OPCODE_FOOTER,
-    OPCODE_METADATA_INDEX,
-    OPCODE_SCHEMA,
-    OPCODE_STATISTICS,
-    OPCODE_SUMMARY_OFFSET,
     RECORD_PREFIX,
     AttachmentIndex,
     ByteSource,
@@ -28,6 +19,7 @@ from cwcli.logs.format.records import (
     ChunkIndex,
     Footer,
     MetadataIndex,
+    Opcode,
     RecordError,
     Schema,
     Statistics,
@@ -48,7 +40,7 @@ def find_footer_and_its_offset(data: ByteSource) -> tuple[Footer, int] | None:
         opcode, start, end = read_opcode_and_content_range(data, at, len(data) - len(MCAP_MAGIC))
         return (
             (read_record(Footer, data, start, end), at)
-            if opcode == OPCODE_FOOTER and end == len(data) - len(MCAP_MAGIC)
+            if opcode == Opcode.FOOTER and end == len(data) - len(MCAP_MAGIC)
             else None
         )
     except RecordError:
@@ -84,14 +76,14 @@ def read_summary_if_present(
     at = n = n_alike = 0
     while at < footer_at - start:
         opcode, begin, at = read_opcode_and_content_range(summary, at, footer_at - start)
-        n += opcode not in (OPCODE_CHUNK_INDEX, OPCODE_SUMMARY_OFFSET, OPCODE_METADATA_INDEX)
+        n += opcode not in (Opcode.CHUNK_INDEX, Opcode.SUMMARY_OFFSET, Opcode.METADATA_INDEX)
         check_non_message_record_count(file.name, n)
         _add_record_to_index(index, opcode, summary, begin, at)
-        n_alike = n_alike + 1 if opcode == OPCODE_METADATA_INDEX else 0
+        n_alike = n_alike + 1 if opcode == Opcode.METADATA_INDEX else 0
         if n_alike > MIN_RECORDS_FOR_KERNEL:
             at = index.metadata.append_consecutive_records(summary, at, footer_at - start, opcode, file.name)
     data_end = start - DATA_END_BYTES
-    if data_end < data_start or file[data_end : data_end + 1] != bytes([OPCODE_DATA_END]):
+    if data_end < data_start or file[data_end : data_end + 1] != bytes([Opcode.DATA_END]):
         data_end = start  # a longer end record: the walk will come upon it
     else:
         index.data_end = data_end
@@ -105,21 +97,21 @@ def _add_record_to_index(index: LogIndex, opcode: int, data: ByteSource, start: 
     Raises:
         RecordError: It is damaged, or belongs in the data section.
     """
-    if opcode == OPCODE_SCHEMA:
+    if opcode == Opcode.SCHEMA:
         schema = read_record(Schema, data, start, end)
         index.schemas[schema.id] = schema
-    elif opcode == OPCODE_CHANNEL:
+    elif opcode == Opcode.CHANNEL:
         channel = read_record(Channel, data, start, end)
         index.channels[channel.id] = channel
-    elif opcode == OPCODE_CHUNK_INDEX:
+    elif opcode == Opcode.CHUNK_INDEX:
         index.items.append(read_record(ChunkIndex, data, start, end))
-    elif opcode == OPCODE_STATISTICS:
+    elif opcode == Opcode.STATISTICS:
         index.statistics = read_record(Statistics, data, start, end)
-    elif opcode == OPCODE_ATTACHMENT_INDEX:
+    elif opcode == Opcode.ATTACHMENT_INDEX:
         index.items.append(read_record(AttachmentIndex, data, start, end))
-    elif opcode == OPCODE_METADATA_INDEX:
+    elif opcode == Opcode.METADATA_INDEX:
         index.metadata.append(*read_record(MetadataIndex, data, start, end))
-    elif opcode < OPCODE_SUMMARY_OFFSET or opcode == OPCODE_DATA_END:
+    elif opcode < Opcode.SUMMARY_OFFSET or opcode == Opcode.DATA_END:
         raise RecordError("the summary holds a record of the data section")
 
 

@@ -20,20 +20,12 @@ from cwcli.logs.format.records import (
     MCAP_MAGIC,
     MESSAGE_HEADER_BYTES,
     MESSAGE_INDEX_ENTRY_BYTES,
-    OPCODE_ATTACHMENT,
-    OPCODE_CHANNEL,
-    OPCODE_CHUNK,
-    OPCODE_DATA_END,
-    OPCODE_FOOTER,
-    OPCODE_MESSAGE,
-    OPCODE_MESSAGE_INDEX,
-    OPCODE_METADATA,
-    OPCODE_SCHEMA,
     RECORD_PREFIX,
     AttachmentIndex,
     ByteSource,
     Channel,
     ChunkIndex,
+    Opcode,
     RecordError,
     Schema,
     Statistics,
@@ -47,7 +39,7 @@ from cwcli.logs.format.records import (
 )
 
 DATA_SECTION_OPCODES = frozenset(
-    {OPCODE_MESSAGE, OPCODE_CHUNK, OPCODE_MESSAGE_INDEX, OPCODE_ATTACHMENT, OPCODE_METADATA}
+    {Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA}
 )
 """The opcodes of the records that occur in the data section only (MCAP specification)."""
 RECORDS_BETWEEN_CHECKS = 1 << 12
@@ -98,9 +90,9 @@ class _DataSectionIndexer:
         while at < len(file):
             try:
                 opcode, start, end = read_opcode_and_content_range(file, at, len(file))
-                if opcode in (OPCODE_DATA_END, OPCODE_FOOTER):
+                if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                     self._check_nothing_follows_end(opcode, end)
-                    index.data_end = at if opcode == OPCODE_DATA_END else None
+                    index.data_end = at if opcode == Opcode.DATA_END else None
                     index.has_end = True
                     break
                 at = self._add_record_and_get_next_offset(opcode, at, start, end)
@@ -127,7 +119,7 @@ class _DataSectionIndexer:
             RecordError: Some follow.
         """
         file = self._file
-        if opcode == OPCODE_FOOTER:
+        if opcode == Opcode.FOOTER:
             if end + len(MCAP_MAGIC) < len(file):
                 raise RecordError("a footer stands before the end of the file")
         elif end < len(file) and file[end : end + 1][0] in DATA_SECTION_OPCODES:
@@ -136,7 +128,7 @@ class _DataSectionIndexer:
     def _add_record_and_get_next_offset(self, opcode: int, at: int, start: int, end: int) -> int:
         """Add one record, with the message indexes after a chunk; return the offset of the next one."""
         items, file = self._index.items, self._file
-        if opcode == OPCODE_MESSAGE:
+        if opcode == Opcode.MESSAGE:
             self._count_message_and_get_channel_id(file, start, end)
             before = items[-1] if items else None
             if isinstance(before, UnchunkedRange) and before.end == at:
@@ -144,19 +136,19 @@ class _DataSectionIndexer:
             else:
                 items.append(UnchunkedRange(at, end))
             return end
-        if opcode == OPCODE_CHUNK:
+        if opcode == Opcode.CHUNK:
             return self._add_chunk_and_get_next_offset(at, start, end)
-        if opcode == OPCODE_METADATA:
+        if opcode == Opcode.METADATA:
             return self._add_metadata_records_and_get_next_offset(at, start, end)
-        self._n_records += opcode != OPCODE_MESSAGE_INDEX
+        self._n_records += opcode != Opcode.MESSAGE_INDEX
         check_non_message_record_count(file.name, self._n_records)
-        if opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             items.append(
                 UnchunkedRecord(at, end - at, opcode, self._add_definition_and_get_id(opcode, file, start, end))
             )
-        elif opcode == OPCODE_ATTACHMENT:
+        elif opcode == Opcode.ATTACHMENT:
             items.append(read_attachment(file, start, end))
-        elif opcode != OPCODE_MESSAGE_INDEX:  # without its chunk it serves nobody
+        elif opcode != Opcode.MESSAGE_INDEX:  # without its chunk it serves nobody
             items.append(UnchunkedRecord(at, end - at, opcode, -1))
         return end
 
@@ -168,7 +160,7 @@ class _DataSectionIndexer:
         before = items[-1] if items else None
         if isinstance(before, MetadataRun) and before.end == at:
             if len(table) - max(before.first, self._n_taken_at_once) > MIN_RECORDS_FOR_KERNEL:
-                end = table.append_consecutive_records(file, end, len(file), OPCODE_METADATA, file.name)
+                end = table.append_consecutive_records(file, end, len(file), Opcode.METADATA, file.name)
                 self._n_taken_at_once = len(table)
             items[-1] = before._replace(end=end, stop=len(table))
         else:
@@ -189,7 +181,7 @@ class _DataSectionIndexer:
         while cursor < len(file):
             try:
                 opcode, index_start, index_end = read_opcode_and_content_range(file, cursor, len(file))
-                if opcode != OPCODE_MESSAGE_INDEX:
+                if opcode != Opcode.MESSAGE_INDEX:
                     break
                 channel_id, first, last = channel_id_and_range_of_message_index_entries(file, index_start, index_end)
             except RecordError:
@@ -254,7 +246,7 @@ class _DataSectionIndexer:
             chunk = read_chunk_head(file, start, size)
         except RecordError:
             return None
-        if opcode != OPCODE_CHUNK or chunk.compression not in DECOMPRESSORS:
+        if opcode != Opcode.CHUNK or chunk.compression not in DECOMPRESSORS:
             return None
         by_record, by_header = start + length, chunk.data_start + chunk.data_length
         if by_record == by_header:
@@ -305,9 +297,9 @@ class _DataSectionIndexer:
         while at < len(payload):
             try:
                 opcode, start, end = read_opcode_and_content_range(payload, at, len(payload))
-                if opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
+                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     self._add_definition_and_get_id(opcode, payload, start, end)
-                elif opcode == OPCODE_MESSAGE and chunk.counts is None:
+                elif opcode == Opcode.MESSAGE and chunk.counts is None:
                     channel_id = self._count_message_and_get_channel_id(payload, start, end)
                     counts[channel_id] = counts.get(channel_id, 0) + 1
                 self._n_opened += 1
@@ -323,7 +315,7 @@ class _DataSectionIndexer:
 
     def _add_definition_and_get_id(self, opcode: int, data: ByteSource, start: int, end: int) -> int:
         """Add a schema or a channel, unless one with its id is known; return the id."""
-        if opcode == OPCODE_SCHEMA:
+        if opcode == Opcode.SCHEMA:
             schema = read_record(Schema, data, start, end)
             return self._index.schemas.setdefault(schema.id, schema).id
         channel = read_record(Channel, data, start, end)

@@ -21,11 +21,10 @@ from cwcli.logs.format.faults import RECOVER_HINT, Faults
 from cwcli.logs.format.index import LogIndex, UnchunkedRange
 from cwcli.logs.format.records import (
     MESSAGE_HEADER_BYTES,
-    OPCODE_MESSAGE,
-    OPCODE_MESSAGE_INDEX,
     RECORD_PREFIX,
     ByteRange,
     ChunkIndex,
+    Opcode,
     RecordError,
     channel_id_and_range_of_message_index_entries,
     crc32_of_range,
@@ -294,7 +293,7 @@ class MessageReader:
                 if record_end - at <= len(octets):
                     self._report_damaged_record(at, "a record is damaged", end - at)
                     return
-                if opcode == OPCODE_MESSAGE:
+                if opcode == Opcode.MESSAGE:
                     size = record_end - at
                 else:
                     at = record_end
@@ -448,7 +447,7 @@ def find_message_index_entries(
         return None
     renumbering = index.renumbering_at(chunk.chunk_start)
     own_id = found if renumbering is None else renumbering.log_channel_id(found)
-    if opcode != OPCODE_MESSAGE_INDEX or own_id != channel_id:
+    if opcode != Opcode.MESSAGE_INDEX or own_id != channel_id:
         return None
     return np.frombuffer(file[first:last], "<u8").reshape(-1, 2)
 

@@ -15,7 +15,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.encoders.byte_rows import ByteArray, ByteRows, copy_rows, offsets_from_sizes, sliding_byte_windows
 from cwcli.logs.encoders.column_tree import ColumnError
 from cwcli.logs.encoders.output_schema import find_output_schema
-from cwcli.logs.format.records import OPCODE_MESSAGE, RECORD_PREFIX
+from cwcli.logs.format.records import RECORD_PREFIX, Opcode
 from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, slice_column
 
 MESSAGE_RECORD_DTYPE = np.dtype(
@@ -229,7 +229,7 @@ class MessageMerge:
         order = np.argsort(feed_of, kind="stable")
         feed_of, log_time_ns = feed_of[order], log_time_ns[order]
         header = np.zeros(n, MESSAGE_RECORD_DTYPE)
-        header["opcode"] = OPCODE_MESSAGE
+        header["opcode"] = Opcode.MESSAGE
         header["log_time"] = log_time_ns
         taken: list[tuple[npt.NDArray[np.intp], ByteRows]] = []
         for k in np.flatnonzero(np.bincount(feed_of)).tolist():

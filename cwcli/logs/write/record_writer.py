@@ -14,15 +14,10 @@ from cwcli.logs.format import record_bytes
 from cwcli.logs.format.metadata_table import MetadataRun, MetadataTable
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
-    OPCODE_ATTACHMENT_INDEX,
-    OPCODE_CHANNEL,
-    OPCODE_CHUNK_INDEX,
-    OPCODE_METADATA_INDEX,
-    OPCODE_SCHEMA,
-    OPCODE_STATISTICS,
     AttachmentIndex,
     Channel,
     ChunkIndex,
+    Opcode,
     Schema,
     Statistics,
 )
@@ -149,12 +144,12 @@ class RecordWriter:
         start = self._output.position
         summary, offsets = bytearray(), bytearray()
         groups = {
-            OPCODE_SCHEMA: [record_bytes.encode_record(each) for each in self._schemas.values()],
-            OPCODE_CHANNEL: [record_bytes.encode_record(each) for each in self._channels.values()],
-            OPCODE_STATISTICS: [record_bytes.encode_record(self._build_statistics())],
-            OPCODE_CHUNK_INDEX: [record_bytes.encode_record(each) for each in self._chunks],
-            OPCODE_ATTACHMENT_INDEX: [record_bytes.encode_record(each) for each in self._attachments],
-            OPCODE_METADATA_INDEX: [record_bytes.encode_record(each) for each in self._metadata],
+            Opcode.SCHEMA: [record_bytes.encode_record(each) for each in self._schemas.values()],
+            Opcode.CHANNEL: [record_bytes.encode_record(each) for each in self._channels.values()],
+            Opcode.STATISTICS: [record_bytes.encode_record(self._build_statistics())],
+            Opcode.CHUNK_INDEX: [record_bytes.encode_record(each) for each in self._chunks],
+            Opcode.ATTACHMENT_INDEX: [record_bytes.encode_record(each) for each in self._attachments],
+            Opcode.METADATA_INDEX: [record_bytes.encode_record(each) for each in self._metadata],
         }
         for opcode, records in groups.items():
             group = b"".join(records)

@@ -22,12 +22,10 @@ from cwcli.logs.format.chunks import (
 from cwcli.logs.format.faults import Faults, damaged_file_error
 from cwcli.logs.format.index import Item, LogIndex, UnchunkedRange, UnchunkedRecord
 from cwcli.logs.format.records import (
-    OPCODE_CHANNEL,
-    OPCODE_MESSAGE,
-    OPCODE_SCHEMA,
     RECORD_PREFIX,
     AttachmentIndex,
     ChunkIndex,
+    Opcode,
     RecordError,
     attachment_crc_offset,
     crc32_of_range,
@@ -187,7 +185,7 @@ class SourceCopy:
             records = self._index.records_with_log_ids(item.start, self._source[item.start : item.end])
             return self._write_chunk_and_get_last_log_time(writer, records, compress=False)
         if isinstance(item, UnchunkedRecord):
-            left_out = {OPCODE_CHANNEL: self._replaced_ids, OPCODE_SCHEMA: self._written_schema_ids}.get(
+            left_out = {Opcode.CHANNEL: self._replaced_ids, Opcode.SCHEMA: self._written_schema_ids}.get(
                 item.opcode, ()
             )
             if item.id not in left_out:
@@ -236,7 +234,7 @@ class SourceCopy:
             raise damaged_file_error(self._source, chunk.chunk_start, error) from error
         if not entries:
             for opcode, start, end in iter_record_bounds(records):
-                if opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
+                if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     writer.write_raw_record(records[start:end])
             return None
         stored = None if is_changed else stored_chunk_bytes(self._source, chunk)
@@ -309,9 +307,9 @@ def remove_channels_from_records(
     """
     kept = bytearray()
     for opcode, start, end in iter_record_bounds(records):
-        if opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL) and not definitions:
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and not definitions:
             continue
-        if opcode in (OPCODE_MESSAGE, OPCODE_CHANNEL):
+        if opcode in (Opcode.MESSAGE, Opcode.CHANNEL):
             if end - start < RECORD_PREFIX.size + 2:
                 raise RecordError("a record ends before its fields do")
             if (

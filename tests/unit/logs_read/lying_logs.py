@@ -7,15 +7,10 @@ from collections.abc import Callable
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
-    OPCODE_ATTACHMENT_INDEX,
-    OPCODE_CHANNEL,
-    OPCODE_CHUNK_INDEX,
-    OPCODE_METADATA_INDEX,
-    OPCODE_SCHEMA,
-    OPCODE_STATISTICS,
     Channel,
     ChunkIndex,
     Footer,
+    Opcode,
     Statistics,
     read_opcode_and_content_range,
     read_record,
@@ -44,15 +39,15 @@ def retold(
         opcode, start, end = read_opcode_and_content_range(view, at, footer_at)
         records.append((opcode, start, end, bytes(view[at:end])))
         at = end
-    channels = [read_record(Channel, view, start, end) for opcode, start, end, _ in records if opcode == OPCODE_CHANNEL]
+    channels = [read_record(Channel, view, start, end) for opcode, start, end, _ in records if opcode == Opcode.CHANNEL]
     ids = {channel.topic: channel.id for channel in channels}
     summary = b""
     for opcode, start, end, record in records:
-        if opcode == OPCODE_CHUNK_INDEX:
+        if opcode == Opcode.CHUNK_INDEX:
             summary += record_bytes.encode_record(chunk(read_record(ChunkIndex, view, start, end), ids))
-        elif opcode == OPCODE_STATISTICS:
+        elif opcode == Opcode.STATISTICS:
             summary += record_bytes.encode_record(counted(read_record(Statistics, view, start, end), ids))
-        elif opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL, OPCODE_ATTACHMENT_INDEX, OPCODE_METADATA_INDEX):
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
             summary += record
     return with_summary(data[: summary_at - len(record_bytes.encode_data_end())], summary)
 

@@ -15,13 +15,8 @@ from cwcli.errors import CwcliError, InputError
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
-    OPCODE_CHUNK,
-    OPCODE_CHUNK_INDEX,
-    OPCODE_DATA_END,
-    OPCODE_FOOTER,
-    OPCODE_MESSAGE,
-    OPCODE_MESSAGE_INDEX,
     ChunkIndex,
+    Opcode,
     read_chunk,
     read_opcode_and_content_range,
     read_record,
@@ -113,7 +108,7 @@ def test_flipped_bytes_give_a_known_error_or_intact_messages(tmp_path: Path, nam
 def test_flipped_byte_in_a_chunk_costs_that_chunk_alone(tmp_path: Path, name: str) -> None:
     data = small_log(N, **COMPRESSIONS[name])
     chunks = [
-        read_chunk(memoryview(data), start, end) for opcode, _, start, end in records(data) if opcode == OPCODE_CHUNK
+        read_chunk(memoryview(data), start, end) for opcode, _, start, end in records(data) if opcode == Opcode.CHUNK
     ]
     path = tmp_path / "log.mcap"
     path.write_bytes(flipped(data, chunks[1].data_start + chunks[1].data_length // 2))
@@ -131,7 +126,7 @@ def test_flipped_byte_in_a_chunk_costs_that_chunk_alone(tmp_path: Path, name: st
 
 def test_flipped_byte_in_an_unchunked_file_fails_the_crc_of_all_messages(tmp_path: Path) -> None:
     data = small_log(N, **LAYOUTS["unchunked with a CRC"])
-    start = next(start for opcode, _, start, _ in records(data) if opcode == OPCODE_MESSAGE)
+    start = next(start for opcode, _, start, _ in records(data) if opcode == Opcode.MESSAGE)
     path = tmp_path / "log.mcap"
     path.write_bytes(flipped(data, start + 60))
     with pytest.raises(InputError, match="CRC of its messages"):
@@ -143,7 +138,7 @@ def test_flipped_byte_in_an_unchunked_file_fails_the_crc_of_all_messages(tmp_pat
 
 def test_flipped_crc_alone_is_a_crc_mismatch(tmp_path: Path) -> None:
     data = small_log(N)
-    first = next(start for opcode, _, start, _ in records(data) if opcode == OPCODE_CHUNK)
+    first = next(start for opcode, _, start, _ in records(data) if opcode == Opcode.CHUNK)
     path = tmp_path / "log.mcap"
     path.write_bytes(flipped(data, first + 24))
     with pytest.raises(InputError, match="CRC"):
@@ -156,7 +151,7 @@ def test_flipped_byte_in_a_message_index_is_counted_and_harms_nobody(tmp_path: P
     path = tmp_path / "log.mcap"
     path.write_bytes(data)
     expected = latitudes(read_all(path)[0])
-    offsets = [start for opcode, _, start, _ in records(data) if opcode == OPCODE_MESSAGE_INDEX]
+    offsets = [start for opcode, _, start, _ in records(data) if opcode == Opcode.MESSAGE_INDEX]
     for shift in (0, 3, 8, 14):  # channel, length, a time, an offset
         path.write_bytes(flipped(data, offsets[0] + shift))
         loaded, log = read_all(path)
@@ -166,7 +161,7 @@ def test_flipped_byte_in_a_message_index_is_counted_and_harms_nobody(tmp_path: P
 
 def test_index_entry_that_points_outside_the_chunk_is_counted(tmp_path: Path) -> None:
     data = bytearray(small_log(N))
-    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == OPCODE_MESSAGE_INDEX)
+    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == Opcode.MESSAGE_INDEX)
     struct.pack_into("<Q", data, start + 6 + 8, 1 << 62)
     path = tmp_path / "log.mcap"
     path.write_bytes(bytes(data))
@@ -180,7 +175,7 @@ def test_chunk_index_that_points_outside_the_file_is_an_error(tmp_path: Path) ->
     path = tmp_path / "log.mcap"
     for field_at in (16, 24):  # chunk start, chunk length
         broken = bytearray(data)
-        start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == OPCODE_CHUNK_INDEX)
+        start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == Opcode.CHUNK_INDEX)
         struct.pack_into("<Q", broken, start + field_at, 1 << 62)
         path.write_bytes(bytes(broken))
         with pytest.raises(InputError, match="outside the file") as caught:
@@ -208,22 +203,22 @@ HUGE = 1 << 63
 
 
 def huge_record_length(data: bytearray) -> None:
-    at = next(at for opcode, at, _, _ in records(bytes(data)) if opcode == OPCODE_CHUNK)
+    at = next(at for opcode, at, _, _ in records(bytes(data)) if opcode == Opcode.CHUNK)
     struct.pack_into("<Q", data, at + 1, HUGE)
 
 
 def huge_chunk_size(data: bytearray) -> None:
-    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == OPCODE_CHUNK)
+    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == Opcode.CHUNK)
     struct.pack_into("<Q", data, start + 16, HUGE)
     for opcode, _, index_start, end in list(records(bytes(data))):
-        if opcode == OPCODE_CHUNK_INDEX:
+        if opcode == Opcode.CHUNK_INDEX:
             index = read_record(ChunkIndex, memoryview(bytes(data)), index_start, end)
             if index.chunk_start == start - 9:
                 struct.pack_into("<Q", data, end - 8, HUGE)
 
 
 def huge_stored_size(data: bytearray) -> None:
-    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == OPCODE_CHUNK)
+    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == Opcode.CHUNK)
     chunk = read_chunk(memoryview(bytes(data)), start, len(data))
     struct.pack_into("<Q", data, chunk.data_start - 8, HUGE)
 
@@ -264,10 +259,10 @@ def test_record_in_a_chunk_of_two_to_the_63_bytes_is_an_error(tmp_path: Path) ->
     chunk = next(
         read_chunk(memoryview(bytes(data)), start, end)
         for opcode, _, start, end in records(bytes(data))
-        if opcode == OPCODE_CHUNK
+        if opcode == Opcode.CHUNK
     )
     at = chunk.data_start
-    while data[at] != OPCODE_MESSAGE:
+    while data[at] != Opcode.MESSAGE:
         at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
     struct.pack_into("<Q", data, at + 1, HUGE)
     path = tmp_path / "log.mcap"
@@ -316,8 +311,8 @@ def test_unknown_compression_is_named(tmp_path: Path) -> None:
 
 def test_message_index_that_is_missing_costs_no_message_where_no_summary_counts(tmp_path: Path) -> None:
     data = small_log(N)
-    indexes = [(at, end) for opcode, at, _, end in records(data) if opcode == OPCODE_MESSAGE_INDEX]
-    end = next(end for opcode, _, _, end in records(data) if opcode == OPCODE_DATA_END)
+    indexes = [(at, end) for opcode, at, _, end in records(data) if opcode == Opcode.MESSAGE_INDEX]
+    end = next(end for opcode, _, _, end in records(data) if opcode == Opcode.DATA_END)
     footer = record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
     path = tmp_path / "log.mcap"
     for start, stop in indexes[1:4]:
@@ -327,12 +322,12 @@ def test_message_index_that_is_missing_costs_no_message_where_no_summary_counts(
                 assert len(log.columns(topic)) == N
 
 
-@pytest.mark.parametrize("opcode", [OPCODE_DATA_END, OPCODE_FOOTER])
+@pytest.mark.parametrize("opcode", [Opcode.DATA_END, Opcode.FOOTER])
 def test_end_record_amid_the_data_is_damage(tmp_path: Path, opcode: int) -> None:
     """One damaged byte: a message index behind the second chunk has become the end of the data, or of the file."""
     data = small_log(N)
-    at = [at for kind, at, _, _ in records(data) if kind == OPCODE_MESSAGE_INDEX][2]
-    end = next(end for kind, _, _, end in records(data) if kind == OPCODE_DATA_END)
+    at = [at for kind, at, _, _ in records(data) if kind == Opcode.MESSAGE_INDEX][2]
+    end = next(end for kind, _, _, end in records(data) if kind == Opcode.DATA_END)
     path = tmp_path / "log.mcap"
     path.write_bytes(
         data[:at] + bytes([opcode]) + data[at + 1 : end] + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
@@ -344,8 +339,8 @@ def test_end_record_amid_the_data_is_damage(tmp_path: Path, opcode: int) -> None
 
 def test_chunk_that_declares_no_content_is_damage(tmp_path: Path) -> None:
     data = small_log(N)
-    start = [start for kind, _, start, _ in records(data) if kind == OPCODE_CHUNK][1]
-    end = next(end for kind, _, _, end in records(data) if kind == OPCODE_DATA_END)
+    start = [start for kind, _, start, _ in records(data) if kind == Opcode.CHUNK][1]
+    end = next(end for kind, _, _, end in records(data) if kind == Opcode.DATA_END)
     path = tmp_path / "log.mcap"
     changed = data[: start + 16] + bytes(8) + data[start + 24 : end]
     path.write_bytes(changed + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC)

@@ -10,7 +10,7 @@ import pytest
 from cwcli.errors import InputError
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.metadata_table import MIN_RECORDS_FOR_KERNEL
-from cwcli.logs.format.records import MCAP_MAGIC, OPCODE_METADATA, RECORD_PREFIX, Channel, MetadataIndex, Statistics
+from cwcli.logs.format.records import MCAP_MAGIC, RECORD_PREFIX, Channel, MetadataIndex, Opcode, Statistics
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 
@@ -64,7 +64,7 @@ BROKEN = {
 @pytest.mark.parametrize("content", BROKEN.values(), ids=BROKEN.keys())
 def test_a_damaged_one_is_told_or_left_out(tmp_path: Path, content: bytes) -> None:
     k = 4 * MIN_RECORDS_FOR_KERNEL
-    bad = RECORD_PREFIX.pack(OPCODE_METADATA, len(content)) + content
+    bad = RECORD_PREFIX.pack(Opcode.METADATA, len(content)) + content
     path = written(tmp_path / "in.mcap", [*RECORDS[:k], bad, *RECORDS[k:]])
     at = len(HEAD) + sum(map(len, RECORDS[:k]))
     with pytest.raises(InputError, match=f"damaged at byte {at}: "):
