@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from cwcli.errors import InputError
@@ -32,16 +33,13 @@ def read_first_message_trees(
         DataError: The topic has several schemas.
     """
     decode = _make_decoder(channels, name)
+    batches = reader.iter_batches([channel.id for channel in channels])
+    payloads = (payload for batch in batches for _, payload in batch.iter_messages())
     found: list[object] = []
-    n_seen = 0
-    for batch in reader.iter_batches([channel.id for channel in channels]):
-        for _, payload in batch.iter_messages():
-            n_seen += 1
-            if len(payload) <= max_bytes:
-                with suppress(UndecodableMessage):
-                    found.append(decode(bytes(payload)))
-            if n_seen == n:
-                return found
+    for payload in islice(payloads, n):
+        if len(payload) <= max_bytes:
+            with suppress(UndecodableMessage):
+                found.append(decode(bytes(payload)))
     return found
 
 
