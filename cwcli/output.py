@@ -29,7 +29,7 @@ NO_SUCH_FILE_ERRNOS = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)
 """Error numbers of the operating system for a path at which there is no file."""
 
 
-def check_target(target: str | Path, *, force: bool = False) -> None:
+def refuse_unwritable_target(target: str | Path, *, force: bool = False) -> None:
     """Refuse a target that can't or must not be written, before any work is done.
 
     Args:
@@ -46,7 +46,7 @@ def check_target(target: str | Path, *, force: bool = False) -> None:
         _real_path_and_whether_device(target, force=force, inputs=())
 
 
-def check_targets(
+def refuse_unwritable_targets(
     files: Sequence[str | Path | None],
     folders: Sequence[str | Path | None] = (),
     *,
@@ -56,7 +56,7 @@ def check_targets(
     """Refuse targets that a command can't or must not write, before any work is done; `None` is skipped.
 
     Args:
-        files: As in `check_target`.
+        files: As in `refuse_unwritable_target`.
         folders: Folders that exist, or that `make_folder` can make.
         force: Allow files that exist, unless they are inputs of this run.
         inputs: Files that the command will read: names, or `-` for standard input.
@@ -68,7 +68,7 @@ def check_targets(
     for each in inputs:
         remember_input_file(each)
     places: set[object] = set()
-    for check, targets in ((partial(check_target, force=force), files), (_check_folder, folders)):
+    for check, targets in ((partial(refuse_unwritable_target, force=force), files), (_check_folder, folders)):
         for target in targets:
             if target is not None:
                 check(target)
@@ -125,7 +125,7 @@ def _folder_error(path: str | Path, error: Exception) -> OutputError:
 
 
 def _real_path_and_whether_device(target: str | Path, *, force: bool, inputs: Sequence[InputFile]) -> tuple[Path, bool]:
-    """Return a target's real path, and whether it is a device, a pipe or a socket; raise as `check_target`."""
+    """Return a target's real path, and whether it is a device or a pipe; raise as `refuse_unwritable_target`."""
     name = str(target)
     _refuse_url(name)
     try:
@@ -224,7 +224,7 @@ def open_output(
     """Open a target for binary writing; the file appears under its name when the block ends without an error.
 
     Args:
-        target, force: As in `check_target`.
+        target, force: As in `refuse_unwritable_target`.
         inputs: Open files that are no part of a run (`cwcli.input.remember_inputs`) but must not be overwritten, nor
             change.
         durable: Wait until the file is on the disk. Without, it is whole whatever happens to the process, but may not
@@ -232,7 +232,7 @@ def open_output(
         together: The file appears together with the others of this group instead.
 
     Raises:
-        OutputError, UsageError: As in `check_target`, or the medium fails (no space, input/output error).
+        OutputError, UsageError: As in `refuse_unwritable_target`, or the medium fails (no space, input/output error).
         InputError: A log that is read changed meanwhile.
         BrokenPipeError: Nobody reads standard output any more.
     """

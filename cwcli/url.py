@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from functools import lru_cache
+from typing import NamedTuple
 
 HIDDEN = "***"
 """The text that replaces a part of a URL that is not shown."""
@@ -98,7 +99,7 @@ def display_name_of_url(url: str) -> str:
     """
     shown = redact_url(url)
     scheme, _, rest = url.rpartition("::")[2].partition("://")
-    query = _split_url_behind_scheme(scheme.lower(), rest)[3]
+    query = _split_url_behind_scheme(scheme.lower(), rest).query
     telling = _identifying_parameters(query) if query is not None else []
     if not telling:
         return shown
@@ -113,7 +114,7 @@ def display_name_of_url(url: str) -> str:
 def path_of_url(url: str) -> str:
     """The path of a URL, without host, query and fragment: where a pattern may stand."""
     scheme, _, rest = url.partition("://")
-    return _split_url_behind_scheme(scheme.lower(), rest)[2]
+    return _split_url_behind_scheme(scheme.lower(), rest).path
 
 
 def _identifying_parameters(query: str) -> list[tuple[str, str]]:
@@ -136,8 +137,17 @@ def _redact_match(match: re.Match[str]) -> str:
     return redact_url(url) + found[len(url) :]
 
 
-def _split_url_behind_scheme(scheme: str, rest: str) -> tuple[str | None, str, str, str | None, str | None]:
-    """User information, host, path, query and fragment of what stands behind `scheme://`; None where there is none."""
+class UrlParts(NamedTuple):
+    """The parts of a URL behind `scheme://`; None for one that is not there."""
+
+    user: str | None
+    host: str
+    path: str
+    query: str | None
+    fragment: str | None
+
+
+def _split_url_behind_scheme(scheme: str, rest: str) -> UrlParts:
     authority = re.match(r"[^/?#]*", rest)
     assert authority is not None
     length = authority.end()
@@ -151,7 +161,7 @@ def _split_url_behind_scheme(scheme: str, rest: str) -> tuple[str | None, str, s
     if at_query >= 0 and scheme not in QUERY_SCHEMES and "=" not in tail[at_query:]:
         at_query = -1
     path, query = (tail, None) if at_query < 0 else (tail[:at_query], tail[at_query + 1 :])
-    return user if at else None, host, path, query, fragment if hash_mark else None
+    return UrlParts(user if at else None, host, path, query, fragment if hash_mark else None)
 
 
 def _is_cut_password(authority: str) -> bool:

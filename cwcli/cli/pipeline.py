@@ -177,7 +177,7 @@ def _console_for_job(job: Job) -> Console:
 def _check_output_targets(job: Job) -> None:
     """Check before the work that all outputs can be written."""
     from cwcli.metrics.table import check_table_file_name
-    from cwcli.output import check_targets
+    from cwcli.output import refuse_unwritable_targets
 
     if job.metrics is not None:
         check_table_file_name(job.metrics)
@@ -186,7 +186,7 @@ def _check_output_targets(job: Job) -> None:
     if parts == "-":
         raise UsageError("--split like-input writes several files, and -o - is one", hint="name a folder with -o")
     folders = (job.metrics_dir, parts)
-    check_targets((output, job.metrics), folders, force=job.writing.force, inputs=source_names(job.source))
+    refuse_unwritable_targets((output, job.metrics), folders, force=job.writing.force, inputs=source_names(job.source))
 
 
 def _output_files(job: Job, outcome: RunOutcome) -> OutputFiles:

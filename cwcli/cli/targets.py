@@ -45,11 +45,11 @@ def check_outputs_and_list_file_names(
         OutputError: A file exists, is one of the sources, or can't be made.
     """
     from cwcli.metrics.table import check_table_file_name
-    from cwcli.output import check_targets
+    from cwcli.output import refuse_unwritable_targets
 
     if talk.json and "-" in texts:
         raise UsageError("--json and the output - both want standard output", hint="write the summary to a file")
     if metrics is not None:
         check_table_file_name(metrics)
-    check_targets((metrics, *texts), force=force, inputs=sources)
+    refuse_unwritable_targets((metrics, *texts), force=force, inputs=sources)
     return [name for name in (metrics, *texts) if name not in (None, "-")]

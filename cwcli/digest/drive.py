@@ -25,7 +25,7 @@ from cwcli.evaluation.records import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
-from cwcli.pipeline.records import map_from_record, read_input_counts, read_run_records
+from cwcli.pipeline.records import local_map_from_estimate_record, read_input_counts, read_run_records
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -247,7 +247,7 @@ def _read_ego_measurements(
         sources = read_sensor_signals(
             log, source_config_from_record(record), command="report", required=(), optional=EGO_SENSOR_ROLES
         )
-        local_map = map_from_record(record)
+        local_map = local_map_from_estimate_record(record)
         found: list[Measurements] = []
         for role in EGO_SENSOR_ROLES:
             for signal in sources.by_role.get(role, ()):

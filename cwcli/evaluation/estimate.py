@@ -34,7 +34,7 @@ from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.metrics.table import append_metric_rows
 from cwcli.pipeline.records import (
     Record,
-    map_from_record,
+    local_map_from_estimate_record,
     parse_json_entry_or_empty,
     read_finite_number_or_nan,
     read_run_records,
@@ -91,7 +91,7 @@ def add_metrics(context: EvaluationContext) -> None:
     reports = parse_json_entry_or_empty(record, "sources", list)
     read = _read_position_and_truth(log, record, context.truth)
     sources = read.by_role
-    local_map = map_from_record(record)
+    local_map = local_map_from_estimate_record(record)
     fixes = _stamps_and_positions_of_latency_corrected_fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
     with headline.label_rows_with_states(comparison_label(knowledge_of_estimated_states(read_run_records(log)), TRUTH)):
         found = _add_errors_against_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
@@ -165,7 +165,7 @@ def read_ego_truth(log: Log, record: Record, states: VehicleStates) -> EgoTruth 
         UsageError: A recorded topic is not in the log.
     """
     read = _read_position_and_truth(log, record, TRUTH_AUTO)
-    local_map = map_from_record(record)
+    local_map = local_map_from_estimate_record(record)
     fixes = _stamps_and_positions_of_latency_corrected_fixes(
         read.by_role.get(Role.EGO_POSITION, ()), local_map, parse_json_entry_or_empty(record, "sources", list)
     )

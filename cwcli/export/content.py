@@ -29,7 +29,7 @@ from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.export.track_formats import Track
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
-from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.pipeline.records import local_map_from_estimate_record, read_run_records
 from cwcli.signals.columns import Columns, Field, FloatArray, Strings, select_column_rows
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.vehicle_state import ACCEL, YAW_RATE
@@ -125,7 +125,7 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
         states = read_targets_as_states(log.columns(topic))
     else:
         states = read_vehicle_states(log.load_topics({topic: KINEMATIC_FIELDS})[topic], with_covariance=False)
-    local_map = map_from_record(read_run_records(log).get("estimate", {}))
+    local_map = local_map_from_estimate_record(read_run_records(log).get("estimate", {}))
     latitude_deg, longitude_deg = np.full((2, len(states)), np.nan)
     if local_map is not None:
         x_m, y_m = states.state[:, 0], states.state[:, 1]

@@ -54,7 +54,7 @@ from cwcli.fleet.tables import (
 from cwcli.input import names_of_inputs_in_folders, remember_input_file, remember_inputs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
-from cwcli.output import check_targets, make_folder
+from cwcli.output import make_folder, refuse_unwritable_targets
 from cwcli.pipeline.selection import check_selection_options
 from cwcli.url import display_name_of_url
 
@@ -273,7 +273,7 @@ def _refuse_inputs_in_output_folder(out: Path, tasks: Iterable[LogTask]) -> None
     for task in tasks:
         if not is_remote_url(task.path):
             remember_input_file(task.path)
-    check_targets([out / MANIFEST_NAME, out / RUN_TIMES_NAME], force=True)
+    refuse_unwritable_targets([out / MANIFEST_NAME, out / RUN_TIMES_NAME], force=True)
     for name in names_of_inputs_in_folders(*(out / part for part in RUN_FOLDERS)):
         raise OutputError("an input is in the folder of the results", where=name, hint="name another folder with -d")
 

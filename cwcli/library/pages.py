@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cwcli.input import remember_inputs
 from cwcli.lazy_dataclass import dataclass
 from cwcli.library.result import Result
-from cwcli.output import check_targets, write_file
+from cwcli.output import refuse_unwritable_targets, write_file
 
 if TYPE_CHECKING:
     from cwcli.evaluation.system_topics import OtherSystemTopics
@@ -79,7 +79,7 @@ def write_report(
         if not isinstance(source, Result):
             write_page(str(source), name, content, force=force, progress=progress)
             return Path(target)
-        check_targets([name], force=force)
+        refuse_unwritable_targets([name], force=force)
         with TemporaryDirectory(prefix="cwcli-") as folder:
             [annotated] = source.save(Path(folder) / (Path(source.name).name or "log.mcap"), replace=True)
             write_page(str(annotated), name, content, force=force, progress=progress)
@@ -103,7 +103,7 @@ def write_page(
 
     say = progress or (lambda text: None)
     browser = find_browser() if content.is_pdf else None
-    check_targets([target], force=force, inputs=[source])
+    refuse_unwritable_targets([target], force=force, inputs=[source])
     with bounded_array_memory():
         report = build_report(
             source,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cwcli.errors import UsageError
 from cwcli.input import remember_inputs
 from cwcli.lazy_dataclass import dataclass
-from cwcli.output import check_targets
+from cwcli.output import refuse_unwritable_targets
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.road.names import ROAD_SCENARIOS
 
@@ -83,7 +83,7 @@ def simulate_log(
     if seed is not None and seed < 0:
         raise UsageError(f"--seed {seed} must not be negative")
     is_file = scenario not in (*ROAD_SCENARIOS, *scenario_names())
-    check_targets([target], force=force, inputs=[scenario] if is_file else [])
+    refuse_unwritable_targets([target], force=force, inputs=[scenario] if is_file else [])
     if scenario in ROAD_SCENARIOS:
         return _render_road(scenario, target, weather, seed, (*ROAD_SCENARIOS[scenario], *overrides), force=force)
     if weather is not None:

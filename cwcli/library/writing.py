@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from cwcli.array_memory import bounded_array_memory
 from cwcli.lazy_dataclass import dataclass
-from cwcli.output import AtomicGroup, check_targets, make_folder
+from cwcli.output import AtomicGroup, make_folder, refuse_unwritable_targets
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -96,7 +96,9 @@ def write_outputs(
     from cwcli.metrics.table import write_table
 
     tables = files.table_by_file(result)
-    check_targets([path for path in tables if path.parent.is_dir()], force=files.force)  # others are made below
+    refuse_unwritable_targets(
+        [path for path in tables if path.parent.is_dir()], force=files.force
+    )  # others are made below
     names: list[str] = []
     dropped_profile = ""
     with bounded_array_memory(), AtomicGroup() as together:

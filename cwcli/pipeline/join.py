@@ -22,7 +22,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Call, Selection
 from cwcli.pipeline.execute import run_stages
-from cwcli.pipeline.records import map_from_record, read_configuration, read_run_records
+from cwcli.pipeline.records import local_map_from_estimate_record, read_configuration, read_run_records
 from cwcli.signals.build import build_bound_signal
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PositionSignal
@@ -149,7 +149,7 @@ def _hint_at_estimate_on_missing_signal(log: Log) -> Iterator[None]:
 
 def _read_local_map(log: Log) -> LocalMap:
     """Return the map's place on the earth from the log's record; raise `DataError` where it has none."""
-    found = map_from_record(read_run_records(log).get("estimate", {}))
+    found = local_map_from_estimate_record(read_run_records(log).get("estimate", {}))
     if found is None:
         raise DataError(
             "its positions are Cartesian: their place on the globe is not known",

@@ -141,12 +141,12 @@ def _replanned_paths_match_log(log: Log, topic: str, planned: LazyPaths) -> bool
         found = read_predicted_paths(
             log.load_topics({topic: None}, logged=(first_ns, first_ns + CHECKED_SPAN_NS))[topic]
         )
-        if not _contains_paths(planned, found):
+        if not _are_found_paths_among_planned(planned, found):
             return False
     return True
 
 
-def _contains_paths(planned: LazyPaths, found: PredictedPaths) -> bool:
+def _are_found_paths_among_planned(planned: LazyPaths, found: PredictedPaths) -> bool:
     """Return whether every found path is planned too, with equal end points and covariances."""
     own = {name: rows[np.argsort(planned.stamp_ns[rows], kind="stable")] for name, rows in iter_rows_by_id(planned.ids)}
     for name, rows in iter_rows_by_id(found.ids):

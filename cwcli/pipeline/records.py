@@ -152,7 +152,7 @@ def map_to_record_entry(local_map: LocalMap | None) -> dict[str, str]:
     return {name: repr(value) for name, value in zip(ORIGIN_NAMES, values, strict=True)}
 
 
-def map_from_record(record: Record) -> LocalMap | None:
+def local_map_from_estimate_record(record: Record) -> LocalMap | None:
     """Return the map frame from the record of `estimate`; None where it is Cartesian or not recorded."""
     try:
         return LocalMap(*(float(record[name]) for name in ORIGIN_NAMES))

@@ -23,7 +23,7 @@ from cwcli.digest.story import (
 from cwcli.errors import CwcliError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import map_from_record
+from cwcli.pipeline.records import local_map_from_estimate_record
 from cwcli.prediction.paths import Paths
 from cwcli.report.drawing import Figure
 from cwcli.report.encounter_figures import (
@@ -185,7 +185,7 @@ def _make_plot(anchor: str, kind: str, title: str, hint: str, figure: Figure, su
 
 def _map_origin_text(drive: Drive) -> str:
     """Format the map's origin as latitude, longitude and altitude; "" if it is not known."""
-    local_map = map_from_record(drive.records.get("estimate", {}))
+    local_map = local_map_from_estimate_record(drive.records.get("estimate", {}))
     if local_map is None:
         return ""
     return f"{local_map.origin_lat_deg!r},{local_map.origin_lon_deg!r},{local_map.origin_alt_m!r}"

@@ -19,7 +19,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.paths import PathRequest, plan_paths_from_states
-from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.pipeline.records import local_map_from_estimate_record, read_run_records
 from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, StageSummary, SummaryTable
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import StatesSelection, bind_state_channels, read_selected_states
@@ -166,7 +166,7 @@ def control(log: Log, config: ControlConfig) -> StageResult:
     tables = (control_table(replayed, model, rule.rule), control_series_table(replayed))
     channels: tuple[OutputChannel, ...] = ()
     if replayed:
-        local_map = map_from_record(read_run_records(log).get("estimate", {}))
+        local_map = local_map_from_estimate_record(read_run_records(log).get("estimate", {}))
         size_m = (host.length_m, host.width_m)
         channels = make_replay_channels(_steps_not_published_before(replayed), host_size_m=size_m, local_map=local_map)
     return StageResult(

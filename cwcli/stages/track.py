@@ -16,7 +16,7 @@ from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.json_names import CellWithValues
-from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.pipeline.records import local_map_from_estimate_record, read_run_records
 from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, StageSummary, SummaryTable
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import States, choose_state_topics
@@ -182,7 +182,9 @@ def track(log: Log, config: TrackConfig) -> StageResult:
             if how == "many"
             else sort_distinct_values(np.concatenate([d.stamp_ns for d in detections])),
             in_map=in_map,
-            local_map=map_from_record(read_run_records(log).get("estimate", {})) if ego is not None else None,
+            local_map=local_map_from_estimate_record(read_run_records(log).get("estimate", {}))
+            if ego is not None
+            else None,
             n_notes=n_of_sensors,
         ),
     )

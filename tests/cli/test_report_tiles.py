@@ -17,7 +17,7 @@ import pytest
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE, UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.pipeline.records import local_map_from_estimate_record, read_run_records
 from cwcli.report.tiles import parse_tile_server
 from tests.cli.browser import Elements, visit
 from tests.cli.conftest import SAMPLES
@@ -128,7 +128,7 @@ def test_tiles_are_asked_of_the_server_alone_and_lie_where_the_map_is(
     assert told["words"] == whose
     assert told["beyond"] == [] and told["again"] == told["wide"]  # no tile fits where the earth is a point
     with Log.open(annotated) as log:
-        origin = map_from_record(read_run_records(log)["estimate"])
+        origin = local_map_from_estimate_record(read_run_records(log)["estimate"])
     assert origin is not None
     zooms = []
     for shown in (told["first"], told["wide"]):

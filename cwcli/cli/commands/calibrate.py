@@ -66,7 +66,7 @@ def command(
     """
     from cwcli.estimation.calibration import format_calibration_toml
     from cwcli.estimation.pooling import calibrate_from_drives
-    from cwcli.output import check_targets, write_file
+    from cwcli.output import refuse_unwritable_targets, write_file
 
     if output is not None and not output.endswith(".toml"):
         raise UsageError(f"-o {output} must end in .toml")
@@ -74,7 +74,7 @@ def command(
         raise UsageError("--as-one: this takes many logs", hint="a folder with a metadata.yaml is one of them")
     if len(set(logs)) < len(logs):
         raise UsageError("a log is named twice: it would count twice")
-    check_targets([output] if output is not None else [], force=force, inputs=logs)
+    refuse_unwritable_targets([output] if output is not None else [], force=force, inputs=logs)
     console = Console(quiet=talk.quiet)
     drives: list[DriveEvidence] = []
     worst: CwcliError | None = None

@@ -104,13 +104,13 @@ def command(
     attachments that were logged before the span ends.
     """
     from cwcli.logs.write.cut import cut_log
-    from cwcli.output import check_targets
+    from cwcli.output import refuse_unwritable_targets
 
     target = str(normalise_stdout_name(output))
     if target == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     source = source_of_logs(log, as_one)
-    check_targets([target], force=force, inputs=source_names(source))
+    refuse_unwritable_targets([target], force=force, inputs=source_names(source))
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress, limits.open_log(source) as opened:
         progress.begin_step(f"cutting {opened.name}")

@@ -95,7 +95,7 @@ def command(
     from cwcli.array_memory import bound_array_memory
     from cwcli.export.content import content_names_of_ego_and_others, require_content_in_log
     from cwcli.logs.read.reader import Log
-    from cwcli.output import check_targets, write_file
+    from cwcli.output import refuse_unwritable_targets, write_file
 
     output = "-" if output is None else str(normalise_stdout_name(output))
     if output == "-" and talk.json:
@@ -104,7 +104,7 @@ def command(
     form, vehicle = content.form or _format_of_file_name(output), content.vehicle
     _check_format_and_contents(names, form, vehicle)
     is_text = TRACK_FORMATS[form].is_text if form in TRACK_FORMATS else form == "csv"
-    check_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
+    refuse_unwritable_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
     bound_array_memory()
     console = Console(quiet=talk.quiet)
     with Log.open(source_of_logs(log, as_one)) as opened:

@@ -112,7 +112,7 @@ def command(
     from cwcli.fleet.clips import write_clips
     from cwcli.fleet.search import find_in_logs, logs_to_search
     from cwcli.metrics.table import write_table
-    from cwcli.output import check_targets, write_file
+    from cwcli.output import refuse_unwritable_targets, write_file
     from cwcli.report.event_page import addresses_of_clips, build_event_page
 
     query = parse_query(expression)
@@ -120,7 +120,7 @@ def command(
     written = check_outputs_and_list_file_names(
         logs, talk, metrics=results.output, texts=(results.report,), force=results.force
     )
-    check_targets([], [results.clips], force=results.force)
+    refuse_unwritable_targets([], [results.clips], force=results.force)
     bound_array_memory()
     if results.report is not None:
         check_file_suffix(results.report, (".html", ".htm"), what="a page", required=False)

@@ -109,7 +109,7 @@ def command(
     """
     from cwcli.importing.bounded_import import import_files
     from cwcli.importing.mapping import mapping_file_name
-    from cwcli.output import check_targets, write_file
+    from cwcli.output import refuse_unwritable_targets, write_file
 
     if output is None and not preview:
         raise UsageError("no output is named", hint="-o log.mcap, or --preview")
@@ -119,7 +119,7 @@ def command(
     beside = mapping_file_name(target) if target != "-" else None
     if not preview:
         own = beside if beside != mapping else None
-        check_targets([target, own], force=force, inputs=files)
+        refuse_unwritable_targets([target, own], force=force, inputs=files)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-" and not preview)
     given = _merge_options_and_mapping_file(answers, mapping)
     with Progress(quiet=talk.quiet) as progress:

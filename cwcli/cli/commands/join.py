@@ -78,13 +78,13 @@ def command(
     from cwcli.cli.options.shared import SensorOptions
     from cwcli.cli.options.stage import make_stage_options_class, stage_call_from_options
     from cwcli.logs.write.annotate import annotate_log
-    from cwcli.output import check_targets
+    from cwcli.output import refuse_unwritable_targets
     from cwcli.pipeline.join import join_logs
 
     target = str(normalise_stdout_name(output))
     if target == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
-    check_targets([target], force=overwriting.force, inputs=[log, other])
+    refuse_unwritable_targets([target], force=overwriting.force, inputs=[log, other])
     bound_array_memory()
     estimate = stage_call_from_options(make_stage_options_class("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")

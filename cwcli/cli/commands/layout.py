@@ -41,11 +41,11 @@ def command(
     output = "-" if output is None else str(normalise_stdout_name(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the layout to a file")
-    from cwcli.output import check_targets, write_file
+    from cwcli.output import refuse_unwritable_targets, write_file
     from cwcli.report.viewer_layout import LogTopics, build_viewer_layout, find_log_topics
 
     if output != "-":
-        check_targets([output], force=force, inputs=[] if log is None else [log])
+        refuse_unwritable_targets([output], force=force, inputs=[] if log is None else [log])
     topics = LogTopics()
     if log is not None:
         from cwcli.logs.read.reader import Log

@@ -34,11 +34,11 @@ def command(
     """
     from cwcli.fleet.merge import merge_shards
     from cwcli.logs.read.remote import is_remote_url
-    from cwcli.output import check_targets
+    from cwcli.output import refuse_unwritable_targets
     from cwcli.url import display_name_of_url
 
     if not is_remote_url(directory):
-        check_targets([], [directory])
+        refuse_unwritable_targets([], [directory])
     console = Console(quiet=talk.quiet)
     shown_directory = display_name_of_url(directory) if is_remote_url(directory) else directory
     with Progress(quiet=talk.quiet) as progress:

@@ -34,11 +34,11 @@ def command(
     """
     from cwcli.digest.drive import read_drive
     from cwcli.logs.read.reader import Log
-    from cwcli.output import check_targets, write_file
+    from cwcli.output import refuse_unwritable_targets, write_file
     from cwcli.report.plots import PLOT_FORMATS, draw_plot
     from cwcli.report.plots import PLOT_NAMES as KNOWN
 
-    check_targets([output], force=force, inputs=log)
+    refuse_unwritable_targets([output], force=force, inputs=log)
     if what not in KNOWN:
         raise UsageError(f"--what {what!r}: there is no such plot", hint=closest_names_hint(what, list(KNOWN)))
     form = check_file_suffix(output, [f".{name}" for name in PLOT_FORMATS], what="an image").removeprefix(".")

@@ -83,7 +83,7 @@ def command(
     """
     from cwcli.evaluation.system_topics import parse_other_system_options
     from cwcli.library.pages import PageContent, write_page
-    from cwcli.output import check_targets
+    from cwcli.output import refuse_unwritable_targets
     from cwcli.report.tiles import parse_tile_server
 
     target = str(normalise_stdout_name(output))
@@ -96,7 +96,7 @@ def command(
         recover=recover,
         is_pdf=pdf,
     )
-    check_targets([target], force=force, inputs=[source])
+    refuse_unwritable_targets([target], force=force, inputs=[source])
     check_file_suffix(target, suffixes, what=what, required=False)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:

@@ -196,14 +196,14 @@ def _check_options(paper: str, entry: PaperEntry, options: ReproductionOptions) 
 def _check_output_targets(paper: str, targets: OutputTargets, labelled: str | None) -> None:
     """Check before the work that all outputs can be written and drawn."""
     from cwcli.metrics.table import check_table_file_name
-    from cwcli.output import check_targets
+    from cwcli.output import refuse_unwritable_targets
 
     if targets.metrics is not None:
         check_table_file_name(targets.metrics)
     folder = targets.report
     page = None if folder is None or not Path(folder).is_dir() else str(Path(folder) / f"{paper}.md")
     inputs = () if labelled is None else (labelled,)
-    check_targets([targets.metrics, page], [targets.plots, folder], force=targets.force, inputs=inputs)
+    refuse_unwritable_targets([targets.metrics, page], [targets.plots, folder], force=targets.force, inputs=inputs)
     if targets.plots is not None or targets.report is not None:
         from cwcli.reproduction.plots import check_plot_format, require_matplotlib
 

@@ -35,10 +35,10 @@ def command(
     from cwcli.export.recording import encode_recording, require_rerun, show_in_viewer
     from cwcli.logs.read.reader import Log
     from cwcli.logs.read.remote import is_remote_url
-    from cwcli.output import check_targets, write_file
+    from cwcli.output import refuse_unwritable_targets, write_file
 
     if output is not None:
-        check_targets([output], force=force, inputs=log)
+        refuse_unwritable_targets([output], force=force, inputs=log)
         check_file_suffix(output, [".rrd"], what="a recording")
     (path, *more) = log
     if not more and path != "-" and not is_remote_url(path) and not Path(path).exists():

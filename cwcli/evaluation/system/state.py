@@ -11,7 +11,7 @@ from cwcli.evaluation.reference import EgoMotion, add_motion_errors, find_refere
 from cwcli.evaluation.system.placing import FramePlacement, fit_frame_placement
 from cwcli.evaluation.system.reading import read_signal_of_other_system
 from cwcli.lazy_dataclass import replace
-from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.pipeline.records import local_map_from_estimate_record, read_run_records
 from cwcli.signals.canonical import PoseSignal, PositionSignal
 from cwcli.signals.columns import EastNorthRows, FloatArray
 from cwcli.signals.geodesy import LocalMap
@@ -59,7 +59,7 @@ def add_state_errors(context: EvaluationContext, topic: str) -> tuple[str, Frame
 
 def _positions_with_geographic_in_map_m(context: EvaluationContext, signal: PoseSignal | PositionSignal) -> FloatArray:
     """Return positions (n, 2), m: in the map where they are geographic, else in their own frame."""
-    local_map: LocalMap | None = map_from_record(read_run_records(context.log).get("estimate", {}))
+    local_map: LocalMap | None = local_map_from_estimate_record(read_run_records(context.log).get("estimate", {}))
     if signal.latitude_deg is None or signal.longitude_deg is None:
         return np.column_stack([signal.x_m, signal.y_m])
     if local_map is None:

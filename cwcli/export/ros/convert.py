@@ -16,7 +16,7 @@ from cwcli.logs.encoders.cdr_fit import unrepresentable_row_masks
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from cwcli.logs.write.profile import matches_ros_profile
-from cwcli.pipeline.records import ORIGIN_NAMES, RUN_RECORD_PREFIX, map_from_record, read_run_records
+from cwcli.pipeline.records import ORIGIN_NAMES, RUN_RECORD_PREFIX, local_map_from_estimate_record, read_run_records
 from cwcli.signals.columns import OutputChannel, select_column_rows
 from cwcli.signals.geodesy import LocalMap
 from cwcli.version import __version__
@@ -76,7 +76,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
             "no channel can be written as ROS messages", where=log.name, hint="run `cwcli run` on it first"
         )
     estimated = read_run_records(log).get("estimate", {})
-    local_map = map_from_record(estimated)
+    local_map = local_map_from_estimate_record(estimated)
     known = {each.topic: each.schema_name for each in foreign if each.schema_name in ROS_CONVERSIONS}
     made, left_messages, left_fields, unreadable = [], {}, {}, {}
     for topic, name in ros_topic_names(known).items():

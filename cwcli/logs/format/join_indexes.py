@@ -98,7 +98,7 @@ def _shift_items_into_log(
         elif isinstance(item, AttachmentIndex):
             items.append(item._replace(offset=item.offset + start))
         else:
-            items += _shift_new_metadata_into_log(file, index, item, start, joined, earlier)
+            items += _iter_new_metadata_runs_shifted_into_log(file, index, item, start, joined, earlier)
     return items
 
 
@@ -110,7 +110,7 @@ def _renumber_counts(counts: Mapping[int, int], ids: Mapping[int, int]) -> dict[
     return dict(renamed)
 
 
-def _shift_new_metadata_into_log(
+def _iter_new_metadata_runs_shifted_into_log(
     file: JoinedFile,
     index: LogIndex,
     run: MetadataRun,

@@ -188,7 +188,7 @@ class MessageReader:
             if not self.trusts_indexes or not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids)
         ]
 
-    def _cached_channel_mask(self, channel_ids: Collection[int]) -> ByteArray:
+    def _cached_mask_of_channel_ids(self, channel_ids: Collection[int]) -> ByteArray:
         """Return `channel_mask`, cached for consecutive calls with the same channels."""
         wanted = frozenset(channel_ids)
         if wanted != self._wanted_last[0]:
@@ -238,7 +238,7 @@ class MessageReader:
     ) -> Iterator[MessageBatch]:
         """Yield the messages of some channels in a decompressed chunk."""
         octets = np.frombuffer(payload, np.uint8)
-        is_wanted = self._cached_channel_mask(channel_ids)
+        is_wanted = self._cached_mask_of_channel_ids(channel_ids)
         is_partial = chunk.chunk_start in self._index.cut_chunks
         at = 0
         noted: list[MessageBatch] = []
@@ -274,7 +274,7 @@ class MessageReader:
     ) -> Iterator[tuple[ByteRange, MessageBatch]]:
         """Yield each part of a byte range that holds messages: its start and end, and the messages."""
         at, end = span
-        is_wanted = self._cached_channel_mask(channel_ids)
+        is_wanted = self._cached_mask_of_channel_ids(channel_ids)
         size = UNCHUNKED_READ_BYTES
         while at < end:
             records = self._index.records_with_log_ids(at, self._file[at : min(at + size, end)])

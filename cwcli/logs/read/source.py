@@ -113,7 +113,7 @@ def iter_remote_log(url: str, bounds: ReadBounds, name: str) -> Iterator[bytes]:
     Raises:
         InputError: It can't be read, stalls, does not begin as a log, or has more bytes than the bounds allow.
     """
-    blocks = _check_first_bytes(iter_remote_blocks(url, bounds), LOG_MAGICS, name)
+    blocks = _iter_with_first_bytes_checked(iter_remote_blocks(url, bounds), LOG_MAGICS, name)
     return iter_within_size_limit(bounds.max_input_bytes, blocks, name)
 
 
@@ -140,13 +140,15 @@ def _spool_pipe(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
     """Copy a pipe into a temporary file, after a check that it begins as a log."""
     return spool_to_temporary_file(
         iter_within_size_limit(
-            max_bytes, _check_first_bytes(iter(lambda: _read_pipe_block(pipe, name), b""), (MCAP_MAGIC,), name), name
+            max_bytes,
+            _iter_with_first_bytes_checked(iter(lambda: _read_pipe_block(pipe, name), b""), (MCAP_MAGIC,), name),
+            name,
         ),
         name,
     )
 
 
-def _check_first_bytes(pieces: Iterator[bytes], magics: tuple[bytes, ...], name: str) -> Iterator[bytes]:
+def _iter_with_first_bytes_checked(pieces: Iterator[bytes], magics: tuple[bytes, ...], name: str) -> Iterator[bytes]:
     """Yield the pieces.
 
     Raises:

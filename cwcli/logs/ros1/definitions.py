@@ -137,14 +137,14 @@ def definition_checksum(definition: Ros1Definition) -> str:
             return f"{sums[kind]} {field.name}"
         return f"{kind}{_array_suffix(field)} {field.name}"
 
-    for name in _order_by_use(definition, names):
+    for name in _order_message_names_by_use(definition, names):
         lines = [f"{each.type} {each.name}={each.value}" for each in definition.constants.get(name, ())]
         lines += [line(field) for field in definition.fields[name]]
         sums[name] = hashlib.md5("\n".join(lines).encode(), usedforsecurity=False).hexdigest()
     return sums[definition.root]
 
 
-def _order_by_use(definition: Ros1Definition, names: list[str]) -> list[str]:
+def _order_message_names_by_use(definition: Ros1Definition, names: list[str]) -> list[str]:
     """Return the names such that each comes behind those that it uses."""
     ordered: dict[str, None] = {}
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from cwcli.evaluation.records import source_config_from_record, warning_config_from_record
-from cwcli.pipeline.records import map_from_record, read_configuration, read_input_counts
+from cwcli.pipeline.records import local_map_from_estimate_record, read_configuration, read_input_counts
 from cwcli.stages.inputs.sources import SourceConfig
 from cwcli.warning.types import WarningConfig
 
@@ -20,7 +20,7 @@ def configured(**configuration: Any) -> dict[str, str]:
 
 
 def test_what_fits_is_read() -> None:
-    found = map_from_record(ORIGIN)
+    found = local_map_from_estimate_record(ORIGIN)
     assert found is not None
     assert (found.origin_lat_deg, found.origin_lon_deg, found.origin_alt_m) == (48.0, 11.0, 500.0)
     sources = {"topics": {"imu": "/imu"}, "clock": "log", "ego_station": "7", "start_ns": 3, "end_ns": None}
@@ -35,7 +35,7 @@ def test_what_fits_is_read() -> None:
 @pytest.mark.parametrize("name", list(ORIGIN)[:2])
 @pytest.mark.parametrize("value", ["", "x", "nan", "inf", "1e400", "181"])
 def test_an_origin_that_is_no_place_is_none(name: str, value: str) -> None:
-    assert map_from_record({**ORIGIN, name: value}) is None
+    assert local_map_from_estimate_record({**ORIGIN, name: value}) is None
 
 
 @pytest.mark.parametrize("text", ["", "3", "[]", "null", "{", "[" * 100_000, '{"sources": 1, "rule": []}'])

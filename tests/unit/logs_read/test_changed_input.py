@@ -21,7 +21,7 @@ from cwcli.input import (
 )
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import CopyOptions, annotate_log
-from cwcli.output import AtomicGroup, check_target, write_file
+from cwcli.output import AtomicGroup, refuse_unwritable_target, write_file
 from tests.unit.logs_read.builders import small_log
 from tests.unit.logs_write.builders import state_channel
 
@@ -167,7 +167,7 @@ def test_a_file_that_a_run_has_read_is_no_target(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match="the input itself"):
             write_file(link, b"new", force=True)
         with remember_inputs(), pytest.raises(OutputError, match="the input itself"):
-            check_target(source, force=True)
+            refuse_unwritable_target(source, force=True)
     write_file(link, b"new", force=True)
     assert source.read_bytes() == b"mine"
 

@@ -17,7 +17,7 @@ import cwcli.output_stream
 import cwcli.temporary
 from cwcli.errors import EXIT_OUTPUT, OutputError, UsageError
 from cwcli.input import InputFile
-from cwcli.output import AtomicGroup, check_target, open_output, write_file
+from cwcli.output import AtomicGroup, open_output, refuse_unwritable_target, write_file
 
 MEGABYTE = 1 << 20
 
@@ -107,18 +107,18 @@ def test_file_that_appears_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
 
 def test_directory_is_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="is a directory"):
-        check_target(tmp_path, force=True)
+        refuse_unwritable_target(tmp_path, force=True)
 
 
 def test_missing_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="does not exist"):
-        check_target(tmp_path / "no" / "out.bin")
+        refuse_unwritable_target(tmp_path / "no" / "out.bin")
 
 
 def test_folder_without_permission_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     with pytest.raises(OutputError, match="not writable"):
-        check_target(tmp_path / "out.bin")
+        refuse_unwritable_target(tmp_path / "out.bin")
 
 
 @pytest.mark.parametrize("link", ["same", "symlink", "hardlink"])
@@ -258,7 +258,7 @@ def test_terminal_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with os.fdopen(leader, "rb"), os.fdopen(follower, "w") as terminal:
         monkeypatch.setattr(sys, "stdout", terminal)
         with pytest.raises(UsageError, match="terminal"):
-            check_target("-")
+            refuse_unwritable_target("-")
 
 
 def test_named_pipe_is_written_directly(tmp_path: Path) -> None:

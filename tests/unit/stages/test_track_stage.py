@@ -8,7 +8,7 @@ import pytest
 from cwcli.channels.target import make_target_channels, read_targets_as_states
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.evaluation.target_truth import score_tracks_against_truth
-from cwcli.pipeline.records import map_from_record
+from cwcli.pipeline.records import local_map_from_estimate_record
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Columns, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
@@ -220,7 +220,7 @@ def test_a_truth_in_another_frame_is_not_compared() -> None:
 
 def test_a_truth_on_the_globe_is_brought_into_the_map_of_the_ego() -> None:
     result, _ = made()
-    local_map = map_from_record({"map_origin_latitude_deg": "48.0", "map_origin_longitude_deg": "11.0",
+    local_map = local_map_from_estimate_record({"map_origin_latitude_deg": "48.0", "map_origin_longitude_deg": "11.0",
                         "map_origin_altitude_m": "500.0"})  # fmt: skip
     assert isinstance(local_map, LocalMap)
     (track,) = result.tracks
@@ -229,4 +229,4 @@ def test_a_truth_on_the_globe_is_brought_into_the_map_of_the_ego() -> None:
     errors, _ = score_tracks_against_truth(truth, result, track.stamp_ns, in_map=True, local_map=local_map)
     assert errors is not None
     assert errors.scores.targets[0].rmse[:2] == pytest.approx((1.0, 0.0), abs=1e-3)
-    assert map_from_record({}) is None
+    assert local_map_from_estimate_record({}) is None
