@@ -86,7 +86,8 @@ def correct_one_source(
         tried = gain_and_attempt_of_imu_correction(imus[source], measurements, level, prepare)
         if tried is not None:
             attempts.append((tried[0], SourceQuantity(source, Kind.IMU), tried[1]))
-    # A wrong position shows on a map; so it is corrected only where nothing else explains the contradiction.
+    # A wrong position shows on a map; so it is corrected only where nothing else explains the contradiction, not even
+    # in several ways, of which none is clear.
     attempts.sort(key=lambda each: (each[1].kind is Kind.POSITION, -each[0]))
     for gain, who, attempt in attempts:
         rivals = (
@@ -94,7 +95,15 @@ def correct_one_source(
             for other_gain, other, _ in attempts
             if other.kind is not Kind.POSITION and _contradict_each_other(contrary, who, other)
         )
-        if who.kind is Kind.POSITION or all(gain - other_gain >= MIN_MARGIN for other_gain in rivals):
+        if who.kind is Kind.POSITION:
+            rivals = (
+                found.gain
+                for i, s in enumerate(level)
+                if s.kind not in (Kind.POSITION, *RATE_KINDS)
+                and _contradict_each_other(contrary, who, SourceQuantity(s.source, s.kind))
+                and (found := find_hypothesis(level, i, may_be_ambiguous=True)) is not None
+            )
+        if all(gain - other_gain >= MIN_MARGIN for other_gain in rivals):
             return attempt
     return None
 

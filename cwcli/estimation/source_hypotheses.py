@@ -8,6 +8,7 @@ For each suspect every hypothesis of its kind is compared with the other sources
 - with it the source contradicts no other source any more, agrees with at least one, and the ratio that is left over
   is near 1, so that a fault that is not on the list is not taken for one that is,
 - no hypothesis on another source does the same; that of a position does not count, because a map shows a wrong one.
+  A position is only corrected where nothing else explains the contradiction, not even in several ways.
 """
 
 from __future__ import annotations
@@ -94,12 +95,14 @@ def step_motions_and_edges_for_evidence(series: Sequence[SensorSeries]) -> tuple
         step_s *= 2.0
 
 
-def find_hypothesis(series: Sequence[SensorSeries], suspect: int) -> Finding | None:
+def find_hypothesis(series: Sequence[SensorSeries], suspect: int, *, may_be_ambiguous: bool = False) -> Finding | None:
     """Return the hypothesis that clearly wins for one series, or None.
 
     Args:
         series: Series with rows, positions first; none of an IMU that is suspected.
         suspect: Index of the suspect.
+        may_be_ambiguous: Whether another hypothesis on the same source may explain it as well: on a straight road a
+            heading may count from south, or clockwise from north.
     """
     own = series[suspect]
     who = SourceQuantity(own.source, own.kind)
@@ -122,7 +125,8 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int) -> Finding | N
         reverse=True,
     )
     best, gain = ranked[0]
-    if gain < MIN_GAIN or (len(ranked) > 1 and gain - ranked[1][1] < MIN_MARGIN):
+    is_ambiguous = len(ranked) > 1 and gain - ranked[1][1] < MIN_MARGIN
+    if gain < MIN_GAIN or (is_ambiguous and not may_be_ambiguous):
         return None
     corrected = [*series[:suspect], best.correct_series(own), *series[suspect + 1 :]]
     judges = sources_agreeing_after_correction(compare_all_source_pairs(corrected), who)

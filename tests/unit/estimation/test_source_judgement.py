@@ -12,6 +12,7 @@ import pytest
 
 from cwcli.errors import UsageError
 from cwcli.estimation.config import parse_source_units
+from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.hypotheses import HYPOTHESES
 from cwcli.estimation.hypotheses.base import with_pairwise_combinations
 from cwcli.estimation.hypotheses.imu import signed_axis_rotations
@@ -154,6 +155,26 @@ def test_an_imu_that_is_turned_about_the_vertical_is_turned_back(
 def test_an_imu_that_is_turned_by_less_than_shows_is_left_as_it_is(kinds: Sequence[Kind], degrees: float) -> None:
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     assert _judge(_with_fault(_drive(*kinds), Kind.IMU, _turned((c, -s, 0), (s, c, 0), (0, 0, 1)))).corrections == ()
+
+
+def test_fixes_are_not_turned_to_a_heading_that_is_wrong_in_one_of_several_ways() -> None:
+    """On a road to the east it may count clockwise from north or from south: the fixes are no better suspects."""
+    rng = np.random.default_rng(9)
+    time_s, course_rad = np.arange(0.0, 15.0, 0.05), 0.0
+    stamp_ns = np.rint(1e9 * time_s).astype(np.int64)
+    way_m = 14.0 * time_s[:, None] * [np.cos(course_rad), np.sin(course_rad)]
+    wrong_rad = np.full((len(time_s), 1), np.pi / 2.0 - course_rad)
+    judged = _judge(
+        [
+            Measurements("/position", Kind.POSITION, stamp_ns, way_m + 0.3 * rng.standard_normal(way_m.shape)),
+            Measurements("/speed", Kind.SPEED, stamp_ns, 14.0 + 0.1 * rng.standard_normal(len(time_s))),
+            Measurements("/heading", Kind.HEADING, stamp_ns, wrong_rad + 0.01 * rng.standard_normal(wrong_rad.shape)),
+        ]
+    )
+    assert judged.corrections == ()
+    (found,) = judged.contradictions
+    assert found.who == SourceQuantity("/heading", Kind.HEADING)
+    assert found.left_out == (found.who,)
 
 
 def test_the_sentence_says_what_was_wrong_what_shows_it_and_how_to_undo_it() -> None:
