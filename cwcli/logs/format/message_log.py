@@ -15,13 +15,9 @@ from typing import Protocol
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
-    OPCODE_CHANNEL,
-    OPCODE_CHUNK_INDEX,
-    OPCODE_MESSAGE,
-    OPCODE_SCHEMA,
-    OPCODE_STATISTICS,
     Channel,
     ChunkIndex,
+    Opcode,
     Schema,
     Statistics,
 )
@@ -99,7 +95,7 @@ class MessageLog:
             entries.append(entry)
         n = _MESSAGE_FIELDS_BYTES + len(payload)
         sequence &= MAX_SEQUENCE
-        self._pieces.append(_MESSAGE.pack(OPCODE_MESSAGE, n, channel_id, sequence, log_time_ns, log_time_ns))
+        self._pieces.append(_MESSAGE.pack(Opcode.MESSAGE, n, channel_id, sequence, log_time_ns, log_time_ns))
         self._pieces.append(payload)
         self._times_ns.append(log_time_ns)
         self._n_bytes += n + 9
@@ -113,10 +109,10 @@ class MessageLog:
         start = self._output.position
         summary, offsets = bytearray(), bytearray()
         groups = {
-            OPCODE_SCHEMA: [record_bytes.encode_record(each) for each in self._schemas],
-            OPCODE_CHANNEL: [record_bytes.encode_record(each) for each in self._channels],
-            OPCODE_STATISTICS: [record_bytes.encode_record(self._statistics())],
-            OPCODE_CHUNK_INDEX: [record_bytes.encode_record(each) for each in self._chunks],
+            Opcode.SCHEMA: [record_bytes.encode_record(each) for each in self._schemas],
+            Opcode.CHANNEL: [record_bytes.encode_record(each) for each in self._channels],
+            Opcode.STATISTICS: [record_bytes.encode_record(self._statistics())],
+            Opcode.CHUNK_INDEX: [record_bytes.encode_record(each) for each in self._chunks],
         }
         for opcode, records in groups.items():
             group = b"".join(records)
