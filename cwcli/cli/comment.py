@@ -32,7 +32,6 @@ def format_comment(summary: str, logs: Sequence[LogChange], n_pairs: int) -> str
     Args:
         summary: Markdown about all logs together; what comes of it is cut at a paragraph.
         logs: The logs that differ, the worst first.
-        n_pairs: Number of logs in both runs.
     """
     text, is_cut = _cut_at_paragraph_and_tell_if_cut(summary.rstrip(), MAX_COMMENT_CHARS // 2)
     parts = [text]

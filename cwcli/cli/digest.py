@@ -31,10 +31,6 @@ def print_digest(console: Console, command: str, digest: Digest, run: RunOutcome
     """Print the digest of a command.
 
     Args:
-        console: Where to.
-        command: Its name.
-        digest: What it came to.
-        run: What ran and was written.
         next_step: A command line, "" for none.
     """
     from cwcli.digest.lines import MAX_LINES, Block, doubt_block, format_blocks
@@ -77,7 +73,6 @@ def suggest_next_step(command: str, output: str | None, *, following: str = "") 
     """Suggest what to do next: the following stage, the report, or the same command with an output.
 
     Args:
-        command: Name of the command that ran.
         output: The annotated log that it wrote, None for none.
         following: The stage that can run on the annotated log, "" for none.
     """

@@ -56,7 +56,6 @@ def annotations_of_gates(run: RunMetrics, results: Sequence[GateResult]) -> list
 
     Args:
         run: The run with the names of its logs' files.
-        results: The gates.
     """
     sources = {log.id: log.source for log in run.logs}
     failed = [result for result in results if result.failed_checks]

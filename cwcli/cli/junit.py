@@ -29,8 +29,6 @@ def format_junit_xml(
     Failures on warnings hold links into the page of the run, where its address is given.
 
     Args:
-        results: The gates.
-        addresses: Of the page of the run.
         run_s_by_log: Id of a log -> seconds that the run took for it. A log's test cases share them evenly, so that
             all times together are the run's.
     """

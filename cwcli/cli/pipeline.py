@@ -37,13 +37,10 @@ class Job:
     """One run of stages over one log.
 
     Attributes:
-        command: Name of the command.
         source: Name of the log, names of its parts, or "-".
-        stages: Stage calls by name, in order.
         metrics: File of the stage's main table, or None.
         metrics_dir: Folder for all tables of all stages, or None.
         preceding_stages: Names of the stages that only prepare inputs of the command's own stage.
-        skip: Which stages are left out.
     """
 
     command: str
@@ -63,7 +60,6 @@ class JobOutcome:
     """What came of a job.
 
     Attributes:
-        run: The results of its stages.
         digest: Their digest, None where none is printed.
         following_stage: The stage that is suggested next and has its signals, "" for none.
         notes: What the user should know of the input, beside the notes of the stages.

@@ -49,7 +49,6 @@ def parse_plain_arguments(function: Callable[..., Any], arguments: Sequence[str]
 
     Args:
         function: With a keyword for each option and argument, as `cwcli.cli.load` makes it.
-        arguments: Behind the command's name.
     """
     parameters = inspect.signature(function).parameters
     by_flag: dict[str, tuple[str, bool]] = {}

@@ -66,7 +66,6 @@ class Progress:
 
         Args:
             elapsed_s: Time since the beginning, s.
-            width: Columns of the terminal.
         """
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
         left = "" if self._left is None else f", about {elapsed_s * self._left:.0f} s left"

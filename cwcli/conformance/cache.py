@@ -45,11 +45,7 @@ def repetition_key(parts: Mapping[str, Any], seed: int) -> str:
 
 
 class RepetitionCache:
-    """The repetitions of one version of the code in a folder.
-
-    Attributes:
-        path: Their file.
-    """
+    """The repetitions of one version of the code in a folder."""
 
     def __init__(self, folder: str) -> None:
         """Read what is there; the folder is made where it is missing.

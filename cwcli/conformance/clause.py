@@ -72,7 +72,6 @@ class PublishedNumber:
     """A number of a clause, or a list of them for several trials.
 
     Attributes:
-        name: Its key in the file.
         values: As printed, in `unit`.
         unit: A key of `SI_PER_UNIT`.
         source, page: Where it is printed; the page or section, "" where the notes have none.
@@ -128,7 +127,6 @@ class Clause:
     """A family of trials of one standard.
 
     Attributes:
-        name: Name of the file without ending.
         title, source: What it is, and where its numbers are published.
         reading: How its numbers are read where the source leaves a choice; "" if it leaves none.
         n_repetitions, n_required: Repetitions of each trial, and how many of them must pass.
@@ -136,7 +134,6 @@ class Clause:
         policy: Default braking policy, a key of `policies.POLICIES`.
         numbers: Of the trials, by name.
         tolerances: Within which a recorded trial is valid, by name.
-        trials: In the order of the file.
         left_out: Trials of the standard that are not judged here, with the reason.
     """
 

@@ -36,7 +36,6 @@ class LaneDrift:
         tyre_gap_m: Shape (k,): to the boundary that it drifts to; negative beyond it.
         rate_mps: Shape (k,): speed towards it.
         other_id: The boundary, as warnings name it; "" where there is no drift.
-        event_s: When the drift begins.
     """
 
     time_s: FloatArray
@@ -71,14 +70,7 @@ class LaneDrift:
 
 @dataclass(frozen=True)
 class LaneTrial:
-    """One drive in a lane.
-
-    Attributes:
-        truth: The truth of the drive.
-        road, car: The road and the car.
-        drift: The motion that is judged.
-        seed: Of the noise.
-    """
+    """One drive in a lane."""
 
     truth: LaneDriveTruth
     road: Road

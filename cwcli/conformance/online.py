@@ -40,7 +40,6 @@ class SimulatedTrial:
 
     Attributes:
         drive: The host's measurements and the messages that it received; None where only the truth is needed.
-        encounter: The truth.
     """
 
     drive: SimulatedDrive | None
@@ -129,7 +128,6 @@ def add_stages(log: Log, rule: str, *, horizon_s: float | None = None, with_warn
     """Return a log with the channels of the stages that have not run on it yet.
 
     Args:
-        log: The log, annotated or not.
         rule, horizon_s: Rule of the warnings, if they are computed, and how far it looks ahead.
         with_warnings: Whether the warnings are needed, or the states alone.
 

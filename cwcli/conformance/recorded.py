@@ -48,7 +48,6 @@ class LogTrial:
     """Where a recorded trial is.
 
     Attributes:
-        name: Name of the log.
         system: Topic and condition of another system's warnings, or None: those of cwcli.
         lead: Id of the other vehicle, or None: the only one that could be it.
         start_s, end_s: The trial's window, seconds from the log's start; None: the whole log.

@@ -41,8 +41,6 @@ class TrialResult:
     """All repetitions of one trial.
 
     Attributes:
-        trial: The trial.
-        repetitions: In order.
         n_required: How many must pass.
     """
 
@@ -92,9 +90,6 @@ class ClauseResult:
     """The result of a clause.
 
     Attributes:
-        clause: The clause.
-        trials: One result each.
-        n_repetitions: Of each trial.
         settings: How it was run, by name: `rule`, `policy`, `grade`, `log`, `system`.
     """
 

@@ -42,7 +42,6 @@ class ConformConfig:
     Attributes:
         seeds: Repetitions of each trial, with seeds 0, 1, 2, ...; None: as many as the clause says.
         jobs: Processes; the results do not depend on it.
-        rule: Warning rule that is judged.
         horizon_s: How far the paths and the rule look ahead; None: the defaults of `predict` and `warn`.
         policy: Braking policy, or None: the clause's own.
         grade: Grade of noise, or None: the clause's own.
@@ -82,9 +81,6 @@ def run_clauses(
     """Run clauses; `tick` is called with a text, and how many trials are done of how many, when one is done.
 
     Args:
-        names: Names or files of clauses.
-        config: How.
-        tick: Shows the progress.
         cache: Repetitions that were run before, which gets the new ones; None: everything is run.
 
     Raises:
@@ -196,10 +192,6 @@ def run_trial(
     """Run one trial of a clause with some seeds, in this process.
 
     Args:
-        clause_name: Name or file of the clause.
-        index: Of the trial.
-        seeds: One repetition each.
-        config: How.
         warner: The system that is judged, which gets the truth alone; None: cwcli with the rule of the configuration.
     """
     clause = load_clause(clause_name)

@@ -69,8 +69,6 @@ class BuiltScene:
 
     Attributes:
         document: Duration and vehicles (docs/scenarios.md).
-        event_s: When the trial's event begins.
-        other: Name of the principal other vehicle.
     """
 
     document: Mapping[str, Any]

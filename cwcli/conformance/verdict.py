@@ -43,7 +43,6 @@ class DrivenTrial:
     """A trial that was driven, simulated or recorded.
 
     Attributes:
-        encounter: The true motion.
         warnings: Every warning of the system during the trial, in order of time.
         demands: The numbers of the clause that the judge asks for, SI units.
         policy: Braking policy, a key of `policies.POLICIES`.

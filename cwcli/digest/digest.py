@@ -49,9 +49,7 @@ def build_digest(
 
     Args:
         log: The log in memory, with what the stages made.
-        stages: The stages that ran, in order.
         left_out: Stage -> why it did not run.
-        tables: Name -> table of the stages.
         is_run: Several stages ran as one run, not a stage by itself.
 
     Raises:

@@ -57,7 +57,6 @@ class OtherTrack:
     """The track of another vehicle.
 
     Attributes:
-        id: As in the channel.
         kind: `vehicle` (heard over V2X) or `target` (seen by a sensor).
         track: Stamps (n,) and states (n, 4): x_m, y_m, speed_mps, heading_rad.
         size_m: Length and width of its outline.
@@ -83,15 +82,11 @@ class Drive:
     """One annotated log as the report needs it.
 
     Attributes:
-        name: Of the log.
-        start_ns, end_ns: Its first and last log time.
         ego: The ego's states, None where the log has none.
         others: The other vehicles, in order of id first seen.
         measurements: The ego's own measurements, as the estimator reads them.
         warnings: The warnings, None where the stage did not run.
         lanes: The lanes, None likewise.
-        warning_config: Settings of the warnings.
-        records: Stage -> its metadata record.
         camera_topic: Topic of the camera frames, or "".
         notes: What the reader of the page should know.
         truth: The ego's, None where the log has none.

@@ -20,7 +20,6 @@ def drive_length_sentence(duration_ns: int, ego: VehicleStates | None, *, n_hear
         duration_ns: From the first to the last message.
         ego: The ego's states in stamp order, None where there are none.
         n_heard: Vehicles received by radio.
-        n_tracked: Targets tracked by the sensors.
     """
     text = f"The log is {format_duration(duration_ns / NS_PER_S)} long"
     if ego is not None and len(ego) > 1:

@@ -39,10 +39,7 @@ class Encounter:
     """One warning, its vehicles and its verdict.
 
     Attributes:
-        event_id: Its number in the log.
         other: The other vehicle; None where its track is not in the log.
-        other_id: Its id, as the warning says.
-        rule: The rule that warned.
         raised_ns, last_ns: First and last evaluation at which it stood.
         time_to_event_s, predicted_distance_m, probability, alert_probability: As the warning said when it was raised;
             NaN: not computed.
@@ -106,7 +103,6 @@ class DriveEncounters:
     """All warnings, conflicts and approaches between the ego and the others.
 
     Attributes:
-        encounters: The warnings, in order of time.
         missed_conflicts: Conflicts without a warning, in order of time; none where nobody warned.
         nearest: The other that came nearest while one of the two moved; None where nobody was near.
         n_not_compared: Others whose distance was not computed, because there are so many.

@@ -33,12 +33,10 @@ class LogLine:
     """One log of the run.
 
     Attributes:
-        id: Its name in the output folder.
         status: `done`, `unchanged` or `failed`.
         error: Why it failed, "" otherwise.
         happened: What happened, "" where an earlier version did the log.
         doubts: The sentences of the doubts, the worst first.
-        n_warnings: Number of warnings.
     """
 
     id: str

@@ -32,8 +32,6 @@ def stage_sentence(stage: str, records: Mapping[str, Record], tables: Tables) ->
     """Return what a stage made; "" where nothing says it, or where the story of the drive does.
 
     Args:
-        stage: Its name.
-        records: Stage -> its metadata record.
         tables: Name -> table, of the stages that have just run.
     """
     describe = _SENTENCES.get(stage)

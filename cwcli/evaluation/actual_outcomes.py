@@ -25,7 +25,6 @@ class ActualOutcomes:
     """Actual motion of the host and the others.
 
     Attributes:
-        host: Track of the host.
         pairs: Vehicle -> pair of the host and it.
         conflicts: Vehicle -> real conflicts with it, in order of time.
         config: Definition of a conflict and limits of a verdict as `cwcli warn` used them, else the defaults.

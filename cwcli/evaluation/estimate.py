@@ -156,7 +156,6 @@ def read_ego_truth(log: Log, record: Record, states: VehicleStates) -> EgoTruth 
     """Read the truth of the ego from an annotated log; None where there is no usable one.
 
     Args:
-        log: The annotated log.
         record: Record of `estimate`.
         states: States of the ego, in stamp order.
 

@@ -22,7 +22,6 @@ class EgoTruth:
     """The truth of the ego in the map frame.
 
     Attributes:
-        topic: Its channel.
         stamp_ns, xy: Stamps (n,) and positions (n, 2), m.
         speed_mps, heading_rad, yaw_rate_radps: Shape (n,), or None where the channel does not have them.
     """
@@ -55,13 +54,10 @@ class EvaluationContext:
     """A log under evaluation, with its options and metrics.
 
     Attributes:
-        log: An annotated log.
         truth: `auto`, `none`, or the topic of the ego's truth.
         tables: Tables by name of the stages that have just made the channels.
-        headline: Collects the rows.
         ego: States and truth of the ego, from the evaluation of `estimate`, which comes first.
         system: Another system in the log that is evaluated too.
-        notes: Notes for the user.
     """
 
     log: Log

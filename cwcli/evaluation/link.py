@@ -61,19 +61,13 @@ LINK_HEADINGS = (
 
 
 class RadioLinkSummary:
-    """Summary of the radio link of a log.
-
-    Attributes:
-        stations: Summary of each station.
-        reception: Messages sent and received by distance.
-    """
+    """Summary of the radio link of a log."""
 
     def __init__(self, signals: Sequence[Signal], ego: Track, local_map: LocalMap | None) -> None:
         """Summarise the link.
 
         Args:
             signals: Signals of remote vehicles; Cartesian ones were not received by radio and are ignored.
-            ego: Track of the receiver.
             local_map: Map of the track, None where it is not georeferenced.
         """
         remotes = [signal for signal in signals if isinstance(signal, RemoteSignal) and signal.x_m is None]

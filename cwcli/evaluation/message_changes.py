@@ -37,7 +37,6 @@ class ChannelChange:
     """A channel whose messages differ.
 
     Attributes:
-        topic: The channel.
         field: The first field that differs, "" where a message is missing or added.
         at_ns: Log time of the first message that differs.
         before, after: The values there; "" where there is no message.
@@ -83,7 +82,6 @@ class LogDifference:
         channels: The channels that differ, recorded ones first, then in the order of the stages.
         warnings: The warnings that differ, in order of time.
         start_ns: First log time of the earlier run, from which times are counted.
-        n_channels: Number of channels that were compared.
     """
 
     settings: tuple[SettingChange, ...]

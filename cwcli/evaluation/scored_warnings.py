@@ -111,13 +111,11 @@ class ScoredWarnings:
     """Warnings of one host against all others, scored by the actual motion.
 
     Attributes:
-        rows: Rows of the warnings over time.
         events: One row per event (warning), with its verdict.
         conflicts: One row per real conflict, warned of or missed.
         pairs: One row per pair: counts of evaluations and criticality measures of the actual motion.
         series: One row per evaluation of a pair that came within reach.
         scores: One row: counts of true, false, late, undecided and missed.
-        counts: Numbers of evaluations by outcome.
     """
 
     rows: WarningRows
@@ -138,7 +136,6 @@ def score_warnings(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | 
     """Score warnings against the actual motion.
 
     Args:
-        found: The warnings.
         actual: Vehicle id -> actual track; for missing ones `VehicleTrack.state` is used.
     """
     host, ids = found.host, found.event_ids

@@ -30,7 +30,6 @@ class SettingChange:
     """A setting of a stage that differs between two runs.
 
     Attributes:
-        stage: The stage.
         name: `version`, or the dotted name in its configuration, `estimator.gate_probability`, in the calibration file,
             `calibration./imu.yaw_rate.bias.value`, or in the file of the car, `vehicle.mass_kg`.
         before, after: Its values as JSON; "" where a run has none.

@@ -32,7 +32,6 @@ class TargetTruthScores:
     """Scores against a truth channel.
 
     Attributes:
-        topic: The truth channel.
         names: Ids of the true targets; `scores.targets` names them by index.
         scores: GOSPA, switches, errors.
     """
@@ -53,11 +52,8 @@ def score_tracks_against_truth(
     """Score the tracks against the truth at the times of the scans.
 
     Args:
-        truth: True positions of the targets.
-        result: The tracks.
         moments_ns: Times of comparison; the truth is interpolated to them, never across a gap.
         in_map: Whether the tracks are in the map frame.
-        local_map: Georeference of the map, if known.
 
     Returns:
         The scores, and notes on how the frames were aligned; None where the frames differ or no time has a truth.

@@ -46,7 +46,6 @@ class TruthErrors:
     """Errors against a truth channel.
 
     Attributes:
-        topic: The truth channel.
         rows: Errors of each quantity, measured and estimated, as in song2016's table 1.
         nees: NEES of position, speed and heading, as far as the truth has them.
         n: Number of truth rows compared.
@@ -203,7 +202,6 @@ def place_truth_in_map(
     """Convert the positions of a truth to the map frame; returns them and notes on how they were placed.
 
     Args:
-        signal: The truth.
         row_mask: Shape (all,): mask of its n wanted rows.
         local_map: Georeference of the map, or None where it has none.
         truth_origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth's origin, or None.

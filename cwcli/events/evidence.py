@@ -43,7 +43,6 @@ class LaneDistances:
     """The distances of the lane boundaries from the car's centre line, (n,) each.
 
     Attributes:
-        stamp_ns: Times of the frames.
         left_m, right_m: To the left positive; NaN where a boundary was not found.
     """
 

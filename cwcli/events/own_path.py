@@ -33,7 +33,6 @@ class OnOwnPath:
     """Another vehicle relative to the ego's driven way, (m,) each, at a grid of times.
 
     Attributes:
-        stamp_ns: The times.
         ahead_m: Distance along the way from the ego's centre to the other's; NaN where it is not near, or beyond the
             way that the log knows.
         left_m: Distance of the other's centre to the left of the way.

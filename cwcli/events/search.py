@@ -75,9 +75,7 @@ class FoundEvent:
 
     Attributes:
         id: The same for the same event in every run over the same log, and in a clip of it.
-        log: Name of the log.
         event: Name of the event, or `EXPRESSION_NAME`.
-        moment: When, with whom, and how severe.
         start_s: From the log's start, s.
         value_name: What the value is, with its unit.
     """
@@ -111,7 +109,6 @@ class LogSearch:
     """What was found in one log.
 
     Attributes:
-        found: The events in order of time.
         missing: Event -> why the log can't tell, for events of `all`.
     """
 
@@ -124,8 +121,6 @@ class Query:
     """What is looked for.
 
     Attributes:
-        text: As it was written.
-        node: The parsed expression.
         events: The events, if it is nothing but events; None for another expression.
         is_all: It is the word for all events: those that a log can't tell are left out and noted.
     """

@@ -92,7 +92,6 @@ class Series:
     """A quantity over time: a state of the ego or the other, a measure, or a field of a topic.
 
     Attributes:
-        name: As it was written.
         function: One of `WINDOW_FUNCTIONS`, or "".
         window_s: Length of the window of the function, s.
     """
@@ -140,10 +139,6 @@ Node = Comparison | EventName | Lasting | Near | Not | AndOr
 
 def parse_expression(text: str, events: tuple[str, ...]) -> Node:
     """Parse an expression.
-
-    Args:
-        text: The expression.
-        events: The names of events.
 
     Raises:
         UsageError: It is none; the message says where and what was expected.

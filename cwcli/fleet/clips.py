@@ -38,12 +38,10 @@ def write_clips(
     A clip that can't be written leaves those before it.
 
     Args:
-        found: The events.
         paths: Name of a log -> its path.
         folder: Where the clips lie; created if it does not exist.
         open_log: Opens a log by its path.
         margin_s: How much of the log a clip holds before and after the event, s.
-        force: Overwrite files that exist.
         step: Called with the number of the clip and its name before it is written.
 
     Raises:

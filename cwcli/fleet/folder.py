@@ -56,12 +56,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True)
 class LogOutputs:
-    """One log's part of the output folder.
-
-    Attributes:
-        out: The output folder.
-        id: The log's safe, unique name.
-    """
+    """One log's part of the output folder."""
 
     out: Path
     id: str
@@ -93,8 +88,6 @@ class LogOutputs:
         """Whether the log was done with this key, its files have their sizes, and its rows are there.
 
         Args:
-            entry: The log's entry.
-            key: As the entry must have it.
             has_tables: Whether the tables of the run are whole; else the log's own tables must be there.
         """
         if entry is None or entry.get("status") != "done" or entry.get("key") != key or not _has_all_fields(entry):
@@ -153,7 +146,6 @@ class RecordedLog:
     """One log of an earlier run, as its output folder records it.
 
     Attributes:
-        id: The recorded id.
         folder: Its part of the output folder; None where the id is no plain file name and could lead elsewhere.
         entry: The log's own entry, else the manifest's, or {}.
     """
@@ -165,12 +157,7 @@ class RecordedLog:
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """An earlier run, as its output folder records it.
-
-    Attributes:
-        logs: In order of id.
-        gates: Gate expressions of its pipeline.
-    """
+    """An earlier run, as its output folder records it."""
 
     logs: tuple[RecordedLog, ...]
     gates: tuple[str, ...]

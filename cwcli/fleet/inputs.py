@@ -31,7 +31,6 @@ def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> lis
     A log that is named twice, also through a link or with two signatures of one URL, counts once.
 
     Args:
-        arguments: Files, folders, patterns and URLs.
         results: Folders that the run writes and removes; patterns and folders skip the files in them.
 
     Raises:
@@ -127,9 +126,7 @@ def temporary_local_copy(url: str, folder: Path, bounds: ReadBounds) -> Iterator
     """Copy a remote log to a temporary file that is removed when the context ends.
 
     Args:
-        url: The log.
         folder: Where the copy lies meanwhile; it is made if it is not there.
-        bounds: What reading it may cost.
 
     Raises:
         InputError: It can't be read, is no log, or is larger.

@@ -38,7 +38,6 @@ def run_on_local_processes(
 
     Args:
         tasks, plan: The logs, and what is done with each.
-        jobs: Number of worker processes.
         do: Function of a module that a worker calls for each log; None for `process_log`.
 
     Raises:

@@ -18,7 +18,6 @@ class RunDifference:
 
     Attributes:
         differing: Id of a log -> what differs, for the logs that differ.
-        n_logs: Number of logs that were compared.
         unread: Ids of the logs that could not be read, with the reason.
         paths: Id of a log that differs -> its annotated logs in the earlier and in the later run.
     """

@@ -98,9 +98,7 @@ class TaskResult:
     """The result of one log.
 
     Attributes:
-        id: Id of the log.
         status: `done`, `failed`, or `unchanged` if an earlier run had written the same.
-        wall_s, cpu_s: Run times.
         peak_mb: Largest memory of the worker up to now.
         attempts: Number of attempts; more than one if a worker died, none if the log was not read.
         input_state: State of the log's file when it was read; None if it failed, or is not one plain file.
@@ -120,10 +118,8 @@ class LogTask:
     """One log of a run.
 
     Attributes:
-        id: Its safe, unique name.
         source: As the user named it, or as a pattern matched it.
         path: The file, absolute; a URL for a remote one.
-        out: The output folder, absolute.
         has_tables: The tables of the run in it are whole, with the rows of all logs that are done.
     """
 

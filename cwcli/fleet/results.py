@@ -56,8 +56,6 @@ class RunMetrics:
     Attributes:
         source: The run, as the user named it.
         logs: Metrics of each log in order of id, failed logs included.
-        gates: Gates in the run's manifest.
-        is_one_log: The source is a single log.
     """
 
     source: str
@@ -184,7 +182,6 @@ class MetricsOfRun:
     """The headline metrics of a run's logs, whose table is read once.
 
     Args:
-        out: The output folder.
         is_needed: Tells by its name whether a metric is needed; others are not held in memory. None: all are.
     """
 

@@ -73,7 +73,6 @@ class FleetResult:
     """The result of a run over many logs.
 
     Attributes:
-        out: The output folder.
         manifest: Content of `manifest.json`.
         statuses: Log id -> `done`, `failed` or `unchanged`.
     """
@@ -101,8 +100,6 @@ def run_fleet(
     """Run a pipeline on every log, and record the result of each.
 
     Args:
-        sources: Files, folders, patterns and URLs.
-        plan: What is done with each log.
         out: The output folder, on this machine or as a URL of a store, to which each log's results are sent.
         jobs: Worker processes; None: as many as there are processors.
         ray: Address of a Ray cluster, `auto` for the one of this machine, `local` for one of its own; None: no Ray.

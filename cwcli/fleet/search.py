@@ -35,7 +35,6 @@ class FleetSearch:
     """What was found in many logs.
 
     Attributes:
-        found: The events, the most severe first.
         paths: Name of each searched log -> its path.
         missing: Event -> number of logs that can't tell.
         failed: The logs that could not be searched, with the error of each.
@@ -97,8 +96,6 @@ def find_in_logs(
     A log that can't be searched is counted and does not stop the others; a single one raises its error.
 
     Args:
-        logs: The logs.
-        query: What is looked for.
         open_log: Opens a log by its path.
         other_system: Topics of another system in the logs.
         step: Called with the number of the log and its name before it is searched.

@@ -71,11 +71,7 @@ class RowSource(Protocol):
 
 
 class StagedRows:
-    """The rows of logs that a worker has done.
-
-    Attributes:
-        path_of: The staged file of a log.
-    """
+    """The rows of logs that a worker has done."""
 
     def __init__(self, path_of: Callable[[str], Path]) -> None:
         self.path_of = path_of
@@ -181,7 +177,6 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
     held them or in its staged file, so writing them again gives the same.
 
     Args:
-        out: The output folder.
         source_of_log: Id of each log that is done -> where its rows are.
         run_id: What equal pipelines of one version have in common.
 

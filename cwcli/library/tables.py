@@ -42,8 +42,6 @@ def arrow_table_of_result(log: Log, channel: Channel, selection: Selection, *, m
 
     Args:
         log: The log with the results of its stages.
-        channel: The channel.
-        selection: The span of the run.
         may_be_empty: Return a table without rows where the log has no such channel.
 
     Raises:

@@ -76,7 +76,6 @@ def collision_probability(
 
     Args:
         x_m, y_m: Shape (m, q): the other's centre minus the host's, map frame.
-        host, other: Both vehicles.
         ends: Shape (e,), increasing, at least 1: points up to which a contact counts; None: the last alone.
 
     Returns:

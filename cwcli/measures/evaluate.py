@@ -29,9 +29,7 @@ class MeasuredPair:
     """One pair at the moments at which its centres are within the range.
 
     Attributes:
-        other_id: The other vehicle.
         stamp_ns: Shape (m,).
-        values: Measure -> its series, (m,).
         extremes: The most critical values of the whole time and of each encounter.
     """
 
@@ -131,9 +129,7 @@ def add_sigmas_to_extremes(
     """Add the sigmas of the extremes to a measured pair.
 
     Args:
-        measured: The pair without sigmas.
         at: The pair at the `moments`.
-        measures: The measures by name.
         covariances: Covariances of the host's and the other's states at the moments, (r, 8, 8) each.
     """
     asked = {each.measure: measures[each.measure] for each in measured.extremes if _can_have_sigma(each, measures)}

@@ -73,7 +73,6 @@ class GateCheck:
 
     Attributes:
         log: The id of the log; "" where the gate is about the run as a whole.
-        status: The outcome.
         detail: The values that were compared, and the metrics that are missing.
     """
 
@@ -118,7 +117,6 @@ def check_gates(gates: Sequence[str], logs: Sequence[LogMetrics], *, allow_missi
     """Check every gate; with gates to check, logs that failed are a failed gate of their own.
 
     Args:
-        gates: Expressions.
         logs: The logs of the run, failed ones included.
         allow_missing: Skip a check that stays unknown for lack of a metric, instead of failing it.
 

@@ -344,7 +344,6 @@ class HeadlineCollector:
 
         Args:
             name: A metric of `METRICS`, placeholders filled in.
-            total, weight: See the module.
             n: Number of samples; None: the weight.
 
         Raises:

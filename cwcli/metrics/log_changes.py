@@ -29,9 +29,7 @@ class LogMetricChange:
     """One metric on one log in two runs.
 
     Attributes:
-        metric, unit: Its name and unit.
         before, after: Its values; NaN where a run has none.
-        direction: Which way it changed.
         worsening: Change for the worse as a share of the value before, negative for the better, 0 where a value lacks.
     """
 
@@ -48,7 +46,6 @@ class LogChange:
     """One log in two runs.
 
     Attributes:
-        id: Its name.
         error: Why it failed in the later run, "" if it did not.
         changes: The metrics that differ, the worst first.
     """

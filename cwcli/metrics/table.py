@@ -67,7 +67,6 @@ class ColumnDoc:
     Attributes:
         unit: SI symbol, or "" to take it from the column's name.
         frame: Frame of reference, e.g. `map`, or "".
-        doc: One line.
     """
 
     unit: str = ""
@@ -137,9 +136,7 @@ def table_from_records(
     """Build a table from records; without records it has its columns all the same.
 
     Args:
-        name: Name of the table.
         kinds: Column name -> `int`, `float`, `bool` or `str`.
-        records: One record for each row.
         docs: As in `Table`.
     """
     columns: dict[str, TableColumn] = {}
@@ -185,9 +182,7 @@ def write_table(
     column is written as its values with spaces between them.
 
     Args:
-        table: What to write.
         target: File name ending in `.parquet` or `.csv`.
-        force: Overwrite a file that exists.
         durable, together: As in `cwcli.output.open_output`.
 
     Raises:

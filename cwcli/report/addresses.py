@@ -56,7 +56,6 @@ class WarningDifferences:
 
     Attributes:
         listed: At most MAX_LINKS, what is new first.
-        n: How many there are.
         n_logs: How many logs of both runs were compared.
         unread: Ids of those that could not be: one of the runs has failed on them, or its annotated log can't be read.
         n_left_out: How many logs of both runs were not looked at, as they are more than MAX_LOGS.
@@ -133,7 +132,6 @@ class PageAddresses:
         """Read which warnings and conflicts of a log have an anchor; None if the log failed or can't be read.
 
         Args:
-            entry: The log.
             name: What anchors are made of; "": as in the page.
         """
         if entry.log is None or entry.has_failed:

@@ -17,7 +17,6 @@ def stable_anchor_names(log: str, kind: str, distinguishing_keys: Iterable[tuple
     times, which another version or option moves by some milliseconds. Names that agree by chance get more digits.
 
     Args:
-        log: Name of the log.
         kind: `warning` or `conflict`.
         distinguishing_keys: What tells them apart (rule, other vehicle), in order of time.
     """

@@ -59,7 +59,6 @@ def build_event_page(
     """Build the page of some events as HTML, which needs no script and no network.
 
     Args:
-        title: What was looked for.
         found: The events, the most severe first; the first `MAX_CARDS` get a card.
         paths: Name of a log -> its path.
         open_log: Opens a log by its path.

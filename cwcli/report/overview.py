@@ -99,8 +99,6 @@ def assemble_run_report(
 
     Args:
         candidates: Its logs, in the order of the table.
-        results: Of the gates.
-        sections: The logs that have figures.
 
     Raises:
         InputError: The run has too many logs for a page.

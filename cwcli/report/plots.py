@@ -115,7 +115,6 @@ def relative_position_errors_m(state: FloatArray, truth: EgoTruth) -> tuple[Int6
 
     Args:
         state: The estimated states at the truth's stamps, (n, 8), NaN where not known.
-        truth: The truth.
 
     Returns:
         Stamps of the ends (k,), and errors (k,), m.
@@ -202,7 +201,6 @@ def draw_plot(drive: Drive, plot_name: str, file_format: str) -> bytes:
     """Draw one plot as a file; the same log gives the same bytes.
 
     Args:
-        drive: The log.
         plot_name: One of `PLOT_NAMES`.
         file_format: One of `PLOT_FORMATS`.
 

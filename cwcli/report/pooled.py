@@ -94,11 +94,7 @@ class PooledMetric:
     """A metric over all logs.
 
     Attributes:
-        name, unit, doc: Which.
         value, between: Pooled by samples, hours or ways, and its 95 % interval.
-        n_logs, n_samples: Behind it.
-        median: Of the logs' own values.
-        spread: How these lie.
         odd: The logs that stand out, the farthest first.
     """
 
@@ -147,7 +143,6 @@ def pool_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tupl
     """Pool the metrics over all logs that have them; () of fewer than two logs.
 
     Args:
-        logs: Of the run.
         anchors: Log -> where its part of the page is.
     """
     known = [log for log in logs if log.rows]
@@ -239,10 +234,7 @@ def find_outlier_logs(
     log alone stands out, and several don't.
 
     Args:
-        name: Of the metric.
-        values: Log -> its value.
         anchors: Log -> where its part of the page is.
-        low, high: Span of the axis.
         min_sigma: See `min_outlier_sigma`.
     """
     if len(values) < 4:

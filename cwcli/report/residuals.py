@@ -74,7 +74,6 @@ class SourceResiduals:
     """The residuals of one source and quantity.
 
     Attributes:
-        source, kind: Whose they are.
         stamp_ns: Shape (n,): as measured.
         values: Shape (n, d), one column for each of `PARTS`, in its unit; NaN where nothing was estimated.
         is_gated: Shape (n,): which the estimator did not believe.

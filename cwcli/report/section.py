@@ -79,9 +79,6 @@ class SectionOptions:
     """How the section of a log is shown.
 
     Attributes:
-        anchor: Name of the section in links.
-        badges: Badges beside the log's name.
-        detail: Level of detail.
         is_alone: The page is of this log alone.
         is_open: The section is unfolded.
     """

@@ -26,14 +26,10 @@ class LogEntry:
     """One log of a run.
 
     Attributes:
-        id: Unique in the run.
-        name: For people.
-        source: Where the log came from.
         log: The annotated log, None where there is none.
         has_failed: The run could not finish it.
         error: What, where and hint of the failure.
         skip_reason_by_stage: Stage -> why it did not run.
-        metrics: Headline metrics by name.
         line: What the run's digest says of the log; None for a single log.
     """
 
@@ -53,9 +49,6 @@ class ReportedRun:
     """The run that the report is about.
 
     Attributes:
-        name: Of the folder or the log.
-        entries: Its logs, in order of id.
-        gates: Gate expressions of the pipeline.
         is_folder: It is the output of `cwcli run -d`.
     """
 

@@ -33,10 +33,6 @@ class Reproduction:
     """The result of reproducing a paper.
 
     Attributes:
-        expectations: Of the paper.
-        findings: One line each.
-        plots: The redrawn figures.
-        table: The findings as columns.
         summary: For people and `--json`.
     """
 
@@ -64,11 +60,8 @@ def assemble_reproduction(
     """Assemble the parts of a reproduction, in the order of the expectations.
 
     Args:
-        paper: Key of the paper.
-        parts: Their numbers and plots.
         note: On what the numbers rest ("100 seeds").
         sections: Further tables for the summary, after those of the findings.
-        notes: Further notes.
         only: Figures that are wanted; none: all.
     """
     expected = load_expectations(paper)

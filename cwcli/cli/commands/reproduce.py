@@ -36,8 +36,6 @@ class ReproductionRequest:
     """What to reproduce of a paper.
 
     Attributes:
-        seeds: Number of seeds of each scenario.
-        jobs: Number of processes.
         frames: Number of frames to judge in each rendered set; 0 for a paper without frames.
         only: Figures and tables to reproduce; empty for all.
         labelled: A log with labelled frames, or None.
@@ -79,10 +77,7 @@ class PaperEntry:
     """The reproduction of one paper.
 
     Attributes:
-        reproduce: Function that reproduces it.
-        seeds: Default number of seeds.
         frames: Default number of frames in each rendered set; 0 for a paper without frames.
-        has_labelled: It takes labelled frames.
     """
 
     reproduce: Run

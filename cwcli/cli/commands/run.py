@@ -120,8 +120,6 @@ class AllOptions:
     """All options of a run.
 
     Attributes:
-        pipeline, inputs: Options that the stages share.
-        options_of_stages: Stage -> its own options.
         wanted_stages: Names of the stages to run, in order.
     """
 

@@ -33,8 +33,6 @@ def expand_dataclass_parameters(
     """Wrap a function so that its dataclass parameters are replaced by their fields.
 
     Args:
-        function: The command's code.
-        command: Its name.
         stages: The stages whose options the command has.
         without: Parameters that the command does not offer; they take their defaults.
     """

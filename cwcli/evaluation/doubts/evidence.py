@@ -39,7 +39,6 @@ class DoubtEvidence:
         records: Stage -> its metadata record. It may come from anybody: what does not fit is ignored.
         ego: The ego's states, None where there are none.
         start_ns: First log time, from which sentences count the seconds.
-        end_ns: Last log time.
         faults: What is wrong with the file itself -> how often.
     """
 

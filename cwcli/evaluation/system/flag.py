@@ -55,7 +55,6 @@ class FlagOverTime:
     Attributes:
         time_ns: Shape (n,), in order: when each message with the field was available.
         is_set: Shape (n,): whether the condition held.
-        notes: Notes for the user.
     """
 
     time_ns: Int64Array

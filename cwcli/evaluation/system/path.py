@@ -38,8 +38,6 @@ def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, Fr
     """Add the errors of another system's paths at the horizons.
 
     Args:
-        context: The log.
-        topic: Topic of the paths.
         known: Name and placement of a frame of the same system; None: unknown.
 
     Raises:

@@ -21,7 +21,6 @@ def read_signal_of_other_system(
     Args:
         context: The log; receives notes on unusable messages.
         role_name: Name of the role in `--topic`.
-        topic: Topic in the log.
         roles: Input roles whose builders can read it, the preferred one first.
 
     Raises:

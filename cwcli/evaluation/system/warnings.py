@@ -57,7 +57,6 @@ def judge_flag_warnings(flag_spans_ns: Sequence[FirstAndLastNs], real: ActualOut
 
     Args:
         flag_spans_ns: Times (ns) of the first and the last message of each warning.
-        real: Actual motion and conflicts.
     """
     times = np.array(flag_spans_ns, np.int64).reshape(-1, 2)
     raised_ns, last_ns = times[:, 0], times[:, 1]

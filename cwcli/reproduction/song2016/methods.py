@@ -107,8 +107,6 @@ class KnownVehicle:
         name: `host` or the station id.
         track: Causal estimate: at 20 Hz for the host, at the times of its messages for another.
         log_time_ns: Shape (n,): when each state was known to the host.
-        horizon_s: How far its paths must reach.
-        length_m, width_m: Outline.
     """
 
     name: str

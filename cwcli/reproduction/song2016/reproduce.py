@@ -105,11 +105,7 @@ def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) 
 
 
 def format_seed_note(tasks: Collection[tuple[str, str, int]]) -> str:
-    """Format how many seeds each kind of task took: "100 seeds of warnings and control; 20 seeds of table 1".
-
-    Args:
-        tasks: Kind, scenario and number of seeds.
-    """
+    """Format how many seeds each kind of task took: "100 seeds of warnings and control; 20 seeds of table 1"."""
     n_seeds = {kind: n for kind, _, n in tasks}
     kinds_by_seeds: dict[int, list[str]] = {}
     for kind, words in TASK_KIND_LABELS.items():

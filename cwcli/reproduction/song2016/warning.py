@@ -55,8 +55,6 @@ class WarningMoments:
     """Warning moments of one scenario over all seeds.
 
     Attributes:
-        scenario: The scenario.
-        other: Name of the other vehicle.
         ideal_s: `HORIZON_S` before the cars are nearer than `COLLISION_CENTRE_DISTANCE_M`.
         warned_s_by_method: Method -> shape (seeds,), NaN where it never warned. Methods: the families of the paper;
             `cwcli`, our

@@ -80,7 +80,6 @@ class ReproduceConfig:
     """Settings of the study.
 
     Attributes:
-        seeds: Paired seeds.
         only: Figures that are wanted; none: all.
     """
 

@@ -106,7 +106,6 @@ def drive_part(
     Args:
         figure: A key of `DRIVE_BY_FIGURE`.
         n_seeds: At most `MAX_DRIVE_SEEDS`.
-        tick: Called after each seed.
         lane_method: A key of `vision.methods.METHODS` that finds the lanes in rendered frames; None: simulated points.
     """
     seen = "" if lane_method is None else RENDERED_PREFIX

@@ -35,9 +35,6 @@ SEARCHED_HEIGHT_SHARE = 150.0 / 240.0
 def labelled_frames_part(path: Path) -> StudyPart:
     """Run all methods on a labelled log.
 
-    Args:
-        path: Of the log.
-
     Raises:
         MissingSignalError: The log has no labels.
         CwcliError: As the stage `lanes`.

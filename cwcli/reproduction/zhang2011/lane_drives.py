@@ -59,8 +59,6 @@ def run_methods_on_drives(
     """Run methods on the drives `first` to `last` - 1 of a set.
 
     Args:
-        name: Of the set.
-        first, last: Numbers of drives.
         methods: Keys of `METHODS`; None: all that need no model.
         seed: Of the set and of random searches.
     """

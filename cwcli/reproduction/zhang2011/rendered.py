@@ -44,7 +44,6 @@ class RenderedDrive:
 
     Attributes:
         sensed: As from `simulate_lane_sensors_of_run`.
-        drive: Renders the frames.
         camera: As the lane method was told, in the pixels of the frames.
         fits: n rows, in the pixels of the search image.
         geometry: n rows.
@@ -71,11 +70,9 @@ def sense_rendered_drive(
 
     Args:
         truth: From `simulate_lane_runs`.
-        run: Which column of it.
         road, vehicle: As given to `simulate_lane_runs`.
         settings: None: the defaults.
         method: A key of `vision.methods.METHODS`. It is told the speed, not the yaw rate.
-        seed: Of everything.
     """
     settings = settings or RenderSettings()
     drive = road_drive_from_lane_run(truth, run, road, settings, seed=seed)
@@ -114,11 +111,9 @@ def find_lanes_in_drive(
     """Find the boundaries in every frame of a drive.
 
     Args:
-        drive: Renders the frames.
         camera: As the method is told, in the pixels of the frames.
         method: A key of `METHODS`.
         speed_mps: Shape (n,), at the frames.
-        seed: Of a random search.
     """
     chosen = METHODS[method]
     size = chosen.search_size(camera.width_px, camera.height_px)
