@@ -1,0 +1,153 @@
+"""Doubts about the sources of the ego: they contradict each other, or are not as good as they say."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+
+from cwcli.estimation.tolerances import MAX_GATED_SHARE, TOLERATED_VARIANCE_FACTOR
+from cwcli.evaluation.doubts.base import DoubtRule, Finding
+from cwcli.evaluation.doubts.evidence import DoubtEvidence, name_sources_in_words, source_name
+from cwcli.pipeline.records import read_finite_number_or_nan, to_float_or_nan
+from cwcli.text import format_count, shorten_and_escape
+
+MAX_CONTRADICTIONS = 1
+"""Number of contradictions from which the estimate is doubted. Chosen by hand: one is enough to spoil it."""
+
+
+def find_contradictions(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield each contradiction that the estimator found."""
+    found = evidence.estimate_summary.contradictions
+    for sentence in found:
+        yield Finding(float(len(found)), name_sources_in_words(sentence))
+
+
+CONTRADICTION = DoubtRule(
+    summary="sources that contradict each other",
+    short_name="contradicting sources",
+    threshold=MAX_CONTRADICTIONS,
+    unit="",
+    source="chosen: one spoils the estimate",
+    advice="Find out which of them is wrong, and leave it out or correct it with --topic or --map.",
+    find=find_contradictions,
+)
+
+
+MAX_UNDOUBTED_CORRECTIONS = 1
+"""Number of corrected sources from which the estimate is doubted. Chosen by hand: the user should see every one."""
+ADVICE_WITH_AN_OPTION = "Check that sensor, or mend the recording; {}."
+"""The advice where the recorded sentence names the option that undoes the correction."""
+EVIDENCE_PATTERN = r" \((?P<evidence>[^()]*); (?P<option>--trust \S+ leaves it unchanged)\)\.?$"
+"""The end of the recorded sentence: what shows the fault, and the option (`cwcli.estimation.correction`)."""
+RATIO_PATTERN = r"^log-likelihood ratio \S+ by "
+"""The beginning of the evidence where other sources show the fault: its number is for `--details` alone."""
+
+
+def find_corrections(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield each source that the estimator corrected by itself."""
+    found = evidence.estimate_summary.corrections
+    for sentence in found:
+        end = re.search(EVIDENCE_PATTERN, sentence)
+        if end is None:
+            yield Finding(float(len(found)), name_sources_in_words(sentence))
+            continue
+        shown = re.sub(RATIO_PATTERN, "shown by ", end["evidence"])
+        yield Finding(
+            float(len(found)),
+            name_sources_in_words(f"{sentence[: end.start()]} ({shown})"),
+            ADVICE_WITH_AN_OPTION.format(shorten_and_escape(end["option"])),
+        )
+
+
+CORRECTION = DoubtRule(
+    summary="sources that were corrected",
+    short_name="corrected sources",
+    threshold=MAX_UNDOUBTED_CORRECTIONS,
+    unit="",
+    source="chosen: each is shown",
+    advice="Mend the recording, or confirm it with --as.",
+    find=find_corrections,
+    is_repaired=True,
+)
+
+
+def find_gated_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield each source of the ego that contradicts the others too often."""
+    for source in evidence.ego_sources:
+        gated, n = (
+            read_finite_number_or_nan(source, "gated"),
+            read_finite_number_or_nan(source, "gated") + read_finite_number_or_nan(source, "used"),
+        )
+        if n > 0 and gated > MAX_GATED_SHARE * n:
+            share = gated / n
+            yield Finding(
+                share, f"{100 * share:.0f} % of the measurements of {source_name(source)} contradict the other sources."
+            )
+
+
+GATED = DoubtRule(
+    summary="a source whose measurements the gate rejects",
+    short_name="rejected measurements",
+    threshold=MAX_GATED_SHARE,
+    unit="share",
+    source="chosen: as in the verdict of `estimate`",
+    advice="Check its stamps and its mounting.",
+    find=find_gated_sources,
+)
+
+
+def find_understated_noise(evidence: DoubtEvidence) -> list[Finding]:
+    """Return the sources, of the ego and of tracked targets, whose NIS is outside its bounds and too large."""
+    found = list(_iter_sources_with_understated_noise(evidence))
+    return sorted(found, key=lambda each: -each.value)
+
+
+def _iter_sources_with_understated_noise(evidence: DoubtEvidence) -> Iterator[Finding]:
+    for source in evidence.ego_sources:
+        if source.get("nis_inside") is False:
+            yield from _iter_finding_if_nis_too_large(
+                source_name(source), read_finite_number_or_nan(source, "nis_per_dof")
+            )
+    for name, nis, inside in evidence.summary_of_stage("track").column_cells("sensors", "sensor", "NIS/dof", "inside"):
+        if isinstance(nis, int | float) and not isinstance(nis, bool) and inside == "OUT":
+            yield from _iter_finding_if_nis_too_large(shorten_and_escape(str(name), 60), to_float_or_nan(nis))
+
+
+def _iter_finding_if_nis_too_large(name: str, nis: float) -> Iterator[Finding]:
+    if TOLERATED_VARIANCE_FACTOR < nis < math.inf:
+        yield Finding(nis, f"{name} scatters {math.sqrt(nis):.1f} times as much as its uncertainty says.")
+
+
+NOISE = DoubtRule(
+    summary="innovations beyond their sigma (NIS per degree of freedom, outside its bounds)",
+    short_name="noise beyond its sigma",
+    threshold=TOLERATED_VARIANCE_FACTOR,
+    unit="",
+    source="chosen: as in the verdict of `estimate`",
+    advice="Expect greater errors of the states than their covariance says.",
+    find=find_understated_noise,
+)
+
+
+MAX_RESETS = 1
+"""Number of resets from which the estimate is doubted. Chosen by hand: a jump is never the car's motion."""
+
+
+def find_resets(evidence: DoubtEvidence) -> Iterator[Finding]:
+    """Yield each source that was believed again only after repeated rejections."""
+    for source in evidence.ego_sources:
+        n = read_finite_number_or_nan(source, "resets")
+        if n >= MAX_RESETS:
+            yield Finding(n, f"{source_name(source)} jumped {format_count(int(n), 'time')}, and the track with it.")
+
+
+RESETS = DoubtRule(
+    summary="a track that jumps because a source jumped",
+    short_name="jumps",
+    threshold=MAX_RESETS,
+    unit="",
+    source="chosen: no car jumps",
+    advice="Do not use the states flagged after_reset.",
+    find=find_resets,
+)
