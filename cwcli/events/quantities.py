@@ -10,8 +10,9 @@ import numpy as np
 
 from cwcli.errors import MissingSignalError, UsageError, hint_at_known_names
 from cwcli.events.evidence import EventEvidence
-from cwcli.events.syntax import Comparison, Number, Series
+from cwcli.events.syntax import Series
 from cwcli.measures import MEASURES
+from cwcli.metrics.condition_parser import Comparison, Number
 from cwcli.metrics.table import unit_of_column
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.leaf_fields import read_numbers

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import operator
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -25,12 +24,10 @@ from cwcli.events.quantities import (
     window_values,
 )
 from cwcli.events.syntax import (
-    Comparison,
     EventName,
     Lasting,
     Near,
     Node,
-    Number,
     Series,
     event_names,
     parse_expression,
@@ -38,10 +35,11 @@ from cwcli.events.syntax import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
-from cwcli.metrics.condition_parser import AndOr, Not
+from cwcli.metrics.condition_parser import AndOr, Comparison, Not, Number
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn, unit_of_column
 from cwcli.pipeline.records import read_run_records
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.field_condition import COMPARISONS_BY_SIGN
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.text import format_number
@@ -58,15 +56,6 @@ MAX_PAUSE_S = 0.25
 """Moments of an expression with a shorter pause are one, s. Chosen by hand: noise at a threshold."""
 
 BoolArray = npt.NDArray[np.bool_]
-_SIGNS: dict[str, Callable[[FloatArray, FloatArray], BoolArray]] = {
-    "<": operator.lt,
-    "<=": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
-    "==": operator.eq,
-    "!=": operator.ne,
-}
-"""Comparison operator -> the function that evaluates it; NaN compares false."""
 
 
 @dataclass(frozen=True)
@@ -330,7 +319,7 @@ class _Evaluation:
         holds = np.ones(len(self._grid_ns), np.bool_)
         for sign, left, right in zip(node.signs, node.operands, node.operands[1:], strict=False):
             one, other = self._values(left), self._values(right)
-            holds &= np.isfinite(one) & np.isfinite(other) & _SIGNS[sign](one, other)
+            holds &= np.isfinite(one) & np.isfinite(other) & COMPARISONS_BY_SIGN[sign](one, other)
         return holds
 
     def _event_holds(self, name: str) -> BoolArray:

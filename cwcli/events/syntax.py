@@ -20,13 +20,14 @@ import re
 from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
-    COMPARISONS,
     CONNECTIVES,
     NUMBER_PATTERN,
     SIGN_PATTERN,
     AndOr,
+    Comparison,
     ConditionParser,
     Not,
+    Number,
 )
 
 WINDOW_FUNCTIONS = ("min", "max", "mean")
@@ -75,19 +76,6 @@ _UNIT = re.compile(
 
 
 @dataclass(frozen=True)
-class Number:
-    """A constant.
-
-    Attributes:
-        value: In the SI unit, if a unit was given.
-        unit: The SI unit; None where none was given.
-    """
-
-    value: float
-    unit: str | None = None
-
-
-@dataclass(frozen=True)
 class Series:
     """A quantity over time: a state of the ego or the other, a measure, or a field of a topic.
 
@@ -99,14 +87,6 @@ class Series:
     name: str
     function: str = ""
     window_s: float = 0.0
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A comparison, `left sign right` or a chain of two; it has one operand more than signs."""
-
-    operands: tuple[Number | Series, ...]
-    signs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -143,7 +123,8 @@ def parse_expression(text: str, events: tuple[str, ...]) -> Node:
     Raises:
         UsageError: It is none; the message says where and what was expected.
     """
-    return _Parser(text, events).parse_whole()
+    node: Node = _Parser(text, events).parse_to_end("`and`, `or`, `for`, `within` or the end")
+    return node
 
 
 def event_names(node: Node) -> tuple[str, ...] | None:
@@ -164,13 +145,6 @@ class _Parser(ConditionParser):
         super().__init__(text)
         self._events = events
 
-    def parse_whole(self) -> Node:
-        """Parse `find` up to the end of the text."""
-        node: Node = self.parse_condition()
-        if self.peek()[0] != "end":
-            raise self.error("`and`, `or`, `for`, `within` or the end")
-        return node
-
     def parse_term(self) -> Node:
         """Parse `timed` of the grammar."""
         node = self._parse_plain_condition()
@@ -188,26 +162,22 @@ class _Parser(ConditionParser):
                 return node
 
     def _parse_plain_condition(self) -> Node:
-        if self.take("sign", "("):
-            node: Node = self.parse_condition()
-            self.require(")")
+        if self.peek()[1] == "(":
+            node: Node = self.parse_in_parentheses()
             return node
         kind, text, _ = self.peek()
         if kind == "name" and text in self._events:
             self.next_token()
             return EventName(text)
-        return self._parse_comparison()
+        return self.parse_comparison()
 
-    def _parse_comparison(self) -> Comparison:
-        kind, text, _ = self.peek()
-        operands, signs = self.parse_operands_and_signs()
-        if not signs:
-            if kind == "name" and isinstance(operands[0], Series) and not operands[0].function:
-                raise UsageError(f"there is no event {text}", hint=hint_at_known_names(text, self._events, "events"))
-            raise self.error(f"one of {' '.join(COMPARISONS)}")
-        if all(isinstance(operand, Number) for operand in operands):
-            raise self.numbers_only_error()
-        return Comparison(tuple(operands), tuple(signs))
+    def error_without_sign(self, operand: Number | Series) -> UsageError:
+        """Return the error about an operand that is compared with nothing: it may be a misspelt event."""
+        if isinstance(operand, Series) and not operand.function and not operand.name.startswith("/"):
+            return UsageError(
+                f"there is no event {operand.name}", hint=hint_at_known_names(operand.name, self._events, "events")
+            )
+        return super().error_without_sign(operand)
 
     def parse_operand(self) -> Number | Series:
         """Parse `operand` of the grammar."""

@@ -19,13 +19,12 @@ from typing import Any, ClassVar
 
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.field_condition import COMPARISONS_BY_SIGN
 
 MAX_LENGTH = 2000
 """Greatest number of characters of a condition; chosen by hand."""
 MAX_DEPTH = 50
 """Greatest depth of nested parentheses, which bounds the recursion of the parser; chosen by hand."""
-COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
-"""The comparison operators that a condition may have."""
 NUMBER_PATTERN = r"(?P<number>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 """Pattern of a number, without the parenthesis at its end: a grammar may allow a sign behind it."""
 SIGN_PATTERN = r"(?P<sign><=|>=|==|!=|<|>|\(|\))"
@@ -35,6 +34,22 @@ CONNECTIVES = frozenset({"and", "or", "not"})
 
 Token = tuple[str, str, int]
 """The type of a token: its kind, its text, and where it starts."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A constant; with a unit its value is in the SI unit of that name."""
+
+    value: float
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A comparison, `left sign right` or a chain of two; it has one operand more than signs."""
+
+    operands: tuple[Any, ...]
+    signs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -72,6 +87,20 @@ class ConditionParser(ABC):
         self.at = 0
         self._depth = 0
 
+    def parse_to_end(self, expected: str) -> Any:
+        """Parse `condition` of the grammar up to the end of the text; an error names what was expected there."""
+        node = self.parse_condition()
+        if self.peek()[0] != "end":
+            raise self.error(expected)
+        return node
+
+    def parse_in_parentheses(self) -> Any:
+        """Parse `"(" condition ")"`."""
+        self.require("(")
+        node = self.parse_condition()
+        self.require(")")
+        return node
+
     @abstractmethod
     def parse_term(self) -> Any:
         """Parse what `not`, `and` and `or` join."""
@@ -105,14 +134,22 @@ class ConditionParser(ABC):
     def parse_operand(self) -> Any:
         """Parse one side of a comparison."""
 
-    def parse_operands_and_signs(self) -> tuple[list[Any], list[str]]:
-        """Parse a comparison or a chain of two; without a sign there is one operand."""
+    def parse_comparison(self) -> Comparison:
+        """Parse a comparison or a chain of two, which is not of numbers alone."""
         operands = [self.parse_operand()]
         signs: list[str] = []
-        while self.peek()[1] in COMPARISONS and len(signs) < 2:
+        while self.peek()[1] in COMPARISONS_BY_SIGN and len(signs) < 2:
             signs.append(self.next_token()[1])
             operands.append(self.parse_operand())
-        return operands, signs
+        if not signs:
+            raise self.error_without_sign(operands[0])
+        if all(isinstance(operand, Number) for operand in operands):
+            raise UsageError(f"the {self._noun} compares numbers only: {self.text.strip()}", hint=self.example)
+        return Comparison(tuple(operands), tuple(signs))
+
+    def error_without_sign(self, operand: Any) -> UsageError:
+        """Return the error about an operand that is compared with nothing."""
+        return self.error(f"one of {' '.join(COMPARISONS_BY_SIGN)}")
 
     def finite_number(self, text: str, start: int) -> float:
         """Return the value of a number; refuse one that overflows: it would always hold, or never."""
@@ -160,10 +197,6 @@ class ConditionParser(ABC):
             f"can't read the {self._noun} `{self.text.strip()}`: expected {expected} at character {start + 1}, {what}",
             hint=self.example,
         )
-
-    def numbers_only_error(self) -> UsageError:
-        """Return the error about a comparison of constants."""
-        return UsageError(f"the {self._noun} compares numbers only: {self.text.strip()}", hint=self.example)
 
     @property
     def _noun(self) -> str:

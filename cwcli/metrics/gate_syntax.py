@@ -18,13 +18,14 @@ import re
 from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
-    COMPARISONS,
     CONNECTIVES,
     NUMBER_PATTERN,
     SIGN_PATTERN,
     AndOr,
+    Comparison,
     ConditionParser,
     Not,
+    Number,
     Token,
 )
 
@@ -37,13 +38,6 @@ _TOKEN = re.compile(rf"\s*(?:{NUMBER_PATTERN}%?)|(?P<name>[A-Za-z*][A-Za-z0-9_.*
 """Pattern of one token, a number, a name or a sign, after any white space."""
 _PERCENTILE = re.compile(r"p(\d{1,2})")
 """Pattern of the functions for percentiles: `p` and one or two digits."""
-
-
-@dataclass(frozen=True)
-class Number:
-    """A constant."""
-
-    value: float
 
 
 @dataclass(frozen=True)
@@ -71,14 +65,6 @@ class Share:
     """Share of the logs for which a gate holds."""
 
     inner: Node
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A comparison, `left sign right` or a chain of two; it has one operand more than signs."""
-
-    operands: tuple[Operand, ...]
-    signs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -128,34 +114,23 @@ class _Parser(ConditionParser):
             if kind == "other":
                 raise self.error("a metric, a number or a comparison", start)
         self.at = 0
-        node: Node = self.parse_condition()
-        if self.peek()[0] != "end":
-            raise self.error("`and`, `or` or the end")
+        node: Node = self.parse_to_end("`and`, `or` or the end")
         return node
 
     def parse_term(self) -> Node:
         """Parse a gate in parentheses, `over` or `comparison` of the grammar."""
-        if self.take("sign", "("):
-            node: Node = self.parse_condition()
-            self.require(")")
+        if self.peek()[1] == "(":
+            node: Node = self.parse_in_parentheses()
             return node
         start, quantifier = self.at, self.next_token()[1]
         if quantifier in {"any", "all"} and self.peek()[1] == "(":
-            return AnyAll(quantifier, self._parse_parentheses())
+            return AnyAll(quantifier, self._parse_gate_of_single_logs())
         self.at = start
-        return self._parse_comparison()
-
-    def _parse_comparison(self) -> Comparison:
-        """Parse `comparison` of the grammar, and refuse one of numbers alone or of two patterns."""
-        operands, signs = self.parse_operands_and_signs()
-        if not signs:
-            raise self.error(f"one of {' '.join(COMPARISONS)}")
-        names = [o.name if isinstance(o, Aggregate) else o for o in operands]
-        if all(isinstance(operand, Number) for operand in operands):
-            raise self.numbers_only_error()
+        comparison = self.parse_comparison()
+        names = [o.name if isinstance(o, Aggregate) else o for o in comparison.operands]
         if sum(isinstance(name, Name) and name.is_pattern for name in names) > 1:
             raise UsageError(f"the gate compares two patterns with *: {self.text.strip()}", hint="use * once")
-        return Comparison(tuple(operands), tuple(signs))
+        return comparison
 
     def parse_operand(self) -> Operand:
         """Parse `operand` of the grammar."""
@@ -167,7 +142,7 @@ class _Parser(ConditionParser):
         if self.peek()[1] != "(":
             return Name(text)
         if text == "share":
-            return Share(self._parse_parentheses())
+            return Share(self._parse_gate_of_single_logs())
         if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
             known = (*FUNCTIONS, "p95", "share", "any", "all")
             raise UsageError(f"a gate has no function {text}", hint=hint_at_known_names(text, known, "known"))
@@ -178,11 +153,9 @@ class _Parser(ConditionParser):
         self.require(")")
         return Aggregate(text, Name(inner))
 
-    def _parse_parentheses(self) -> Node:
+    def _parse_gate_of_single_logs(self) -> Node:
         """Parse a gate in parentheses that must be about single logs."""
-        self.require("(")
-        node: Node = self.parse_condition()
-        self.require(")")
+        node: Node = self.parse_in_parentheses()
         if not needs_single_log(node):
             raise UsageError(f"any(), all() and share() need a metric of a log inside: {self.text.strip()}")
         return node

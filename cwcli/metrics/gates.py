@@ -8,7 +8,6 @@ gate that stays open has failed unless missing metrics are allowed. A log that f
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from enum import Enum
@@ -17,14 +16,12 @@ from functools import cached_property
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.condition_parser import Not
+from cwcli.metrics.condition_parser import Comparison, Not, Number
 from cwcli.metrics.gate_syntax import (
     Aggregate,
     AnyAll,
-    Comparison,
     Name,
     Node,
-    Number,
     Operand,
     needs_single_log,
     parse_gate,
@@ -32,17 +29,9 @@ from cwcli.metrics.gate_syntax import (
 )
 from cwcli.metrics.headline import METRICS, find_metric
 from cwcli.metrics.pooling import LogMetrics, metric_names, pool_metric_value
+from cwcli.signals.field_condition import COMPARISONS_BY_SIGN
 from cwcli.text import format_number
 
-_SIGNS: dict[str, Callable[[float, float], bool]] = {
-    "<": operator.lt,
-    "<=": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
-    "==": operator.eq,
-    "!=": operator.ne,
-}
-"""Comparison operator -> the function that evaluates it."""
 _AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
     "mean": lambda values: math.fsum(values) / len(values),
     "median": lambda values: float(np.median(values)),
@@ -189,7 +178,7 @@ class _GateEvaluator:
                 answers.append(_Answer(None, words))
                 continue
             held = all(
-                _SIGNS[sign](float(left or 0.0), float(right or 0.0))
+                COMPARISONS_BY_SIGN[sign](float(left or 0.0), float(right or 0.0))
                 for sign, left, right in zip(node.signs, values, values[1:], strict=False)
             )
             answers.append(_Answer(held, words))

@@ -15,6 +15,7 @@ import operator
 import re
 from collections.abc import Callable
 from enum import Enum
+from typing import Any
 
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
@@ -27,7 +28,7 @@ CONDITION_EXAMPLES_HINT = (
     "for example data==true, level>=2, objects[0].ttc<1.5 or status[name=='fcw'].values[key==state].value==warn"
 )
 """The hint with examples that every syntax error shows."""
-COMPARISONS_BY_SIGN: dict[str, Callable[[float, float], bool]] = {
+COMPARISONS_BY_SIGN: dict[str, Callable[[Any, Any], Any]] = {
     "<=": operator.le,
     ">=": operator.ge,
     "==": operator.eq,
@@ -35,7 +36,7 @@ COMPARISONS_BY_SIGN: dict[str, Callable[[float, float], bool]] = {
     "<": operator.lt,
     ">": operator.gt,
 }
-"""The comparison function, by its sign."""
+"""Sign of a comparison -> the function that evaluates it, on numbers or on arrays; NaN compares false."""
 _TOKEN_PATTERN = re.compile(
     r"""\s*(?:(?P<sign><=|>=|==|!=|<|>)|(?P<mark>[.\[\]])|(?P<name>[A-Za-z_]\w*)"""
     r"""|(?P<index>-?\d{1,9}(?=\s*\]))|(?P<bad>\S))"""
@@ -155,7 +156,7 @@ def _compare_with_number(value: object, sign: str, number: float) -> bool | None
         value = float(spelled)
     if not isinstance(value, int | float):  # a list, or an object
         return None
-    return COMPARISONS_BY_SIGN[sign](value, number)
+    return bool(COMPARISONS_BY_SIGN[sign](value, number))
 
 
 def _truth_value_or_none(value: object) -> bool | None:

@@ -75,7 +75,8 @@ CORRECTION = DoubtRule(
 def find_gated_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source of the ego that contradicts the others too often."""
     for source in evidence.ego_sources:
-        gated, n = (
+        gated = read_finite_number_or_nan(source, "gated")
+        n = gated + read_finite_number_or_nan(source, "used")
             read_finite_number_or_nan(source, "gated"),
             read_finite_number_or_nan(source, "gated") + read_finite_number_or_nan(source, "used"),
         )

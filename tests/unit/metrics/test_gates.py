@@ -5,13 +5,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cwcli.errors import UsageError
-from cwcli.metrics.condition_parser import AndOr, Not
+from cwcli.metrics.condition_parser import AndOr, Comparison, Not, Number
 from cwcli.metrics.gate_syntax import (
     Aggregate,
     AnyAll,
-    Comparison,
     Name,
-    Number,
     Share,
     needs_single_log,
     parse_gate,
