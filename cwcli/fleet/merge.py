@@ -55,6 +55,7 @@ class MergeResult:
     Attributes:
         n_logs, n_failed: Number of logs, and of those that failed.
         n_copied: Number of logs that were not in the folder yet.
+        n_shards: Number of folders that were merged.
     """
 
     n_logs: int

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,14 +34,13 @@ from cwcli.report.encounter_figures import (
 from cwcli.report.frames import Thumbnail, make_thumbnails_and_explain_gaps
 from cwcli.report.map_figure import build_map_figure
 from cwcli.report.pairs import conflicts_table, pair_extremes_table, unwarned_conflict_links, warning_anchor_names
-from cwcli.report.player import build_picture_player, evenly_spaced_stamps_ns
 from cwcli.report.residuals import build_residual_plots
 from cwcli.report.sensors import build_sensors_view, truth_error_figure
 from cwcli.report.signal_figures import lane_figure, motion_figure
 from cwcli.report.source import LogEntry
 from cwcli.report.system import other_system_tables
 from cwcli.report.tables import all_warnings_table, build_log_tables, encounter_facts_table
-from cwcli.report.views import EventView, LogView, Picture, Plot
+from cwcli.report.views import EventView, LogView, Picture, Player, Plot
 from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
 
@@ -335,3 +334,40 @@ def _build_picture(drive: Drive, picture: Thumbnail, caption_suffix: str) -> Pic
     if picture.n_lines is not None:
         caption += f", {('no lane boundary', 'one lane boundary', 'both lane boundaries')[picture.n_lines]} found"
     return Picture(picture.data_uri, picture.width_px, picture.height_px, f"Camera frame at {caption}", caption, at_s)
+
+
+MAX_FRAMES_TEXT_BYTES = 1_300_000
+"""The greatest size of a log's frames as text, in bytes; more are thinned out. Chosen by hand; not fitted."""
+
+
+def evenly_spaced_stamps_ns(drive: Drive, n: int) -> list[int]:
+    """Return n stamps, evenly over the log, at which frames are wanted; [] without a camera."""
+    if not drive.camera_topic or n < 1:
+        return []
+    span = drive.end_ns - drive.start_ns
+    return [drive.start_ns + span * k // max(n - 1, 1) for k in range(n)]
+
+
+def build_picture_player(drive: Drive, pictures: Iterable[Thumbnail]) -> Player | None:
+    """Build the player of the frames in order of time, thinned out to fit; None of fewer than two."""
+    unique = {picture.stamp_ns: picture for picture in pictures}
+    shown = [unique[stamp] for stamp in sorted(unique)]
+    while len(shown) > 2 and sum(len(each.data_uri) for each in shown) > MAX_FRAMES_TEXT_BYTES:
+        shown = shown[::2]
+    if len(shown) < 2:
+        return None
+    return Player(
+        first=shown[0].data_uri,
+        width_px=shown[0].width_px,
+        height_px=shown[0].height_px,
+        start_s=round(_seconds_since_start(drive, min(shown[0].stamp_ns, drive.start_ns)), 2),
+        end_s=round(_seconds_since_start(drive, max(shown[-1].stamp_ns, drive.end_ns)), 2),
+        moments=tuple(
+            (round(_seconds_since_start(drive, each.stamp_ns), 3), each.data_uri.partition(",")[2]) for each in shown
+        ),
+    )
+
+
+def _seconds_since_start(drive: Drive, stamp_ns: int) -> float:
+    """Return the seconds since the log began."""
+    return (stamp_ns - drive.start_ns) / NS_PER_S

@@ -77,9 +77,6 @@ def find_gated_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
     for source in evidence.ego_sources:
         gated = read_finite_number_or_nan(source, "gated")
         n = gated + read_finite_number_or_nan(source, "used")
-            read_finite_number_or_nan(source, "gated"),
-            read_finite_number_or_nan(source, "gated") + read_finite_number_or_nan(source, "used"),
-        )
         if n > 0 and gated > MAX_GATED_SHARE * n:
             share = gated / n
             yield Finding(
