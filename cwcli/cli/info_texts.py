@@ -1,11 +1,13 @@
-"""Texts of `cwcli info`: the verdict on the recording, and the channels that are not used."""
+"""Texts of `cwcli info`: times, the verdict on the recording, and the channels that are not used."""
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Any
 
 from cwcli.cli.tables import Cell
 from cwcli.cli.text import format_count, join_names
+from cwcli.signals.units import NS_PER_S
 
 Document = dict[str, Any]
 MAX_NAME_CHARACTERS = 120
@@ -69,3 +71,13 @@ def join_first_names(names: list[str], most: int) -> str:
     """Join the first names to a text, with the number of the others."""
     more = len(names) - most
     return join_names([*names[:most], *([f"{more:,} more"] if more > 0 else [])])
+
+
+def format_utc_time(time_ns: int) -> str:
+    """Format a Unix time as `2026-05-01 12:00:00.123 UTC`."""
+    seconds, rest = divmod(time_ns, NS_PER_S)
+    try:
+        moment = datetime.fromtimestamp(seconds, UTC)
+    except (OverflowError, ValueError, OSError):
+        return f"{time_ns} ns"
+    return f"{moment:%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d} UTC"

@@ -18,7 +18,7 @@ def print_stage_summary(console: Console, summary: StageSummary) -> None:
     console.print_heading(summary.title)
     for section in summary.sections:
         console.print_summary("")
-        console.print_summary(escape_control_characters(section.title))
+        console.print_summary(wrap_paragraph(escape_control_characters(section.title)))
         console.print_summary(format_table(section.columns, section.rows) if section.rows else "  none")
     if summary.inputs:
         console.print_summary("")

@@ -107,7 +107,7 @@ class RadioLinkSummary:
             columns = ("distance [m]", "sent", "received", "packet error ratio")
             names = (*columns[:3], "loss_share")
             sections.append(
-                SummaryTable("reception", "Reception by distance of sender and ego", columns, rows, names=names)
+                SummaryTable("reception", "Received messages by distance of sender and ego", columns, rows, names=names)
             )
         return tuple(sections)
 

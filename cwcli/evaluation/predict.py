@@ -291,8 +291,12 @@ def _build_prediction_section(records: list[dict[str, Any]], horizon_s: float) -
                     100.0 * _mean_weighted_by_starts(own, "inside_90"),
                 )
             )
-    title = f"Position error {horizon_s:g} s ahead against the later position (cv: constant velocity)"
-    columns = ("vehicle", "model", "paths", "mean [m]", "largest p95 [m]", "mean vs cv [%]", "in 90 % ellipse [%]")
+    title = (
+        f"Position error {horizon_s:g} s ahead, against the later position (cv: the model of constant velocity; "
+        "the 95 % are those of the vehicle with the greatest errors)"
+    )
+    error_columns = ("mean [m]", "95 % below [m]", "mean against cv [%]", "in 90 % ellipse [%]")
+    columns = ("vehicle", "model", "paths", *error_columns)
     names = (*columns[:2], "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
     return SummaryTable("prediction", title, columns, tuple(rows), names=names)
 

@@ -73,9 +73,10 @@ def build_truth_errors_section(errors: TruthErrors) -> SummaryTable:
         )
         for row in errors.rows
     ]
-    columns = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
-    title = f"1-sigma errors against {errors.topic} (song2016, table 1)"
-    return SummaryTable("errors", title, columns, tuple(rows))
+    columns = ("error of", "unit", "stamps", "measured", "estimated", "change [%]", "bias")
+    title = f"Errors (1 sigma) of measurements and estimates against {errors.topic}, and bias of the estimates"
+    names = (*columns[:2], "rows", *columns[3:])
+    return SummaryTable("errors", title, columns, tuple(rows), names=names)
 
 
 def build_nees_section(errors: TruthErrors) -> SummaryTable:
@@ -83,8 +84,11 @@ def build_nees_section(errors: TruthErrors) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = [
         (each.name, each.per_dof, bounds_cell(*each.bounds), NIS_CELLS[each.is_within_bounds]) for each in errors.nees
     ]
-    title = "Errors against their covariance (NEES: 1 per degree of freedom is expected)"
-    columns = ("error of", "NEES/dof", "95 % bounds", "inside")
+    title = (
+        "Errors over what the covariance promises (NEES, normalised estimation error squared per degree of freedom: "
+        "about 1 if the covariance is right)"
+    )
+    columns = ("error of", "NEES", "95 % bounds", "in?")
     return SummaryTable("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
 
 

@@ -210,7 +210,7 @@ def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tup
     return (
         SummaryTable(
             "preventability",
-            "The same conflicts, with models of drivers in the place of the ego's",
+            "The same conflicts, if a model of a driver had driven the ego",
             columns,
             tuple(rows),
             names=names,
@@ -223,11 +223,9 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
     found = [row for pair in pairs for row in _encounter_rows(pair, start_ns)]
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
     columns = ("vehicle", "from [s]", "to [s]", "crash", *SHOWN_MEASURES.values())
-    title = "Most critical encounters (within 50 m; times from the log's start)"
+    title = "Most critical encounters (within 50 m; times from the log's start; docs/measures.md explains the symbols)"
     if len(order) > MAX_ENCOUNTERS_SHOWN:
-        title = (
-            f"{MAX_ENCOUNTERS_SHOWN} most critical of {len(order)} encounters (within 50 m; times from the log's start)"
-        )
+        title = title.replace("Most critical", f"{MAX_ENCOUNTERS_SHOWN} most critical of {len(order)}")
     return SummaryTable("encounters", title, columns, tuple(order[:MAX_ENCOUNTERS_SHOWN]))
 
 

@@ -196,12 +196,17 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
         for name, count in found.evaluation_counts_by_outcome.items()
     )
     counts += (("warnings withheld", found.n_withheld),)
-    counts += tuple((f"warnings {kind.name_in_tables} left out", n) for kind, n in found.n_left_out.items())
+    for kind, n in found.n_left_out.items():
+        name = kind.name_in_tables
+        counts += ((CellWithValues(f"warnings left out: {name}", {"": f"warnings {name} left out"}), n),)
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
     title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (
         SummaryTable("events", title, columns, events, names=names),
         SummaryTable(
-            "evaluations", "Evaluations of the ego with each other vehicle, by result", ("result", "count"), counts
+            "evaluations",
+            "Checks of the ego and each other vehicle for a collision",
+            ("result", "count"),
+            counts,
         ),
     )

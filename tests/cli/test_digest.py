@@ -136,7 +136,7 @@ def test_details_come_behind_the_digest(cwcli: Run, intersection: Path) -> None:
     long = cwcli("estimate", intersection)
     before_next = short.stdout[: short.stdout.index(b"\nnext ")]  # the next command repeats --details
     assert long.stdout.startswith(before_next)
-    assert b"Ego sources: measurements accepted" in long.stdout[len(before_next) :]
+    assert b"Sensors of the ego: measurements accepted" in long.stdout[len(before_next) :]
     assert b"note: " in long.stderr
 
 

@@ -12,14 +12,15 @@ import typer
 import typer.main
 
 from cwcli.cli.app import PlainCommand
+from cwcli.cli.info_texts import format_utc_time
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand_dataclass_parameters
 from cwcli.cli.options.lazy_typer import Option, use_typer_declarations
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions
 from cwcli.cli.options.stage import StageOptions
-from cwcli.cli.options.values import format_utc_time, parse_time_ns
 from cwcli.errors import UsageError
 from cwcli.estimation.config import parse_latency_option
+from cwcli.pipeline.selection import parse_time_ns
 from cwcli.signals.geodesy import parse_truth_origin
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.report import player
+from cwcli.report import section
 from tests.cli.browser import Elements, visit
 from tests.cli.conftest import SAMPLES
 from tests.cli.test_report import with_camera
@@ -102,7 +102,7 @@ def test_frames_are_thinned_out_to_fit(seen: Path, tmp_path: Path, monkeypatch: 
     assert run_command_line(["report", str(seen), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
     all_frames = frames_of((tmp_path / "r.html").read_text(encoding="utf-8"))
     size = sum(len(str(picture)) for _, picture in all_frames)
-    monkeypatch.setattr(player, "MAX_FRAMES_TEXT_BYTES", size // 3)
+    monkeypatch.setattr(section, "MAX_FRAMES_TEXT_BYTES", size // 3)
     assert run_command_line(["report", str(seen), "-o", str(tmp_path / "r.html"), "--quiet", "--force"]) == 0
     fewer = frames_of((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert fewer == all_frames[::4]

@@ -8,13 +8,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cwcli.cli.console import Console
-from cwcli.cli.info_texts import health_verdict, unused_channel_rows
+from cwcli.cli.info_texts import format_utc_time, health_verdict, join_first_names, unused_channel_rows
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, source_of_logs
-from cwcli.cli.options.values import format_utc_time
+from cwcli.cli.report import format_reason_counts
 from cwcli.cli.tables import Cell, format_table
 from cwcli.cli.text import (
+    finite_or_none,
     format_byte_size,
     format_count,
     format_duration,
@@ -249,11 +250,10 @@ def _health_of_topics(log: Log) -> list[Document]:
 
     topics = dict.fromkeys(each.topic for each in log.channels if each.message_count != 0)
     found = measure_topic_health(log, [topic for topic in topics if not topic.startswith(OWN_TOPIC_PREFIX)])
-    return [{name: _none_if_not_finite(value) for name, value in asdict(each).items()} for each in found]
-
-
-def _none_if_not_finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return [
+        {name: finite_or_none(value) if isinstance(value, float) else value for name, value in asdict(each).items()}
+        for each in found
+    ]
 
 
 def _count_usable_messages(
@@ -350,8 +350,9 @@ def print_log_description(console: Console, document: Document) -> None:
             console.print_summary(line)
         console.print_summary("")
     _print_message_checks(console, document)
-    console.print_summary(format_table(("command", "can run", "not in the log"), _command_rows(document["commands"])))
-    for note in document["notes"]:
+    heads = ("command", "can run", "signals that the log does not hold")
+    console.print_summary(format_table(heads, _command_rows(document["commands"])))
+    for note in dict.fromkeys(document["notes"]):
         console.print_note(note)
     for fault, n in document["faults"].items():
         console.print_note(f"{fault}: {n}")
@@ -360,7 +361,7 @@ def print_log_description(console: Console, document: Document) -> None:
 def _print_message_checks(console: Console, document: Document) -> None:
     """Print the tables of health, inputs and contract, for which messages were read."""
     if "health" in document:
-        heads = ("topic", "rate [Hz]", "gaps", "longest [s]", "delay [ms]", "drift [ms/min]", "out of order", "bad")
+        numbers = ("rate [Hz]", "gaps", "longest gap [s]", "delay [ms]", "drift [ms/min]", "out of order", "damaged")
         rows = [
             (
                 *(
@@ -378,11 +379,11 @@ def _print_message_checks(console: Console, document: Document) -> None:
             )
             for each in document["health"]
         ]
-        console.print_summary(format_table(heads, rows))
+        console.print_summary(format_table(("topic", *numbers), rows))
         console.print_summary("")
     if document.get("inputs"):
         counts = [
-            (each["topic"], each["role"], each["read"], each["used"], _reason_counts_text(each))
+            (each["topic"], each["role"], each["read"], each["used"], _reasons_text(each))
             for each in document["inputs"]
         ]
         console.print_summary(format_table(("topic", "role", "read", "used", "details"), counts))
@@ -400,9 +401,9 @@ def _format_scaled_number(value: float | None, digits: int, factor: float = 1.0)
     return None if value is None else f"{factor * value:.{digits}f}"
 
 
-def _reason_counts_text(counted: Document) -> str:
-    found = {**counted["rejected"], **counted["repaired"], **counted["set_aside"]}
-    return ", ".join(f"{n} {reason}" for reason, n in found.items()) or "-"
+def _reasons_text(counted: Document) -> str:
+    kinds = ("rejected", "repaired", "set_aside")
+    return format_reason_counts({reason: n for kind in kinds for reason, n in counted[kind].items()}) or "-"
 
 
 def _log_facts(document: Document) -> list[tuple[str, str]]:
@@ -421,20 +422,15 @@ def _log_facts(document: Document) -> list[tuple[str, str]]:
         facts.append(
             (
                 "attachments",
-                _join_first_names(
-                    [f"{each['name']} ({format_byte_size(each['size_bytes'])})" for each in document["attachments"]]
+                join_first_names(
+                    [f"{each['name']} ({format_byte_size(each['size_bytes'])})" for each in document["attachments"]],
+                    MAX_LISTED_NAMES,
                 ),
             )
         )
     if document["metadata"]:
-        facts.append(("metadata", _join_first_names(document["metadata"])))
+        facts.append(("metadata", join_first_names(document["metadata"], MAX_LISTED_NAMES)))
     return facts
-
-
-def _join_first_names(names: list[str]) -> str:
-    """Join the first names to a text, with the number of others."""
-    more = len(names) - MAX_LISTED_NAMES
-    return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {more:,} more" if more > 0 else "")
 
 
 def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:

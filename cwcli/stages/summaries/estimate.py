@@ -52,8 +52,8 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
     columns = ("source", "quantity", "accepted", "gated", "latency [ms]", "latency status")
     names = (*columns[:2], "used", *columns[3:])
     gated = any(report.n_gated for report in ego.sources)
-    where = f" (in {REJECTED.topic})" if gated else ""
-    title = f"Ego sources: measurements accepted, gated{where}, and latencies"
+    where = f", listed in {REJECTED.topic}" if gated else ""
+    title = f"Sensors of the ego: measurements accepted, gated (rejected as outliers{where}), and latency"
     return SummaryTable("sources", title, columns, tuple(rows), names=names)
 
 
@@ -82,7 +82,8 @@ def _parameters_table(ego: TrackSummary) -> SummaryTable:
             label = "grade" if report.kind is Kind.ACCEL else "slow error"
             rows.append((*name, label, value, unit, _status_cell(slow.status)))
     columns = ("source", "quantity", "parameter", "value", "unit", "status")
-    return SummaryTable("parameters", "Ego sources: parameters found from the log", columns, tuple(rows))
+    title = "Sensors of the ego: biases and other parameters estimated from this log"
+    return SummaryTable("parameters", title, columns, tuple(rows))
 
 
 def _noise_table(ego: TrackSummary) -> SummaryTable:
@@ -102,11 +103,12 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "white noise", "noise from", "NIS/dof", "95 % bounds", "inside")
-    title = "Ego sources: white noise (one sigma), and whether NIS lies inside its bounds"
-    return SummaryTable(
-        "noise", title, columns, tuple(rows), names=(*columns[:3], "from", "NIS/dof", "bounds_95", "inside")
+    columns = ("source", "quantity", "white noise", "from", "NIS", "95 % bounds", "in?")
+    title = (
+        "Sensors of the ego: white noise (1 sigma), and the innovations over what it explains (NIS, normalised "
+        "innovation squared per degree of freedom: about 1 if the noise is right)"
     )
+    return SummaryTable("noise", title, columns, tuple(rows), names=(*columns[:4], "NIS/dof", "bounds_95", "inside"))
 
 
 def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
@@ -134,7 +136,7 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
     )
     return SummaryTable(
         "vehicles",
-        "Estimated tracks (gated: measurements; flags from starting on: states)",
+        "Estimated tracks (gated: measurements rejected as outliers; from starting on: states with that flag)",
         columns,
         tuple(rows),
     )
