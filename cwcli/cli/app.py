@@ -16,7 +16,7 @@ import typer.core
 import typer.main
 
 from cwcli.cli.commands import COMMANDS
-from cwcli.cli.load import load_function
+from cwcli.cli.load import load_command_function_and_examples
 from cwcli.cli.options.complete import run_completion_with_bash_equals_fix
 from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_options
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
@@ -89,7 +89,7 @@ def load_command(name: str) -> Any:
     Raises:
         UsageError: Its module is missing.
     """
-    function, examples = load_function(name)
+    function, examples = load_command_function_and_examples(name)
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
     heading = "Example:" if len(examples) == 1 else "Examples:"
     epilog = "\n".join(["\b", heading, *(f"  {example}" for example in examples)])

@@ -24,18 +24,23 @@ def health_verdict(document: Document) -> str:
     faults = [f"{fault}: {n}" for fault, n in document["faults"].items()]
     if "health" not in document:
         empty = [channel["topic"] for channel in document["channels"] if channel["messages"] == 0]
-        empty = [_cut_name(name) for name in empty]
-        found = [*faults, *([f"no messages on {join_first_names(empty, MAX_NAMED_TOPICS)}"] if empty else [])]
-        return f"{'; '.join(found) or 'no fault in the index'}; --doctor reads the messages"
+        empty = [_shorten_topic_name(name) for name in empty]
+        found = [
+            *faults,
+            *([f"no messages on {join_first_names_and_count_rest(empty, MAX_NAMED_TOPICS)}"] if empty else []),
+        ]
+        return f"{'; '.join(faults) or 'no fault in the index'}; --doctor reads the messages"
     sick = {each["topic"]: text for each in document["health"] if (text := _troubles_text(each))}
     n = len(document["health"])
     if not sick:
         return "; ".join([*faults, f"{format_count(n, 'topic')} without gaps, drift, disorder or damage"])
-    told = [f"{_cut_name(topic)} ({text})" for topic, text in sick.items()]
-    return "; ".join([*faults, f"trouble on {len(sick)} of {format_count(n, 'topic')}: {join_first_names(told, 3)}"])
+    told = [f"{_shorten_topic_name(topic)} ({text})" for topic, text in sick.items()]
+    return "; ".join(
+        [*faults, f"trouble on {len(sick)} of {format_count(n, 'topic')}: {join_first_names_and_count_rest(told, 3)}"]
+    )
 
 
-def _cut_name(name: str) -> str:
+def _shorten_topic_name(name: str) -> str:
     """Return a topic's name, of a very long one its beginning and its length: a file can hold names of megabytes."""
     return name if len(name) <= MAX_NAME_CHARACTERS else f"{name[:MAX_NAME_CHARACTERS]}... ({len(name):,} characters)"
 
@@ -62,12 +67,12 @@ def unused_channel_rows(channels: list[Document]) -> list[tuple[Cell, ...]]:
     for channel in channels:
         if channel["why_not"]:
             fields = channel["fields"]
-            known = f"; fields: {join_first_names(fields, MAX_NAMED_FIELDS)}" if fields else ""
+            known = f"; fields: {join_first_names_and_count_rest(fields, MAX_NAMED_FIELDS)}" if fields else ""
             topics.setdefault(f"{channel['why_not']}{known}", []).append(channel["topic"])
-    return [(join_first_names(names, MAX_NAMED_TOPICS), reason) for reason, names in topics.items()]
+    return [(join_first_names_and_count_rest(names, MAX_NAMED_TOPICS), reason) for reason, names in topics.items()]
 
 
-def join_first_names(names: list[str], most: int) -> str:
+def join_first_names_and_count_rest(names: list[str], most: int) -> str:
     """Join the first names to a text, with the number of the others."""
     more = len(names) - most
     return join_names([*names[:most], *([f"{more:,} more"] if more > 0 else [])])

@@ -12,7 +12,7 @@ from cwcli.pipeline.stage import import_named_module
 from cwcli.stages import STAGES
 
 
-def load_function(name: str) -> tuple[Callable[..., Any], tuple[str, ...]]:
+def load_command_function_and_examples(name: str) -> tuple[Callable[..., Any], tuple[str, ...]]:
     """Import one command's module and make its function; returns it with its examples.
 
     Raises:

@@ -26,10 +26,10 @@ def run_plain_command(arguments: Sequence[str]) -> int | None:
     """
     if not arguments or arguments[0] not in COMMANDS or not _is_plain_surroundings():
         return None
-    from cwcli.cli.load import load_function
+    from cwcli.cli.load import load_command_function_and_examples
     from cwcli.input import remember_inputs
 
-    function, _ = load_function(arguments[0])
+    function, _ = load_command_function_and_examples(arguments[0])
     values = parse_plain_arguments(function, arguments[1:])
     if values is None:
         return None

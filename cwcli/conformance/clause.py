@@ -220,7 +220,7 @@ def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
     for trial_name in names:
         if names.count(trial_name) > 1:
             raise UsageError(f"two trials are called {trial_name!r}", where=where, hint="give each a name of its own")
-    n, required = _parse_repetitions(document["repetitions"], where)
+    n, required = _parse_repetitions_and_required_passes(document["repetitions"], where)
     _check_choices(document, where)
     return Clause(
         name=name,
@@ -250,7 +250,7 @@ def _check_choices(document: Mapping[str, Any], where: str) -> None:
             )
 
 
-def _parse_repetitions(table: Any, where: str) -> tuple[int, int]:
+def _parse_repetitions_and_required_passes(table: Any, where: str) -> tuple[int, int]:
     """The number of repetitions, and how many must pass."""
     _check_keys(table, {"n", "required", "source", "basis"}, {"n", "required"}, "repetitions", where)
     n, required = table["n"], table["required"]

@@ -124,7 +124,7 @@ def pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
     return warn
 
 
-def add_stages(log: Log, rule: str, *, horizon_s: float | None = None, with_warnings: bool) -> Log:
+def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, with_warnings: bool) -> Log:
     """Return a log with the channels of the stages that have not run on it yet.
 
     Args:

@@ -15,7 +15,7 @@ from cwcli.channels.published import WARNINGS
 from cwcli.channels.warning import read_warnings, warning_events
 from cwcli.conformance.clause import Clause, Trial, load_clause
 from cwcli.conformance.encounter import Encounter
-from cwcli.conformance.online import add_stages
+from cwcli.conformance.online import run_missing_stages
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.run import ConformConfig, judge_driven_trial
 from cwcli.conformance.validity import RECORDED_SCENES, find_breaches, how_far_from_trial, validity_span_s
@@ -75,7 +75,9 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
     if place.start_s is not None and place.end_s is not None and not place.start_s < place.end_s:
         raise UsageError(f"--start {place.start_s:g} is not before --end {place.end_s:g}")
     with Log.open(place.name) as log:
-        with_states = add_stages(log, config.rule, horizon_s=config.horizon_s, with_warnings=place.system is None)
+        with_states = run_missing_stages(
+            log, config.rule, horizon_s=config.horizon_s, with_warnings=place.system is None
+        )
         real = find_actual_outcomes(with_states)
         if real is None or not real.pairs:
             raise MissingSignalError(

@@ -67,7 +67,7 @@ class DrivenTrial:
         """Number of warnings before the event began, which are about nothing."""
         return sum(warning.raised_s < self.encounter.event_s for warning in self.warnings)
 
-    def demand(self, name: str) -> float:
+    def demanded_number_si(self, name: str) -> float:
         """A number that the judge needs.
 
         Raises:

@@ -273,7 +273,7 @@ class _Evaluation:
     def iter_moments(self, node: Node, actors: tuple[str, ...]) -> Iterator[Moment]:
         """Yield the moments in which the expression holds, with the extreme of its first comparison."""
         spans: list[tuple[int, int]] = []
-        for first, last in row_spans(self._holds(node)):
+        for first, last in row_spans(self._mask_where_condition_holds(node)):
             if spans and self._grid_ns[first] - self._grid_ns[spans[-1][1]] < MAX_PAUSE_S * NS_PER_S:
                 spans[-1] = spans[-1][0], last
             else:
@@ -288,7 +288,7 @@ class _Evaluation:
     def _extreme_and_severity(self, comparison: Comparison, rows: slice) -> tuple[float, float]:
         """Return the value of the first quantity that is farthest beyond its constant, and by how many times."""
         at = next(k for k, operand in enumerate(comparison.operands) if isinstance(operand, Series))
-        values = self._values(comparison.operands[at])[rows]
+        values = self._operand_values_on_grid(comparison.operands[at])[rows]
         known = values[np.isfinite(values)]
         if not len(known):
             return np.nan, 1.0
@@ -300,29 +300,29 @@ class _Evaluation:
             return value, 1.0
         return value, severity_of(value, limit, "low" if is_low else "high")
 
-    def _holds(self, node: Node) -> BoolArray:
+    def _mask_where_condition_holds(self, node: Node) -> BoolArray:
         """Return where a condition holds, (n,)."""
         if isinstance(node, Comparison):
-            return self._comparison_holds(node)
+            return self._mask_where_comparison_holds(node)
         if isinstance(node, EventName):
-            return self._event_holds(node.name)
+            return self._mask_where_event_happens(node.name)
         if isinstance(node, Not):
-            return ~self._holds(node.inner)
+            return ~self._mask_where_condition_holds(node.inner)
         if isinstance(node, AndOr):
-            parts = [self._holds(part) for part in node.parts]
+            parts = [self._mask_where_condition_holds(part) for part in node.parts]
             return np.asarray((np.logical_and if node.is_and else np.logical_or).reduce(parts))
         if isinstance(node, Lasting):
-            return self._lasting(self._holds(node.inner), node.min_s)
-        return self._near_anchor(node)
+            return self._mask_of_long_stretches(self._mask_where_condition_holds(node.inner), node.min_s)
+        return self._mask_near_anchor(node)
 
-    def _comparison_holds(self, node: Comparison) -> BoolArray:
+    def _mask_where_comparison_holds(self, node: Comparison) -> BoolArray:
         holds = np.ones(len(self._grid_ns), np.bool_)
         for sign, left, right in zip(node.signs, node.operands, node.operands[1:], strict=False):
-            one, other = self._values(left), self._values(right)
+            one, other = self._operand_values_on_grid(left), self._operand_values_on_grid(right)
             holds &= np.isfinite(one) & np.isfinite(other) & COMPARISONS_BY_SIGN[sign](one, other)
         return holds
 
-    def _event_holds(self, name: str) -> BoolArray:
+    def _mask_where_event_happens(self, name: str) -> BoolArray:
         """Return where an event happens, with the other vehicle if the expression is about one."""
         holds = np.zeros(len(self._grid_ns), np.bool_)
         for each in self._moments[name]:
@@ -332,33 +332,33 @@ class _Evaluation:
                 holds[first : np.searchsorted(self._grid_ns, each.end_ns, side="right")] = True
         return holds
 
-    def _lasting(self, holds: BoolArray, min_s: float) -> BoolArray:
+    def _mask_of_long_stretches(self, holds: BoolArray, min_s: float) -> BoolArray:
         """Return the stretches that last long enough."""
         out = np.zeros(len(holds), np.bool_)
         for first, last in row_spans(holds):
             out[first : last + 1] = self._grid_ns[last] - self._grid_ns[first] >= min_s * NS_PER_S
         return out
 
-    def _near_anchor(self, node: Near) -> BoolArray:
+    def _mask_near_anchor(self, node: Near) -> BoolArray:
         """Return where a condition holds and another one holds within a time before, after or around it."""
-        anchor_ns = self._grid_ns[self._holds(node.anchor)]
+        anchor_ns = self._grid_ns[self._mask_where_condition_holds(node.anchor)]
         within_ns = round(node.within_s * NS_PER_S)
         back_ns = within_ns if node.relation in ("after", "of") else 0
         ahead_ns = within_ns if node.relation in ("before", "of") else 0
         first = np.searchsorted(anchor_ns, self._grid_ns - back_ns, side="left")
         last = np.searchsorted(anchor_ns, self._grid_ns + ahead_ns, side="right")
-        return np.asarray(self._holds(node.inner) & (last > first))
+        return np.asarray(self._mask_where_condition_holds(node.inner) & (last > first))
 
-    def _values(self, operand: Number | Series) -> FloatArray:
+    def _operand_values_on_grid(self, operand: Number | Series) -> FloatArray:
         """Return the values of an operand on the grid, (n,); NaN where it is not known."""
         if isinstance(operand, Number):
             return np.full(len(self._grid_ns), operand.value)
-        values = self._series(operand.name)
+        values = self._quantity_on_grid(operand.name)
         if operand.function:
             return window_values(values, self._grid_ns, operand.function, operand.window_s)
         return values
 
-    def _series(self, name: str) -> FloatArray:
+    def _quantity_on_grid(self, name: str) -> FloatArray:
         """Return the values of a quantity on the grid."""
         evidence = self._evidence
         if name.startswith("/"):

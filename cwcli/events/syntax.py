@@ -149,23 +149,23 @@ class _Parser(ConditionParser):
         """Parse `timed` of the grammar."""
         node = self._parse_plain_condition()
         while True:
-            if self.take("name", "for"):
+            if self.take_if_next("name", "for"):
                 node = Lasting(node, self._parse_time())
-            elif self.take("name", "within"):
+            elif self.take_if_next("name", "within"):
                 within_s = self._parse_time()
-                kind, relation, _ = self.peek()
+                kind, relation, _ = self.peek_token()
                 if kind != "name" or relation not in RELATIONS:
-                    raise self.error("`after`, `before` or `of`")
+                    raise self.error_at_token("`after`, `before` or `of`")
                 self.next_token()
                 node = Near(node, within_s, relation, self._parse_plain_condition())
             else:
                 return node
 
     def _parse_plain_condition(self) -> Node:
-        if self.peek()[1] == "(":
+        if self.peek_token()[1] == "(":
             node: Node = self.parse_in_parentheses()
             return node
-        kind, text, _ = self.peek()
+        kind, text, _ = self.peek_token()
         if kind == "name" and text in self._events:
             self.next_token()
             return EventName(text)
@@ -181,24 +181,24 @@ class _Parser(ConditionParser):
 
     def parse_operand(self) -> Number | Series:
         """Parse `operand` of the grammar."""
-        kind, text, _ = self.peek()
+        kind, text, _ = self.peek_token()
         if kind == "number":
             return self._parse_number()
         if kind not in ("name", "field") or text in {*CONNECTIVES, "for", "within", "over"}:
-            raise self.error("an event, a quantity or a number")
+            raise self.error_at_token("an event, a quantity or a number")
         self.next_token()
-        if kind == "field" or self.peek()[1] != "(":
+        if kind == "field" or self.peek_token()[1] != "(":
             return Series(text)
         if text not in WINDOW_FUNCTIONS:
             raise UsageError(f"there is no function {text}", hint=hint_at_known_names(text, WINDOW_FUNCTIONS, "known"))
-        self.require("(")
-        kind, name, _ = self.peek()
+        self.require_sign("(")
+        kind, name, _ = self.peek_token()
         if kind not in ("name", "field"):
-            raise self.error("a quantity")
+            raise self.error_at_token("a quantity")
         self.next_token()
-        self.require(")")
-        if not self.take("name", "over"):
-            raise self.error(f"`over` and a time, as in {text}({name}) over 3 s")
+        self.require_sign(")")
+        if not self.take_if_next("name", "over"):
+            raise self.error_at_token(f"`over` and a time, as in {text}({name}) over 3 s")
         return Series(name, text, self._parse_time())
 
     def _parse_number(self) -> Number:
@@ -214,14 +214,14 @@ class _Parser(ConditionParser):
 
     def _parse_time(self) -> float:
         """Parse a time window, s."""
-        if self.peek()[0] != "number":
-            raise self.error("a time such as 3 s")
-        start = self.peek()[2]
+        if self.peek_token()[0] != "number":
+            raise self.error_at_token("a time such as 3 s")
+        start = self.peek_token()[2]
         number = self._parse_number()
         if number.unit is None:
-            raise self.error("a unit behind the time, such as s")
+            raise self.error_at_token("a unit behind the time, such as s")
         if number.unit != "s":
-            raise self.error("a time such as 3 s", start)
+            raise self.error_at_token("a time such as 3 s", start)
         if not 0.0 < number.value <= MAX_WINDOW_S:
-            raise self.error(f"a time above 0 s and up to {MAX_WINDOW_S:g} s", start)
+            raise self.error_at_token(f"a time above 0 s and up to {MAX_WINDOW_S:g} s", start)
         return number.value

@@ -63,33 +63,35 @@ RowsOfLog = Callable[[str], Iterator[tuple[str, "pa.Table"]]]
 class RowSource(Protocol):
     """Where the rows of some logs are."""
 
-    def schemas(self, ids: Sequence[str]) -> Iterable[tuple[str, pa.Schema]]:
+    def iter_table_names_and_schemas(self, ids: Sequence[str]) -> Iterable[tuple[str, pa.Schema]]:
         """Yield name and schema of the tables of the logs; equal ones need not be repeated."""
 
-    def open(self, names: frozenset[str]) -> RowsOfLog:
+    def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
         """Return a function that yields the tables of a log that have these names; ids come in ascending order."""
 
 
 class StagedRows:
     """The rows of logs that a worker has done."""
 
-    def __init__(self, path_of: Callable[[str], Path]) -> None:
-        self.path_of = path_of
+    def __init__(self, staged_path_of_log: Callable[[str], Path]) -> None:
+        self.staged_path_of_log = staged_path_of_log
         self._index: dict[str, list[StagedTable]] = {}
 
-    def schemas(self, ids: Sequence[str]) -> Iterator[tuple[str, pa.Schema]]:
+    def iter_table_names_and_schemas(self, ids: Sequence[str]) -> Iterator[tuple[str, pa.Schema]]:
         """Yield name and schema of each table once for each different schema."""
         known = set()
         for id in ids:
-            self._index[id] = list_staged_tables(self.path_of(id))
+            self._index[id] = list_staged_tables(self.staged_path_of_log(id))
             unknown = [each for each in self._index[id] if each[:2] not in known]
             known |= {each[:2] for each in unknown}
-            for name, table in iter_staged_tables(self.path_of(id), unknown):
+            for name, table in iter_staged_tables(self.staged_path_of_log(id), unknown):
                 yield name, table.schema
 
-    def open(self, names: frozenset[str]) -> RowsOfLog:
+    def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
         """Return a function that yields the tables of a log."""
-        return lambda id: iter_staged_tables(self.path_of(id), [each for each in self._index[id] if each.name in names])
+        return lambda id: iter_staged_tables(
+            self.staged_path_of_log(id), [each for each in self._index[id] if each.name in names]
+        )
 
 
 class MergedRows:
@@ -98,7 +100,7 @@ class MergedRows:
     def __init__(self, out: Path) -> None:
         self._out = out
 
-    def schemas(self, ids: Sequence[str]) -> Iterator[tuple[str, pa.Schema]]:
+    def iter_table_names_and_schemas(self, ids: Sequence[str]) -> Iterator[tuple[str, pa.Schema]]:
         """Yield name and schema of each table, without the columns that all tables have."""
         import pyarrow as pa
         from pyarrow import parquet
@@ -117,7 +119,7 @@ class MergedRows:
             own = [field for field in schema if field.name not in COMMON_COLUMNS]
             yield name, pa.schema(own, metadata=metadata)
 
-    def open(self, names: frozenset[str]) -> RowsOfLog:
+    def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
         """Return a function that yields the rows of a log from all tables."""
         readers = {
             name: _RowsInOrder(self._out / f"{name}{SUFFIX}") for name in iter_table_names(self._out) if name in names
@@ -125,7 +127,7 @@ class MergedRows:
 
         def rows_of_log(id: str) -> Iterator[tuple[str, pa.Table]]:
             for name, reader in readers.items():
-                found = reader.take(id)
+                found = reader.take_rows_of_log(id)
                 if found is not None:
                     yield name, found
 
@@ -139,7 +141,7 @@ class _RowsInOrder:
         self._pieces = _iter_rows_by_log(path)
         self._next = next(self._pieces, None)
 
-    def take(self, id: str) -> pa.Table | None:
+    def take_rows_of_log(self, id: str) -> pa.Table | None:
         """Return the rows of a log; None if there are none. Each id must be greater than the one before."""
         import pyarrow as pa
 
@@ -191,7 +193,9 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
     sources = list({id(each): each for each in source_of_log.values()}.values())
     schemas: dict[str, list[pa.Schema]] = {}
     for source in sources:
-        for name, schema in source.schemas([each for each in ids if source_of_log[each] is source]):
+        for name, schema in source.iter_table_names_and_schemas(
+            [each for each in ids if source_of_log[each] is source]
+        ):
             schemas.setdefault(name, []).append(schema)
     names = sorted(schemas)
     n_at_a_time = max(MAX_OPEN_FILES // (len(sources) + 1), 1)
@@ -202,10 +206,10 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
                 name: _TableWriter(out, name, unify_schemas(schemas[name]), run_id, stack, together)
                 for name in sorted(some)
             }
-            rows_of_log = {id(source): source.open(some) for source in sources}
+            rows_of_log = {id(source): source.open_tables_of_logs(some) for source in sources}
             for each in ids:
                 for name, rows in rows_of_log[id(source_of_log[each])](each):
-                    writers[name].add(each, rows)
+                    writers[name].append_rows_of_log(each, rows)
             for writer in writers.values():
                 writer.close()
     for name in iter_table_names(out):
@@ -246,7 +250,7 @@ class _TableWriter:
         self._pieces: list[pa.Table] = []  # of single logs, after the blocks
         self._n_pending = 0
 
-    def add(self, id: str, rows: pa.Table) -> None:
+    def append_rows_of_log(self, id: str, rows: pa.Table) -> None:
         """Add the rows of one log."""
         import pyarrow as pa
 

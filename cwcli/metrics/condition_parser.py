@@ -90,15 +90,15 @@ class ConditionParser(ABC):
     def parse_to_end(self, expected: str) -> Any:
         """Parse `condition` of the grammar up to the end of the text; an error names what was expected there."""
         node = self.parse_condition()
-        if self.peek()[0] != "end":
-            raise self.error(expected)
+        if self.peek_token()[0] != "end":
+            raise self.error_at_token(expected)
         return node
 
     def parse_in_parentheses(self) -> Any:
         """Parse `"(" condition ")"`."""
-        self.require("(")
+        self.require_sign("(")
         node = self.parse_condition()
-        self.require(")")
+        self.require_sign(")")
         return node
 
     @abstractmethod
@@ -111,21 +111,21 @@ class ConditionParser(ABC):
         if self._depth > MAX_DEPTH:
             raise UsageError(f"the {self._noun} has more than {MAX_DEPTH} parentheses inside each other")
         parts = [self._parse_and()]
-        while self.take("name", "or"):
+        while self.take_if_next("name", "or"):
             parts.append(self._parse_and())
         self._depth -= 1
         return parts[0] if len(parts) == 1 else AndOr(tuple(parts), is_and=False)
 
     def _parse_and(self) -> Any:
         parts = [self._parse_not()]
-        while self.take("name", "and"):
+        while self.take_if_next("name", "and"):
             parts.append(self._parse_not())
         return parts[0] if len(parts) == 1 else AndOr(tuple(parts), is_and=True)
 
     def _parse_not(self) -> Any:
         """Parse `not` of the grammar; two negations cancel each other."""
         negations = 0
-        while self.take("name", "not"):
+        while self.take_if_next("name", "not"):
             negations += 1
         node = self.parse_term()
         return Not(node) if negations % 2 else node
@@ -138,7 +138,7 @@ class ConditionParser(ABC):
         """Parse a comparison or a chain of two, which is not of numbers alone."""
         operands = [self.parse_operand()]
         signs: list[str] = []
-        while self.peek()[1] in COMPARISONS_BY_SIGN and len(signs) < 2:
+        while self.peek_token()[1] in COMPARISONS_BY_SIGN and len(signs) < 2:
             signs.append(self.next_token()[1])
             operands.append(self.parse_operand())
         if not signs:
@@ -149,16 +149,16 @@ class ConditionParser(ABC):
 
     def error_without_sign(self, operand: Any) -> UsageError:
         """Return the error about an operand that is compared with nothing."""
-        return self.error(f"one of {' '.join(COMPARISONS_BY_SIGN)}")
+        return self.error_at_token(f"one of {' '.join(COMPARISONS_BY_SIGN)}")
 
     def finite_number(self, text: str, start: int) -> float:
         """Return the value of a number; refuse one that overflows: it would always hold, or never."""
         value = float(text)
         if not math.isfinite(value):
-            raise self.error("a number that a computer can hold", start)
+            raise self.error_at_token("a number that a computer can hold", start)
         return value
 
-    def peek(self) -> Token:
+    def peek_token(self) -> Token:
         """Return the next token; its kind is `end` beyond the last one, and `other` where nothing fits."""
         rest = self.text[self.at :]
         start = self.at + len(rest) - len(rest.lstrip())
@@ -171,25 +171,25 @@ class ConditionParser(ABC):
 
     def next_token(self) -> Token:
         """Consume the next token."""
-        token = self.peek()
+        token = self.peek_token()
         self.at = token[2] + len(token[1])
         return token
 
-    def take(self, kind: str, text: str) -> bool:
+    def take_if_next(self, kind: str, text: str) -> bool:
         """Consume the next token if it has this kind and text; return whether it had."""
-        if self.peek()[:2] != (kind, text):
+        if self.peek_token()[:2] != (kind, text):
             return False
         self.next_token()
         return True
 
-    def require(self, text: str) -> None:
+    def require_sign(self, text: str) -> None:
         """Consume a sign; raise `UsageError` if the next token is another one."""
-        if not self.take("sign", text):
-            raise self.error(f"`{text}`")
+        if not self.take_if_next("sign", text):
+            raise self.error_at_token(f"`{text}`")
 
-    def error(self, expected: str, start: int | None = None) -> UsageError:
+    def error_at_token(self, expected: str, start: int | None = None) -> UsageError:
         """Return the error that says what was expected at a character, by default that of the next token."""
-        start = self.peek()[2] if start is None else start
+        start = self.peek_token()[2] if start is None else start
         found = self.text[start : start + 20].strip()
         found = "a URL" if "://" in self.text else found  # a part of one could be a part of its password
         what = f"found `{found}`" if found else "it ends"

@@ -109,21 +109,21 @@ class _Parser(ConditionParser):
 
     def parse_whole_gate(self) -> Node:
         """Parse `gate` up to the end of the text."""
-        while self.peek()[0] != "end":
+        while self.peek_token()[0] != "end":
             kind, _, start = self.next_token()
             if kind == "other":
-                raise self.error("a metric, a number or a comparison", start)
+                raise self.error_at_token("a metric, a number or a comparison", start)
         self.at = 0
         node: Node = self.parse_to_end("`and`, `or` or the end")
         return node
 
     def parse_term(self) -> Node:
         """Parse a gate in parentheses, `over` or `comparison` of the grammar."""
-        if self.peek()[1] == "(":
+        if self.peek_token()[1] == "(":
             node: Node = self.parse_in_parentheses()
             return node
         start, quantifier = self.at, self.next_token()[1]
-        if quantifier in {"any", "all"} and self.peek()[1] == "(":
+        if quantifier in {"any", "all"} and self.peek_token()[1] == "(":
             return AnyAll(quantifier, self._parse_gate_of_single_logs())
         self.at = start
         comparison = self.parse_comparison()
@@ -138,19 +138,19 @@ class _Parser(ConditionParser):
         if kind == "number":
             return Number(self.finite_number(text.removesuffix("%"), start) / (100.0 if text.endswith("%") else 1.0))
         if kind != "name" or text in CONNECTIVES:
-            raise self.error("a metric or a number", start)
-        if self.peek()[1] != "(":
+            raise self.error_at_token("a metric or a number", start)
+        if self.peek_token()[1] != "(":
             return Name(text)
         if text == "share":
             return Share(self._parse_gate_of_single_logs())
         if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
             known = (*FUNCTIONS, "p95", "share", "any", "all")
             raise UsageError(f"a gate has no function {text}", hint=hint_at_known_names(text, known, "known"))
-        self.require("(")
+        self.require_sign("(")
         kind, inner, start = self._next_token("a metric")
-        if kind != "name" or self.peek()[1] == "(":
-            raise self.error("a metric", start)
-        self.require(")")
+        if kind != "name" or self.peek_token()[1] == "(":
+            raise self.error_at_token("a metric", start)
+        self.require_sign(")")
         return Aggregate(text, Name(inner))
 
     def _parse_gate_of_single_logs(self) -> Node:
@@ -162,8 +162,8 @@ class _Parser(ConditionParser):
 
     def _next_token(self, expected: str) -> Token:
         """Consume the next token; raise `UsageError` at the end, which names what was expected."""
-        if self.peek()[0] == "end":
-            raise self.error(expected)
+        if self.peek_token()[0] == "end":
+            raise self.error_at_token(expected)
         return self.next_token()
 
 

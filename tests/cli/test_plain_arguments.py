@@ -14,7 +14,7 @@ import pytest
 
 from cwcli.cli.app import load_command
 from cwcli.cli.commands import COMMANDS
-from cwcli.cli.load import load_function
+from cwcli.cli.load import load_command_function_and_examples
 from cwcli.cli.options.lazy_typer import declaration_of
 from cwcli.cli.plain_arguments import parse_plain_arguments
 
@@ -47,7 +47,7 @@ def samples(kind: Any) -> list[str]:
 
 def command_lines(name: str) -> list[list[str]]:
     """Each option with several values, and arguments in odd places."""
-    function, _ = load_function(name)
+    function, _ = load_command_function_and_examples(name)
     lines = [[], ["a.mcap"], ["a.mcap", "b.mcap"], ["-", "--json"], ["--json", "a.mcap", "-q"], ["a.mcap", "--jsn"]]
     lines += [["a.mcap", "--", "b.mcap"], ["a.mcap", "-qf"], ["a.mcap", "-oout.mcap"], ["a.mcap", "--quiet=1"]]
     for parameter in inspect.signature(function).parameters.values():
@@ -74,7 +74,7 @@ def same(one: Any, other: Any) -> bool:
 @pytest.mark.parametrize("name", NAMES)
 def test_plain_arguments_give_the_values_of_typer(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    function, _ = load_function(name)
+    function, _ = load_command_function_and_examples(name)
     n_plain = 0
     for line in command_lines(name):
         mine = parse_plain_arguments(function, line)

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cwcli.cli.console import Console
-from cwcli.cli.info_texts import format_utc_time, health_verdict, join_first_names, unused_channel_rows
+from cwcli.cli.info_texts import format_utc_time, health_verdict, join_first_names_and_count_rest, unused_channel_rows
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, source_of_logs
@@ -422,14 +422,14 @@ def _log_facts(document: Document) -> list[tuple[str, str]]:
         facts.append(
             (
                 "attachments",
-                join_first_names(
+                join_first_names_and_count_rest(
                     [f"{each['name']} ({format_byte_size(each['size_bytes'])})" for each in document["attachments"]],
                     MAX_LISTED_NAMES,
                 ),
             )
         )
     if document["metadata"]:
-        facts.append(("metadata", join_first_names(document["metadata"], MAX_LISTED_NAMES)))
+        facts.append(("metadata", join_first_names_and_count_rest(document["metadata"], MAX_LISTED_NAMES)))
     return facts
 
 

@@ -66,7 +66,7 @@ def r157_driver_avoids(encounter: Encounter) -> bool:
 
 def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""
-    limit_mps = driven.demand("impact_speed")
+    limit_mps = driven.demanded_number_si("impact_speed")
     encounter = driven.encounter
     assert isinstance(encounter, Encounter)
     if math.isnan(encounter.contact_s):

@@ -60,7 +60,7 @@ def warning_window(encounter: Encounter, demands: dict[str, float]) -> WarningWi
 
 def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""
-    demands = {name: driven.demand(name) for name in ("lead_time", "deceleration", "impact_speed")}
+    demands = {name: driven.demanded_number_si(name) for name in ("lead_time", "deceleration", "impact_speed")}
     encounter = driven.encounter
     assert isinstance(encounter, Encounter)
     verdict = judge_by_window(driven, warning_window(encounter, demands))

@@ -28,7 +28,7 @@ def warning_window(drift: LaneDrift, demands: dict[str, float]) -> WarningWindow
 
 def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""
-    driven.demand("latest_outside")
+    driven.demanded_number_si("latest_outside")
     if not isinstance(driven.encounter, LaneDrift):
         raise UsageError("a lane line is judged on a drift in a lane", hint='take the scene "lane-drift"')
     return judge_by_window(driven, warning_window(driven.encounter, dict(driven.demands)))

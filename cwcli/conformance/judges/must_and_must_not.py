@@ -42,6 +42,8 @@ def warning_window(encounter: Encounter, demands: dict[str, float]) -> WarningWi
 
 def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""
-    demands = {name: driven.demand(name) for name in ("reaction_time", "required_deceleration", "longest_ttc")}
+    demands = {
+        name: driven.demanded_number_si(name) for name in ("reaction_time", "required_deceleration", "longest_ttc")
+    }
     assert isinstance(driven.encounter, Encounter)
     return judge_by_window(driven, warning_window(driven.encounter, demands))

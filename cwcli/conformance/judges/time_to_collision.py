@@ -23,6 +23,6 @@ def warning_window(encounter: Encounter, demands: dict[str, float]) -> WarningWi
 def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""
     if "ttc" not in driven.demands:
-        driven.demand("ttc_with_accelerations")
+        driven.demanded_number_si("ttc_with_accelerations")
     assert isinstance(driven.encounter, Encounter)
     return judge_by_window(driven, warning_window(driven.encounter, dict(driven.demands)))

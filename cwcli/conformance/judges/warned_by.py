@@ -27,6 +27,6 @@ def warning_window(encounter: Encounter, demands: dict[str, float]) -> WarningWi
 
 def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""
-    driven.demand("shortest_ttc")
+    driven.demanded_number_si("shortest_ttc")
     assert isinstance(driven.encounter, Encounter)
     return judge_by_window(driven, warning_window(driven.encounter, dict(driven.demands)))
