@@ -25,10 +25,8 @@ def health_verdict(document: Document) -> str:
     if "health" not in document:
         empty = [channel["topic"] for channel in document["channels"] if channel["messages"] == 0]
         empty = [_shorten_topic_name(name) for name in empty]
-        found = [
-            *faults,
-            *([f"no messages on {join_first_names_and_count_rest(empty, MAX_NAMED_TOPICS)}"] if empty else []),
-        ]
+        if empty:
+            faults.append(f"no messages on {join_first_names_and_count_rest(empty, MAX_NAMED_TOPICS)}")
         return f"{'; '.join(faults) or 'no fault in the index'}; --doctor reads the messages"
     sick = {each["topic"]: text for each in document["health"] if (text := _troubles_text(each))}
     n = len(document["health"])

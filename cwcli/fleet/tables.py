@@ -89,9 +89,11 @@ class StagedRows:
 
     def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
         """Return a function that yields the tables of a log."""
-        return lambda id: iter_staged_tables(
-            self.staged_path_of_log(id), [each for each in self._index[id] if each.name in names]
-        )
+
+        def tables_of_log(id: str) -> Iterator[tuple[str, pa.Table]]:
+            return iter_staged_tables(self.staged_path_of_log(id), [t for t in self._index[id] if t.name in names])
+
+        return tables_of_log
 
 
 class MergedRows:
@@ -193,9 +195,8 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
     sources = list({id(each): each for each in source_of_log.values()}.values())
     schemas: dict[str, list[pa.Schema]] = {}
     for source in sources:
-        for name, schema in source.iter_table_names_and_schemas(
-            [each for each in ids if source_of_log[each] is source]
-        ):
+        own_ids = [each for each in ids if source_of_log[each] is source]
+        for name, schema in source.iter_table_names_and_schemas(own_ids):
             schemas.setdefault(name, []).append(schema)
     names = sorted(schemas)
     n_at_a_time = max(MAX_OPEN_FILES // (len(sources) + 1), 1)
