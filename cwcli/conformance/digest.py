@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult, TrialResult
+from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult
 from cwcli.text import format_count
 
 MAX_LINES = 12
@@ -26,7 +26,7 @@ def format_digest(results: Sequence[ClauseResult]) -> list[str]:
     if len(results) == 1:
         return _digest_of_clause(results[0])
     ordered = sorted(results, key=lambda result: _ORDER[result.outcome])
-    rows = [(result.clause.name, result.outcome, _clause_share(result), _clause_margin(result)) for result in ordered]
+    rows = [(result.clause.name, result.outcome, result.passed_text, result.worst_margin_text) for result in ordered]
     counts = ", ".join(
         f"{sum(result.outcome == outcome for result in results)} {outcome}"
         for outcome in _ORDER
@@ -42,7 +42,7 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     """The digest of one clause."""
     clause = result.clause
     driven = sorted(result.driven_trials, key=lambda trial: _ORDER[trial.outcome])
-    rows = [(trial.trial.name, trial.outcome, _trial_share(trial), trial.margin_text) for trial in driven]
+    rows = [(trial.trial.name, trial.outcome, trial.passed_text, trial.margin_text) for trial in driven]
     settings = ", ".join(value if name == "grade" else f"{name} {value}" for name, value in result.settings.items())
     lines = [
         f"{clause.name}: {result.outcome} ({PUBLISHED_WORDS}; {settings})",
@@ -92,19 +92,3 @@ def _shorten_to_column(name: str) -> str:
         return name
     last = name.rpartition(", ")[2][-KEPT_COLUMNS:]  # the numbers, which tell the trials apart
     return f"{name[: NAME_COLUMNS - len(last) - 3]}...{last}"
-
-
-def _trial_share(trial: TrialResult) -> str:
-    """How many repetitions passed."""
-    return f"{trial.n_passed} of {len(trial.repetitions)}"
-
-
-def _clause_share(result: ClauseResult) -> str:
-    """How many trials passed."""
-    driven = result.driven_trials
-    return f"{sum(trial.outcome == PASSED for trial in driven)} of {len(driven)}"
-
-
-def _clause_margin(result: ClauseResult) -> str:
-    """The worst margin of a clause."""
-    return "" if result.worst_trial is None else result.worst_trial.margin_text

@@ -64,10 +64,9 @@ def _clause_section(result: ClauseResult) -> str:
     """One clause: verdict and settings, how it is read, the margins, and its tables."""
     clause = result.clause
     settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())
-    n_passed = sum(trial.outcome == PASSED for trial in result.driven_trials)
     parts = [
         f'<h2 id="{escape(clause.name)}">{_outcome_badge_html(result.outcome)} {escape(clause.title)}</h2>',
-        f"<p>{n_passed} of {len(result.driven_trials)} trials pass. Source: {escape(clause.source)}. "
+        f"<p>{result.passed_text} trials pass. Source: {escape(clause.source)}. "
         f"{escape(settings)}; repetitions of each trial: {result.n_repetitions}.</p>",
         f"<p>How the numbers are read: {escape(clause.reading)}</p>" if clause.reading else "",
         _margin_picture(result.driven_trials),
@@ -135,24 +134,17 @@ def _margin_picture(trials: Sequence[TrialResult]) -> str:
         text = f'y="{y + 4:.1f}" font-size="12"'
         lines.append(f'<text x="0" {text}>{escape(_shorten_keeping_end(trial.trial.name))}</text>')
         lines += [_outcome_mark_svg(place(margin), y, outcome) for margin, outcome in found[trial.trial.name]]
-        share = f"{trial.n_passed} of {len(trial.repetitions)}"
-        words = trial.margin_text if found[trial.trial.name] else _text_without_margin(trial)
+        words = trial.margin_text or trial.worst_text
         colour = COLOURS[trial.outcome]
         lines.append(
             f'<text x="{NAME_PX + PLOT_PX + 10}" {text} fill="{colour}">'
-            f"{trial.outcome}, {share}, {escape(words)}</text>"
+            f"{trial.outcome}, {trial.passed_text}, {escape(words)}</text>"
         )
     width = NAME_PX + PLOT_PX + VALUE_PX
     return (
         f'<svg viewBox="0 0 {width} {height}" width="{width}" role="img" aria-label="margins of all repetitions">'
         f"{''.join(lines)}</svg>"
     )
-
-
-def _text_without_margin(trial: TrialResult) -> str:
-    """What happened in a trial whose margin is no time."""
-    worst = trial.worst
-    return "" if worst is None or worst.verdict is None else trial.margin_text or worst.verdict.text
 
 
 def _margin_axis_svg(low: float, high: float, place: Callable[[float], float], height: float) -> list[str]:

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from cwcli.conformance.clause import BASIS_WORDS, TTC_DEFINITIONS, Clause
 from cwcli.conformance.digest import PUBLISHED_WORDS
-from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult
+from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
 
 CLAUSE_COLUMNS = ("clause", "outcome", "trials passed", "worst margin")
@@ -21,16 +21,14 @@ def trials_table(result: ClauseResult) -> SummaryTable:
     """One row a trial, with its worst repetition."""
     rows: list[tuple[Cell, ...]] = []
     for trial in result.trials:
-        worst = trial.worst
-        text = "" if worst is None or worst.verdict is None else worst.verdict.text
         rows.append(
             (
                 trial.trial.name,
                 trial.outcome,
-                f"{trial.n_passed} of {len(trial.repetitions)}",
+                trial.passed_text,
                 trial.n_required,
                 trial.trial.demands_text or "no warning",
-                text,
+                trial.worst_text,
                 trial.margin_text,
             )
             if trial.outcome != NOT_JUDGED
@@ -84,8 +82,8 @@ def clause_rows(results: Sequence[ClauseResult]) -> list[tuple[str, str, str, st
         (
             result.clause.name,
             result.outcome,
-            f"{sum(trial.outcome == PASSED for trial in result.driven_trials)} of {len(result.driven_trials)}",
-            "" if result.worst_trial is None else result.worst_trial.margin_text,
+            result.passed_text,
+            result.worst_margin_text,
         )
         for result in results
     ]
@@ -126,9 +124,7 @@ def format_junit(results: Sequence[ClauseResult]) -> bytes:
         suite = ET.SubElement(root, "testsuite", {"name": result.clause.name, **counts})
         for trial in result.trials:
             case = ET.SubElement(suite, "testcase", classname=result.clause.name, name=trial.trial.name, time="0")
-            worst = trial.worst
-            text = "" if worst is None or worst.verdict is None else worst.verdict.text
-            text = f"{trial.n_passed} of {len(trial.repetitions)} passed, {trial.n_required} needed; {text}"
+            text = f"{trial.passed_text} passed, {trial.n_required} needed; {trial.worst_text}"
             if trial.outcome == FAILED:
                 ET.SubElement(case, "failure", message=text, type="clause").text = text
             elif trial.outcome in (NOT_VALID, NOT_JUDGED):

@@ -77,6 +77,17 @@ class TrialResult:
             return ""
         return f"{worst.verdict.margin:+.2f} {worst.verdict.unit}".rstrip()
 
+    @property
+    def passed_text(self) -> str:
+        """How many repetitions passed: `3 of 5`."""
+        return f"{self.n_passed} of {len(self.repetitions)}"
+
+    @property
+    def worst_text(self) -> str:
+        """What happened in the worst repetition; "" without a valid one."""
+        worst = self.worst
+        return "" if worst is None or worst.verdict is None else worst.verdict.text
+
 
 def _worst_first_sort_key(repetition: Repetition) -> tuple[bool, float]:
     """Key of a repetition: failed ones first, then by the margin."""
@@ -119,6 +130,17 @@ class ClauseResult:
         return min(
             known, key=lambda trial: (trial.outcome != FAILED, _worst_first_sort_key(_worst_of(trial))), default=None
         )
+
+    @property
+    def passed_text(self) -> str:
+        """How many trials passed: `3 of 5`."""
+        driven = self.driven_trials
+        return f"{sum(trial.outcome == PASSED for trial in driven)} of {len(driven)}"
+
+    @property
+    def worst_margin_text(self) -> str:
+        """The worst margin with its unit; "" where there is no number."""
+        return "" if self.worst_trial is None else self.worst_trial.margin_text
 
     def to_json(self) -> dict[str, Any]:
         """The result as a document of plain values; what is not finite is None."""

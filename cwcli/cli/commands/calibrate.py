@@ -111,7 +111,6 @@ def _estimate_drive(name: str, reading: ReadingOptions, sensors: SensorOptions) 
     from cwcli.array_memory import bound_array_memory
     from cwcli.cli.options.stage import make_stage_options_class, stage_call_from_options
     from cwcli.estimation.pooling import DriveEvidence
-    from cwcli.logs.read.reader import Log
     from cwcli.pipeline.call import replace_selection
     from cwcli.pipeline.camera_pitch import estimate_camera_pitch
     from cwcli.pipeline.execute import RunOutcome, raise_on_data_faults
@@ -119,14 +118,7 @@ def _estimate_drive(name: str, reading: ReadingOptions, sensors: SensorOptions) 
 
     bound_array_memory()
     call = stage_call_from_options(make_stage_options_class("estimate")(), sensors)
-    with Log.open(
-        name,
-        recover=reading.recover,
-        max_chunk_bytes=reading.max_chunk_bytes,
-        max_pipe_bytes=reading.max_pipe_bytes,
-        max_ratio=reading.max_ratio,
-        timeout_s=reading.timeout,
-    ) as log:
+    with reading.open_log(name) as log:
         selection = resolve_selection(log, reading.topics_and_mappings, reading.start, reading.end)
         result = call.stage.stage_function(log, replace_selection(call.config, selection))
         if reading.strict:

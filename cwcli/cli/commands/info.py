@@ -74,18 +74,10 @@ def command(
     Shows every channel with its rate and the role that cwcli would give it, why the others have none and what to try,
     and for each command whether the log has the signals that it needs.
     """
-    from cwcli.logs.read.reader import Log
 
     console = Console(quiet=talk.quiet)
     contract = None if expect is None else _read_contract(expect)
-    with Log.open(
-        source_of_logs(log, reading.as_one),
-        recover=reading.recover,
-        max_chunk_bytes=reading.max_chunk_bytes,
-        max_pipe_bytes=reading.max_pipe_bytes,
-        max_ratio=reading.max_ratio,
-        timeout_s=reading.timeout,
-    ) as opened:
+    with reading.open_log(source_of_logs(log, reading.as_one)) as opened:
         document = describe_log(opened, reading, sensors)
         if doctor or reading.map or contract:
             document["health"] = _health_of_topics(opened)

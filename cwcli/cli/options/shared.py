@@ -122,8 +122,48 @@ def source_names(source: Source) -> list[str]:
     return [str(source)] if isinstance(source, str | Path) else list(source)
 
 
+class LogLimits:
+    """How a log is opened, by the values of `--recover`, `--max-chunk`, `--max-input`, `--max-ratio`, `--timeout`."""
+
+    recover: bool
+    max_chunk: int
+    max_ratio: float
+    max_input: float
+    timeout: float
+
+    @property
+    def resource_limits(self) -> Limits:
+        """What a log may cost."""
+        from cwcli.library.log import Limits
+
+        return Limits(self.max_chunk_bytes, self.max_pipe_bytes, self.max_ratio, self.timeout)
+
+    @property
+    def max_chunk_bytes(self) -> int:
+        """The value of `--max-chunk` in bytes."""
+        return self.max_chunk * BYTES_PER_MEGABYTE
+
+    @property
+    def max_pipe_bytes(self) -> int:
+        """The value of `--max-input` in bytes."""
+        return int(self.max_input * BYTES_PER_GIGABYTE)
+
+    def open_log(self, source: Source) -> Log:
+        """Open a log with these limits; raises as `Log.open` does."""
+        from cwcli.logs.read.reader import Log
+
+        return Log.open(
+            source,
+            recover=self.recover,
+            max_chunk_bytes=self.max_chunk_bytes,
+            max_pipe_bytes=self.max_pipe_bytes,
+            max_ratio=self.max_ratio,
+            timeout_s=self.timeout,
+        )
+
+
 @dataclass(frozen=True)
-class ReadingOptions:
+class ReadingOptions(LogLimits):
     """Options of reading a log: topics, time span and limits."""
 
     heading: ClassVar[str] = _INPUT_HEADING
@@ -184,26 +224,9 @@ class ReadingOptions:
 
         return [*self.topic, *merge_mapping_options(self.map, self.dbc)]
 
-    @property
-    def resource_limits(self) -> Limits:
-        """What the log may cost: `--max-chunk`, `--max-input`, `--max-ratio` and `--timeout`."""
-        from cwcli.library.log import Limits
-
-        return Limits(self.max_chunk_bytes, self.max_pipe_bytes, self.max_ratio, self.timeout)
-
-    @property
-    def max_chunk_bytes(self) -> int:
-        """The value of `--max-chunk` in bytes."""
-        return self.max_chunk * BYTES_PER_MEGABYTE
-
-    @property
-    def max_pipe_bytes(self) -> int:
-        """The value of `--max-input` in bytes."""
-        return int(self.max_input * BYTES_PER_GIGABYTE)
-
 
 @dataclass(frozen=True)
-class LimitOptions:
+class LimitOptions(LogLimits):
     """Damage and limits of logs."""
 
     heading: ClassVar[str] = _INPUT_HEADING
@@ -214,19 +237,6 @@ class LimitOptions:
     max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
     max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S
-
-    def open_log(self, source: Source) -> Log:
-        """Open a log with these limits; raises as `Log.open` does."""
-        from cwcli.logs.read.reader import Log
-
-        return Log.open(
-            source,
-            recover=self.recover,
-            max_chunk_bytes=self.max_chunk * BYTES_PER_MEGABYTE,
-            max_pipe_bytes=int(self.max_input * BYTES_PER_GIGABYTE),
-            max_ratio=self.max_ratio,
-            timeout_s=self.timeout,
-        )
 
 
 @dataclass(frozen=True)
