@@ -91,7 +91,7 @@ def clause_rows(results: Sequence[ClauseResult]) -> list[tuple[str, str, str, st
 
 def format_markdown(results: Sequence[ClauseResult]) -> str:
     """Format clauses as sections of a page in Markdown."""
-    lines = [_format_table(SummaryTable("clauses", "clauses", CLAUSE_COLUMNS, tuple(clause_rows(results))))]
+    lines = [SummaryTable("clauses", "clauses", CLAUSE_COLUMNS, tuple(clause_rows(results))).to_markdown()]
     for result in results:
         clause = result.clause
         settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())
@@ -102,7 +102,7 @@ def format_markdown(results: Sequence[ClauseResult]) -> str:
         ]
         if clause.reading:
             lines += ["", f"How the numbers are read: {clause.reading}"]
-        lines += ["", _format_table(trials_table(result))]
+        lines += ["", trials_table(result).to_markdown()]
         if clause.left_out:
             lines += ["", "Not judged here:", "", *(f"- {name}: {why}." for name, why in clause.left_out.items())]
     return "\n".join(lines) + "\n"
@@ -135,12 +135,3 @@ def format_junit(results: Sequence[ClauseResult]) -> bytes:
     ET.indent(root)
     document: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
     return document + b"\n"
-
-
-def _format_table(section: SummaryTable) -> str:
-    """Format a table in Markdown."""
-    lines = [f"| {' | '.join(section.columns)} |", f"| {' | '.join('---' for _ in section.columns)} |"]
-    for row in section.rows:
-        cells = ["" if cell is None else str(cell).replace("|", "\\|").replace("<", "&lt;") for cell in row]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)

@@ -39,6 +39,15 @@ class SummaryTable:
     names: tuple[str, ...] = ()
     is_timed: bool = False
 
+    def to_markdown(self) -> str:
+        """Format columns and rows as a table in Markdown."""
+        lines = [f"| {' | '.join(self.columns)} |", f"| {' | '.join('---' for _ in self.columns)} |"]
+        for row in self.rows:
+            texts = [f"{cell:.4g}" if isinstance(cell, float) else "" if cell is None else str(cell) for cell in row]
+            cells = (text.replace("|", "\\|").replace("<", "&lt;") for text in texts)
+            lines.append(f"| {' | '.join(cells)} |")
+        return "\n".join(lines)
+
 
 @dataclass(frozen=True)
 class InputMessageCount:

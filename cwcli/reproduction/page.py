@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cwcli.pipeline.result import Cell, SummaryTable
+from cwcli.pipeline.result import SummaryTable
 from cwcli.reproduction.classes import NOT_IN_PAPER, Finding
 from cwcli.reproduction.expectations import PaperFigure
 from cwcli.reproduction.findings_report import (
@@ -38,7 +38,7 @@ def format_markdown_page(reproduction: Reproduction) -> str:
         *(f"- {note}" for note in reproduction.summary.notes),
         *(f"- see also [{name}]({name})" for name in expected.notes),
         "\n## Classes\n",
-        _format_table(class_counts_table(reproduction.findings)),
+        class_counts_table(reproduction.findings).to_markdown(),
         "\n## Figures and tables",
     ]
     for name, figure in expected.figures.items():
@@ -47,9 +47,9 @@ def format_markdown_page(reproduction: Reproduction) -> str:
     parts += _format_groups(reproduction)
     for key in ("fits", "assumptions", "reasons"):
         if ours[key].rows:
-            parts += [f"\n## {ours[key].title}\n", _format_table(ours[key])]
+            parts += [f"\n## {ours[key].title}\n", ours[key].to_markdown()]
     for section in sections_of_page(reproduction):
-        parts += [f"\n## {section.title}\n", _format_table(section)]
+        parts += [f"\n## {section.title}\n", section.to_markdown()]
     return "\n".join(parts) + "\n"
 
 
@@ -62,7 +62,7 @@ def _format_groups(reproduction: Reproduction) -> list[str]:
         at = section.columns.index("class")
         rows = tuple(row for row in section.rows if row[at] != NOT_IN_PAPER)
         if rows:
-            parts += [f"\n## {section.title}\n", _format_table(replace(section, rows=rows))]
+            parts += [f"\n## {section.title}\n", replace(section, rows=rows).to_markdown()]
     return parts
 
 
@@ -89,7 +89,7 @@ def _format_figure(
         lines.append(f"Ours: none, {figure.reason_for_absence}.")
     if findings:
         rows = tuple(finding_cells(finding) for finding in findings)
-        lines += ["", _format_table(SummaryTable(name, name, FINDING_COLUMNS, rows))]
+        lines += ["", SummaryTable(name, name, FINDING_COLUMNS, rows).to_markdown()]
     elif any(row.group == "" for row in figure.expectation_by_number.values()):
         lines.append("Ours: not in this run.")
     drawn = {plot.figure: plot.title for plot in reproduction.plots}
@@ -100,23 +100,3 @@ def _format_figure(
         if picture in drawn
     ]
     return lines
-
-
-def _format_table(section: SummaryTable) -> str:
-    """Format a section's table."""
-    lines = [_format_table_row(section.columns), _format_table_row(["---"] * len(section.columns))]
-    lines += [_format_table_row([_format_cell(cell) for cell in row]) for row in section.rows]
-    return "\n".join(lines)
-
-
-def _format_table_row(cells: Sequence[str]) -> str:
-    """Format one row of a table."""
-    return f"| {' | '.join(cells)} |"
-
-
-def _format_cell(cell: Cell) -> str:
-    """Format one cell."""
-    if cell is None:
-        return ""
-    text = f"{cell:.4g}" if isinstance(cell, float) else str(cell)
-    return text.replace("|", "\\|").replace("<", "&lt;")
