@@ -11,6 +11,7 @@ from cwcli.pipeline.result import SummaryTable
 from cwcli.reproduction.classes import DIFFERS, FITTED, NOT_DETERMINABLE, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.findings import StudyPart, is_strictly_increasing
+from cwcli.reproduction.request import ReproductionRequest
 from cwcli.reproduction.song2016 import reproduce
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.prediction import (
@@ -22,7 +23,6 @@ from cwcli.reproduction.song2016.prediction import (
 from cwcli.reproduction.song2016.reproduce import (
     FIGURES_BY_TASK,
     TASK_KIND_LABELS,
-    ReproduceConfig,
     format_seed_note,
     reproduce_song2016,
 )
@@ -204,7 +204,7 @@ def test_strictly_rising() -> None:
 
 def test_the_note_tells_the_seeds_of_each_part() -> None:
     """As the run takes them: table 1 and the predicted paths at most 20, the moved choices at most 10."""
-    found = reproduce_song2016(ReproduceConfig(seeds=2, jobs=1, only=("table 1",)))
+    found = reproduce_song2016(ReproductionRequest(seeds=2, jobs=1, only=("table 1",)))
     assert found.summary.notes[1] == "2 seeds of table 1"
     tasks = [("traps", "following", 100), ("table 1", "straight", 20), ("prediction", "curve", 20)]
     assert format_seed_note(tasks) == "100 seeds of traps; 20 seeds of table 1, predicted paths"
@@ -219,6 +219,8 @@ def test_the_number_of_seeds_is_bounded_where_the_note_says_so(monkeypatch: pyte
         return [], []
 
     monkeypatch.setattr(reproduce, "_run_task", record)
-    note = reproduce_song2016(ReproduceConfig(seeds=100, jobs=1, only=("fig 9", "table 1", "fig 3"))).summary.notes[1]
+    note = reproduce_song2016(ReproductionRequest(seeds=100, jobs=1, only=("fig 9", "table 1", "fig 3"))).summary.notes[
+        1
+    ]
     assert taken == {"warnings": 100, "sensitivity": 10, "table 1": 20, "prediction": 20}
     assert note == "100 seeds of warnings and control; 20 seeds of table 1, predicted paths; 10 seeds of moved choices"

@@ -56,22 +56,25 @@ class Study:
 
 
 def _run_song2016(seeds: int) -> Measured:
-    from cwcli.reproduction.song2016.reproduce import ReproduceConfig, reproduce_song2016
+    from cwcli.reproduction.request import ReproductionRequest
+    from cwcli.reproduction.song2016.reproduce import reproduce_song2016
 
-    return _measured_of(reproduce_song2016(ReproduceConfig(seeds)))
+    return _measured_of(reproduce_song2016(ReproductionRequest(seeds)))
 
 
 def _run_xiang2019(seeds: int) -> Measured:
-    from cwcli.reproduction.xiang2019.report import ReproduceConfig, reproduce_xiang2019
+    from cwcli.reproduction.request import ReproductionRequest
+    from cwcli.reproduction.xiang2019.report import reproduce_xiang2019
 
-    return _measured_of(reproduce_xiang2019(ReproduceConfig(seeds)))
+    return _measured_of(reproduce_xiang2019(ReproductionRequest(seeds)))
 
 
 def _run_zhang2011(seeds: int) -> Measured:
     """Twenty seeds stand for 500 frames of each set, fewer for fewer."""
-    from cwcli.reproduction.zhang2011.reproduce import ReproduceConfig, reproduce_zhang2011
+    from cwcli.reproduction.request import ReproductionRequest
+    from cwcli.reproduction.zhang2011.reproduce import reproduce_zhang2011
 
-    return _measured_of(reproduce_zhang2011(ReproduceConfig(seeds, frames=25 * seeds)))
+    return _measured_of(reproduce_zhang2011(ReproductionRequest(seeds, frames=25 * seeds)))
 
 
 def _measured_of(made: Any) -> Measured:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +14,8 @@ from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError, hint_at_known_names
 from cwcli.lazy_dataclass import dataclass
+from cwcli.registry import import_target
+from cwcli.reproduction.request import ReproductionRequest
 
 if TYPE_CHECKING:
     from cwcli.output import AtomicGroup
@@ -32,64 +33,25 @@ EXAMPLES = (
 
 
 @dataclass(frozen=True)
-class ReproductionRequest:
-    """What to reproduce of a paper.
-
-    Attributes:
-        frames: Number of frames to judge in each rendered set; 0 for a paper without frames.
-        only: Figures and tables to reproduce; empty for all.
-        labelled: A log with labelled frames, or None.
-        tick: Called with the name of each part that is done.
-    """
-
-    seeds: int
-    jobs: int
-    frames: int
-    only: tuple[str, ...]
-    labelled: Path | None
-    tick: Callable[[str], None]
-
-
-Run = Callable[[ReproductionRequest], "Reproduction"]
-
-
-def _reproduce_song2016(request: ReproductionRequest) -> Reproduction:
-    from cwcli.reproduction.song2016.reproduce import ReproduceConfig, reproduce_song2016
-
-    return reproduce_song2016(ReproduceConfig(request.seeds, request.jobs, request.only), request.tick)
-
-
-def _reproduce_xiang2019(request: ReproductionRequest) -> Reproduction:
-    from cwcli.reproduction.xiang2019.report import ReproduceConfig, reproduce_xiang2019
-
-    return reproduce_xiang2019(ReproduceConfig(request.seeds, request.only), request.tick)
-
-
-def _reproduce_zhang2011(request: ReproductionRequest) -> Reproduction:
-    from cwcli.reproduction.zhang2011.reproduce import ReproduceConfig, reproduce_zhang2011
-
-    config = ReproduceConfig(request.seeds, request.frames, request.jobs, request.only, request.labelled)
-    return reproduce_zhang2011(config, request.tick)
-
-
-@dataclass(frozen=True)
 class PaperEntry:
     """The reproduction of one paper.
 
     Attributes:
+        reproduce: `module:name` of the function that takes a `ReproductionRequest` and returns a `Reproduction`.
+        seeds: Default number of seeds.
         frames: Default number of frames in each rendered set; 0 for a paper without frames.
     """
 
-    reproduce: Run
+    reproduce: str
     seeds: int
     frames: int = 0
     has_labelled: bool = False
 
 
 PAPERS: dict[str, PaperEntry] = {
-    "song2016": PaperEntry(_reproduce_song2016, 100),
-    "xiang2019": PaperEntry(_reproduce_xiang2019, 1000),
-    "zhang2011": PaperEntry(_reproduce_zhang2011, 20, frames=500, has_labelled=True),
+    "song2016": PaperEntry("cwcli.reproduction.song2016.reproduce:reproduce_song2016", 100),
+    "xiang2019": PaperEntry("cwcli.reproduction.xiang2019.report:reproduce_xiang2019", 1000),
+    "zhang2011": PaperEntry("cwcli.reproduction.zhang2011.reproduce:reproduce_zhang2011", 20, 500, has_labelled=True),
 }
 """Name of a paper -> its reproduction."""
 
@@ -280,7 +242,8 @@ def command(
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step(f"reproducing {paper}")
         where = None if options.labelled is None else Path(options.labelled)
-        made = entry.reproduce(ReproductionRequest(n_seeds, options.jobs, n_frames, wanted, where, progress.begin_step))
+        request = ReproductionRequest(n_seeds, options.jobs, n_frames, wanted, where, progress.begin_step)
+        made: Reproduction = import_target(entry.reproduce)(request)
         written = _write_outputs(made, paper, targets)
     console = Console(quiet=talk.quiet)
     if talk.json:

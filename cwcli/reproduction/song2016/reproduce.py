@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
-from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import SummaryTable
 from cwcli.process_pool import process_pool
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
+from cwcli.reproduction.request import ReproductionRequest
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.estimation import table1_part
 from cwcli.reproduction.song2016.fitted_noise import fitted_noise_part, slope_window_part
@@ -27,25 +27,6 @@ from cwcli.reproduction.song2016.warning import (
     trap_part,
     warning_moments_part,
 )
-
-Tick = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class ReproduceConfig:
-    """Settings of the study.
-
-    Attributes:
-        seeds: Seeds per scenario of the warnings, of the control and of the traps. Table 1 and the prediction figures
-            take at most 20 of them, the tables of moved choices at most 10.
-        jobs: Processes; the result does not depend on it.
-        only: Figures that are wanted; none: all.
-    """
-
-    seeds: int = 100
-    jobs: int = 2
-    only: Collection[str] = ()
-
 
 MAX_SEEDS_OF_FIGURES = 20
 """The greatest number of seeds of table 1 and the prediction figures, whose intervals are narrow with so few."""
@@ -80,28 +61,28 @@ TASK_KIND_LABELS = {
 """Kind of task -> its name in notes, in the order of the notes."""
 
 
-def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) -> Reproduction:
-    """Run the study. `tick` is called with the name of each part that is done."""
+def reproduce_song2016(request: ReproductionRequest) -> Reproduction:
+    """Run the study."""
     tasks = [
-        (kind, each, min(config.seeds, MAX_SEEDS_BY_TASK_KIND.get(kind, config.seeds)))
+        (kind, each, min(request.seeds, MAX_SEEDS_BY_TASK_KIND.get(kind, request.seeds)))
         for (kind, name), figures in FIGURES_BY_TASK.items()
-        if not config.only or set(config.only) & set(figures)
+        if request.wants_any_of(figures)
         for each in (TRAP_SCENARIOS if kind == "traps" else (name,))
     ]
     made: list[tuple[list[StudyPart], list[SummaryTable]]] = []
-    if config.jobs > 1:
-        with process_pool(config.jobs) as pool:
+    if request.jobs > 1:
+        with process_pool(request.jobs) as pool:
             running = [(task, pool.submit(_run_task, *task)) for task in tasks]
             for task, future in running:
                 made.append(future.result())
-                tick(f"{task[0]}: {task[1]}")
+                request.tick(f"{task[0]}: {task[1]}")
     else:
         for task in tasks:
             made.append(_run_task(*task))
-            tick(f"{task[0]}: {task[1]}")
+            request.tick(f"{task[0]}: {task[1]}")
     parts = [part for found, _ in made for part in found]
     sections = [section for _, found in made for section in found]
-    return assemble_reproduction("song2016", parts, format_seed_note(tasks), sections=sections, only=config.only)
+    return assemble_reproduction("song2016", parts, format_seed_note(tasks), sections=sections, only=request.only)
 
 
 def format_seed_note(tasks: Collection[tuple[str, str, int]]) -> str:

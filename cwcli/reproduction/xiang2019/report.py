@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-
-from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import TIMES_KEY, Reproduction, assemble_reproduction
+from cwcli.reproduction.request import ReproductionRequest
 from cwcli.reproduction.xiang2019.figures import (
     distance_errors_plot,
     filter_tracks_part,
@@ -75,39 +73,23 @@ FIGURES_BY_TABLE = {
 """Table -> the figures and tables of the paper that it holds."""
 
 
-@dataclass(frozen=True)
-class ReproduceConfig:
-    """Settings of the study.
-
-    Attributes:
-        only: Figures that are wanted; none: all.
-    """
-
-    seeds: int = 1000
-    only: Collection[str] = ()
-
-
-def reproduce_xiang2019(config: ReproduceConfig, tick: Callable[[str], None] = lambda what: None) -> Reproduction:
-    """Run the study; `tick` gets the name of each part. 1,000 seeds take about half a minute."""
-
-    def is_wanted(*figures: str) -> bool:
-        return not config.only or not set(config.only).isdisjoint(figures)
-
-    names = [name for name, figures in FIGURES_BY_TABLE.items() if is_wanted(*figures)]
-    tables = compute_tables(config.seeds, progress=tick, names=names) if names else {}
+def reproduce_xiang2019(request: ReproductionRequest) -> Reproduction:
+    """Run the study. 1,000 seeds take about half a minute."""
+    names = [name for name, figures in FIGURES_BY_TABLE.items() if request.wants_any_of(figures)]
+    tables = compute_tables(request.seeds, progress=request.tick, names=names) if names else {}
     parts = [StudyPart(measured_numbers_of_tables(tables))]
-    if is_wanted("fig 5"):
+    if request.wants_any_of(("fig 5",)):
         parts.append(StudyPart((), (sensor_looks_plot(),)))
     if "figure_6" in tables:
         parts.append(StudyPart((), (distance_errors_plot(tables["figure_6"]),)))
-    if is_wanted("fig 7", "fig 8"):
+    if request.wants_any_of(("fig 7", "fig 8")):
         parts.append(filter_tracks_part())
     sections = [_table_section(name, tables[name]) for name in TABLE_TITLES if name in tables]
-    if not config.only:
+    if not request.only:
         findings: tuple[tuple[Cell, ...], ...] = tuple((text,) for text in ukf_against_ekf_sentences(tables))
         sections.append(SummaryTable("verdict", "Does the UKF beat the EKF?", ("finding",), findings))
     return assemble_reproduction(
-        "xiang2019", parts, f"{config.seeds} paired seeds", sections=sections, only=config.only
+        "xiang2019", parts, f"{request.seeds} paired seeds", sections=sections, only=request.only
     )
 
 
