@@ -103,13 +103,13 @@ def test_memory_does_not_hold_a_piece_of_every_log(tmp_path: Path, monkeypatch: 
     logs: Logs = {f"log{k:02}": [("metrics", table(at_s=np.array([float(k)])))] for k in range(60)}
     stage(tmp_path, logs)
     held: list[int] = []
-    add = tables._TableWriter.add
+    add = tables._TableWriter.append_rows_of_log
 
     def add_and_count(self: tables._TableWriter, id: str, rows: pa.Table) -> None:
         add(self, id, rows)
         held.append(len(self._pieces) + len(self._pending))
 
-    monkeypatch.setattr(tables._TableWriter, "add", add_and_count)
+    monkeypatch.setattr(tables._TableWriter, "append_rows_of_log", add_and_count)
     write_tables(tmp_path, dict.fromkeys(logs, staged_rows(tmp_path)), RUN_ID)
     assert len(held) == 60
     assert max(held) <= 4 + 60 / 4
