@@ -36,6 +36,9 @@ MIN_SIDE_PX = 32
 MAX_IMAGE_PIXELS = 50_000_000
 """Greatest number of pixels of an image; larger ones are rejected so that a damaged log can't exhaust the memory.
 Chosen by hand; not fitted."""
+MAX_VIDEO_PIXELS = 12_582_912
+"""Greatest number of pixels of a picture of compressed video, 4096 by 3072: its decoder holds 17 of them, with 1.5
+bytes a pixel. Chosen by hand, so that it takes less than 500 MB; not fitted."""
 MAX_ASPECT_RATIO = 10
 """Greatest ratio of an image's longer to its shorter side; others are rejected. Chosen by hand; not fitted."""
 JPEG_REDUCTION_FACTORS = (8, 4, 2)
@@ -194,7 +197,7 @@ def _iter_decoding_jobs(
                 )
                 index += 1
             continue
-        decoded = decode_video(group, video_format, max_pixels=MAX_IMAGE_PIXELS, where=where)
+        decoded = decode_video(group, video_format, max_pixels=MAX_VIDEO_PIXELS, where=where)
         for frame, image, size in decoded:
             n_bytes = 0 if image is None else image.nbytes
             is_picture = image is not None and not _size_rejection_reason(*size)
@@ -356,7 +359,7 @@ def _decoded_frame_from_video(
     """The decoded frame of a video message: its picture in grey or colour, or the reason why there is none."""
     import cv2
 
-    reason = _size_rejection_reason(*size) if any(size) else "no picture comes out of the video"
+    reason = _size_rejection_reason(*size, MAX_VIDEO_PIXELS) if any(size) else "no picture comes out of the video"
     reason = reason if 0 <= frame.log_time_ns <= MAX_STAMP_NS else INVALID_LOG_TIME_REASON
     if reason or image is None:
         return _rejected_frame(index, frame, reason)
@@ -396,10 +399,10 @@ def _resize_image(image: Image, wanted_size: WidthHeightPx) -> Image:
     return np.asarray(scaled, np.uint8)
 
 
-def _size_rejection_reason(width_px: int, height_px: int) -> str:
+def _size_rejection_reason(width_px: int, height_px: int, max_pixels: int = MAX_IMAGE_PIXELS) -> str:
     """The reason why an image of this size is rejected; empty where it is not."""
-    if width_px * height_px > MAX_IMAGE_PIXELS:
-        return f"more than {MAX_IMAGE_PIXELS // 1_000_000} megapixels"
+    if width_px * height_px > max_pixels:
+        return f"more than {max_pixels // 1_000_000} megapixels"
     if width_px < MIN_SIDE_PX or height_px < MIN_SIDE_PX:
         return f"smaller than {MIN_SIDE_PX} x {MIN_SIDE_PX} pixels"
     if max(width_px, height_px) > MAX_ASPECT_RATIO * min(width_px, height_px):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
@@ -54,7 +54,7 @@ def decode_video(
 
     Args:
         video_format: The format that the messages name.
-        max_pixels: Larger pictures are not converted.
+        max_pixels: A stream with larger pictures is decoded up to its first one.
         where: File and topic, for messages.
 
     Yields:
@@ -67,13 +67,14 @@ def decode_video(
     codec = _require_decodable_codec(video_format, where)
     for number, stream in groupby(messages, key=_make_stream_counter(codec)):
         feed: _MatroskaFeed[Message] | None = None
-        while number and not (feed and feed.is_done):
+        too_large = (0, 0)
+        while number and not (feed and feed.is_done) and not any(too_large):
             feed = _MatroskaFeed(stream, codec)  # noqa: B031 - goes on where the last one stopped
-            yield from _decode_until_stuck(feed, max_pixels)
+            too_large = yield from _decode_until_stuck(feed, max_pixels)
             if feed.error is not None:
                 raise feed.error
-        for message in stream:  # noqa: B031 - what is left of the group: nothing to build on yet
-            yield message, None, (0, 0)
+        for message in stream:  # noqa: B031 - what is left of the group: too large, or nothing to build on yet
+            yield message, None, too_large
 
 
 def _make_stream_counter(codec: str) -> Callable[[EncodedMessage], int]:
@@ -114,9 +115,11 @@ def _require_decodable_codec(video_format: str, where: str) -> str:
 
 def _decode_until_stuck(
     feed: _MatroskaFeed[Message], max_pixels: int
-) -> Iterator[tuple[Message, Image | None, tuple[int, int]]]:
-    """Decode until the messages end, or until the decoder no longer makes pictures; then the caller starts a new
-    one."""
+) -> Generator[tuple[Message, Image | None, WidthHeightPx], None, WidthHeightPx]:
+    """Decode until the messages end, or until the decoder no longer makes pictures; then the caller starts a new one.
+
+    At a picture that is too large it ends and returns the size, else (0, 0): the rest of the stream has the same one.
+    """
     import cv2
 
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damaged pictures are counted, not reported one by one
@@ -129,25 +132,26 @@ def _decode_until_stuck(
                 failures += 1
                 continue
             failures = 0
+            size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+            if size[0] * size[1] > max_pixels:
+                for message in feed.pop_messages_before(BLOCK_NUMBER_ABOVE_ALL):
+                    yield message, None, size
+                return size
             number = round(capture.get(cv2.CAP_PROP_POS_MSEC) / BLOCK_INTERVAL_MS)
             for message in feed.pop_messages_before(number):
                 yield message, None, (0, 0)
             own = feed.pop_message(number)
             if own is not None:
-                yield own, *_retrieve_picture_and_its_size(capture, max_pixels)
+                yield own, *_retrieve_picture_and_its_size(capture)
         for message in feed.pop_messages_before(BLOCK_NUMBER_ABOVE_ALL):
             yield message, None, (0, 0)
+        return 0, 0
     finally:
         capture.release()
 
 
-def _retrieve_picture_and_its_size(capture: Any, max_pixels: int) -> tuple[Image | None, WidthHeightPx]:
-    """The grabbed picture and its size; no picture where it is too large."""
-    import cv2
-
-    size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
-    if size[0] * size[1] > max_pixels:
-        return None, size
+def _retrieve_picture_and_its_size(capture: Any) -> tuple[Image | None, WidthHeightPx]:
+    """The grabbed picture and its size."""
     is_good, image = capture.retrieve()
     if not is_good or image is None:
         return None, (0, 0)
@@ -165,7 +169,7 @@ class _MatroskaFeed(io.BufferedIOBase, Generic[Message]):
 
     def __init__(self, messages: Iterator[Message], codec: str) -> None:
         super().__init__()
-        self._convert_messages = messages
+        self._messages = messages
         self._bytes = bytearray(encode_matroska_start(codec))
         self._n = 0
         self.waiting: deque[tuple[int, Message]] = deque()
@@ -190,7 +194,7 @@ class _MatroskaFeed(io.BufferedIOBase, Generic[Message]):
 
     def _append_next_message(self) -> None:
         """Append the block of the next message."""
-        message = next(self._convert_messages, None)
+        message = next(self._messages, None)
         if message is None:
             self.is_done = True
             return

@@ -11,6 +11,7 @@ import pytest
 
 from cwcli.errors import InputError
 from cwcli.vision.encoded import Image
+from cwcli.vision.frames import MAX_VIDEO_PIXELS
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, decode_video
 from cwcli.vision.video_start import parameters_if_decodable_start
 from tests.unit.vision import video_clips
@@ -151,9 +152,20 @@ def test_a_new_size_starts_a_new_stream() -> None:
 
 
 def test_a_picture_that_is_too_large_is_left_as_it_is() -> None:
-    _, image, size = decoded(drive(1), max_pixels=100)[0]
-    assert image is None
-    assert size == (W * MB_PX, H * MB_PX)
+    """So is the rest of its stream; the next stream is decoded."""
+    results = decoded([*drive(20, W + 2, H + 2), *drive(3)], max_pixels=(W + 2) * (H + 2) * MB_PX**2 - 1)
+    assert [image is None for _, image, _ in results] == [True] * 20 + [False] * 3
+    assert {size for _, _, size in results[:20]} == {((W + 2) * MB_PX, (H + 2) * MB_PX)}
+
+
+def test_video_with_pictures_of_50_megapixels_is_decoded_up_to_its_first_one() -> None:
+    """45 kB, of which each message would take a tenth of a second: counted, within the bounds."""
+    side = 440
+    changed = (changed_picture(side, side, k, 0, 90) for k in range(1, 100))
+    messages = [parameters(side, side) + key_picture(4, 4, 100), *changed]
+    results = decoded(messages, max_pixels=MAX_VIDEO_PIXELS)
+    assert [image for _, image, _ in results] == [None] * 100
+    assert {size for _, _, size in results} == {(side * MB_PX, side * MB_PX)}
 
 
 def test_about_fifty_messages_are_read_ahead_however_many_there_are() -> None:
