@@ -9,7 +9,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.collision_probability import UncertainPaths, collision_probability, is_touch_improbable
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, sort_distinct_values
-from cwcli.warning.remote_alignment import PathPoints, interpolate_covariances, interpolate_paths
+from cwcli.warning.remote_alignment import PlacesOnPaths
 from cwcli.warning.types import PathArrays
 
 Rows = npt.NDArray[np.intp]
@@ -66,9 +66,7 @@ class PathPairs:
         ends = np.searchsorted(time_s, np.array(ends_s) - 1e-9)
         kept = sort_distinct_values(np.concatenate([np.arange(0, len(time_s), every), ends]))
         at_s = time_s[kept]
-        out[near] = self.select_rows(near)._contact_probability(
-            at_s, at_s, (at_s, at_s), ends=np.searchsorted(kept, ends)
-        )
+        out[near] = self.select_rows(near)._contact_probability(at_s, at_s, ends=np.searchsorted(kept, ends))
         return out
 
     def contact_probability_if_braking(self, deceleration_mps2: float, horizon_s: float) -> FloatArray:
@@ -100,32 +98,36 @@ class PathPairs:
         self,
         host_s: FloatArray,
         other_s: FloatArray,
-        covariances_s: tuple[FloatArray, FloatArray],
+        covariances_s: tuple[FloatArray, FloatArray] | None = None,
         ends: Rows | None = None,
     ) -> FloatArray:
-        """The probability of contact, (m, e); paths and covariances have times of their own, (q,) or (m, q)."""
+        """The probability of contact, (m, e); paths and covariances may have times of their own, (q,) or (m, q)."""
         none = np.zeros(len(self.host_row))
-        own: PathPoints = interpolate_paths(self.host, self.host_row, none, host_s)
-        theirs: PathPoints = interpolate_paths(self.other, self.other_row, self.age_s, other_s)
+        own = PlacesOnPaths.locate(self.host, self.host_row, none, host_s)
+        theirs = PlacesOnPaths.locate(self.other, self.other_row, self.age_s, other_s)
+        own_spread, their_spread = own, theirs
+        if covariances_s is not None:
+            own_spread = PlacesOnPaths.locate(self.host, self.host_row, none, covariances_s[0])
+            their_spread = PlacesOnPaths.locate(self.other, self.other_row, self.age_s, covariances_s[1])
+        own_heading, their_heading = own.read(self.host.heading_rad), theirs.read(self.other.heading_rad)
+        own_x, own_y = own.read_positions(self.host, own_heading)
+        their_x, their_y = theirs.read_positions(self.other, their_heading)
         return collision_probability(
-            theirs.x_m - own.x_m,
-            theirs.y_m - own.y_m,
-            UncertainPaths(
-                own.heading_rad,
-                interpolate_covariances(self.host, self.host_row, none, covariances_s[0]),
-                self.host_size,
-            ),
-            UncertainPaths(
-                theirs.heading_rad,
-                interpolate_covariances(self.other, self.other_row, self.age_s, covariances_s[1]),
-                self.other_size,
-            ),
+            their_x - own_x,
+            their_y - own_y,
+            UncertainPaths(own_heading, own_spread.read_covariances(self.host), self.host_size),
+            UncertainPaths(their_heading, their_spread.read_covariances(self.other), self.other_size),
             ends=ends,
         )
 
 
 def largest_position_variance_m2(paths: PathArrays, rows: Rows) -> FloatArray:
     """Variance along the direction in which it is largest, (m,), at the path's begin or end, whichever is larger."""
-    xx, xy, yy = np.moveaxis(paths.position_covariance_m2[:, [0, -1]], -1, 0)
-    largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
-    return np.asarray(largest.max(axis=1)[rows])
+    begin, end = (_largest_variance_m2(paths.position_covariance_m2[:, point]) for point in (0, -1))
+    return np.asarray(np.maximum(begin, end)[rows])
+
+
+def _largest_variance_m2(covariance_m2: FloatArray) -> FloatArray:
+    """Variance along the direction in which it is largest, (n,), of covariances (n, 3)."""
+    xx, xy, yy = covariance_m2[:, 0], covariance_m2[:, 1], covariance_m2[:, 2]
+    return np.asarray(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy))

@@ -87,45 +87,68 @@ def interpolate_paths(
 
     `time_s` may be (q,) or (m, q). After its end a path goes straight on at its last speed and heading.
     """
-    step_s = float(paths.time_s[1] - paths.time_s[0])
-    last = len(paths.time_s) - 1
-    place = (offset_s[:, None] + time_s) / step_s
-    past_s = np.maximum(place - last, 0.0) * step_s
-    past_s[past_s < 1e-9] = 0.0
-    before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, last - 1)
-    share = np.minimum(place - before, 1.0)
-    flat = rows[:, None] * (last + 1) + before
+    places = PlacesOnPaths.locate(paths, rows, offset_s, time_s)
+    heading, speed = places.read(paths.heading_rad), places.read(paths.speed_mps)
+    x, y = places.read_positions(paths, heading, speed)
+    return PathPoints(x, y, heading, speed, places.is_beyond_end)
 
-    def read(values: FloatArray) -> FloatArray:
-        first = values.take(flat)
-        step = values.take(flat + 1)
+
+@dataclass(frozen=True)
+class PlacesOnPaths:
+    """Where m paths are read at q times: between which of their points, (m, q) each.
+
+    Attributes:
+        flat: Index of the point before, in the flattened arrays of the paths.
+        share: Share of the way to the next point.
+        past_s: Time since the path's end.
+        is_beyond_end: Shape (m,): a time is after the path's end.
+    """
+
+    flat: npt.NDArray[np.intp]
+    share: FloatArray
+    past_s: FloatArray
+    is_beyond_end: npt.NDArray[np.bool_]
+
+    @staticmethod
+    def locate(
+        paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray
+    ) -> PlacesOnPaths:
+        """Find the places on the paths `rows` (m,) at the times `offset_s[i] + time_s[j]`."""
+        step_s = float(paths.time_s[1] - paths.time_s[0])
+        last = len(paths.time_s) - 1
+        place = (offset_s[:, None] + time_s) / step_s
+        past_s = np.maximum(place - last, 0.0) * step_s
+        past_s[past_s < 1e-9] = 0.0
+        before = np.clip(np.floor(place + 1e-9).astype(np.intp), 0, last - 1)
+        share = np.minimum(place - before, 1.0)
+        return PlacesOnPaths(rows[:, None] * (last + 1) + before, share, past_s, np.asarray(past_s.any(axis=1)))
+
+    def read(self, values: FloatArray) -> FloatArray:
+        """Read an array (n, k) of the paths there, (m, q)."""
+        first = values.take(self.flat)
+        step = values.take(self.flat + 1)
         step -= first
-        step *= share
+        step *= self.share
         first += step
         return first
 
-    heading, speed = read(paths.heading_rad), read(paths.speed_mps)
-    x, y = read(paths.x_m), read(paths.y_m)
-    beyond = np.asarray(past_s.any(axis=1))
-    if beyond.any():
-        x += past_s * speed * np.cos(heading)
-        y += past_s * speed * np.sin(heading)
-    return PathPoints(x, y, heading, speed, beyond)
+    def read_positions(
+        self, paths: PathArrays, heading_rad: FloatArray, speed_mps: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Read the positions east and north, m, (m, q); after its end a path goes straight on."""
+        x, y = self.read(paths.x_m), self.read(paths.y_m)
+        if self.is_beyond_end.any():
+            speed_mps = self.read(paths.speed_mps) if speed_mps is None else speed_mps
+            x += self.past_s * speed_mps * np.cos(heading_rad)
+            y += self.past_s * speed_mps * np.sin(heading_rad)
+        return x, y
 
-
-def interpolate_covariances(
-    paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray
-) -> FloatArray:
-    """Interpolate the position covariances of the paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, (m, q, 3).
-
-    After its end a path keeps its last covariance. `time_s` may be (q,) or (m, q).
-    """
-    step_s = float(paths.time_s[1] - paths.time_s[0])
-    last = len(paths.time_s) - 1
-    place = np.minimum((offset_s[:, None] + time_s) / step_s, last)
-    before = np.minimum(np.floor(place + 1e-9).astype(np.intp), last - 1)
-    share = (place - before)[:, :, None]
-    flat = rows[:, None] * (last + 1) + before
-    covariance = paths.position_covariance_m2.reshape(-1, 3)
-    first = covariance.take(flat, axis=0)
-    return np.asarray(first + share * (covariance.take(flat + 1, axis=0) - first))
+    def read_covariances(self, paths: PathArrays) -> FloatArray:
+        """Read the position covariances, (m, q, 3); after its end a path keeps its last one."""
+        covariance = paths.position_covariance_m2.reshape(-1, 3)
+        first = covariance.take(self.flat, axis=0)
+        step = covariance.take(self.flat + 1, axis=0)
+        step -= first
+        step *= self.share[:, :, None]
+        first += step
+        return first
