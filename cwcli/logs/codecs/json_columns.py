@@ -88,6 +88,7 @@ class LeafBuffers:
         self.cursors = np.zeros((n_leaves, 0), np.int64)
         self.addresses = np.zeros((5, n_leaves), np.int64)
         self._n_elements = 0
+        self._element_addresses = np.zeros((2, n_leaves), np.int64)
 
     def __len__(self) -> int:
         return len(self.tags)
@@ -110,19 +111,13 @@ class LeafBuffers:
             self._n_elements = n_elements
             self.element_tags = _allocate_element_buffers(len(self), n_elements, np.uint8)
             self.element_values = _allocate_element_buffers(len(self), n_elements, np.int64)
+            buffers = (self.element_tags, self.element_values)
+            self._element_addresses = np.array([[memory_address(each) for each in own] for own in buffers], np.int64)
         self.addresses = self._buffer_addresses()
 
     def _buffer_addresses(self) -> Int64Array:
-        return np.array(
-            [
-                _row_addresses(self.tags),
-                _row_addresses(self.values),
-                [memory_address(each) for each in self.element_tags],
-                [memory_address(each) for each in self.element_values],
-                _row_addresses(self.cursors),
-            ],
-            np.int64,
-        ).reshape(5, len(self))
+        tags, values, cursors = (_row_addresses(each) for each in (self.tags, self.values, self.cursors))
+        return np.stack([tags, values, *self._element_addresses, cursors])
 
 
 def _allocate_element_buffers(n: int, size: int, dtype: npt.DTypeLike) -> list[npt.NDArray[Any]]:
@@ -319,10 +314,14 @@ class JsonColumnBuffer:
             begin = int(starts[row]) + (int(values[row]) >> 32)
             text = data[begin : begin + (int(values[row]) & 0xFFFFFFFF)].tobytes()
             self.set_string(first_row + row, json.loads(b'"' + text + b'"'))
-        at = np.flatnonzero(tags == TAG_STRING)
-        if len(at):
-            spans = np.stack([starts[at] + (values[at] >> 32), values[at] & 0xFFFFFFFF], axis=1)
-            codes = np.zeros(len(at), np.int32)
+        is_string = tags == TAG_STRING
+        at: slice | npt.NDArray[np.intp] = slice(None) if is_string.all() else np.flatnonzero(is_string)
+        places = values[at]
+        if len(places):
+            spans = np.empty((len(places), 2), np.int64)
+            np.add(starts[at], places >> 32, out=spans[:, 0])
+            np.bitwise_and(places, 0xFFFFFFFF, out=spans[:, 1])
+            codes = np.zeros(len(places), np.int32)
             intern_spans(data, spans, codes, self._known, self._strings)
             values[at] = codes
         tags[tags == TAG_INTERNED_STRING] = TAG_STRING
