@@ -33,6 +33,7 @@ from cwcli.estimation.sensor_model import (
     find_pitch_rate,
 )
 from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.tolerances import MIN_LOG_SPAN_S
 from cwcli.estimation.trial import (
     MAX_NOISE_MATCHINGS,
     SETTLED_NOISE_FACTOR,
@@ -44,8 +45,6 @@ from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
-MIN_LOG_SPAN_S = 60.0
-"""Least span of a log that is searched, s. Chosen: a slow error has to come and go a few times."""
 SEARCH_WINDOW_S = 240.0
 """Longest span that is searched, s. Chosen for speed; not fitted."""
 AVERAGING_HZ = 10.0

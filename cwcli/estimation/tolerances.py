@@ -13,3 +13,5 @@ MAX_BRIDGED_SHARE = 0.2
 """Share of bridged states that is reported as a fault. Chosen by hand; not fitted."""
 MAX_UNREPORTED_DELAY_S = 1.0
 """Delay of a state from which on it is reported, s; chosen by hand."""
+MIN_LOG_SPAN_S = 60.0
+"""Least span of a log in which slow errors are searched, s. Chosen: a slow error has to come and go a few times."""

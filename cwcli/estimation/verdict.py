@@ -10,6 +10,7 @@ from cwcli.estimation.result import SourceReport, TrackSummary
 from cwcli.estimation.tolerances import (
     MAX_BRIDGED_SHARE,
     MAX_GATED_SHARE,
+    MIN_LOG_SPAN_S,
     TOLERATED_SIGMA_FACTOR,
     TOLERATED_VARIANCE_FACTOR,
 )
@@ -74,7 +75,7 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
     if faults:
         more = f", and {len(faults) - MAX_LISTED_FAULTS} more" if len(faults) > MAX_LISTED_FAULTS else ""
         return f"not consistent: {'; '.join(faults[:MAX_LISTED_FAULTS])}{more}"
-    agreed, exception = "consistent", _exception_for_unseen_drift_text(sources, nees)
+    agreed, exception = "consistent", _exception_for_unseen_drift_text(track, nees)
     if exception:
         agreed = "no contradiction"
     careful = [
@@ -103,14 +104,14 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
     return "too little was measured to judge whether the estimate is consistent"
 
 
-def _exception_for_unseen_drift_text(sources: Sequence[SourceReport], nees: Sequence[NeesOfQuantity]) -> str:
+def _exception_for_unseen_drift_text(track: TrackSummary, nees: Sequence[NeesOfQuantity]) -> str:
     """Return what the verdict does not cover: a drift or scale of the only position, unless others measure its way.
 
     A truth shows a drift, and so does the way by a speed and a heading or turn rate (docs/estimation.md). The
     acceleration of an IMU does not, as the grade of the road changes it by more than a drift of minutes; nor does the
-    velocity of a receiver, which is smoothed.
+    velocity of a receiver, which is smoothed. In short logs slow errors are not searched.
     """
-    used = [s for s in sources if s.n_used]
+    used = [s for s in track.sources if s.n_used]
     positions = {s.source for s in used if s.kind is Kind.POSITION}
     if len(positions) != 1 or any(each.is_within_bounds is not None for each in nees):
         return ""
@@ -124,7 +125,8 @@ def _exception_for_unseen_drift_text(sources: Sequence[SourceReport], nees: Sequ
         if not kinds & measuring_kinds
     ]
     if not missing:
-        return ""
+        is_short = track.span_s < MIN_LOG_SPAN_S
+        return f"; in {track.span_s:.0f} s a slow drift of {positions.pop()} would not show" if is_short else ""
     unseen = f"a slow drift or another scale of {positions.pop()}"
     return f"; {unseen} would not show, because no {' and no '.join(missing)} is measured"
 

@@ -73,3 +73,15 @@ def test_fixes_that_move_faster_than_a_car_are_told(factor: float, n_found: int)
     found = find_impossible_fixes(prepared)
     assert len(found) == n_found
     assert all(each.contradiction_sentence.startswith("ego_position (/fix) contradicts how a car") for each in found)
+
+
+def test_an_axis_that_never_changes_while_the_other_one_scatters_is_coarse() -> None:
+    """The car drives north, and its longitudes are cut: no step is seen, but noise would have been."""
+    north_m = 10.0 * np.arange(200.0)
+    noise_m = np.random.default_rng(3).standard_normal(200)
+    cut = np.column_stack([np.full(200, -7.4), north_m + 0.3 * noise_m])
+    assert find_coarse_steps_m(cut)[0] > 5.0
+    assert find_coarse_steps_m(cut)[1] == 0.0
+    simulated = np.column_stack([np.zeros(200), north_m + 0.01 * noise_m])
+    assert find_coarse_steps_m(simulated) == (0.0, 0.0)
+    assert find_coarse_steps_m(cut[:10])[0] == 0.0

@@ -23,7 +23,7 @@ TRUE = NeesOfQuantity("position", 1.0, (0.6, 1.5))
 
 
 def _track(*sources: SourceReport, n_states: int = 1000, bridged: int = 0, **more: Any) -> TrackSummary:
-    return TrackSummary(n_states, 50.0, 20.0, 0.5, {**FLAGS, "bridged": bridged}, sources, (), **more)
+    return TrackSummary(n_states, 70.0, 20.0, 0.5, {**FLAGS, "bridged": bridged}, sources, (), **more)
 
 
 def _said(*sources: SourceReport, bridged: int = 0, nees: tuple[NeesOfQuantity, ...] = (TRUE,)) -> str:
@@ -50,6 +50,16 @@ def test_a_drift_that_no_other_source_shows_is_excepted() -> None:
     assert _said(GOOD, other, IMU, nees=()) == "consistent"
     velocity = replace(SPEED, kind=Kind.VELOCITY)  # smoothed by a receiver
     assert _said(GOOD, velocity, IMU, nees=()) == f"no contradiction{no_speed}"
+
+
+def test_a_short_log_shows_no_drift_but_a_truth_or_other_fixes_do() -> None:
+    short = replace(_track(GOOD, SPEED, IMU), span_s=20.0)
+    exception = "; in 20 s a slow drift of /gps would not show"
+    assert consistency_verdict_sentence(short) == f"no contradiction{exception}"
+    assert consistency_verdict_sentence(short, (TRUE,)) == "consistent"
+    other = replace(GOOD, source="/other_gps")
+    assert consistency_verdict_sentence(replace(short, sources=(GOOD, other, SPEED, IMU))) == "consistent"
+    assert consistency_verdict_sentence(replace(short, sources=(GOOD, IMU))).endswith("no wheel speed is measured")
 
 
 @pytest.mark.parametrize(
