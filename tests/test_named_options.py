@@ -29,11 +29,12 @@ CODE = re.compile(r"`([^`\n]+)`|^ {4,}(\S[^\n]*)$|^```(?:sh|bash|yaml)\n(.*?)^``
 SCRIPT = re.compile(r"\b((?:tests|tools)(?:[./]\w+)+)")
 """A script of the checkout: its path, or its module."""
 OF_OTHER_TOOLS = {
-    *("--prefix", "--tool", "--cache-sim"),  # npm, valgrind
+    *("--prefix", "--tool", "--cache-sim", "--no-compile"),  # npm, valgrind, pip
     "--head",  # ray
     *("--long", "--cpu", "--rest"),  # pytest with tests/conftest.py
     *("--headless", "--disable-gpu", "--no-sandbox", "--no-first-run", "--disable-background-networking"),  # Chromium
     *("--no-pdf-header-footer", "--user-data-dir", "--virtual-time-budget", "--print-to-pdf"),  # Chromium
+    "--host-resolver-rules",  # Chromium
 }
 
 
@@ -125,7 +126,7 @@ def literals(path: Path) -> Iterator[Place]:
 def found_in(path: Path) -> list[str]:
     """What a module or a page names that is not there."""
     whole = literals(path) if path.suffix == ".py" else [Place(path, 1, path.read_text(encoding="utf-8"))]
-    parts = (part for place in whole for part in parts_of(place))
+    parts = (part for place in whole if "--" in place.text or "cwcli" in place.text for part in parts_of(place))
     return list(dict.fromkeys(problem for place, is_code in parts for problem in problems(place, is_code=is_code)))
 
 

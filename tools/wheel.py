@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-CLONE_BOUND_S = 90.0
+CLONE_BOUND_S = 75.0
 WHEEL_BOUND_S = 15.0
 GIVEN = ("pyarrow", "opencv-python-headless")
 """Libraries that the installed size is told without, too."""
