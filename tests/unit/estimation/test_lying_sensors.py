@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from tests.studies.lying_sensors import FIRST_SEED, Case, judged, run_fault, simulated, variants
-from tests.studies.sensor_faults import FAULTS
+from tests.studies.lying_sensors import (
+    FIRST_SEED,
+    Case,
+    Estimates,
+    KnownCases,
+    estimated,
+    iter_cases,
+    judged,
+    run_fault,
+    simulated,
+    variants,
+)
+from tests.studies.sensor_faults import FAULTS, LATER_FAULTS
 from tests.studies.sensor_model import measurements_of
 
 
@@ -27,6 +39,7 @@ def test_a_case_is_good_where_it_is_harmless_or_named() -> None:
 
 def test_there_are_enough_faults_and_a_quarter_is_kept_aside() -> None:
     assert len({fault.name for fault in FAULTS}) == len(FAULTS) >= 40
+    assert len({fault.name for fault in (*FAULTS, *LATER_FAULTS)}) == len(FAULTS) + len(LATER_FAULTS)
     assert 0.2 <= sum(fault.is_kept_aside for fault in FAULTS) / len(FAULTS) <= 0.3
 
 
@@ -48,3 +61,26 @@ def test_faults_in_a_drive_through_a_bend_are_found_out(variant: str) -> None:
             if not case.is_good or case.has_wrong_verdict:
                 bad.append((fault.name, case))
     assert bad == []
+
+
+def test_equal_inputs_are_estimated_once_and_known_cases_are_not_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Speeds in other units become the same input; numbers and texts are those of an estimate of its own."""
+    drive = simulated("rear-end", FIRST_SEED)
+    right = measurements_of(drive)
+    faults = [fault for fault in FAULTS if fault.name in ("speed in km/h", "speed / 3.6", "speed x 1.5")]
+    estimates = Estimates(drive)
+    estimates.of(right)
+    for fault in faults:
+        error_m, nees, track = estimates.of(fault.apply(right))
+        own_error_m, own_nees, own = estimated(drive, fault.apply(right))
+        assert (error_m, nees) == pytest.approx((own_error_m, own_nees), rel=1e-6)
+        assert track.corrections == own.corrections
+        assert track.contradictions == own.contradictions
+    assert len(estimates.known) == 2
+    path = tmp_path / "cases.jsonl"
+    first = list(iter_cases(["rear-end"], [FIRST_SEED], faults, KnownCases(path)))
+    monkeypatch.setattr("tests.studies.lying_sensors.estimated", None)
+    assert list(iter_cases(["rear-end"], [FIRST_SEED], faults, KnownCases(path))) == first
+    assert len(first) == 3
