@@ -25,6 +25,7 @@ from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, delay_v
 from cwcli.estimation import track as track_module
 from cwcli.estimation.consistency import nees
 from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_S
 from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
@@ -40,7 +41,7 @@ from tests.studies.sensor_model import KINDS
 FIRST_SEED = 4000
 MEDIANS, MOST, REAL = (0.7, 1.4), 4.0, (0.5, 4.0)
 COLUMNS = {"position": [0, 1], "speed": [2], "heading": [3]}
-PRIOR_SIGMA_S = delay_variance.UNKNOWN_DELAY_SIGMA_S
+PRIOR_SIGMA_S = UNKNOWN_DELAY_SIGMA_S
 SETTLED_S = 3.0
 """States before this time are starting, and flagged so."""
 
