@@ -51,8 +51,15 @@ def server(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.usefixtures("server")
-@pytest.mark.parametrize("do", [die_on_b, leave_on_b])
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    ("do", "jobs"),
+    [
+        (die_on_b, 1),
+        (leave_on_b, 2),
+        pytest.param(leave_on_b, 1, marks=pytest.mark.long),
+        pytest.param(die_on_b, 2, marks=pytest.mark.long),
+    ],
+)
 def test_a_log_that_kills_its_workers_stops_no_other(do: Callable[[LogTask, FleetPlan], TaskResult], jobs: int) -> None:
     names = ["a", "b1", "c", "d", "b2", "e"]
     ended = {each.id: done for each, done in run_on_local_processes([task(name) for name in names], PLAN, jobs, do)}
@@ -75,7 +82,7 @@ def test_workers_are_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_no_thread_outlives_the_run() -> None:
     """One that still manages workers when the interpreter ends may print an error then."""
     before = set(threading.enumerate())
-    for _ in range(5):
+    for _ in range(2):
         list(run_on_local_processes([task("a"), task("c"), task("d")], PLAN, 2, die_on_b))
         assert set(threading.enumerate()) <= before
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ PLACE = LocalMap(48.0, 11.0, 0.0)
 CONFIG_AUTO = EstimatorConfig(sensor_model="none")
 
 
+@cache
 def _signals() -> SensorSignals:
     """Four minutes of town at 48 degrees north, 11 degrees east."""
     sensors = simulate_scenario(load_scenario("city", ("sensors.imu.rate_hz=20",)), 1).sensors
@@ -48,9 +50,6 @@ def _signals() -> SensorSignals:
     return SensorSignals({role: (signal,) for role, signal in found.items()}, (), ())
 
 
-SIGNALS = _signals()
-
-
 @pytest.mark.parametrize(
     ("name", "fault"),
     [
@@ -62,9 +61,9 @@ SIGNALS = _signals()
 def test_a_fault_of_latitude_and_longitude_is_corrected_and_the_map_with_it(
     name: str, fault: Callable[[PositionSignal], PositionSignal]
 ) -> None:
-    (position,) = SIGNALS.by_role[Role.EGO_POSITION]
+    (position,) = _signals().by_role[Role.EGO_POSITION]
     assert isinstance(position, PositionSignal)
-    wrong = replace(SIGNALS, by_role={**SIGNALS.by_role, Role.EGO_POSITION: (fault(position),)})
+    wrong = replace(_signals(), by_role={**_signals().by_role, Role.EGO_POSITION: (fault(position),)})
     sources, found = _undo_exchanged_or_reversed_coordinates(
         wrong, _estimate_ego(wrong, CONFIG_AUTO, 5.0), CONFIG_AUTO, 5.0
     )
@@ -79,16 +78,16 @@ def test_a_fault_of_latitude_and_longitude_is_corrected_and_the_map_with_it(
 
 
 def test_right_latitudes_and_longitudes_stay_as_they_are() -> None:
-    estimated = _estimate_ego(SIGNALS, CONFIG_AUTO, 5.0)
-    assert _undo_exchanged_or_reversed_coordinates(SIGNALS, estimated, CONFIG_AUTO, 5.0) == (SIGNALS, estimated)
+    estimated = _estimate_ego(_signals(), CONFIG_AUTO, 5.0)
+    assert _undo_exchanged_or_reversed_coordinates(_signals(), estimated, CONFIG_AUTO, 5.0) == (_signals(), estimated)
     assert estimated.hindsight.corrections == ()
 
 
 def test_a_trusted_topic_keeps_its_exchanged_latitude_and_longitude() -> None:
-    (position,) = SIGNALS.by_role[Role.EGO_POSITION]
+    (position,) = _signals().by_role[Role.EGO_POSITION]
     assert isinstance(position, PositionSignal)
     fix = replace(position, latitude_deg=position.longitude_deg, longitude_deg=position.latitude_deg)
-    wrong = replace(SIGNALS, by_role={**SIGNALS.by_role, Role.EGO_POSITION: (fix,)})
+    wrong = replace(_signals(), by_role={**_signals().by_role, Role.EGO_POSITION: (fix,)})
     config = replace(CONFIG_AUTO, trusted_sources=("/fix",))
     sources, found = _undo_exchanged_or_reversed_coordinates(wrong, _estimate_ego(wrong, config, 5.0), config, 5.0)
     assert sources is wrong
