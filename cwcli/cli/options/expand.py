@@ -21,6 +21,7 @@ ENVIRONMENT_PREFIX = "CWCLI"
 """Beginning of the names of environment variables that set options."""
 STAGES_PARAMETER = "stages"
 """Name of the parameter that receives the options of all stages, by stage."""
+_OptionChange = Callable[[Declaration], Declaration]
 
 
 def expand_dataclass_parameters(
@@ -49,7 +50,9 @@ def expand_dataclass_parameters(
         if not dataclasses.is_dataclass(hint):
             default = inspect.signature(function).parameters[name].default
             parameters.append(
-                _keyword_parameter(name, _add_environment_variable(hint, ENVIRONMENT_PREFIX, name), default)
+                _keyword_parameter(
+                    name, _change_option(hint, [_add_environment_variable(ENVIRONMENT_PREFIX, name)]), default
+                )
             )
             plain.append(name)
             continue
@@ -83,17 +86,20 @@ def _fields_as_parameters(kind: type[Any], command: str) -> list[tuple[str, insp
         default = field.default
         if field.default_factory is not dataclasses.MISSING:
             default = field.default_factory()
+        changes: list[_OptionChange] = []
         if stage is None:
             if hasattr(kind, "heading"):
-                hint = _set_help_heading(hint, kind.heading)
-            name, hint = field.name, _add_environment_variable(hint, ENVIRONMENT_PREFIX, field.name)
+                changes.append(_set_help_heading(kind.heading))
+            name = field.name
+            changes.append(_add_environment_variable(ENVIRONMENT_PREFIX, field.name))
         else:
-            hint = _set_help_heading(hint, "Options" if stage == command else f"Stage {stage}")
+            changes.append(_set_help_heading("Options" if stage == command else f"Stage {stage}"))
             prefix = stage.replace("-", "_")
-            hint = _add_environment_variable(hint, f"{ENVIRONMENT_PREFIX}_{prefix}", field.name)
+            changes.append(_add_environment_variable(f"{ENVIRONMENT_PREFIX}_{prefix}", field.name))
             name = field.name if stage == command else f"{prefix}{STAGE_SEPARATOR}{field.name}"
             if stage != command:
-                hint = _add_stage_to_flags(hint, stage)
+                changes.append(_add_stage_to_flags(stage))
+        hint = _change_option(hint, changes)
         found.append((field.name, _keyword_parameter(name, hint, default)))
     return found
 
@@ -104,29 +110,33 @@ def _keyword_parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint)
 
 
-def _add_environment_variable(hint: Any, prefix: str, name: str) -> Any:
-    """Add the option's environment variable to a type hint: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
-
-    return _change_option(hint, lambda option: option.change(envvar=f"{prefix}_{name}".upper(), show_envvar=False))
-
-
-def _set_help_heading(hint: Any, heading: str | None) -> Any:
-    """Set in a type hint the heading of its option in the help."""
-
-    return _change_option(hint, lambda option: option.change(rich_help_panel=heading))
+def _add_environment_variable(prefix: str, name: str) -> _OptionChange:
+    """Return the change that gives an option its environment variable: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
+    return lambda option: option.change(envvar=f"{prefix}_{name}".upper(), show_envvar=False)
 
 
-def _add_stage_to_flags(hint: Any, stage: str) -> Any:
-    """Add the stage's name to the flags in a type hint."""
+def _set_help_heading(heading: str | None) -> _OptionChange:
+    """Return the change that puts an option under a heading of the help."""
+    return lambda option: option.change(rich_help_panel=heading)
+
+
+def _add_stage_to_flags(stage: str) -> _OptionChange:
+    """Return the change that adds the stage's name to an option's flags."""
 
     def change(option: Declaration) -> Declaration:
         long = [flag for part in option.flags for flag in part.split("/") if flag.startswith("--")]
         renamed = [f"--no-{stage}-{flag[5:]}" if flag.startswith("--no-") else f"--{stage}-{flag[2:]}" for flag in long]
         return option.change(flags=("/".join(renamed),))
 
-    return _change_option(hint, change)
+    return change
 
 
-def _change_option(hint: Any, change: Callable[[Declaration], Declaration]) -> Any:
-    """Change the option in a type hint; an argument stays as it is."""
-    return change_declaration(hint, lambda found: change(found) if found.kind == "Option" else found)
+def _change_option(hint: Any, changes: Sequence[_OptionChange]) -> Any:
+    """Change the option in a type hint, once, because `typing` takes long for each hint; an argument stays."""
+
+    def change_all(found: Declaration) -> Declaration:
+        for change in changes if found.kind == "Option" else ():
+            found = change(found)
+        return found
+
+    return change_declaration(hint, change_all)
