@@ -31,7 +31,7 @@ WITHOUT_SEARCHES = ("--latency", "none", "--sensor-model", "none")
 def small_logs_of_one_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
     """Logs have few cars, and one chunk each, so that work for each chunk does not grow with the drive."""
     for module in (message_merge, writer):
-        monkeypatch.setattr(module, "NEW_CHUNK_BYTES", 1 << 30)
+        monkeypatch.setattr(module, "BYTES_OF_FULL_NEW_CHUNK", 1 << 30)
     monkeypatch.setattr(message_merge, "MAX_ROWS_ENCODED_AT_ONCE", 1 << 30)
     monkeypatch.setattr(make_log, "N_CARS", N_CARS)
     monkeypatch.setattr(lazy_dataclass, "MAX_FILLED", 0)  # else methods are compiled between the two drives

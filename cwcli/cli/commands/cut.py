@@ -69,7 +69,7 @@ class SpanOptions:
         Raises:
             UsageError: A time or a topic is not in the log, or the options name nothing.
         """
-        from cwcli.logs.read.topic_patterns import topics_of_patterns
+        from cwcli.logs.read.topic_patterns import topics_matching_patterns
         from cwcli.logs.write.cut import MAX_LOG_TIME_NS, CutSpan
         from cwcli.pipeline.selection import resolve_selection
 
@@ -80,8 +80,8 @@ class SpanOptions:
         return CutSpan(
             first_ns=chosen.start_ns or 0,
             last_ns=MAX_LOG_TIME_NS if chosen.end_ns is None else chosen.end_ns - 1,
-            topics=None if self.topics is None else topics_of_patterns(self.topics, known, log.name),
-            last_of=frozenset() if self.last_of is None else topics_of_patterns(self.last_of, known, log.name),
+            topics=None if self.topics is None else topics_matching_patterns(self.topics, known, log.name),
+            last_of=frozenset() if self.last_of is None else topics_matching_patterns(self.last_of, known, log.name),
             keeps_latched=self.latched,
         )
 

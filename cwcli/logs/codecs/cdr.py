@@ -39,7 +39,7 @@ MAX_PREALLOCATED_BYTES = 1 << 28
 
 
 @lru_cache(maxsize=32)
-def _compile_schema(
+def _compile_program_and_xcdr2_operations(
     schema_name: str, schema_data: bytes, wanted: frozenset[str] | None, blobs: frozenset[str]
 ) -> tuple[CdrProgram, npt.NDArray[np.int32]]:
     """Compile a schema to a program, and to its operations for XCDR2; `wanted`: leaf paths, None for all."""
@@ -81,7 +81,11 @@ class CdrDecoder:
         n_expected: int = 0,
     ) -> None:
         wanted = None if fields is None else frozenset(fields)
-        compiled = _compile_schema if len(schema_data) <= MAX_CACHED_SCHEMA_BYTES else _compile_schema.__wrapped__
+        compiled = (
+            _compile_program_and_xcdr2_operations
+            if len(schema_data) <= MAX_CACHED_SCHEMA_BYTES
+            else _compile_program_and_xcdr2_operations.__wrapped__
+        )
         self._program, self._program_v2 = compiled(schema_name, schema_data, wanted, frozenset(blobs))
         self.reset(n_expected)
 
@@ -115,7 +119,7 @@ class CdrDecoder:
         self._is_long_enough.append(is_long_enough)
         n_short = len(payloads) - int(is_long_enough.sum())
         if n_short:  # they get no row: a schema can ask for any number of bytes a row
-            self._count_reason(REASON_BY_STATUS[kernel.STATUS_SHORT], n_short)
+            self._add_undecodable_count(REASON_BY_STATUS[kernel.STATUS_SHORT], n_short)
             payloads = payloads.select_messages(np.flatnonzero(is_long_enough))
         n, first = len(payloads), self._n
         if not n:
@@ -138,16 +142,16 @@ class CdrDecoder:
         )
         is_ok = status == kernel.STATUS_OK
         for slot in self._slots:
-            slot.finish_batch(payloads.data, first, is_ok)
+            slot.resolve_batch_spans(payloads.data, first, is_ok)
         for ragged in self._ragged:
-            ragged.finish_batch()
+            ragged.store_batch_elements()
         self._is_ok.append(is_ok)
         if not is_ok.all():
             for code, reason in REASON_BY_STATUS.items():
-                self._count_reason(reason, int((status == code).sum()))
+                self._add_undecodable_count(reason, int((status == code).sum()))
         self._n += n
 
-    def _count_reason(self, reason: str, count: int) -> None:
+    def _add_undecodable_count(self, reason: str, count: int) -> None:
         if count:
             self._reasons[reason] = self._reasons.get(reason, 0) + count
 

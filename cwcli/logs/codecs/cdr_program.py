@@ -171,11 +171,15 @@ class _Compiler:
         if each.is_sequence:
             size = int(dtype[1])
             if path in self.blobs and is_octets and not self.loops:
-                self._emit_operation(OP_BLOB, 4, 0, 0, self._add_slot(LeafColumn(path, "blob")))
+                self._emit_operation(OP_BLOB, 4, 0, 0, self._add_leaf_and_get_slot(LeafColumn(path, "blob")))
             else:
-                slot = self._add_ragged_leaf(LeafColumn(path, "ragged", dtype, None, is_bool)) if is_wanted else -1
+                slot = (
+                    self._add_ragged_leaf_and_get_slot(LeafColumn(path, "ragged", dtype, None, is_bool))
+                    if is_wanted
+                    else -1
+                )
                 self._emit_operation(OP_SEQUENCE, min(size, self.max_align), size, 0, slot)
-            self._forget_alignment()
+            self._mark_alignment_unknown()
         elif not is_wanted:
             self._emit_primitives(dtype, each.length or 1, None)
         elif self.loops:
@@ -183,16 +187,18 @@ class _Compiler:
             static = None if None in counts else math.prod(n for n in counts if n is not None)
             if static is not None and static > MAX_ELEMENTS_PER_MESSAGE:
                 raise SchemaError(f"{path} has {static:.3g} elements in every message")
-            slot = self._add_ragged_leaf(LeafColumn(path, "ragged", dtype, static, is_bool))
+            slot = self._add_ragged_leaf_and_get_slot(LeafColumn(path, "ragged", dtype, static, is_bool))
             self._emit_primitives(dtype, each.length or 1, (OP_APPEND, slot))
         else:
-            slot = self._add_slot(LeafColumn(path, "fixed", dtype, each.length, is_bool))
+            slot = self._add_leaf_and_get_slot(LeafColumn(path, "fixed", dtype, each.length, is_bool))
             self._emit_primitives(dtype, each.length or 1, (OP_FIXED, slot))
 
     def _compile_string(self, path: str) -> None:
         is_wanted = not self.loops and self.wants(path, False)
-        self._emit_operation(OP_STRING, 4, 0, 0, self._add_slot(LeafColumn(path, "string")) if is_wanted else -1)
-        self._forget_alignment()
+        self._emit_operation(
+            OP_STRING, 4, 0, 0, self._add_leaf_and_get_slot(LeafColumn(path, "string")) if is_wanted else -1
+        )
+        self._mark_alignment_unknown()
 
     @contextmanager
     def _enclose_in_loop(self, each: MessageField) -> Iterator[None]:
@@ -208,13 +214,13 @@ class _Compiler:
             self._emit_operation(OP_LOOP, 4, 0, 0, -1)
         else:
             self._emit_operation(OP_REPEAT, 1, 0, each.length or 1, -1)
-        self._forget_alignment()
+        self._mark_alignment_unknown()
         self.loops.append(each.length)
         yield
         self.loops.pop()
         self._emit_operation(OP_END, 1, 0, 0, -1)
         self.operations[begin][5] = len(self.operations)
-        self._forget_alignment()
+        self._mark_alignment_unknown()
 
     def _emit_primitives(self, dtype: str, count: int, use: tuple[int, int] | None) -> None:
         """Emit `count` primitives: skipped, or stored by the operation `use` (code, slot)."""
@@ -242,14 +248,14 @@ class _Compiler:
     def _emit_operation(self, code: int, align: int, size: int, count: int, slot: int) -> None:
         self.operations.append([code, align, size, count, slot, 0])
 
-    def _forget_alignment(self) -> None:
+    def _mark_alignment_unknown(self) -> None:
         """Mark the alignment of the position as unknown."""
         self.modulus, self.residue = 1, 0
 
-    def _add_slot(self, leaf: LeafColumn) -> int:
+    def _add_leaf_and_get_slot(self, leaf: LeafColumn) -> int:
         self.slots.append(leaf)
         return len(self.slots) - 1
 
-    def _add_ragged_leaf(self, leaf: LeafColumn) -> int:
+    def _add_ragged_leaf_and_get_slot(self, leaf: LeafColumn) -> int:
         self.ragged.append(leaf)
         return len(self.ragged) - 1

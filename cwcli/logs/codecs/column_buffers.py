@@ -72,7 +72,7 @@ class FixedColumnBuffer:
         """Return the memory address of row 0."""
         return memory_address(self.array)
 
-    def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+    def resolve_batch_spans(self, batch_bytes: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: numbers need nothing more."""
 
 
@@ -103,13 +103,13 @@ class StringColumnBuffer:
         self.spans = np.zeros((n, 2), np.int64)
         return memory_address(self.spans) - SPAN_BYTES * first_row
 
-    def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+    def resolve_batch_spans(self, batch_bytes: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: replace its spans by codes."""
         self.spans[~is_ok, 0] = -1
         n = len(self.spans)
-        intern_spans(data, self.spans, self.codes[first_row : first_row + n], self._known, self.values)
+        intern_spans(batch_bytes, self.spans, self.codes[first_row : first_row + n], self._known, self.values)
 
-    def set_row(self, row: int, text: bytes) -> None:
+    def set_string_of_row(self, row: int, text: bytes) -> None:
         """Set the string of one row."""
         code = self._known.setdefault(text, len(self.values))
         if code == len(self.values):
@@ -128,10 +128,10 @@ class BlobSpanBuffer(StringColumnBuffer):
     def ensure_capacity(self, capacity: int) -> None:
         """Do nothing, because only the current batch is stored."""
 
-    def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+    def resolve_batch_spans(self, batch_bytes: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: store the bytes in which the spans lie."""
         self.spans[~is_ok] = 0
-        self.data = data
+        self.data = batch_bytes
         self.instead: dict[int, bytes] = {}
 
     def blobs_of_batch(self) -> list[bytes | memoryview]:
@@ -168,7 +168,7 @@ class RaggedColumnBuffer:
         offsets = np.concatenate([np.zeros(1, np.int64), self.cursors]) // self.dtype.itemsize
         return self.buffer[: int(offsets[-1]) * self.dtype.itemsize].view(self.dtype), offsets
 
-    def finish_batch(self, instead: Mapping[int, NumericArray] | None = None) -> None:
+    def store_batch_elements(self, instead: Mapping[int, NumericArray] | None = None) -> None:
         """Finish a batch: store its elements, with those of `instead` for some rows."""
         values, offsets = self.batch_values_and_offsets()
         values, counts = values.copy(), np.diff(offsets)

@@ -22,7 +22,7 @@ from cwcli.logs.codecs.json_columns import (
     Elements,
     JsonColumnBuffer,
     LeafBuffers,
-    tag_and_value_of_scalar,
+    tag_and_int64_bits_of_scalar,
 )
 from cwcli.logs.codecs.json_tree import JsonKey, KeyTree, Tables, iter_nested_elements
 from cwcli.signals.columns import Field, Int64Array
@@ -93,7 +93,7 @@ class JsonDecoder:
         for row in np.flatnonzero(~is_ok).tolist():
             is_ok[row] = self._decode_with_json_module(payloads.message_bytes(row), row, int(status[row]), instead)
         for path in self._blobs:
-            self._blob_rows[path] = self._column_of_leaf(self._tree.paths.index(path)).take_blobs_of_batch(
+            self._blob_rows[path] = self._get_or_create_leaf_column(self._tree.paths.index(path)).take_blobs_of_batch(
                 payloads, first
             )
         no_counts = np.broadcast_to(np.int64(0), n)
@@ -101,7 +101,9 @@ class JsonDecoder:
         used = np.concatenate([room.cursors[:, -1] for room in self._rooms]).tolist()
         for k, (is_there, n_elements, rows) in enumerate(zip(is_seen.tolist(), used, instead, strict=True)):
             if is_there or n_elements or rows or self._slots[k] is not None:
-                self._column_of_leaf(k).finish_batch(payloads, first, rows, n_elements, no_counts)
+                self._get_or_create_leaf_column(k).store_elements_and_intern_strings(
+                    payloads, first, rows, n_elements, no_counts
+                )
         self._is_ok.append(is_ok)
         self._n += n
 
@@ -131,7 +133,7 @@ class JsonDecoder:
         self._rooms.append(LeafBuffers(n_new))
         self._slots += [None] * n_new
 
-    def _column_of_leaf(self, k: int) -> JsonColumnBuffer:
+    def _get_or_create_leaf_column(self, k: int) -> JsonColumnBuffer:
         """Return the column of a leaf, created at its first occurrence."""
         slot = self._slots[k]
         if slot is None:
@@ -153,7 +155,7 @@ class JsonDecoder:
                     room.cursors[:, at] = room.cursors[:, at - 1] if at else 0
                 at += 1
             else:
-                self._learn_keys(payloads.message_bytes(at))
+                self._learn_keys_of_message(payloads.message_bytes(at))
                 learned = at
             at = self._run_decode_kernel(payloads, status, at)
 
@@ -182,7 +184,7 @@ class JsonDecoder:
             status=status,
         )
 
-    def _learn_keys(self, message: bytes) -> None:
+    def _learn_keys_of_message(self, message: bytes) -> None:
         """Add the keys of a message to the tree."""
         try:
             value = json.loads(message)
@@ -210,7 +212,7 @@ class JsonDecoder:
         if not isinstance(value, dict):
             return self._count_refused_message_and_return_false(NOT_AN_OBJECT_REASON)
         if self._tree.learns:
-            self._learn_keys(message)
+            self._learn_keys_of_message(message)
             json_elements_by_row.extend({} for _ in range(len(json_elements_by_row), len(self._slots)))
         self._store_object(value, self._tree.root, row, json_elements_by_row, in_array=False)
         return True
@@ -236,7 +238,7 @@ class JsonDecoder:
     def _store_value(
         self, value: object, key: JsonKey, row: int, json_elements_by_row: list[dict[int, Elements]], *, in_array: bool
     ) -> None:
-        slot = self._column_of_leaf(key.slot) if key.slot >= 0 else None
+        slot = self._get_or_create_leaf_column(key.slot) if key.slot >= 0 else None
         if isinstance(value, dict):
             if key.below is not None:
                 self._store_object(value, key.below, row, json_elements_by_row, in_array=in_array)
@@ -257,14 +259,14 @@ class JsonDecoder:
             tag, number = (
                 (TAG_INTERNED_STRING, slot.intern_text(value))
                 if isinstance(value, str)
-                else tag_and_value_of_scalar(value)
+                else tag_and_int64_bits_of_scalar(value)
             )
             tags.append(tag)
             values.append(number)
         elif isinstance(value, str):
             slot.set_string(self._n + row, value)
         else:
-            slot.tags[self._n + row], slot.values_as_int64_bits[self._n + row] = tag_and_value_of_scalar(value)
+            slot.tags[self._n + row], slot.values_as_int64_bits[self._n + row] = tag_and_int64_bits_of_scalar(value)
 
 
 def _count_elements_or_zero(json_elements_by_row: list[dict[int, Elements]], slot: int, row: int) -> int:

@@ -52,7 +52,7 @@ Elements = tuple[list[int], list[int]]
 """The tags and the values of the elements of one message."""
 
 
-def tag_and_value_of_scalar(value: object) -> tuple[int, int]:
+def tag_and_int64_bits_of_scalar(value: object) -> tuple[int, int]:
     """Return tag and value (as the bits of an int64) of a Python number, truth value or None."""
     if value is None:
         return TAG_NULL, 0
@@ -161,7 +161,7 @@ class JsonColumnBuffer:
         values: Int64Array = self._room.values[self._leaf]
         return values
 
-    def finish_batch(
+    def store_elements_and_intern_strings(
         self,
         payloads: Payloads,
         first_row: int,
@@ -283,7 +283,7 @@ class JsonColumnBuffer:
         codes = np.where(tags == TAG_STRING, values, -1).astype(np.int32)
         for row in np.flatnonzero(np.isin(tags, (TAG_BOOL, TAG_INT, TAG_FLOAT))).tolist():
             codes[row] = len(texts)
-            texts.append(_scalar_text(int(tags[row]), values[row : row + 1]))
+            texts.append(_number_or_bool_text(int(tags[row]), values[row : row + 1]))
         return order_values_by_first_use(Strings(codes, tuple(texts)).merge_equal_values())
 
     def _intern_element_strings(
@@ -363,7 +363,7 @@ def _sequence_column(
     return matrix_if_equal_lengths(ragged) if bool((tags == TAG_ARRAY).all()) else ragged
 
 
-def _scalar_text(tag: int, value: Int64Array) -> str:
+def _number_or_bool_text(tag: int, value: Int64Array) -> str:
     """Return a number or truth value as text."""
     if tag == TAG_BOOL:
         return "true" if value[0] else "false"

@@ -66,15 +66,15 @@ def _make_decoder(channel: ChannelEncoding) -> Decode:
         except UndecodableMessage as error:
             what = f"a message of {channel.schema_name or channel.message_encoding} can't be decoded: {error}"
             raise InputError(what) from error
-        return _with_attributes(value) if is_ros_message else value
+        return _dicts_to_attribute_objects(value) if is_ros_message else value
 
     return decode_or_raise
 
 
-def _with_attributes(value: object) -> object:
+def _dicts_to_attribute_objects(value: object) -> object:
     """Return a tree of a ROS message with an object for each message in it, whose attributes are the fields."""
     if isinstance(value, dict):
-        return SimpleNamespace(**{name: _with_attributes(inner) for name, inner in value.items()})
+        return SimpleNamespace(**{name: _dicts_to_attribute_objects(inner) for name, inner in value.items()})
     if isinstance(value, list):
-        return [_with_attributes(inner) for inner in value]
+        return [_dicts_to_attribute_objects(inner) for inner in value]
     return value

@@ -132,12 +132,12 @@ class ProtobufDecoder:
         is_ok = status == kernel.STATUS_OK
         self._reject_unknown_enum_values(is_ok, first)
         for slot in self._slots:
-            slot.finish_batch(payloads.data, first, is_ok)
+            slot.resolve_batch_spans(payloads.data, first, is_ok)
         instead: list[dict[int, NumericArray]] = [{} for _ in self._ragged]
         for row in np.flatnonzero(~is_ok).tolist():
             is_ok[row] = self._decode_with_official_parser(payloads.message_bytes(row), first, row, instead)
         for ragged, rows in zip(self._ragged, instead, strict=True):
-            ragged.finish_batch(rows)
+            ragged.store_batch_elements(rows)
         self._is_ok.append(is_ok)
         self._n += n
 
@@ -212,7 +212,9 @@ class ProtobufDecoder:
                 slot.instead[row] = value
             elif isinstance(slot, StringColumnBuffer):
                 # A string that is not UTF-8, which proto2 allows, comes out as bytes.
-                slot.set_row(at, value if isinstance(value, bytes) else value.encode(errors="surrogateescape"))
+                slot.set_string_of_row(
+                    at, value if isinstance(value, bytes) else value.encode(errors="surrogateescape")
+                )
             else:
                 slot.array[at] = value
         for leaf, ragged, rows in zip(self._tables.ragged, self._ragged, instead, strict=True):

@@ -122,8 +122,8 @@ def compile_protobuf_tables(
         SchemaError: It is too large, or nested too deeply.
     """
     compiler = _Compiler(wants, blobs)
-    compiler.add_message_node(descriptor, _MessagePosition())
-    compiler.fill_unwanted_messages()
+    compiler.add_message_and_get_node(descriptor, _MessagePosition())
+    compiler.fill_rows_of_only_checked_messages()
     nodes: list[tuple[int, int]] = []
     fields: list[list[int]] = [[0] * N_COLUMNS]
     for rows in compiler.nodes:
@@ -181,9 +181,9 @@ class _Compiler:
     unchecked: list[tuple[int, Any]] = field(default_factory=list)
     n_fields: int = 0
 
-    def add_message_node(self, descriptor: ProtobufMessageDescriptor, place: _MessagePosition) -> int:
+    def add_message_and_get_node(self, descriptor: ProtobufMessageDescriptor, place: _MessagePosition) -> int:
         """Add a message whose leaves may be wanted; return its node."""
-        self._count_fields(descriptor)
+        self._count_fields_and_check_limit(descriptor)
         if len(place.types) > MAX_MESSAGE_NESTING:
             raise SchemaError(f"its messages are nested more than {MAX_MESSAGE_NESTING} deep")
         rows: list[list[int]] = []
@@ -220,11 +220,11 @@ class _Compiler:
         types = (*place.types, field_descriptor.containing_type.full_name)
         is_map = inner_type.GetOptions().map_entry
         if is_map or inner_type.full_name in types or not self._has_wanted_leaf_below(f"{path}."):
-            field_row[7] = self._node_of_unwanted_message_type(inner_type)
+            field_row[7] = self._node_of_only_checked_message_type(inner_type)
             return
         element_slots: list[int] | None = [] if is_repeated_field(field_descriptor) else place.element_slots
         inner = _MessagePosition(f"{path}.", (*place.chain, field_descriptor), types, presence, element_slots)
-        field_row[7] = self.add_message_node(inner_type, inner)
+        field_row[7] = self.add_message_and_get_node(inner_type, inner)
         if is_repeated_field(field_descriptor) and element_slots is not None:
             field_row[8], field_row[9] = len(self.elements), len(element_slots)
             for slot in element_slots:
@@ -253,17 +253,17 @@ class _Compiler:
         if place.element_slots is not None and not is_repeated_field(field_descriptor):
             place.element_slots.append(len(self.ragged) - 1)
 
-    def _node_of_unwanted_message_type(self, descriptor: ProtobufMessageDescriptor) -> int:
+    def _node_of_only_checked_message_type(self, descriptor: ProtobufMessageDescriptor) -> int:
         """Return the node of a message type without wanted leaves: one per type, which may lead back to itself."""
         known = self.checked.get(descriptor.full_name)
         if known is None:
-            self._count_fields(descriptor)
+            self._count_fields_and_check_limit(descriptor)
             self.nodes.append([])
             known = self.checked[descriptor.full_name] = len(self.nodes) - 1
             self.unchecked.append((known, descriptor))
         return known
 
-    def fill_unwanted_messages(self) -> None:
+    def fill_rows_of_only_checked_messages(self) -> None:
         """Fill in the fields of the messages without wanted leaves."""
         while self.unchecked:
             index, descriptor = self.unchecked.pop()
@@ -271,10 +271,10 @@ class _Compiler:
             for each in sorted(descriptor.fields, key=lambda one: one.number):
                 row = self._new_kernel_row_of_field(each, oneofs)
                 if KIND_AND_DTYPE_BY_TYPE[each.type][0] == MESSAGE:
-                    row[7] = self._node_of_unwanted_message_type(each.message_type)
+                    row[7] = self._node_of_only_checked_message_type(each.message_type)
                 self.nodes[index].append(row)
 
-    def _count_fields(self, descriptor: ProtobufMessageDescriptor) -> None:
+    def _count_fields_and_check_limit(self, descriptor: ProtobufMessageDescriptor) -> None:
         """Count the fields of a message.
 
         Raises:

@@ -68,7 +68,7 @@ class MessageField(NamedTuple):
 
 MAX_ARRAY_ELEMENTS = 1 << 24
 """The greatest number of elements of a fixed array. Chosen by hand."""
-MAX_LENGTH_DIGITS = 18
+MAX_DIGITS_OF_ARRAY_LENGTH = 18
 """The greatest number of digits in the length of an array: a number of that size fits in 64 bits."""
 
 Definitions = dict[str, tuple[MessageField, ...]]
@@ -92,7 +92,7 @@ def parse_message_definitions(
     Raises:
         SchemaError: The text can't be understood.
     """
-    root = short_message_name(schema_name)
+    root = package_slash_message_name(schema_name)
     definitions: Definitions = {
         name: _parse_fields("builtin_interfaces", body, aliases) for name, body in _PREDEFINED_MESSAGES.items()
     }
@@ -113,11 +113,11 @@ def split_definitions(root: str, text: str) -> Iterator[tuple[str, str]]:
         named = _NAME_LINE.search(part)
         if named is None and k:
             raise SchemaError("a part of the schema has no `MSG:` line")
-        name = short_message_name(named.group(1)) if named else root
+        name = package_slash_message_name(named.group(1)) if named else root
         yield name, part[: named.start()] + part[named.end() :] if named else part
 
 
-def short_message_name(name: str) -> str:
+def package_slash_message_name(name: str) -> str:
     """Return package and name of a message type: `sensor_msgs/msg/Imu` -> `sensor_msgs/Imu`."""
     parts = name.split("/")
     return f"{parts[0]}/{parts[-1]}"
@@ -156,7 +156,7 @@ def _parse_fields(package: str, body: str, aliases: Mapping[str, str]) -> tuple[
             raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
         base, _, is_bounded, size = matched.groups()
         is_array = "[" in type_text
-        if len(size or "") > MAX_LENGTH_DIGITS:
+        if len(size or "") > MAX_DIGITS_OF_ARRAY_LENGTH:
             raise SchemaError(f"an array of the schema is too long: {line[:60]!r}")
         length = int(size) if is_array and size and not is_bounded else None
         if length == 0:
@@ -177,4 +177,4 @@ def _resolve_type_name(base: str, package: str, aliases: Mapping[str, str]) -> s
         return base
     if base == "Header":
         return "std_msgs/Header"
-    return short_message_name(base) if "/" in base else f"{package}/{base}"
+    return package_slash_message_name(base) if "/" in base else f"{package}/{base}"

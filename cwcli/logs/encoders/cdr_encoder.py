@@ -151,11 +151,11 @@ def _fields_of_nested_message(name: str, column: OutputField | Tree | None) -> T
         return column
     if name in TIME_TYPES and isinstance(column, np.ndarray):
         seconds, nanos = np.divmod(column, NS_PER_S)
-        return {"sec": _check_numbers_fit_type(SECONDS_TYPE, seconds), "nanosec": nanos}
+        return {"sec": _require_numbers_that_fit_type(SECONDS_TYPE, seconds), "nanosec": nanos}
     raise ColumnError("it is a message: name the fields inside")
 
 
-def _check_numbers_fit_type(type_name: str, values: NumericArray) -> NumericArray:
+def _require_numbers_that_fit_type(type_name: str, values: NumericArray) -> NumericArray:
     """Return the numbers unchanged.
 
     Raises:
@@ -172,7 +172,7 @@ def _append_number(rows: _CdrRows, field: MessageField, column: OutputField | Tr
         column = np.zeros(len(rows))
     if not isinstance(column, np.ndarray) or column.ndim != 1:
         raise ColumnError("it holds one number")
-    rows.append_numbers(PRIMITIVE_DTYPES[field.type], _check_numbers_fit_type(field.type, column))
+    rows.append_numbers(PRIMITIVE_DTYPES[field.type], _require_numbers_that_fit_type(field.type, column))
 
 
 def _append_array(rows: _CdrRows, field: MessageField, column: OutputField | Tree | None) -> None:
@@ -182,13 +182,13 @@ def _append_array(rows: _CdrRows, field: MessageField, column: OutputField | Tre
     if field.length is not None:
         if not isinstance(column, np.ndarray) or column.shape != (len(rows), field.length):
             raise ColumnError(f"it holds {field.length} numbers")
-        rows.append_numbers(code, _check_numbers_fit_type(field.type, column))
+        rows.append_numbers(code, _require_numbers_that_fit_type(field.type, column))
         return
     if isinstance(column, np.ndarray) and column.ndim == 2:
         column = Ragged(column.ravel(), np.arange(len(column) + 1, dtype=np.int64) * column.shape[1])
     if not isinstance(column, Ragged):
         raise ColumnError("it needs an (n, k) array or a ragged column")
-    values = np.ascontiguousarray(_check_numbers_fit_type(field.type, column.values), f"<{code}")
+    values = np.ascontiguousarray(_require_numbers_that_fit_type(field.type, column.values), f"<{code}")
     counts = np.diff(column.offsets)
     rows.append_counts(counts)
     rows.append_padding(values.itemsize, counts > 0)  # nothing is aligned for numbers that are not there
@@ -224,13 +224,13 @@ def _append_sequence(rows: _CdrRows, definitions: Definitions, name: str, column
         _append_message(each, definitions, name, tree)
         return each
 
-    place = _element_alignment_offsets(rows.place, repeated.offsets, encode_elements_at)
+    place = _element_starts_modulo_eight(rows.place, repeated.offsets, encode_elements_at)
     encoded = assemble_rows(encode_elements_at(place).pieces, len(place))
     bounds = encoded.offsets[repeated.offsets]
     rows.append_piece(VaryingPiece(encoded.data, bounds[:-1], np.diff(bounds)))
 
 
-def _element_alignment_offsets(
+def _element_starts_modulo_eight(
     row_place: Int64Array, offsets: Int64Array, encode_elements_at: Callable[[Int64Array], _CdrRows]
 ) -> Int64Array:
     """Return the start of each element modulo eight, which is the end of the element before it in its row.

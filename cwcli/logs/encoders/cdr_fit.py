@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, Definitions, find_message_fields, parse_message_definitions
-from cwcli.logs.encoders.column_tree import Tree, build_column_tree, list_leaf_columns
+from cwcli.logs.encoders.column_tree import Tree, build_column_tree, list_leaf_paths_and_columns
 from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated
 from cwcli.signals.units import NS_PER_S
@@ -81,7 +81,7 @@ def _unrepresentable_rows_of_message(definitions: Definitions, name: str, tree: 
 def _unrepresentable_rows_of_leaf(type_name: str, column: OutputField | Tree, n: int) -> BoolArray:
     """Return the mask (n,) of rows with a number that the primitive type can't represent."""
     if isinstance(column, Ragged):
-        return _any_element_per_row(unrepresentable_mask(type_name, column.values), column.offsets)
+        return _mask_of_rows_with_unfit_element(unrepresentable_mask(type_name, column.values), column.offsets)
     if isinstance(column, np.ndarray) and len(column) == n:
         is_unfit = unrepresentable_mask(type_name, column)
         return np.asarray(is_unfit.any(axis=tuple(range(1, is_unfit.ndim))))
@@ -99,18 +99,20 @@ def _unrepresentable_rows_of_sequence(
         inner = _unrepresentable_rows_of_message(
             definitions, name, build_column_tree(column.fields), int(column.offsets[-1])
         )
-        return {path: _any_element_per_row(is_unfit, column.offsets) for path, is_unfit in inner.items()}
+        return {path: _mask_of_rows_with_unfit_element(is_unfit, column.offsets) for path, is_unfit in inner.items()}
     if not isinstance(column, Mapping):
         return {}
     found = _unrepresentable_rows_of_message(definitions, name, column, n)
-    ragged = {path: np.diff(leaf.offsets) for path, leaf in list_leaf_columns(column) if isinstance(leaf, Ragged)}
+    ragged = {
+        path: np.diff(leaf.offsets) for path, leaf in list_leaf_paths_and_columns(column) if isinstance(leaf, Ragged)
+    }
     counts = next(iter(ragged.values()), np.zeros(n, np.int64))
     for path, own in ragged.items():
         found[path] = found.get(path, np.zeros(n, np.bool_)) | (own != counts)
     return found
 
 
-def _any_element_per_row(is_unfit: BoolArray, offsets: Int64Array) -> BoolArray:
+def _mask_of_rows_with_unfit_element(is_unfit: BoolArray, offsets: Int64Array) -> BoolArray:
     """Return the mask (n,) of rows with at least one marked element."""
     rows = np.zeros(len(offsets) - 1, np.bool_)
     rows[np.repeat(np.arange(len(rows)), np.diff(offsets))[is_unfit]] = True

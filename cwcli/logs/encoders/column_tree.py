@@ -42,7 +42,7 @@ def repeated_from_ragged_leaves(column: OutputField | Tree) -> Repeated:
     Raises:
         ColumnError: They don't, or are not ragged.
     """
-    inside = dict(list_leaf_columns(column)) if isinstance(column, Mapping) else {}
+    inside = dict(list_leaf_paths_and_columns(column)) if isinstance(column, Mapping) else {}
     offsets: Int64Array | None = None
     fields: dict[str, OutputField] = {}
     for path, leaf in inside.items():
@@ -57,9 +57,13 @@ def repeated_from_ragged_leaves(column: OutputField | Tree) -> Repeated:
     return Repeated(offsets, fields)
 
 
-def list_leaf_columns(tree: Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
+def list_leaf_paths_and_columns(tree: Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
     """List dotted path and column of each leaf."""
     found: list[tuple[str, OutputField]] = []
     for name, node in tree.items():
-        found += list_leaf_columns(node, f"{prefix}{name}.") if isinstance(node, Mapping) else [(prefix + name, node)]
+        found += (
+            list_leaf_paths_and_columns(node, f"{prefix}{name}.")
+            if isinstance(node, Mapping)
+            else [(prefix + name, node)]
+        )
     return found

@@ -25,7 +25,7 @@ from cwcli.logs.encoders.row_assembly import (
     VaryingPiece,
     assemble_rows,
     constant_piece,
-    encode_total_size_pieces,
+    encode_total_size_of_pieces,
     encode_varint_piece,
 )
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
@@ -115,7 +115,7 @@ def _encode_submessage_pieces(descriptor: FieldDescriptor, column: OutputField |
         repeated = column if isinstance(column, Repeated) else repeated_from_ragged_leaves(column)
         total = int(repeated.offsets[-1])
         inner = _encode_message_pieces(message, build_column_tree(repeated.fields), total)
-        rows = assemble_rows([tag, *encode_total_size_pieces(inner, total), *inner], total)
+        rows = assemble_rows([tag, *encode_total_size_of_pieces(inner, total), *inner], total)
         bounds = rows.offsets[repeated.offsets]
         return [VaryingPiece(rows.data, bounds[:-1], np.diff(bounds))]
     if isinstance(column, np.ndarray) and message.full_name in (
@@ -127,7 +127,7 @@ def _encode_submessage_pieces(descriptor: FieldDescriptor, column: OutputField |
     if not isinstance(column, Mapping):
         raise ColumnError("it is a message: name the fields inside")
     inner = _encode_message_pieces(message, column, n)
-    return [tag, *encode_total_size_pieces(inner, n), *inner]
+    return [tag, *encode_total_size_of_pieces(inner, n), *inner]
 
 
 def _encode_string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:
@@ -147,7 +147,7 @@ def _encode_bytes_pieces(descriptor: FieldDescriptor, column: Ragged) -> list[Pi
         raise ColumnError("it holds bytes: it needs ragged uint8")
     sizes = np.diff(column.offsets)
     content = VaryingPiece(np.ascontiguousarray(column.values, np.uint8), column.offsets[:-1], sizes)
-    return [_encode_tag_piece(descriptor, WIRE_LENGTH), *encode_total_size_pieces([content], len(column)), content]
+    return [_encode_tag_piece(descriptor, WIRE_LENGTH), *encode_total_size_of_pieces([content], len(column)), content]
 
 
 def _encode_packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | Strings) -> list[Piece]:
@@ -170,7 +170,7 @@ def _encode_packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ra
         numbers = encode_varints(_unsigned_varint_values(descriptor, column.values))
         rows = ByteRows(numbers.data, numbers.offsets[column.offsets])
     packed = VaryingPiece(rows.data, rows.offsets[:-1], rows.sizes)
-    return [tag, *encode_total_size_pieces([packed], len(rows)), packed]
+    return [tag, *encode_total_size_of_pieces([packed], len(rows)), packed]
 
 
 def _encode_number_piece(descriptor: FieldDescriptor, column: NumericArray) -> Piece:

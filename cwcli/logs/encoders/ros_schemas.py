@@ -10,7 +10,12 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from cwcli.logs.codecs.protobuf_tables import is_repeated_field
-from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, STRING_TYPE, parse_message_definitions, short_message_name
+from cwcli.logs.codecs.ros2msg import (
+    PRIMITIVE_DTYPES,
+    STRING_TYPE,
+    package_slash_message_name,
+    parse_message_definitions,
+)
 
 if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FieldDescriptor
@@ -94,21 +99,21 @@ def ros2msg_schema_text(schema_name: str) -> str:
     Raises:
         KeyError: There is no such message.
     """
-    root = short_message_name(schema_name)
-    bodies = {root: _definition_body(root)}
+    root = package_slash_message_name(schema_name)
+    bodies = {root: _ros_field_lines_by_short_name(root)}
     waiting = [root]
     while waiting:
         name = waiting.pop(0)
         _, definitions = parse_message_definitions(name, bodies[name])
         for field in definitions[name]:
             if field.type not in PRIMITIVE_DTYPES and field.type != STRING_TYPE and field.type not in bodies:
-                bodies[field.type] = _definition_body(field.type)
+                bodies[field.type] = _ros_field_lines_by_short_name(field.type)
                 waiting.append(field.type)
     parts = [bodies.pop(root), *(f"MSG: {name}\n{body}" for name, body in bodies.items())]
     return f"{DEFINITION_SEPARATOR}\n".join(parts)
 
 
-def _definition_body(name: str) -> str:
+def _ros_field_lines_by_short_name(name: str) -> str:
     """Return the field lines of a message by its short name.
 
     Raises:
@@ -120,10 +125,10 @@ def _definition_body(name: str) -> str:
     from cwcli.logs.encoders.schemas import find_message_schema
 
     descriptor = find_message_schema(f"{CWCLI_PROTOBUF_PACKAGE}.{message}").descriptor
-    return "".join(f"{line}\n" for line in _definition_lines(descriptor))
+    return "".join(f"{line}\n" for line in _ros_field_and_constant_lines(descriptor))
 
 
-def _definition_lines(descriptor: Descriptor) -> list[str]:
+def _ros_field_and_constant_lines(descriptor: Descriptor) -> list[str]:
     """Return the field lines of a protobuf message, each after the constants of its enum."""
     lines = []
     for field in sorted(descriptor.fields, key=lambda each: each.number):

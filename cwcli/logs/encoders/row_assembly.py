@@ -67,7 +67,7 @@ def encode_varint_piece(values: npt.NDArray[np.uint64]) -> Piece:
     return VaryingPiece(rows.data, rows.offsets[:-1], sizes)
 
 
-def encode_total_size_pieces(pieces: Sequence[Piece], n: int) -> list[Piece]:
+def encode_total_size_of_pieces(pieces: Sequence[Piece], n: int) -> list[Piece]:
     """Return the varint with the total size of the pieces in each row."""
     fixed_size = sum(piece.bytes_per_row for piece in pieces if isinstance(piece, FixedPiece))
     varying = [piece.sizes for piece in pieces if isinstance(piece, VaryingPiece)]
@@ -82,7 +82,7 @@ def encode_total_size_pieces(pieces: Sequence[Piece], n: int) -> list[Piece]:
 def assemble_rows(pieces: Sequence[Piece], n: int) -> ByteRows:
     """Concatenate the pieces of each of n rows."""
     segments: list[FixedPiece | VaryingPiece] = []
-    for fixed, run in _group_small_fixed_pieces(pieces):
+    for fixed, run in _group_pieces_by_whether_small_and_fixed(pieces):
         segments += [FixedPiece(_join_fixed_pieces(run, n))] if fixed and len(run) > 1 else run
     if not segments or n == 0:
         return ByteRows(np.zeros(0, np.uint8), np.zeros(n + 1, np.int64))
@@ -111,7 +111,7 @@ def _rows_as_void(piece: FixedPiece) -> npt.NDArray[np.void]:
     return piece.values.view(np.dtype((np.void, piece.bytes_per_row))).reshape(-1)
 
 
-def _group_small_fixed_pieces(pieces: Sequence[Piece]) -> list[tuple[bool, list[Piece]]]:
+def _group_pieces_by_whether_small_and_fixed(pieces: Sequence[Piece]) -> list[tuple[bool, list[Piece]]]:
     """Group neighbouring pieces: True for pieces of small fixed size."""
     runs: list[tuple[bool, list[Piece]]] = []
     for piece in pieces:

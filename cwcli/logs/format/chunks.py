@@ -29,7 +29,7 @@ PARTIAL_BLOCK_BYTES = 1 << 16
 """Bytes that are decompressed at a time from a cut chunk, and lost at an error in it. Chosen by hand."""
 BYTES_PER_MEGABYTE = 1_000_000
 """The number of bytes in a megabyte, 10^6 (SI), for messages to users."""
-MESSAGE_OVERHEAD_BYTES = 500
+BYTES_AS_COSTLY_AS_ONE_MESSAGE = 500
 """Bytes that take about as long to decompress as one message takes to scan, decode and check. Chosen by hand."""
 CHUNK_CRC_OFFSET_BYTES = RECORD_PREFIX.size + 24
 """Bytes from the start of a chunk record to its CRC (MCAP specification: two times and a size stand before it)."""
@@ -90,7 +90,7 @@ _THREAD_BUFFERS = _ThreadBuffers()
 """The read buffer and the decompressor of the running thread."""
 
 
-def mark_chunks_beyond_size_limit(file: InputFile, chunks: Sequence[ChunkIndex], cut: Collection[int] = ()) -> None:
+def set_first_refused_chunk(file: InputFile, chunks: Sequence[ChunkIndex], cut: Collection[int] = ()) -> None:
     """Set `InputFile.refused_from` to the first chunk at which all chunks together exceed the allowed size.
 
     Args:
@@ -113,13 +113,13 @@ def _max_size_of_cut_chunk_bytes(file: InputFile, chunk: ChunkIndex) -> int:
     return min(max(chunk.uncompressed_size, file.max_unpacked_bytes_of(chunk.compressed_size)), file.max_chunk_bytes)
 
 
-def check_message_count(file: InputFile, n_messages: int) -> None:
+def check_message_count_against_file_size(file: InputFile, n_messages: int) -> None:
     """Check that a file holds no more messages than its size allows: a few bytes can decompress to thousands.
 
     Raises:
         ChunkError: It holds more.
     """
-    if n_messages * MESSAGE_OVERHEAD_BYTES > file.max_unpacked_bytes:
+    if n_messages * BYTES_AS_COSTLY_AS_ONE_MESSAGE > file.max_unpacked_bytes:
         raise ChunkError(f"{n_messages:,} messages and more are in a file of {len(file):,} bytes", hint=MAX_RATIO_HINT)
 
 
@@ -182,7 +182,7 @@ def _check_header_matches_index(file: InputFile, chunk: ChunkIndex) -> None:
         raise ChunkError("a chunk's header and its index differ")
 
 
-def decompress_cut_chunk(file: InputFile, chunk: ChunkIndex) -> memoryview:
+def decompress_cut_chunk_up_to_error(file: InputFile, chunk: ChunkIndex) -> memoryview:
     """Decompress a cut chunk up to the first error.
 
     Raises:
@@ -216,12 +216,12 @@ def trim_to_whole_records(payload: memoryview) -> memoryview:
     """Return the records of a chunk before the first one that is damaged or cut off."""
     whole = 0
     with suppress(RecordError):
-        for _, _, end in iter_record_bounds(payload):
+        for _, _, end in iter_opcodes_and_record_bounds(payload):
             whole = end
     return payload[:whole]
 
 
-def iter_record_bounds(payload: memoryview) -> Iterator[tuple[int, int, int]]:
+def iter_opcodes_and_record_bounds(payload: memoryview) -> Iterator[tuple[int, int, int]]:
     """Yield opcode, start and end (byte offsets in the chunk) of each record, prefix included.
 
     Raises:

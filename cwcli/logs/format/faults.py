@@ -110,7 +110,7 @@ class Faults:
         for what, count in notes.items():
             self.file_faults[what] = self.file_faults.get(what, 0) + count
 
-    def record_undecodable_messages(self, topic: str, reason: str, count: int) -> None:
+    def keep_largest_undecodable_count(self, topic: str, reason: str, count: int) -> None:
         """Set how many messages of a topic could not be decoded for a reason.
 
         A topic may be read several times; the largest count of one pass is kept.

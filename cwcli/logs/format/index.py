@@ -77,7 +77,7 @@ class LogIndex:
     def records_with_log_ids(self, at: int, records: memoryview) -> memoryview:
         """Return the records read at an offset, with this log's channel ids in the messages."""
         renumbering = self.renumbering_at(at)
-        return records if renumbering is None else renumbering.renumber_records(records)
+        return records if renumbering is None else renumbering.renumber_channels_of_messages(records)
 
     def renumbering_at(self, at: int) -> ChannelRenumbering | None:
         """Return the mapping of the channel ids at an offset to those of the log; None if they are the same."""

@@ -37,10 +37,10 @@ def join_indexes(file: JoinedFile, indexes: Sequence[LogIndex]) -> LogIndex:
         has_message_counts=all(each.has_message_counts for each in indexes),
     )
     for k in _parts_with_common_ids_first(indexes):
-        file.numbering.assign_part_ids(indexes[k].schemas, indexes[k].channels)
+        file.numbering.assign_schema_and_channel_ids(indexes[k].schemas, indexes[k].channels)
     channel_ids = []
     for k, index in enumerate(indexes):
-        schema_ids, ids = file.numbering.assign_part_ids(index.schemas, index.channels)
+        schema_ids, ids = file.numbering.assign_schema_and_channel_ids(index.schemas, index.channels)
         channel_ids.append(ids)
         for schema in index.schemas.values():
             new_id = schema_ids[schema.id]

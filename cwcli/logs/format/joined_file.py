@@ -137,7 +137,7 @@ class IdAssignment:
     _schemas: dict[Any, dict[int, Any]] = field(default_factory=dict)
     _channels: dict[Any, dict[int, Any]] = field(default_factory=dict)
 
-    def assign_part_ids(
+    def assign_schema_and_channel_ids(
         self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]
     ) -> tuple[dict[int, int], dict[int, int]]:
         """Return two mappings of an id in the part to the id in the log: of its schemas, and of its channels.
@@ -146,7 +146,7 @@ class IdAssignment:
             InputError: The log needs more than 65,534 ids.
         """
         of_schemas = ((each.id, each[1:], None) for each in schemas.values())
-        schema_ids = {0: 0, **_assign_shared_ids(of_schemas, self._schemas, is_shared=True)}
+        schema_ids = {0: 0, **_assign_log_ids_of_part(of_schemas, self._schemas, is_shared=True)}
         of_channels = (
             (
                 each.id,
@@ -155,10 +155,10 @@ class IdAssignment:
             )
             for each in channels.values()
         )
-        return schema_ids, _assign_shared_ids(of_channels, self._channels, is_shared=False)
+        return schema_ids, _assign_log_ids_of_part(of_channels, self._channels, is_shared=False)
 
 
-def _assign_shared_ids(
+def _assign_log_ids_of_part(
     entries: Iterable[tuple[int, Any, Any]], known: dict[Any, dict[int, Any]], *, is_shared: bool
 ) -> dict[int, int]:
     """Return id in the part -> id in the log.
@@ -210,7 +210,7 @@ class ChannelRenumbering:
         """Return the log's id of a channel of the part."""
         return self._ids.get(own_id, UNKNOWN_CHANNEL_ID)
 
-    def renumber_records(self, data: memoryview) -> memoryview:
+    def renumber_channels_of_messages(self, data: memoryview) -> memoryview:
         """Return a copy of the records with the log's ids in all messages before the first damaged record."""
         import numpy as np
 

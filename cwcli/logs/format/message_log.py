@@ -22,7 +22,7 @@ from cwcli.logs.format.records import (
     Statistics,
 )
 
-CHUNK_BYTES = 1 << 20
+MIN_BYTES_OF_FULL_CHUNK = 1 << 20
 """The size in bytes beyond which a chunk is written, as in the official library."""
 MAX_SEQUENCE = 0xFFFFFFFF
 """The greatest sequence number of a message: the format has 32 bits for it (MCAP specification)."""
@@ -99,7 +99,7 @@ class MessageLog:
         self._pieces.append(payload)
         self._times_ns.append(log_time_ns)
         self._n_bytes += n + 9
-        if self._n_bytes > CHUNK_BYTES:
+        if self._n_bytes > MIN_BYTES_OF_FULL_CHUNK:
             self._write_chunk()
 
     def finish(self) -> None:
@@ -140,7 +140,7 @@ class MessageLog:
     def _add_piece(self, data: bytes) -> None:
         self._pieces.append(data)
         self._n_bytes += len(data)
-        if self._n_bytes > CHUNK_BYTES:
+        if self._n_bytes > MIN_BYTES_OF_FULL_CHUNK:
             self._write_chunk()
 
     def _write_chunk(self) -> None:

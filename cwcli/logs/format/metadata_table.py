@@ -50,7 +50,9 @@ class MetadataTable:
         self._places.extend((offset, length))
         self.names.append(name)
 
-    def append_consecutive_records(self, data: ByteSource, at: int, end: int, opcode: int, file_name: str) -> int:
+    def append_consecutive_records_and_get_end(
+        self, data: ByteSource, at: int, end: int, opcode: int, file_name: str
+    ) -> int:
         """Add the consecutive metadata records, or metadata index records, from an offset on.
 
         Args:

@@ -7,7 +7,7 @@ from functools import partial
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
-from cwcli.logs.format.chunks import mark_chunks_beyond_size_limit
+from cwcli.logs.format.chunks import set_first_refused_chunk
 from cwcli.logs.format.faults import RECOVER_HINT, Faults, not_mcap_error
 from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.join_indexes import join_indexes
@@ -45,7 +45,7 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool) -> LogIndex:
         index = index_data_section(file, start, faults, summary, recover=recover)
         _check_message_count(file.name, index, summary, faults, recover=recover)
     else:
-        mark_chunks_beyond_size_limit(file, index.items_of_type(ChunkIndex))
+        set_first_refused_chunk(file, index.items_of_type(ChunkIndex))
         index.has_message_counts = index.statistics is not None and bool(index.statistics.channel_counts)
     n_messages = index.statistics.n_messages if index.statistics else 0
     if recover and not index.channels and (n_messages or faults.counts_by_reason()):
@@ -120,9 +120,9 @@ def _read_magic_and_header(file: InputFile, faults: Faults, *, recover: bool) ->
         if not recover:
             what = f"the header is damaged: {error} (at byte {at})"
             raise InputError(what, where=file.name, hint=RECOVER_HINT) from error
-    from cwcli.logs.format.resync import find_next_record_offset
+    from cwcli.logs.format.resync import find_next_record_offset_or_end
 
-    following = find_next_record_offset(file, at + 1, range(1 << 16))
+    following = find_next_record_offset_or_end(file, at + 1, range(1 << 16))
     faults.bytes_lost += following - at
     return following, ("", "", 0)
 

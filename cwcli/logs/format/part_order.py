@@ -17,7 +17,7 @@ from cwcli.logs.format.records import Statistics
 if TYPE_CHECKING:
     from cwcli.signals.columns import FirstAndLastNs
 
-MAX_GAP_BETWEEN_PARTS_NS = 1_000_000_000
+MAX_GAP_WITHOUT_NOTE_NS = 1_000_000_000
 """The longest time in ns between two parts without a note. A recorder continues with the next part at once; after a
 longer gap something may be missing. Chosen by hand."""
 NS_PER_S = 1_000_000_000
@@ -111,7 +111,7 @@ def _note_overlaps_and_gaps(file: JoinedFile, parts: Sequence[tuple[InputFile, F
         both = f"{_base_name(before)} and {_base_name(after)}"
         if start_ns < end_ns:
             overlaps.append(f"{both}: {(min(end_ns, after_ns) - start_ns) / NS_PER_S:.3f} s")
-        elif start_ns - end_ns > MAX_GAP_BETWEEN_PARTS_NS:
+        elif start_ns - end_ns > MAX_GAP_WITHOUT_NOTE_NS:
             gaps.append(f"{both}: {(start_ns - end_ns) / NS_PER_S:.1f} s")
     if overlaps:
         file.notes[f"parts that overlap in time ({_format_first_names(overlaps)})"] = len(overlaps)

@@ -25,11 +25,11 @@ N_RECORDS_TO_VERIFY = 4
 """The number of consecutive records that must be plausible. Chosen by hand."""
 SEARCH_BLOCK_BYTES = 4 << 20
 """Bytes that are searched at a time. Chosen by hand."""
-N_ZERO_HIGH_LENGTH_BYTES = 3
+N_ZERO_HIGH_BYTES_OF_RECORD_LENGTH = 3
 """Number of high bytes of a record length that must be zero: records are shorter than 2^40 bytes. Chosen by hand."""
 
 
-def find_next_record_offset(data: ByteSource, at: int, channels: Container[int]) -> int:
+def find_next_record_offset_or_end(data: ByteSource, at: int, channels: Container[int]) -> int:
     """Return the offset of the next plausible record at or after `at`; the length of the file if there is none.
 
     Args:
@@ -41,7 +41,7 @@ def find_next_record_offset(data: ByteSource, at: int, channels: Container[int])
         octets = np.frombuffer(data[at : stop + RECORD_PREFIX.size], np.uint8)
         opcodes = octets[: stop - at]
         believable = (opcodes >= 1) & (opcodes <= Opcode.DATA_END)
-        for k in range(RECORD_PREFIX.size - N_ZERO_HIGH_LENGTH_BYTES, RECORD_PREFIX.size):
+        for k in range(RECORD_PREFIX.size - N_ZERO_HIGH_BYTES_OF_RECORD_LENGTH, RECORD_PREFIX.size):
             believable &= octets[k : k + stop - at] == 0
         for candidate in (np.flatnonzero(believable) + at).tolist():
             if is_plausible_record(data, candidate, channels):
@@ -51,7 +51,7 @@ def find_next_record_offset(data: ByteSource, at: int, channels: Container[int])
 
 
 def is_plausible_record(data: ByteSource, at: int, channels: Container[int]) -> bool:
-    """Tell whether a plausible record begins at an offset; arguments as for `find_next_record_offset`."""
+    """Tell whether a plausible record begins at an offset; arguments as for `find_next_record_offset_or_end`."""
     for _ in range(N_RECORDS_TO_VERIFY):
         try:
             opcode, start, end = read_opcode_and_content_range(data, at, len(data))

@@ -81,13 +81,15 @@ def read_summary_if_present(
         _add_record_to_index(index, opcode, summary, begin, at)
         n_alike = n_alike + 1 if opcode == Opcode.METADATA_INDEX else 0
         if n_alike > MIN_RECORDS_FOR_KERNEL:
-            at = index.metadata.append_consecutive_records(summary, at, footer_at - start, opcode, file.name)
+            at = index.metadata.append_consecutive_records_and_get_end(
+                summary, at, footer_at - start, opcode, file.name
+            )
     data_end = start - DATA_END_BYTES
     if data_end < data_start or file[data_end : data_end + 1] != bytes([Opcode.DATA_END]):
         data_end = start  # a longer end record: the walk will come upon it
     else:
         index.data_end = data_end
-    _insert_unindexed_ranges(index, data_start, data_end)
+    _sort_items_and_insert_unindexed_ranges(index, data_start, data_end)
     return index
 
 
@@ -129,7 +131,7 @@ def is_complete_summary(index: LogIndex) -> bool:
     )
 
 
-def _insert_unindexed_ranges(index: LogIndex, start: int, end: int) -> None:
+def _sort_items_and_insert_unindexed_ranges(index: LogIndex, start: int, end: int) -> None:
     """Sort the items by offset, and insert the ranges of the data section between them that no index covers.
 
     Raises:

@@ -8,10 +8,10 @@ from cwcli.input import InputFile
 from cwcli.logs.format.chunks import (
     DECOMPRESSORS,
     ChunkError,
-    check_message_count,
+    check_message_count_against_file_size,
     decompress_chunk,
-    decompress_cut_chunk,
-    mark_chunks_beyond_size_limit,
+    decompress_cut_chunk_up_to_error,
+    set_first_refused_chunk,
 )
 from cwcli.logs.format.faults import Faults, check_non_message_record_count, damaged_file_error
 from cwcli.logs.format.index import LogIndex, UnchunkedRange, UnchunkedRecord
@@ -42,7 +42,7 @@ DATA_SECTION_OPCODES = frozenset(
     {Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA}
 )
 """The opcodes of the records that occur in the data section only (MCAP specification)."""
-RECORDS_BETWEEN_CHECKS = 1 << 12
+RECORDS_BETWEEN_MESSAGE_COUNT_CHECKS = 1 << 12
 """The number of records in chunks after which the number of messages is checked again. Chosen by hand."""
 _CHANNEL_SEQUENCE_TIME = struct.Struct("<HIQ")
 """The first fields of a message: channel id, sequence, log time (MCAP specification)."""
@@ -160,7 +160,7 @@ class _DataSectionIndexer:
         before = items[-1] if items else None
         if isinstance(before, MetadataRun) and before.end == at:
             if len(table) - max(before.first, self._n_taken_at_once) > MIN_RECORDS_FOR_KERNEL:
-                end = table.append_consecutive_records(file, end, len(file), Opcode.METADATA, file.name)
+                end = table.append_consecutive_records_and_get_end(file, end, len(file), Opcode.METADATA, file.name)
                 self._n_taken_at_once = len(table)
             items[-1] = before._replace(end=end, stop=len(table))
         else:
@@ -215,11 +215,11 @@ class _DataSectionIndexer:
             raise damaged_file_error(self._file, at, error) from error
         following = self._add_cut_chunk_and_get_end_offset(at)
         if following is None:
-            from cwcli.logs.format.resync import find_next_record_offset, is_plausible_record
+            from cwcli.logs.format.resync import find_next_record_offset_or_end, is_plausible_record
 
             following = self._find_record_end_offset(at)
             if following is None or not is_plausible_record(self._file, following, self._index.channels):
-                following = find_next_record_offset(self._file, at + 1, self._index.channels)
+                following = find_next_record_offset_or_end(self._file, at + 1, self._index.channels)
             self._faults.bytes_lost += following - at
         return following
 
@@ -265,7 +265,7 @@ class _DataSectionIndexer:
     def _complete_definitions_and_counts(self, *, define_all: bool) -> None:
         """Count the indexed messages, and open the chunks that have no index, or whose channels are unknown."""
         index = self._index
-        mark_chunks_beyond_size_limit(self._file, index.items_of_type(ChunkIndex), index.cut_chunks)
+        set_first_refused_chunk(self._file, index.items_of_type(ChunkIndex), index.cut_chunks)
         for k, item in enumerate(index.items):
             if not isinstance(item, ChunkIndex):
                 continue
@@ -274,18 +274,18 @@ class _DataSectionIndexer:
                     self._counts[channel_id] = self._counts.get(channel_id, 0) + n
                 self._extend_log_time_range(item.start_ns, item.end_ns)
             if item.counts is None or any(map(index.lacks_channel_or_schema, item.counts)):
-                index.items[k] = self._scan_chunk_records(item, must_open=define_all)
+                index.items[k] = self._add_definitions_and_count_messages_of_chunk(item, must_open=define_all)
         used = {*self._counts, *index.channels}
         if define_all and (self._n_channels != len(index.channels) or any(map(index.lacks_channel_or_schema, used))):
             self._n_opened = 0
             for chunk in index.items_of_type(ChunkIndex):
-                self._scan_chunk_records(chunk, must_open=True)
+                self._add_definitions_and_count_messages_of_chunk(chunk, must_open=True)
 
-    def _scan_chunk_records(self, chunk: ChunkIndex, *, must_open: bool) -> ChunkIndex:
+    def _add_definitions_and_count_messages_of_chunk(self, chunk: ChunkIndex, *, must_open: bool) -> ChunkIndex:
         """Read a chunk's schemas and channels; return the chunk with message counts, if no index gave them before."""
         try:
             if chunk.chunk_start in self._index.cut_chunks:
-                payload = decompress_cut_chunk(self._file, chunk)
+                payload = decompress_cut_chunk_up_to_error(self._file, chunk)
             else:
                 payload = decompress_chunk(self._file, chunk, verify=True)
         except ChunkError as error:
@@ -303,8 +303,8 @@ class _DataSectionIndexer:
                     channel_id = self._count_message_and_get_channel_id(payload, start, end)
                     counts[channel_id] = counts.get(channel_id, 0) + 1
                 self._n_opened += 1
-                if not self._n_opened % RECORDS_BETWEEN_CHECKS:
-                    check_message_count(self._file, self._n_opened)
+                if not self._n_opened % RECORDS_BETWEEN_MESSAGE_COUNT_CHECKS:
+                    check_message_count_against_file_size(self._file, self._n_opened)
             except (RecordError, ChunkError) as error:
                 if self._recover:
                     break

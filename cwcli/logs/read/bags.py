@@ -53,7 +53,7 @@ def convert_bag(
     output = OutputStream(target.fileno(), file.name)
     log = MessageLog(output, "ros2", "cwcli")
     with closing(iter_recording_content(file, source, journals, bounds)) as content:
-        _add_content(log, content)
+        _write_content_to_log(log, content)
     log.finish()
     output.flush()
 
@@ -67,10 +67,10 @@ def iter_recording_content(
     else:
         reader, bag = "SQLite", _iter_ros2_content(file, journals, source, bounds)
     with closing(bag) as content:
-        yield from _iter_with_read_errors(content, file.name, reader)
+        yield from _iter_with_errors_as_input_errors(content, file.name, reader)
 
 
-def _iter_with_read_errors(content: Iterator[Content], name: str, reader: str) -> Iterator[Content]:
+def _iter_with_errors_as_input_errors(content: Iterator[Content], name: str, reader: str) -> Iterator[Content]:
     """Yield what a library reads, and turn its errors, but not those of the caller, into `InputError`."""
     while True:
         try:
@@ -117,7 +117,7 @@ def _validate_message(channel_id: int, log_time_ns: int, data: bytes | memoryvie
     return channel_id, log_time_ns, memoryview(data)
 
 
-def _add_content(log: MessageLog, content: Iterator[Content]) -> None:
+def _write_content_to_log(log: MessageLog, content: Iterator[Content]) -> None:
     """Add schemas, channels and messages to a log; ids become those that it assigns."""
     schema_ids: dict[int, int] = {0: 0}
     channel_ids: dict[int, int] = {}

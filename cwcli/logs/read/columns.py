@@ -141,7 +141,10 @@ def _load_columns_and_miscounts(
         check_single_schema(own, name)
         n_expected = sum(channel.message_count or 0 for channel in own) if logged is None else 0
         decoder = make_channel_decoder(
-            own[0], fields, name, n_expected=min(n_expected, reader.max_possible_messages(), MAX_PREALLOCATED_ROWS)
+            own[0],
+            fields,
+            name,
+            n_expected=min(n_expected, reader.max_message_count_by_file_size(), MAX_PREALLOCATED_ROWS),
         )
         topic_of[[channel.id for channel in own]] = len(topics)
         topics.append(_TopicCollector(own, decoder, name))
@@ -165,7 +168,7 @@ def return_freed_memory_to_system(loaded: Mapping[str, Columns]) -> None:
     Its allocator keeps freed large blocks: 150 MB after a ten-minute JSON log. For a short log it is not worth the
     time.
     """
-    if sum(map(len, loaded.values())) < MIN_ROWS_TO_RETURN_MEMORY:
+    if sum(map(len, loaded.values())) < MIN_ROWS_TO_RETURN_FREED_MEMORY:
         return
     import ctypes
 
@@ -179,7 +182,7 @@ def format_faults(faults: Faults) -> tuple[str, ...]:
     return tuple(f"{reason}: {count}" for reason, count in faults.counts_by_reason().items())
 
 
-MIN_ROWS_TO_RETURN_MEMORY = 20_000
+MIN_ROWS_TO_RETURN_FREED_MEMORY = 20_000
 """The number of decoded rows from which freed memory is returned to the system. Chosen by hand."""
 MAX_PREALLOCATED_ROWS = 1 << 22
 """The greatest number of rows for which memory is allocated before they are read, whatever the file says. Chosen by

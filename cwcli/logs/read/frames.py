@@ -16,7 +16,7 @@ from cwcli.errors import InputError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.compressed_messages import zstd_message_mask
 from cwcli.logs.codecs.decoder import Decoder
-from cwcli.logs.codecs.ros2msg import short_message_name
+from cwcli.logs.codecs.ros2msg import package_slash_message_name
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.read.columns import check_single_schema, make_channel_decoder
 from cwcli.logs.read.message_reader import MessageBatch, MessageReader
@@ -89,7 +89,7 @@ class Frame:
 def is_camera_channel(channel: ChannelInfo) -> bool:
     """Tell whether a channel holds camera frames."""
     return (
-        short_message_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name
+        package_slash_message_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name
     ) in IMAGE_SCHEMAS
 
 
@@ -127,7 +127,7 @@ class _FrameDecoder:
         self._faults = faults
         self._topic = channel.topic
 
-    def decode_frames(self, batch: MessageBatch) -> Iterator[tuple[int, int, Frame]]:
+    def iter_log_times_places_and_frames(self, batch: MessageBatch) -> Iterator[tuple[int, int, Frame]]:
         """Yield log time in ns, place in the chunk, and frame."""
         for start in range(0, len(batch), MAX_FRAMES_PER_BATCH):
             yield from self._decode_batch(
@@ -157,20 +157,20 @@ class _FrameDecoder:
                 log_time_ns=log_time_ns,
                 publish_time_ns=int(batch.publish_time_ns[row]),
                 stamp_ns=stamps[k],
-                format=_text_of_row(fields, k, "format"),
+                format=_first_text_of_row_or_empty(fields, k, "format"),
                 data=data,
-                width=_integer_of_row(fields, k, "width"),
-                height=_integer_of_row(fields, k, "height"),
-                encoding=_text_of_row(fields, k, "encoding"),
-                step=_integer_of_row(fields, k, "step"),
-                frame_id=_text_of_row(fields, k, *FRAME_ID_FIELDS),
+                width=_integer_of_row_or_zero(fields, k, "width"),
+                height=_integer_of_row_or_zero(fields, k, "height"),
+                encoding=_first_text_of_row_or_empty(fields, k, "encoding"),
+                step=_integer_of_row_or_zero(fields, k, "step"),
+                frame_id=_first_text_of_row_or_empty(fields, k, *FRAME_ID_FIELDS),
                 is_video=self._is_video,
             )
             yield log_time_ns, int(batch.payloads.starts[row]), frame
 
     def _count_undecodable(self, reason: str, count: int) -> None:
         self._reasons[reason] = self._reasons.get(reason, 0) + count
-        self._faults.record_undecodable_messages(self._topic, reason, self._reasons[reason])
+        self._faults.keep_largest_undecodable_count(self._topic, reason, self._reasons[reason])
 
 
 def _iter_frames_in_time_order(
@@ -187,9 +187,9 @@ def _iter_frames_in_time_order(
         if isinstance(found, Frame):
             yield found
         else:
-            yield from (frame for _, _, frame in decoding.decode_frames(found))
+            yield from (frame for _, _, frame in decoding.iter_log_times_places_and_frames(found))
 
-    for start_ns, part, batches in reader.iter_parts_in_time_order(ids):
+    for start_ns, part, batches in reader.iter_log_times_offsets_and_batches_of_parts(ids):
         while waiting and waiting[0][0] < start_ns:
             yield from pop_earliest()
         for batch in batches:
@@ -199,7 +199,9 @@ def _iter_frames_in_time_order(
                 place = int(batch.payloads.starts[row])
                 one = batch.select_messages(np.array([row]))
                 heapq.heappush(waiting, (int(batch.log_time_ns[row]), part, place, len(waiting), one))
-            for log_time_ns, place, frame in decoding.decode_frames(batch.select_messages(np.flatnonzero(~packed))):
+            for log_time_ns, place, frame in decoding.iter_log_times_places_and_frames(
+                batch.select_messages(np.flatnonzero(~packed))
+            ):
                 heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
     reader.note_miscounted_channels(n_read)
     while waiting:
@@ -216,7 +218,7 @@ def _message_stamps_ns(fields: dict[str, Field], n: int) -> list[int | None]:
     return [None] * n
 
 
-def _text_of_row(fields: dict[str, Field], row: int, *paths: str) -> str:
+def _first_text_of_row_or_empty(fields: dict[str, Field], row: int, *paths: str) -> str:
     """Return the text of a row in the first of these fields that exists, else ""."""
     for path in paths:
         column = fields.get(path)
@@ -225,7 +227,7 @@ def _text_of_row(fields: dict[str, Field], row: int, *paths: str) -> str:
     return ""
 
 
-def _integer_of_row(fields: dict[str, Field], row: int, path: str) -> int:
+def _integer_of_row_or_zero(fields: dict[str, Field], row: int, path: str) -> int:
     """Return the integer of a row in a field, 0 if it is absent."""
     column = fields.get(path)
     if not isinstance(column, np.ndarray) or column.ndim != 1 or not np.isfinite(float(column[row])):

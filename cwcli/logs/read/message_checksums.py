@@ -25,7 +25,7 @@ def read_log_times_and_crc32_of_messages(log: Log, topic: str) -> tuple[Int64Arr
     times: list[int] = []
     checksums: list[int] = []
     for batch in reader.iter_batches(ids):
-        for log_time_ns, message in batch.iter_messages():
+        for log_time_ns, message in batch.iter_log_times_and_payloads():
             times.append(log_time_ns)
             checksums.append(zlib.crc32(message))
     times_ns = np.array(times, np.int64)

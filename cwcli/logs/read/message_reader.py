@@ -16,7 +16,12 @@ from cwcli.input import InputFile
 from cwcli.kernels.message_scan import DAMAGED, FULL, Messages, scan_messages
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.column_buffers import ByteArray, Payloads
-from cwcli.logs.format.chunks import ChunkError, check_message_count, decompress_chunk, decompress_cut_chunk
+from cwcli.logs.format.chunks import (
+    ChunkError,
+    check_message_count_against_file_size,
+    decompress_chunk,
+    decompress_cut_chunk_up_to_error,
+)
 from cwcli.logs.format.faults import RECOVER_HINT, Faults
 from cwcli.logs.format.index import LogIndex, UnchunkedRange
 from cwcli.logs.format.records import (
@@ -70,7 +75,7 @@ class MessageBatch:
             payloads, self.channel_id[rows], self.sequence[rows], self.log_time_ns[rows], self.publish_time_ns[rows]
         )
 
-    def iter_messages(self) -> Iterator[tuple[int, memoryview]]:
+    def iter_log_times_and_payloads(self) -> Iterator[tuple[int, memoryview]]:
         """Yield log time in ns and bytes of each message."""
         data = self.payloads.data.data
         places = zip(self.payloads.starts.tolist(), self.payloads.ends.tolist(), strict=True)
@@ -195,12 +200,12 @@ class MessageReader:
             self._wanted_last = wanted, channel_mask(wanted)
         return self._wanted_last[1]
 
-    def max_possible_messages(self) -> int:
+    def max_message_count_by_file_size(self) -> int:
         """Return the greatest number of messages that the file can hold by its size."""
         chunked = sum(min(chunk.uncompressed_size, self._file.max_chunk_bytes) for chunk in self._chunks)
         return (chunked + sum(end - start for start, end in self._spans)) // MIN_MESSAGE_BYTES
 
-    def iter_parts_in_time_order(
+    def iter_log_times_offsets_and_batches_of_parts(
         self, channel_ids: Collection[int]
     ) -> Iterator[tuple[int, int, Iterator[MessageBatch]]]:
         """Yield parts of the file in order of their first log times.
@@ -249,7 +254,7 @@ class MessageReader:
             self._n_found_in[chunk.chunk_start] += n_new
             self._n_found += n_new
             try:
-                check_message_count(self._file, self._n_found)
+                check_message_count_against_file_size(self._file, self._n_found)
             except ChunkError as error:
                 self._report_lost_chunk(chunk, error)
                 return
@@ -358,7 +363,9 @@ class MessageReader:
         """Return the records of a chunk, with the log's channel ids."""
         if chunk.chunk_start in self._index.cut_chunks:
             self._count_fault_once(chunk.chunk_start, "chunks_partial")
-            return self._index.records_with_log_ids(chunk.chunk_start, decompress_cut_chunk(self._file, chunk))
+            return self._index.records_with_log_ids(
+                chunk.chunk_start, decompress_cut_chunk_up_to_error(self._file, chunk)
+            )
         verify = chunk.chunk_start not in self._verified  # the stages of a run read it several times
         payload = decompress_chunk(self._file, chunk, verify=verify)
         self._verified.add(chunk.chunk_start)

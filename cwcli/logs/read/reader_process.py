@@ -22,7 +22,7 @@ from cwcli.logs.read.source_format import SourceFormat
 
 FUNCTION = "cwcli.logs.read.reader_child:convert_file_of_request"
 """The function that the process runs."""
-MEMORY_BYTES = 128_000_000
+MEMORY_BEYOND_START_AND_CHUNK_BYTES = 128_000_000
 """Memory of the process beyond its start and one chunk (`--max-chunk`). Chosen by hand: ordinary bags take 40 MB."""
 MAX_NOTES = 100_000
 """The greatest number of notes on a file. Chosen by hand."""
@@ -51,7 +51,9 @@ def convert_in_process(
     """
     # a private copy of a database with its journals, and a log of what is in them
     most_bytes = max(bounds.max_input_bytes, sum(map(len, (file, *(journals or ()))))) + BYTES_PER_MEGABYTE
-    limits = Limits(cpu_limit_s(len(file)), most_bytes, address_bytes=MEMORY_BYTES + bounds.max_chunk_bytes)
+    limits = Limits(
+        cpu_limit_s(len(file)), most_bytes, address_bytes=MEMORY_BEYOND_START_AND_CHUNK_BYTES + bounds.max_chunk_bytes
+    )
     request: dict[str, Any] = {
         "format": source.name,
         "name": file.name,
@@ -72,10 +74,10 @@ def convert_in_process(
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
-    _take_answer(answer, source, file.name)
+    _store_checked_answer_in_source_format(answer, source, file.name)
 
 
-def _take_answer(answer: dict[str, Any], source: SourceFormat, name: str) -> None:
+def _store_checked_answer_in_source_format(answer: dict[str, Any], source: SourceFormat, name: str) -> None:
     """Take over what the process says of the file, after a check of its form.
 
     Raises:

@@ -8,7 +8,7 @@ from typing import Any
 from cwcli.errors import CwcliError, UsageError, install_hint
 from cwcli.logs.read.read_bounds import DEFAULT_READ_BOUNDS, ReadBounds
 from cwcli.logs.read.remote_errors import unreadable_url_error
-from cwcli.logs.read.stalls import iter_without_stalls
+from cwcli.logs.read.stalls import iter_blocks_or_raise_on_stall
 from cwcli.url import display_name_of_url, redact_urls
 
 FILE_SCHEME = "file://"
@@ -64,7 +64,7 @@ def iter_remote_blocks(url: str, bounds: ReadBounds = DEFAULT_READ_BOUNDS) -> It
     else:
         blocks = _iter_store_blocks(*file_system_and_path(url))
     try:
-        yield from iter_without_stalls(blocks, url, bounds.timeout_s)
+        yield from iter_blocks_or_raise_on_stall(blocks, url, bounds.timeout_s)
     except (GeneratorExit, CwcliError):
         raise
     except Exception as error:  # each store has its own errors

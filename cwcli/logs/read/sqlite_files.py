@@ -118,13 +118,13 @@ def open_database(
     n_bytes = len(file) + sum(map(len, journals))
     kinds = {WAL_SUFFIX if each.name.endswith(WAL_SUFFIX) else JOURNAL_SUFFIX: each for each in journals}
     with ExitStack() as stack:
-        with raise_copy_errors(file.name):
+        with translate_copy_errors(file.name):
             copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="cwcli-"))) / "log.db3"
             with copy.open("xb") as stream:
                 copy_file(file, stream)
-        n_before = _count_messages_without_journals(copy, max_value_bytes, n_bytes)
+        n_before = _count_messages_without_journals_or_zero(copy, max_value_bytes, n_bytes)
         for suffix, each in kinds.items():
-            with raise_copy_errors(each.name), Path(f"{copy}{suffix}").open("xb") as stream:
+            with translate_copy_errors(each.name), Path(f"{copy}{suffix}").open("xb") as stream:
                 copy_file(each, stream)
         for each in (file, *journals):
             each.check_unchanged()
@@ -159,7 +159,7 @@ def _open_connection(uri: str, max_value_bytes: int, n_bytes: int) -> sqlite3.Co
     for pragma in SAFE_PRAGMAS:
         database.execute(f"PRAGMA {pragma}")
     database.set_authorizer(_sqlite_permission_of_action)
-    _bound_steps(database, n_bytes)
+    _limit_query_steps(database, n_bytes)
     return database
 
 
@@ -176,7 +176,7 @@ def _sqlite_permission_of_action(
     return sqlite3.SQLITE_OK if is_allowed else sqlite3.SQLITE_DENY
 
 
-def _bound_steps(database: sqlite3.Connection, n_bytes: int) -> None:
+def _limit_query_steps(database: sqlite3.Connection, n_bytes: int) -> None:
     """Stop a database whose queries take more steps than a file of `n_bytes` can have rows for."""
     n_left = (MIN_STEPS + STEPS_PER_BYTE * n_bytes) // STEPS_PER_CALL
 
@@ -189,7 +189,7 @@ def _bound_steps(database: sqlite3.Connection, n_bytes: int) -> None:
 
 
 @contextmanager
-def raise_copy_errors(name: str) -> Iterator[None]:
+def translate_copy_errors(name: str) -> Iterator[None]:
     """Turn an `OSError` inside the block into the error that a temporary copy can't be written.
 
     Raises:
@@ -211,7 +211,7 @@ def copy_file(file: InputFile, target: IO[bytes]) -> None:
         target.write(file[at : at + COPY_BLOCK_BYTES])
 
 
-def _count_messages_without_journals(path: Path, max_value_bytes: int, n_bytes: int) -> int:
+def _count_messages_without_journals_or_zero(path: Path, max_value_bytes: int, n_bytes: int) -> int:
     """Return the number of messages of a database without its journals; 0 if it can't be read without them."""
     try:
         with closing(_open_connection(f"file:{path}?immutable=1", max_value_bytes, n_bytes)) as database:

@@ -20,14 +20,14 @@ MIN_BYTES_PER_WAIT = 1000
 """A server that sends fewer bytes within the time counts as stalled. Chosen by hand: a modem sends that each second."""
 MAX_BLOCKS_AHEAD = 4
 """Number of blocks that are read ahead of their use. Chosen by hand: at most 16 MiB."""
-POLL_S = 0.5
+MAX_QUEUE_WAIT_S = 0.5
 """The time in seconds after which a thread looks whether it is still wanted. Chosen by hand."""
 
 Item = bytes | BaseException | None
 """A block, the error that ended the reading, or its end."""
 
 
-def iter_without_stalls(blocks: Iterator[bytes], url: str, timeout_s: float) -> Iterator[bytes]:
+def iter_blocks_or_raise_on_stall(blocks: Iterator[bytes], url: str, timeout_s: float) -> Iterator[bytes]:
     """Yield the blocks of a remote file.
 
     Args:
@@ -39,7 +39,7 @@ def iter_without_stalls(blocks: Iterator[bytes], url: str, timeout_s: float) -> 
     """
     items: queue.Queue[Item] = queue.Queue(MAX_BLOCKS_AHEAD)
     is_left = threading.Event()
-    threading.Thread(target=_read_blocks, args=(blocks, items, is_left), daemon=True).start()
+    threading.Thread(target=_put_blocks_into_queue, args=(blocks, items, is_left), daemon=True).start()
     try:
         deadline_s, n_bytes = time.monotonic() + timeout_s, 0
         while True:
@@ -62,13 +62,13 @@ def iter_without_stalls(blocks: Iterator[bytes], url: str, timeout_s: float) -> 
         is_left.set()
 
 
-def _read_blocks(blocks: Iterator[bytes], items: queue.Queue[Item], is_left: threading.Event) -> None:
+def _put_blocks_into_queue(blocks: Iterator[bytes], items: queue.Queue[Item], is_left: threading.Event) -> None:
     """Put the blocks into a queue, until they end or nobody wants them."""
 
     def put(item: Item) -> None:
         while not is_left.is_set():
             with suppress(queue.Full):
-                items.put(item, timeout=POLL_S)
+                items.put(item, timeout=MAX_QUEUE_WAIT_S)
                 return
 
     try:

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from cwcli.errors import UsageError, hint_at_known_names
 
 
-def topics_of_patterns(text: str, known: Sequence[str], where: str) -> frozenset[str]:
+def topics_matching_patterns(text: str, known: Sequence[str], where: str) -> frozenset[str]:
     """Return the topics that some patterns, separated by commas, name.
 
     A name that is a topic of the log stands for itself, whatever characters it has.

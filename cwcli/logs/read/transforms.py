@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import Any
 
-from cwcli.logs.codecs.ros2msg import SchemaError, short_message_name
+from cwcli.logs.codecs.ros2msg import SchemaError, package_slash_message_name
 from cwcli.logs.codecs.tree import UndecodableMessage, make_tree_decoder
 from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.message_reader import MessageReader
@@ -43,9 +43,9 @@ def iter_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tup
     reader.distrust_indexes_if_miscounted([channel.id])
     payloads = (
         payload
-        for _, _, batches in reader.iter_parts_in_time_order([channel.id])
+        for _, _, batches in reader.iter_log_times_offsets_and_batches_of_parts([channel.id])
         for batch in batches
-        for _, payload in batch.iter_messages()
+        for _, payload in batch.iter_log_times_and_payloads()
     )
     is_list = _short_schema_name(channel) in LIST_SCHEMAS
     absent = dict.fromkeys("xyzw", 0.0) if channel.message_encoding == "protobuf" else None  # zeros are left out there
@@ -64,7 +64,7 @@ def iter_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tup
 
 
 def _short_schema_name(channel: ChannelInfo) -> str:
-    return short_message_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name
+    return package_slash_message_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name
 
 
 def _transform_of_tree(tree: Mapping[str, Any], absent: Any) -> Transform:

@@ -34,7 +34,7 @@ def read_first_message_trees(
     """
     decode = _make_decoder(channels, name)
     batches = reader.iter_batches([channel.id for channel in channels])
-    payloads = (payload for batch in batches for _, payload in batch.iter_messages())
+    payloads = (payload for batch in batches for _, payload in batch.iter_log_times_and_payloads())
     found: list[object] = []
     for payload in islice(payloads, n):
         if len(payload) <= max_bytes:
@@ -63,7 +63,7 @@ def iter_message_trees(
     n_read = Counter(dict.fromkeys(ids, 0))
     for batch in reader.iter_batches(ids):
         n_read.update(batch.channel_id.tolist())
-        for log_time_ns, payload in batch.iter_messages():
+        for log_time_ns, payload in batch.iter_log_times_and_payloads():
             try:
                 yield log_time_ns, decode(bytes(payload))
             except UndecodableMessage as error:

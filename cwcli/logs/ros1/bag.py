@@ -61,7 +61,7 @@ INDEX_ENTRY = struct.Struct("<III")
 """An entry of a chunk's index: seconds, nanoseconds, and the offset of a message (rosbag format 2.0)."""
 INDEX_ENTRY_BYTES = INDEX_ENTRY.size
 """The size in bytes of such an entry."""
-INDEX_ENTRIES_AT_ONCE = 65_536
+INDEX_ENTRIES_READ_AT_ONCE = 65_536
 """Entries that are read at a time. Chosen by hand."""
 ANY_CHECKSUM = "*"
 """The checksum of a connection that takes every type."""
@@ -133,7 +133,7 @@ class BagReader:
                 hint="ROS 1 converts it: `rosbag fix` or `rosbag migrate`",
             )
         yield from self._iter_records(VERSION_LINE_BYTES)
-        self._compare_with_index()
+        self._count_differences_from_index()
 
     def _iter_records(self, at: int) -> Iterator[Content]:
         """Yield the content of the file from a place on; behind damage, from the next chunk on."""
@@ -144,8 +144,8 @@ class BagReader:
                 if head.op == OP_CHUNK:
                     yield from self._iter_chunk(head, at)
                 elif head.op == OP_FILE_HEADER:
-                    if not self._is_finished(head.header):
-                        self._note_cut()
+                    if not self._has_index_or_raise_if_encrypted(head.header):
+                        self._count_missing_end_once()
                 elif head.op == OP_INDEX:
                     self._add_index(head, at)
                 else:
@@ -156,9 +156,9 @@ class BagReader:
             except BagError as error:
                 found = find_next_chunk_offset(self._file, begin + 1) if self._bounds.recover else None
                 if found is None and isinstance(error, EndOfRecordsError):
-                    self._note_cut()
+                    self._count_missing_end_once()
                 else:
-                    self._note_damage("damaged records", f"{error} (at byte {begin})")
+                    self._count_damage_or_raise("damaged records", f"{error} (at byte {begin})")
                 if found is None:
                     return
                 at = found
@@ -174,7 +174,7 @@ class BagReader:
             raise EndOfRecordsError("the file ends inside of a record")
         return bytes(self._file[at : at + n])
 
-    def _is_finished(self, header: Header) -> bool:
+    def _has_index_or_raise_if_encrypted(self, header: Header) -> bool:
         """Tell whether the file has an index, as a recorder writes at its end.
 
         Raises:
@@ -195,17 +195,17 @@ class BagReader:
         compression = header_text(head.header, b"compression")
         size = header_number(head.header, b"size")
         if compression not in COMPRESSIONS:
-            self._note_damage(f"chunks with the compression {compression[:40]!r}, which is not read")
+            self._count_damage_or_raise(f"chunks with the compression {compression[:40]!r}, which is not read")
             return
         self._source.add_compression("" if compression == "none" else compression)
         if max(size, head.n_bytes) > self._bounds.max_chunk_bytes:
             what = f"chunks of more than {self._bounds.max_chunk_bytes / 1e6:g} MB"
-            self._note_damage(what, hint="--max-chunk reads larger ones")
+            self._count_damage_or_raise(what, hint="--max-chunk reads larger ones")
             return
         self._n_left -= size
         if self._n_left < 0:
             what = "chunks beyond what the whole file may unpack to"
-            self._note_damage(what, hint="--max-ratio and --max-input allow more")
+            self._count_damage_or_raise(what, hint="--max-ratio and --max-input allow more")
             return
         source = PieceSource(iter_unpacked_pieces(self._file, at, head.n_bytes, compression, size))
         try:
@@ -216,7 +216,7 @@ class BagReader:
                     yield from self._iter_record(take_record_head(source), source)
         except BagError as error:
             if at + head.n_bytes <= len(self._file):  # else the file was cut, which is noted once
-                self._note_damage(LOST_CHUNKS, f"{error} (at byte {at})")
+                self._count_damage_or_raise(LOST_CHUNKS, f"{error} (at byte {at})")
         finally:
             self._is_in_chunk = False
 
@@ -293,7 +293,7 @@ class BagReader:
     def _iter_held_messages(self, source: PieceSource) -> Iterator[Content]:
         """Yield the messages that come next, as long as they are as recorders write them."""
         for key, log_time_ns, data in source.take_messages(self._bounds.max_chunk_bytes):
-            message = self._converted_message(key, log_time_ns, data)
+            message = self._converted_message_or_none(key, log_time_ns, data)
             if message is not None:
                 yield message
 
@@ -304,11 +304,11 @@ class BagReader:
             log_time_ns = ros_time_to_ns(head.header.get(b"time", b""))
         else:
             log_time_ns = ros_time_to_ns(head.header.get(b"sec", b"") + head.header.get(b"nsec", b""))
-        message = self._converted_message(key, log_time_ns, data)
+        message = self._converted_message_or_none(key, log_time_ns, data)
         if message is not None:
             yield message
 
-    def _converted_message(self, key: object, log_time_ns: int, data: bytes) -> tuple[int, int, bytes] | None:
+    def _converted_message_or_none(self, key: object, log_time_ns: int, data: bytes) -> tuple[int, int, bytes] | None:
         """Return a message as it is in the log; None, and it is counted, where it can't be converted."""
         self._read_counts[key] += 1
         self._read_sum += hash((key, log_time_ns))
@@ -339,13 +339,13 @@ class BagReader:
             source = PieceSource(iter_file_pieces(self._file, at, at + head.n_bytes))
             n_left = head.n_bytes // INDEX_ENTRY_BYTES
             while n_left:
-                n = min(n_left, INDEX_ENTRIES_AT_ONCE)
+                n = min(n_left, INDEX_ENTRIES_READ_AT_ONCE)
                 for seconds, nanoseconds, _ in INDEX_ENTRY.iter_unpack(source.take(n * INDEX_ENTRY_BYTES)):
                     self._index_sum += hash((number, seconds * NS_PER_S + nanoseconds))
                 self._n_index_entries += n
                 n_left -= n
 
-    def _compare_with_index(self) -> None:
+    def _count_differences_from_index(self) -> None:
         """Count the messages by which the index and what was read differ."""
         n_read = self._read_counts.total()
         if self._n_index_entries and (self._n_index_entries != n_read or self._index_sum != self._read_sum):
@@ -361,12 +361,12 @@ class BagReader:
     def _count_fault(self, what: str, n: int = 1) -> None:
         self._source.notes[what] = self._source.notes.get(what, 0) + n
 
-    def _note_cut(self) -> None:
-        """Note, once, that the end of the bag is missing; raise as `_note_damage` does."""
+    def _count_missing_end_once(self) -> None:
+        """Note, once, that the end of the bag is missing; raise as `_count_damage_or_raise` does."""
         if CUT_NOTE not in self._source.notes:
-            self._note_damage(CUT_NOTE, "it has no index or is cut, as a recorder leaves it that was killed")
+            self._count_damage_or_raise(CUT_NOTE, "it has no index or is cut, as a recorder leaves it that was killed")
 
-    def _note_damage(self, what: str, detail: str = "", *, hint: str = "") -> None:
+    def _count_damage_or_raise(self, what: str, detail: str = "", *, hint: str = "") -> None:
         """Count damage.
 
         Raises:

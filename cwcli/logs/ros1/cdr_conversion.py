@@ -20,7 +20,7 @@ from cwcli.logs.ros1.definitions import (
     SEQUENCE_FIELD,
     Ros1Definition,
     has_ros1_header,
-    is_plain_type,
+    is_number_or_text_type,
 )
 
 CDR_HEADER = b"\x00\x01\x00\x00"
@@ -29,7 +29,7 @@ SIZE_OF_TYPE = {name: int(dtype[1:]) for name, dtype in PRIMITIVE_DTYPES.items()
 """Type of a number -> its size in bytes, which is its alignment, too."""
 LENGTH_BYTES = 4
 """The size in bytes of the length in front of a text or a sequence, in ROS 1 and in CDR."""
-MIN_ALLOWED_ELEMENTS = 1 << 16
+ALLOWED_ELEMENTS_OF_ANY_MESSAGE = 1 << 16
 """A message may hold this number of messages, however few bytes it has. Chosen by hand."""
 ALLOWED_ELEMENTS_PER_BYTE = 8
 """A message may hold this number of messages more for each of its bytes, as they may be inside each other. Chosen by
@@ -143,10 +143,10 @@ class Ros1Converter:
         if conversion.at != len(data):
             raise ConversionError("the message is longer than its definition")
         if self._n_plans < MAX_PLANS and conversion.is_plannable:
-            self._keep_plan(conversion, len(data))
+            self._store_plan_if_small(conversion, len(data))
         return bytes(conversion.out)
 
-    def _keep_plan(self, conversion: _Conversion, n_bytes: int) -> None:
+    def _store_plan_if_small(self, conversion: _Conversion, n_bytes: int) -> None:
         """Keep how a message was converted for all of its size with the same lengths, unless that takes too much."""
         if conversion.n_put_bytes() > MAX_PLAN_BYTES:
             return
@@ -180,7 +180,7 @@ class Ros1Converter:
         count = None if field.is_sequence else field.length
         if field.type == STRING_TYPE:
             return (Kind.TEXTS, count) if field.is_sequence or field.length is not None else (Kind.TEXT,)
-        if is_plain_type(field.type):
+        if is_number_or_text_type(field.type):
             size = SIZE_OF_TYPE[field.type]
             if field.is_sequence:
                 return Kind.SEQUENCE, size, size
@@ -247,7 +247,7 @@ class _Conversion:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self._n_left = MIN_ALLOWED_ELEMENTS + ALLOWED_ELEMENTS_PER_BYTE * len(data)
+        self._n_left = ALLOWED_ELEMENTS_OF_ANY_MESSAGE + ALLOWED_ELEMENTS_PER_BYTE * len(data)
         self.at = 0
         self.out = bytearray(CDR_HEADER)
         self.lengths: list[tuple[int, int]] = []

@@ -76,7 +76,7 @@ def parse_ros1_definition(type_name: str, text: str) -> Ros1Definition:
     root, fields = parse_message_definitions(type_name, text, TIME_TYPES)
     constants = {name: tuple(_iter_constants_of_message(body)) for name, body in split_definitions(root, text)}
     definition = Ros1Definition(root, fields, constants)
-    list(message_names(definition))
+    list(message_names_by_first_use(definition))
     return definition
 
 
@@ -89,7 +89,7 @@ def _iter_constants_of_message(body: str) -> Iterator[Constant]:
             yield Constant(kind, name, (value if kind == STRING_TYPE else value.partition("#")[0]).strip())
 
 
-def message_names(definition: Ros1Definition) -> Iterator[str]:
+def message_names_by_first_use(definition: Ros1Definition) -> Iterator[str]:
     """Yield the messages that a type uses, itself first, each once, in the order of their first use.
 
     Raises:
@@ -106,7 +106,7 @@ def message_names(definition: Ros1Definition) -> Iterator[str]:
         if field is None:
             done.add(name)
             stack.pop()
-        elif not is_plain_type(field.type) and field.type not in done:
+        elif not is_number_or_text_type(field.type) and field.type not in done:
             if any(each == field.type for each, _ in stack):
                 raise SchemaError(f"the message {field.type} holds itself")
             if len(stack) == MAX_TYPE_DEPTH:
@@ -115,7 +115,7 @@ def message_names(definition: Ros1Definition) -> Iterator[str]:
             yield field.type
 
 
-def is_plain_type(name: str) -> bool:
+def is_number_or_text_type(name: str) -> bool:
     """Tell whether a type is a number or a text, no message."""
     return name in PRIMITIVE_DTYPES or name == STRING_TYPE
 
@@ -127,15 +127,15 @@ def has_ros1_header(definition: Ros1Definition) -> bool:
 
 def definition_checksum(definition: Ros1Definition) -> str:
     """Return the MD5 by which ROS 1 tells definitions apart, in hexadecimal."""
-    names = list(message_names(definition))
+    names = list(message_names_by_first_use(definition))
     ros1_names = {ros2: ros1 for ros1, ros2 in TIME_TYPES.items()}
     sums: dict[str, str] = {}
 
     def line(field: MessageField) -> str:
         kind = ros1_names.get(field.type, field.type)
-        if kind not in TIME_TYPES and not is_plain_type(kind):
+        if kind not in TIME_TYPES and not is_number_or_text_type(kind):
             return f"{sums[kind]} {field.name}"
-        return f"{kind}{_array_suffix(field)} {field.name}"
+        return f"{kind}{_array_brackets_of_field(field)} {field.name}"
 
     for name in _order_message_names_by_use(definition, names):
         lines = [f"{each.type} {each.name}={each.value}" for each in definition.constants.get(name, ())]
@@ -151,7 +151,7 @@ def _order_message_names_by_use(definition: Ros1Definition, names: list[str]) ->
     def visit(name: str) -> None:
         if name not in ordered:
             for field in definition.fields[name]:
-                if not is_plain_type(field.type):
+                if not is_number_or_text_type(field.type):
                     visit(field.type)
             ordered[name] = None
 
@@ -160,7 +160,7 @@ def _order_message_names_by_use(definition: Ros1Definition, names: list[str]) ->
     return list(ordered)
 
 
-def _array_suffix(field: MessageField) -> str:
+def _array_brackets_of_field(field: MessageField) -> str:
     if field.is_sequence:
         return "[]"
     return "" if field.length is None else f"[{field.length}]"
@@ -170,10 +170,10 @@ def ros2_definition_text(definition: Ros1Definition) -> str:
     """Return the definition in the language of ROS 2 (`ros2msg`), with ROS 2's header."""
     parts: list[str] = []
     drops_sequence = has_ros1_header(definition)
-    for name in message_names(definition):
+    for name in message_names_by_first_use(definition):
         lines = [f"{each.type} {each.name}={each.value}" for each in definition.constants.get(name, ())]
         fields = definition.fields[name][1 if drops_sequence and name == HEADER_TYPE else 0 :]
-        lines += [f"{field.type}{_array_suffix(field)} {field.name}" for field in fields]
+        lines += [f"{field.type}{_array_brackets_of_field(field)} {field.name}" for field in fields]
         head = f"{RULE}\nMSG: {name}\n" if parts else ""
         parts.append(head + "".join(f"{line}\n" for line in lines))
     return "".join(parts)

@@ -21,7 +21,7 @@ from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.open_index import index_every_record
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.write.message_merge import MessageMerge, feed_from_columns
-from cwcli.logs.write.profile import profile_that_channels_keep
+from cwcli.logs.write.profile import profile_kept_by_channels_or_empty
 from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.source_copy import SourceCopy
 from cwcli.output import AtomicGroup, make_folder, open_output
@@ -138,7 +138,7 @@ def annotate_log(
     )
     chosen = options.chosen_topics
     new = _assign_channel_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
-    kept = profile_that_channels_keep(
+    kept = profile_kept_by_channels_or_empty(
         index.profile if options.profile is None else options.profile,
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
         index.schemas | {each.schema.id: each.schema for each in new},
@@ -211,7 +211,7 @@ def annotate_parts(
     records = {name for index in indexes for name in index.metadata.names}
     _raise_for_existing_names(sorted(set(metadata) & records), "metadata record", source.name, replace)
     new = _assign_channel_ids(
-        _index_with_largest_ids(indexes),
+        _placeholder_index_with_largest_ids(indexes),
         [each for each in channels if chosen_topics is None or each.topic in chosen_topics],
         {},
     )
@@ -225,7 +225,7 @@ def annotate_parts(
         replaced = frozenset(each.id for each in index.channels.values() if each.topic in topics)
         kept = (each for each in index.channels.values() if each.id not in replaced)
         schemas = index.schemas | {each.schema.id: each.schema for each in new}
-        profile = profile_that_channels_keep(index.profile, [*kept, *(each.channel for each in new)], schemas)
+        profile = profile_kept_by_channels_or_empty(index.profile, [*kept, *(each.channel for each in new)], schemas)
         copy = SourceCopy(part, index, Faults(), recover=source.recover)
         with open_output(target, force=force, inputs=file.disk_files, together=together) as output:
             writer = RecordWriter(output)
@@ -353,7 +353,7 @@ def _assign_channel_ids(
     return new
 
 
-def _index_with_largest_ids(indexes: list[LogIndex]) -> LogIndex:
+def _placeholder_index_with_largest_ids(indexes: list[LogIndex]) -> LogIndex:
     """Return an index whose ids are as large as any part's, so that new ids clash with none."""
     schema_id = max((each for index in indexes for each in index.schemas), default=0)
     channel_id = max((each for index in indexes for each in index.channels), default=0)

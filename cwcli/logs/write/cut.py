@@ -25,10 +25,10 @@ from cwcli.logs.format.metadata_table import MetadataRun
 from cwcli.logs.format.records import AttachmentIndex, ChunkIndex
 from cwcli.logs.read.message_reader import MIN_MESSAGE_BYTES, MessageBatch, MessageReader, find_message_index_entries
 from cwcli.logs.write.latched import find_latched_messages, latched_channel_ids
-from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES, ChunkPayload
-from cwcli.logs.write.profile import profile_that_channels_keep
+from cwcli.logs.write.message_merge import BYTES_OF_FULL_NEW_CHUNK, ChunkPayload
+from cwcli.logs.write.profile import profile_kept_by_channels_or_empty
 from cwcli.logs.write.record_writer import RecordWriter
-from cwcli.logs.write.source_copy import message_index_entries
+from cwcli.logs.write.source_copy import message_index_entries_by_channel
 from cwcli.output import open_output
 
 if TYPE_CHECKING:
@@ -136,14 +136,16 @@ class _Cutter:
         """
         index = self._index
         channels = [index.channels[each] for each in sorted(self._wanted_ids)]
-        self._writer.write_header(profile_that_channels_keep(index.profile, channels, index.schemas), index.library)
+        self._writer.write_header(
+            profile_kept_by_channels_or_empty(index.profile, channels, index.schemas), index.library
+        )
         self._write_latched_messages()
         for item in index.items:
             self._write_wanted_part_of_item(item)
         if not self._counts:
             hint = "the message times are in `cwcli info`"
             raise UsageError("no message of the chosen topics lies in the span", where=self._source.name, hint=hint)
-        self._writer.write_metadata(CUT_RECORD_NAME, self._describe_cut())
+        self._writer.write_metadata(CUT_RECORD_NAME, self._cut_record_entries())
         self._writer.write_summary_and_footer()
 
     def build_report(self, target: str, n_bytes: int) -> CutReport:
@@ -167,7 +169,7 @@ class _Cutter:
             by_topic[topic] = by_topic.get(topic, 0) + n
         return dict(sorted(by_topic.items()))
 
-    def _describe_cut(self) -> dict[str, str]:
+    def _cut_record_entries(self) -> dict[str, str]:
         """Return the entries of the record `cwcli.cut`."""
         span = self._span
         return {
@@ -257,7 +259,7 @@ class _Cutter:
             or (chunk.index_offsets and not chunk.index_offsets.keys() <= self._wanted_ids)
         ):
             return False
-        entries = message_index_entries(payload)
+        entries = message_index_entries_by_channel(payload)
         times = [each["log_time"] for each in entries.values()]
         if not entries or not entries.keys() <= self._wanted_ids:
             return False
@@ -277,14 +279,14 @@ class _Cutter:
         return True
 
     def _write_batches(self, batches: Iterable[MessageBatch], *, is_compressed: bool) -> None:
-        """Write the messages of the span among some, in chunks of about `NEW_CHUNK_BYTES`."""
+        """Write the messages of the span among some, in chunks of about `BYTES_OF_FULL_NEW_CHUNK`."""
         waiting: list[memoryview] = []
         n_bytes = 0
         for batch in batches:
             for piece in iter_records_of_span(batch, self._span.first_ns, self._span.last_ns):
                 waiting.append(piece)
                 n_bytes += len(piece)
-            if n_bytes >= NEW_CHUNK_BYTES:
+            if n_bytes >= BYTES_OF_FULL_NEW_CHUNK:
                 self._write_chunk_and_count_messages(waiting, is_compressed=is_compressed)
                 waiting, n_bytes = [], 0
         if waiting:
@@ -298,7 +300,7 @@ class _Cutter:
     def _write_records(self, pieces: Collection[memoryview], *, is_compressed: bool) -> dict[int, npt.NDArray[np.void]]:
         """Write message records as a chunk; return its index entries by channel."""
         records = memoryview(b"".join(pieces))
-        entries = message_index_entries(records)
+        entries = message_index_entries_by_channel(records)
         times = np.concatenate([each["log_time"] for each in entries.values()])
         payload = ChunkPayload(np.frombuffer(records, np.uint8), int(times.min()), int(times.max()), entries)
         self._write_missing_definitions_of_channels(entries)

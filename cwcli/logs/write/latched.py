@@ -20,7 +20,7 @@ TRANSIENT_LOCAL = re.compile(r"durability:\s*(?:1\b|transient_local)", re.IGNORE
 """Pattern of a quality of service whose messages are latched, in either spelling of rosbag2."""
 STATIC_TRANSFORMS_NAME = "tf_static"
 """Last part of the topic of static transforms (ROS REP 105); it has many publishers, of which each one latches."""
-MAX_EARLIER_MESSAGES = 1000
+MAX_LATCHED_MESSAGES_PER_CHANNEL = 1000
 """Greatest number of earlier messages that are kept of a channel. Chosen by hand: more are no static transforms."""
 
 
@@ -61,7 +61,7 @@ def find_latched_messages(
                 start, end = int(batch.payloads.starts[row]), int(batch.payloads.ends[row])
                 key = bytes(data[start:end]) if is_static else b""
                 known = in_force.get(key)
-                if known is None and len(in_force) >= MAX_EARLIER_MESSAGES:
+                if known is None and len(in_force) >= MAX_LATCHED_MESSAGES_PER_CHANNEL:
                     continue
                 if known is None or known[0] <= int(log_time_ns[row]):
                     record = memoryview(bytes(data[start - MIN_MESSAGE_BYTES : end]))

@@ -32,7 +32,7 @@ MESSAGE_RECORD_DTYPE = np.dtype(
 INDEX_ENTRY_DTYPE = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
 """An entry of a message index: log time in ns, and offset in the chunk (MCAP specification)."""
 
-NEW_CHUNK_BYTES = 1 << 20
+BYTES_OF_FULL_NEW_CHUNK = 1 << 20
 """The size in bytes at which a new chunk is full, in copies the expected one. Chosen by hand."""
 ENCODE_BLOCK_BYTES = 4 << 20
 """Bytes of messages that are encoded at a time. Chosen by hand."""
@@ -43,7 +43,7 @@ N_PROBE_ROWS_OF_STREAM = 2
 row may be an image."""
 MAX_ROWS_ENCODED_AT_ONCE = 512
 """The number of rows up to which a channel is encoded as a whole at once. Chosen by hand."""
-MAX_LOOK_AHEAD_MESSAGES = 1 << 16
+MAX_MESSAGES_OF_NEW_CHUNK = 1 << 16
 """The greatest number of messages in a new chunk. Chosen by hand."""
 
 
@@ -99,7 +99,7 @@ class MessageFeed:
             self._block_start, self._block = start, self.encode(start, min(start + ahead, len(self)))
         return slice(start, stop), self._block.slice_rows(start - self._block_start, stop - self._block_start)
 
-    def iter_messages(self, position: int) -> Iterator[tuple[int, int, int, int, bytes]]:
+    def iter_mergeable_messages(self, position: int) -> Iterator[tuple[int, int, int, int, bytes]]:
         """Yield log time in ns, the given number, publish time in ns, sequence number and bytes of each message.
 
         Args:
@@ -212,11 +212,11 @@ class MessageMerge:
             stop = int(np.searchsorted(self.log_time_ns, time_ns, side="right"))
         mean_sizes = np.array([feed.mean_message_bytes() for feed in self._feeds])
         while self._position < stop:
-            ahead = self._feed_of[self._position : min(stop, self._position + MAX_LOOK_AHEAD_MESSAGES)]
+            ahead = self._feed_of[self._position : min(stop, self._position + MAX_MESSAGES_OF_NEW_CHUNK)]
             expected_bytes = np.cumsum(mean_sizes[ahead])
             if expected_bytes[-1] < min_waiting_bytes:
                 return
-            n = max(int(np.searchsorted(expected_bytes, NEW_CHUNK_BYTES, side="right")), 1)
+            n = max(int(np.searchsorted(expected_bytes, BYTES_OF_FULL_NEW_CHUNK, side="right")), 1)
             yield self._build_next_payload(ahead[:n])
             min_waiting_bytes = 0
 

@@ -19,7 +19,7 @@ def matches_ros_profile(profile: str, message_encoding: str, schema_encoding: st
     return message_encoding == expected and schema_encoding in ("", *schema_encodings)
 
 
-def profile_that_channels_keep(profile: str, channels: Iterable[Channel], schemas: Mapping[int, Schema]) -> str:
+def profile_kept_by_channels_or_empty(profile: str, channels: Iterable[Channel], schemas: Mapping[int, Schema]) -> str:
     """Return the profile, or "" if it is a ROS profile and a channel does not conform, on which other tools fail."""
     if profile not in ROS_ENCODINGS:
         return profile

@@ -14,8 +14,8 @@ from cwcli.kernels.message_scan import DAMAGED
 from cwcli.logs.format.chunks import (
     ChunkError,
     decompress_chunk,
-    decompress_cut_chunk,
-    iter_record_bounds,
+    decompress_cut_chunk_up_to_error,
+    iter_opcodes_and_record_bounds,
     stored_chunk_bytes,
     trim_to_whole_records,
 )
@@ -89,7 +89,7 @@ class SourceCopy:
                 yield item
             elif self._recover or not item.index_offsets or not self._index.has_complete_summary:
                 try:
-                    yield self._verify_chunk_and_count(item)
+                    yield self._count_messages_and_mark_wrong_indexes(item)
                 except (ChunkError, RecordError) as error:
                     if not self._recover:
                         raise damaged_file_error(self._source, item.chunk_start, error) from error
@@ -104,9 +104,9 @@ class SourceCopy:
         else:
             yield item
 
-    def _verify_chunk_and_count(self, chunk: ChunkIndex) -> ChunkIndex:
+    def _count_messages_and_mark_wrong_indexes(self, chunk: ChunkIndex) -> ChunkIndex:
         """Return the chunk with its true message counts, and mark it for new indexes if header or indexes are wrong."""
-        entries = message_index_entries(self._decompress_with_log_ids(chunk))
+        entries = message_index_entries_by_channel(self._decompress_with_log_ids(chunk))
         times = np.concatenate([np.zeros(0, "<u8"), *(each["log_time"] for each in entries.values())])
         fits = not len(times) or (int(times.min()), int(times.max())) == (chunk.start_ns, chunk.end_ns)
         if chunk.index_offsets:
@@ -201,7 +201,7 @@ class SourceCopy:
         """Copy a chunk, rebuilt if needed; return its last log time in ns."""
         if chunk.chunk_start in self._index.cut_chunks:
             try:
-                records = trim_to_whole_records(decompress_cut_chunk(self._source, chunk))
+                records = trim_to_whole_records(decompress_cut_chunk_up_to_error(self._source, chunk))
                 records = self._index.records_with_log_ids(chunk.chunk_start, records)
             except ChunkError:
                 self._faults.chunks_lost += 1
@@ -229,11 +229,11 @@ class SourceCopy:
             if is_changed:
                 is_renumbered = self._index.renumbering_at(chunk.chunk_start) is not None
                 records = remove_channels_from_records(records, self._replaced_ids, definitions=not is_renumbered)
-            entries = message_index_entries(records)
+            entries = message_index_entries_by_channel(records)
         except (ChunkError, RecordError) as error:
             raise damaged_file_error(self._source, chunk.chunk_start, error) from error
         if not entries:
-            for opcode, start, end in iter_record_bounds(records):
+            for opcode, start, end in iter_opcodes_and_record_bounds(records):
                 if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     writer.write_raw_record(records[start:end])
             return None
@@ -244,12 +244,12 @@ class SourceCopy:
         self, writer: RecordWriter, records: memoryview, *, compress: bool
     ) -> int | None:
         """Write records that have no intact chunk as a new chunk; return the last log time in ns."""
-        entries = message_index_entries(records)
+        entries = message_index_entries_by_channel(records)
         if not self._replaced_ids.isdisjoint(entries) or (self._index.renumberings and entries):
             records = remove_channels_from_records(
                 records, self._replaced_ids, definitions=not self._index.renumberings
             )
-            entries = message_index_entries(records)
+            entries = message_index_entries_by_channel(records)
         if not entries:
             return None
         return self._write_indexed_chunk_and_get_last_log_time(
@@ -271,7 +271,7 @@ class SourceCopy:
         return min(payload.end_ns, MAX_INT64_TIME_NS)
 
 
-def message_index_entries(records: memoryview) -> Entries:
+def message_index_entries_by_channel(records: memoryview) -> Entries:
     """Return the index entries of the messages among some records, by channel in order of first occurrence.
 
     Raises:
@@ -306,7 +306,7 @@ def remove_channels_from_records(
         RecordError: A record reaches beyond the given bytes, or is too short for a channel id.
     """
     kept = bytearray()
-    for opcode, start, end in iter_record_bounds(records):
+    for opcode, start, end in iter_opcodes_and_record_bounds(records):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and not definitions:
             continue
         if opcode in (Opcode.MESSAGE, Opcode.CHANNEL):

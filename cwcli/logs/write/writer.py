@@ -15,7 +15,7 @@ from mcap.writer import Writer
 from cwcli.logs.encoders.byte_rows import ByteRows, join_rows
 from cwcli.logs.encoders.output_schema import find_output_schema
 from cwcli.logs.write.message_merge import (
-    NEW_CHUNK_BYTES,
+    BYTES_OF_FULL_NEW_CHUNK,
     MessageFeed,
     feed_from_columns,
     feed_from_encoded_messages,
@@ -56,7 +56,7 @@ class LogWriter:
             output = target
         else:
             output = self._open.enter_context(open_output(target, force=force))
-        self._writer = Writer(cast("IO[bytes]", output), chunk_size=NEW_CHUNK_BYTES)
+        self._writer = Writer(cast("IO[bytes]", output), chunk_size=BYTES_OF_FULL_NEW_CHUNK)
         self._writer.start(escape_surrogates(profile), LIBRARY_NAME)
 
     def __enter__(self) -> Self:
@@ -135,7 +135,7 @@ class LogWriter:
             OutputError: The target can't be written.
         """
         with self._open:
-            feeds = [feed.iter_messages(position) for position, feed in enumerate(self._feeds)]
+            feeds = [feed.iter_mergeable_messages(position) for position, feed in enumerate(self._feeds)]
             for log_time_ns, position, publish_time_ns, sequence, data in merge(*feeds):
                 channel_id = self._feeds[position].channel_id
                 self._writer.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence)

@@ -11,7 +11,7 @@ from mcap.writer import Writer
 from cwcli.errors import InputError, UsageError
 from cwcli.logs.format.chunks import decompress_chunk
 from cwcli.logs.read.reader import Log
-from cwcli.logs.read.topic_patterns import topics_of_patterns
+from cwcli.logs.read.topic_patterns import topics_matching_patterns
 from cwcli.logs.write.cut import CutReport, CutSpan, cut_log
 from tests.unit.logs_write.builders import MILLISECOND, T0_NS, Content, read_content, write_log
 from tests.unit.logs_write.test_annotate import SOURCES, chunk_bytes
@@ -199,10 +199,10 @@ def test_damaged_chunk_at_the_edge_is_an_error_and_recover_leaves_it_out(tmp_pat
 
 def test_names_of_topics() -> None:
     known = ("/gps/fix", "/gps/heading", "/imu", "/odd[1]")
-    assert topics_of_patterns("/gps/*, /imu", known, "log") == {"/gps/fix", "/gps/heading", "/imu"}
-    assert topics_of_patterns("/odd[1]", known, "log") == {"/odd[1]"}
+    assert topics_matching_patterns("/gps/*, /imu", known, "log") == {"/gps/fix", "/gps/heading", "/imu"}
+    assert topics_matching_patterns("/odd[1]", known, "log") == {"/odd[1]"}
     with pytest.raises(UsageError) as caught:
-        topics_of_patterns("/gps/fox", known, "log")
+        topics_matching_patterns("/gps/fox", known, "log")
     assert "did you mean /gps/fix" in caught.value.hint
     with pytest.raises(UsageError, match="empty name"):
-        topics_of_patterns("/imu,,", known, "log")
+        topics_matching_patterns("/imu,,", known, "log")

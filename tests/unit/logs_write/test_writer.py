@@ -16,7 +16,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import cwcli
 from cwcli.errors import OutputError
-from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES
+from cwcli.logs.write.message_merge import BYTES_OF_FULL_NEW_CHUNK
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import OutputChannel, Ragged
 from tests.unit.logs_write.builders import T0_NS, read_content, state_channel
@@ -89,7 +89,7 @@ def test_chunks_are_of_moderate_size_and_in_order(tmp_path: Path) -> None:
     chunks = summary.chunk_indexes
     assert len(chunks) > 2
     longest = 1000  # bytes of a message: the official library closes a chunk behind the message that fills it
-    assert max(chunk.uncompressed_size for chunk in chunks) <= NEW_CHUNK_BYTES + longest
+    assert max(chunk.uncompressed_size for chunk in chunks) <= BYTES_OF_FULL_NEW_CHUNK + longest
     starts = [chunk.message_start_time for chunk in chunks]
     assert starts == sorted(starts)
     assert {chunk.compression for chunk in chunks} == {"zstd"}
@@ -116,12 +116,12 @@ def test_a_large_message_and_ragged_columns(tmp_path: Path) -> None:
     times = T0_NS + np.arange(200, dtype=np.int64)
     with LogWriter(tmp_path / "a.mcap") as log:
         log.write_columns(OutputChannel("/cwcli/ego/path", "cwcli.v1.PredictedPath", times, {"x_m": path_x_m}))
-        log.write_messages(log.add_channel("/blob", "x"), times[:1], [bytes(3 * NEW_CHUNK_BYTES)])
+        log.write_messages(log.add_channel("/blob", "x"), times[:1], [bytes(3 * BYTES_OF_FULL_NEW_CHUNK)])
     with (tmp_path / "a.mcap").open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         found = [list(row.decoded_message.x_m) for row in reader.iter_decoded_messages("/cwcli/ego/path")]
     assert found == [path_x_m.values[a:b].tolist() for a, b in pairwise(offsets)]
-    assert len(read_content(tmp_path / "a.mcap").messages["/blob"][0][4]) == 3 * NEW_CHUNK_BYTES
+    assert len(read_content(tmp_path / "a.mcap").messages["/blob"][0][4]) == 3 * BYTES_OF_FULL_NEW_CHUNK
 
 
 def test_empty_log(tmp_path: Path) -> None:
