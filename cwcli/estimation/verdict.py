@@ -124,9 +124,11 @@ def _exception_for_unseen_drift_text(track: TrackSummary, nees: Sequence[NeesOfQ
         )
         if not kinds & measuring_kinds
     ]
+    if track.span_s < MIN_LOG_SPAN_S:
+        unseen = f"a slow drift, another scale or wrong axes of {positions.pop()}"
+        return f"; in {track.span_s:.0f} s {unseen} may not show"
     if not missing:
-        is_short = track.span_s < MIN_LOG_SPAN_S
-        return f"; in {track.span_s:.0f} s a slow drift of {positions.pop()} would not show" if is_short else ""
+        return ""
     unseen = f"a slow drift or another scale of {positions.pop()}"
     return f"; {unseen} would not show, because no {' and no '.join(missing)} is measured"
 
