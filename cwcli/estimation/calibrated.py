@@ -161,7 +161,7 @@ def prior_means_and_variances_from_calibration(
     return mean, prior
 
 
-def fuse_latencies_with_calibration(
+def fuse_latencies_with_calibration_and_note(
     series: Sequence[SensorSeries], latencies_of_log: Sequence[Latency], calibration: Calibration, *, causal: bool
 ) -> tuple[list[Latency], list[str]]:
     """Combine the latencies of log and calibration, on the calibration's clock; returns them and notes.

@@ -14,7 +14,7 @@ from cwcli.estimation.lever_arms import set_given_lever_arms
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, run_filter_pass
-from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements_and_note, earliest_stamp_ns
 from cwcli.estimation.score import GATE_PROBABILITY, is_prediction_clearly_better, row_log_likelihoods
 from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt
 from cwcli.estimation.start import find_start_with_parameter_states
@@ -56,11 +56,11 @@ def notes_on_worse_prediction_with_calibration(
     calibration = config.calibration
     assert calibration is not None
     own_config = replace(config, calibration=None, causal=False, blind=False)
-    own = _predict_log(
+    own = _tune_and_predict_log(
         _empty_series_unknown_to_calibration(_prepare_series(measurements, config, None), calibration), own_config
     )
     of_car = apply_calibrated_noise_and_empty_unknown(_prepare_series(measurements, config, calibration), calibration)
-    calibrated = _predict_log(of_car, replace(config, causal=True, blind=True))
+    calibrated = _tune_and_predict_log(of_car, replace(config, causal=True, blind=True))
     gains = _row_log_likelihood_gains_by_source(own, calibrated)
     worse = [
         (source, kind)
@@ -83,7 +83,7 @@ def _prepare_series(
     measurements: Sequence[Measurements], config: EstimatorConfig, calibration: Calibration | None
 ) -> list[PreparedSeries]:
     mountings = {} if calibration is None else calibrated_imu_mountings(calibration)
-    prepared, _ = clean_and_sort_measurements(
+    prepared, _ = clean_and_sort_measurements_and_note(
         correct_and_list_imu_units_and_tilt(measurements)[0], earliest_stamp_ns(measurements), mountings
     )
     return set_given_lever_arms(prepared, config.lever_arms)
@@ -97,7 +97,7 @@ def _empty_series_unknown_to_calibration(
     return [own if len(known.series) else known for own, known in zip(prepared, kept, strict=True)]
 
 
-def _predict_log(prepared: Sequence[PreparedSeries], config: EstimatorConfig) -> _PredictedLog:
+def _tune_and_predict_log(prepared: Sequence[PreparedSeries], config: EstimatorConfig) -> _PredictedLog:
     tuned = tune_latencies_and_noise(prepared, config, MotionParameters())
     series = [replace(s, gate_nis=nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row)) for s in tuned.series]
     start = find_start_with_parameter_states(series, tuned.prior, causal=True)

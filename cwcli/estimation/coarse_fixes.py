@@ -13,7 +13,7 @@ import numpy as np
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
-from cwcli.estimation.repeated_rows import quantisation_step_of_changes
+from cwcli.estimation.repeated_rows import quantisation_step_or_zero_or_infinity
 from cwcli.signals.columns import EastNorthRows, StateCovariance
 from cwcli.signals.vehicle_state import X, Y
 
@@ -23,28 +23,28 @@ receivers send. Chosen by hand."""
 MIN_SCATTER_IN_STEPS = 0.15
 """Least scatter of rounded fixes about their neighbours, in steps: rounding alone makes 0.29 (the square root of 1/12).
 Fixes of a car that drives on evenly are whole multiples of a step by chance, and do not scatter. Chosen as half."""
-UNSEEN_STEP_M = 7.4
+STEP_OF_UNCHANGING_AXIS_M = 7.4
 """Step of an axis on which all fixes are equal although those on the other axis scatter, m: a ten thousandth of a
 degree of longitude at 48 degrees north, the coarsest in which receivers send."""
 MIN_UNCHANGED_ROWS = 20
 """Least number of equal neighbours of such an axis. Chosen by hand; not fitted."""
-MIN_NOISE_M = 0.05
+MIN_NOISE_ON_OTHER_AXIS_M = 0.05
 """Least noise on the other axis, m: the least of a position in `QUANTITIES`. Fixes of a simulator have less."""
 VARIANCE_IN_SQUARED_STEPS = 1.0 / 12.0 + 1.0 / 8.0
 """Variance of the error in squared steps: uniform in one step, and half a step to one side if the value is cut, which
 has the prior probability 1/2."""
 
 
-def find_coarse_steps_m(fixes_m: EastNorthRows) -> tuple[float, float]:
+def find_coarse_east_north_steps_m(fixes_m: EastNorthRows) -> tuple[float, float]:
     """Return the step of fixes (n, 2) on each axis, m; 0 where they are not coarse."""
     steps = [0.0, 0.0]
     for k in (0, 1):
         change = np.diff(fixes_m[:, k])
         if len(change) >= MIN_UNCHANGED_ROWS and not change.any():
             noise_m = MEDIAN_ABSOLUTE_TO_SIGMA * float(np.median(np.abs(np.diff(fixes_m[:, 1 - k], 2)))) / 6.0**0.5
-            steps[k] = UNSEEN_STEP_M if noise_m > MIN_NOISE_M else 0.0
+            steps[k] = STEP_OF_UNCHANGING_AXIS_M if noise_m > MIN_NOISE_ON_OTHER_AXIS_M else 0.0
             continue
-        step_m = quantisation_step_of_changes(np.abs(change), MIN_COARSE_STEP_M)
+        step_m = quantisation_step_or_zero_or_infinity(np.abs(change), MIN_COARSE_STEP_M)
         if np.isfinite(step_m) and step_m >= MIN_COARSE_STEP_M:
             bend = np.diff(change)[(change[1:] != 0.0) | (change[:-1] != 0.0)]
             scatter_m = float(np.sqrt(np.square(bend).mean() / 6.0))

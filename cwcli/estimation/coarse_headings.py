@@ -11,7 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.repeated_rows import quantisation_step_of_changes
+from cwcli.estimation.repeated_rows import quantisation_step_or_zero_or_infinity
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
@@ -50,7 +50,7 @@ def find_coarse_headings(time_s: FloatArray, heading_rad: FloatArray) -> CoarseH
     """Return the changes of headings (n,) at times (n,) that are rounded to coarse steps; None where they are fine."""
     change_rad = np.diff(heading_rad)
     change_rad = (change_rad + math.pi) % (2.0 * math.pi) - math.pi
-    step_rad = quantisation_step_of_changes(np.abs(change_rad), MAX_UNCHANGED_RAD)
+    step_rad = quantisation_step_or_zero_or_infinity(np.abs(change_rad), MAX_UNCHANGED_RAD)
     if not math.isfinite(step_rad) or step_rad < MIN_COARSE_STEP_RAD:
         return None
     duration_s = np.diff(time_s)

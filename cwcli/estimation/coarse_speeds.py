@@ -12,7 +12,7 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.prepare import PreparedSeries
-from cwcli.estimation.repeated_rows import quantisation_step_of_changes
+from cwcli.estimation.repeated_rows import quantisation_step_or_zero_or_infinity
 from cwcli.lazy_dataclass import replace
 
 MIN_COARSE_STEP_MPS = 0.6
@@ -23,7 +23,7 @@ MAX_UNCHANGED_MPS = 1e-3
 MAX_CHANGE_DURATION_S = 1.0
 """Longest time between the two rows of a change, s. Chosen as for headings."""
 
-CREEP_S = 2.0
+CREEP_TIME_BESIDE_STANDSTILL_S = 2.0
 """Time before and after a standstill in which the rounded speed is zero and the car may move, s. Chosen by hand: it
 passes half a step in it."""
 MIN_NOISE_IN_STEPS = 0.1
@@ -39,7 +39,7 @@ def select_changes_of_coarse_speeds_and_note(
     for p in prepared:
         s = p.series
         change = np.diff(s.values[:, 0]) if s.kind is Kind.SPEED and not s.is_exact else np.zeros(0)
-        step_mps = quantisation_step_of_changes(np.abs(change), MAX_UNCHANGED_MPS) if len(change) else 0.0
+        step_mps = quantisation_step_or_zero_or_infinity(np.abs(change), MAX_UNCHANGED_MPS) if len(change) else 0.0
         if not MIN_COARSE_STEP_MPS <= step_mps < np.inf:
             found.append(p)
             continue
@@ -50,7 +50,9 @@ def select_changes_of_coarse_speeds_and_note(
         values[rows, 0] -= 0.5 * change[rows - 1]
         time_s[rows] = 0.5 * (s.time_s[rows] + s.time_s[rows - 1])
         moving_s = s.time_s[np.abs(s.values[:, 0]) > MAX_UNCHANGED_MPS]
-        near = np.searchsorted(moving_s, s.time_s - CREEP_S) < np.searchsorted(moving_s, s.time_s + CREEP_S)
+        near = np.searchsorted(moving_s, s.time_s - CREEP_TIME_BESIDE_STANDSTILL_S) < np.searchsorted(
+            moving_s, s.time_s + CREEP_TIME_BESIDE_STANDSTILL_S
+        )
         is_used = ~near
         is_used[rows] = True
         floor = max(s.floor, MIN_NOISE_IN_STEPS * step_mps)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cwcli.errors import UsageError, hint_at_known_names
 from cwcli.estimation.calibration import Calibration
-from cwcli.estimation.stated_noise import Sigmas, parse_sigma_options, parse_values_by_name
+from cwcli.estimation.stated_noise import SigmasByRoleOrTopic, parse_sigmas_by_role_or_topic, parse_values_by_name
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.text import parse_float_or_nan
@@ -162,7 +162,7 @@ class EstimatorConfig:
         ),
     ] = field(default_factory=dict)
     sigmas: Annotated[
-        Sigmas,
+        SigmasByRoleOrTopic,
         Option(
             "--sigma",
             "Noise (1 sigma) of a sensor whose messages state none, in m, m/s or rad, or in degrees with deg, by "
@@ -170,7 +170,7 @@ class EstimatorConfig:
             "from the log. Repeatable.",
             metavar="NAME=VALUE",
             kind=list[str],
-            parse=parse_sigma_options,
+            parse=parse_sigmas_by_role_or_topic,
         ),
     ] = field(default_factory=dict)
     gate_probability: Annotated[

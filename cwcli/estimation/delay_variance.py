@@ -48,7 +48,7 @@ class DelaySigmas:
     heading: float = 0.0
     clock: float = 0.0
 
-    def at_least(self, other: DelaySigmas) -> DelaySigmas:
+    def larger_of_each(self, other: DelaySigmas) -> DelaySigmas:
         """Return the larger sigma of each quantity."""
         return DelaySigmas(
             max(self.position, other.position),
@@ -79,7 +79,7 @@ def unknown_delay_sigma_s(latency: Latency) -> float:
     return math.hypot(share * found_s, math.sqrt(share) * sigma_s)
 
 
-def early_correction_s(s: SensorSeries, latency: Latency) -> float:
+def unphysical_lead_of_fixes_s(s: SensorSeries, latency: Latency) -> float:
     """Return how early the fixes of an unknown place on the car were taken for, s; else 0.
 
     No receiver sends a fix before it is measured. At an even speed fixes that seem early are those of an antenna ahead
@@ -97,7 +97,7 @@ def delay_sigmas_of_best_known_sources(
     for state, kinds in QUANTITIES_BY_STATE.items():
         of_kind = [
             [
-                math.hypot(unknown_delay_sigma_s(latency), early_correction_s(s, latency))
+                math.hypot(unknown_delay_sigma_s(latency), unphysical_lead_of_fixes_s(s, latency))
                 for s, latency in zip(series, latencies, strict=True)
                 if s.kind is kind and len(s) and not s.is_exact
             ]
@@ -117,7 +117,10 @@ def delay_sigmas_s(series: Sequence[SensorSeries], latencies: Sequence[Latency],
     least_s = {Kind.POSITION: least.position, Kind.SPEED: least.speed, Kind.HEADING: least.heading}
     return np.array(
         [
-            max(math.hypot(unknown_delay_sigma_s(latency), early_correction_s(s, latency)), least_s.get(s.kind, 0.0))
+            max(
+                math.hypot(unknown_delay_sigma_s(latency), unphysical_lead_of_fixes_s(s, latency)),
+                least_s.get(s.kind, 0.0),
+            )
             if len(s) and not s.is_exact and latency.status is not LatencyStatus.REFERENCE
             else 0.0
             for s, latency in zip(series, latencies, strict=True)
@@ -146,7 +149,7 @@ def covariance_from_moved_stamps(
         causal: No later state may count.
     """
     grown = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
-    rate = np.abs(np.nan_to_num(_rates_of_change(state)))
+    rate = np.abs(np.nan_to_num(_state_changes_per_second(state)))
     rate[:, X] = rate[:, Y] = np.hypot(rate[:, X], rate[:, Y])
     rate = np.maximum.accumulate(rate) if causal else rate.max(axis=0, initial=0.0)
     for source in dict.fromkeys(s.source for s in series):
@@ -162,11 +165,11 @@ def covariance_from_moved_stamps(
 
 def covariance_from_clock(state: StateRows, sigma_s: float) -> StateCovariances:
     """Return the covariance (m, 8, 8) that a clock of all sources adds to states (m, 8), with one sigma of it, s."""
-    rate = _rates_of_change(state)
+    rate = _state_changes_per_second(state)
     return np.asarray(sigma_s**2 * rate[:, :, None] * rate[:, None, :])
 
 
-def _rates_of_change(state: StateRows) -> StateRows:
+def _state_changes_per_second(state: StateRows) -> StateRows:
     """Return the change of each state in a second, (m, 8); 0 of the highest derivatives."""
     speed, heading = state[:, SPEED], state[:, HEADING]
     rate = np.zeros((len(state), N_MOTION_STATES))

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import QUANTITIES, Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_column
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_values
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.result import SourceReport
@@ -27,7 +27,7 @@ MAX_AGREEING_RATIO = 1.5
 the greatest one."""
 ROUNDING_SIGMA_IN_STEPS = 12.0**-0.5
 """One sigma of the error of a rounded value, in steps: that of a uniform distribution."""
-MIN_LASTING_ERRORS: Mapping[Kind, float] = {
+MIN_LASTING_ERROR_BY_KIND: Mapping[Kind, float] = {
     Kind.POSITION: 1.5,
     Kind.VELOCITY: 0.7,
     Kind.SPEED: 0.7,
@@ -48,20 +48,22 @@ def noise_sigma_from_scatter_about_neighbours(s: SensorSeries) -> float:
         return math.nan
     x = np.unwrap(s.values[:, :1], axis=0) if s.kind is Kind.HEADING else s.values[:, : s.n_values_per_row]
     second_difference = x[2:] - 2.0 * x[1:-1] + x[:-2]
-    scatter = MEDIAN_ABSOLUTE_TO_SIGMA * median_of_finite_column(np.abs(second_difference).ravel()) / math.sqrt(6.0)
+    scatter = MEDIAN_ABSOLUTE_TO_SIGMA * median_of_finite_values(np.abs(second_difference).ravel()) / math.sqrt(6.0)
     return max(scatter, ROUNDING_SIGMA_IN_STEPS * max(s.coarse_steps_m))
 
 
-def is_noise_beyond_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
+def is_sigma_a_lasting_error(kind: Kind, sigma: float, scatter: float) -> bool:
     """Whether the noise that the estimator found is no noise of the source but an error that lasts."""
-    return kind in MIN_LASTING_ERRORS and sigma > max(MAX_NOISE_TO_SCATTER_RATIO * scatter, MIN_LASTING_ERRORS[kind])
+    return kind in MIN_LASTING_ERROR_BY_KIND and sigma > max(
+        MAX_NOISE_TO_SCATTER_RATIO * scatter, MIN_LASTING_ERROR_BY_KIND[kind]
+    )
 
 
-def is_noise_like_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
+def is_sigma_explained_by_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
     """Whether the noise is clearly that of the source alone: half of what would be an error that lasts, or less."""
-    if kind not in MIN_LASTING_ERRORS:
+    if kind not in MIN_LASTING_ERROR_BY_KIND:
         return True
-    return not sigma > max(MAX_AGREEING_RATIO * scatter, 0.5 * MIN_LASTING_ERRORS[kind])
+    return not sigma > max(MAX_AGREEING_RATIO * scatter, 0.5 * MIN_LASTING_ERROR_BY_KIND[kind])
 
 
 def covariance_from_lasting_errors(reports: Sequence[SourceReport]) -> StateCovariance:

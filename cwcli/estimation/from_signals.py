@@ -111,7 +111,7 @@ def drop_stretches_without_position_and_note(
     return near, notes
 
 
-def merge_remotes_placed_in_map(
+def merge_remotes_placed_in_map_and_note(
     signals: Sequence[Signal], position: Signal, local_map: LocalMap | None, *, is_stitched: bool = False
 ) -> tuple[RemoteSignal | None, tuple[str, ...]]:
     """Merge the signals of remote vehicles that can be placed in the ego's map; returns one signal and notes.
@@ -133,7 +133,7 @@ def merge_remotes_placed_in_map(
     merged = join_remote_signals(placed)
     if not is_stitched:
         return merged, notes
-    joined, told = _join_changed_ids(merged, local_map)
+    joined, told = _join_changed_ids_and_note(merged, local_map)
     return joined, (*notes, *told)
 
 
@@ -248,7 +248,9 @@ def ego_output_stamps_ns(measurements: Sequence[Measurements], rate_hz: float, m
     return grid_ns
 
 
-def _join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSignal, tuple[str, ...]]:
+def _join_changed_ids_and_note(
+    signal: RemoteSignal, local_map: LocalMap | None
+) -> tuple[RemoteSignal, tuple[str, ...]]:
     """Join the ids of vehicles that changed their id; returns the signal and notes."""
     found = join_changed_ids(signal, local_map)
     notes = []

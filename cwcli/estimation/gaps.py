@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import N_MOTION_STATES, FilterStart, SensorSeries
 from cwcli.estimation.start import MIN_DISPLACEMENT_M, find_filter_start
 
@@ -75,7 +75,7 @@ def _has_position_changed_between(series: Sequence[SensorSeries], begin_s: float
             time = s.time_s - s.latency_s
             first = min(int(np.searchsorted(time, end_s)), len(s) - 1)
             last = max(int(np.searchsorted(time, begin_s, side="right")) - 1, 0)
-            sigma = float(np.sqrt(max(median_of_finite_column(s.noise[:, 0]), median_of_finite_column(s.noise[:, 2]))))
+            sigma = float(np.sqrt(max(median_of_finite_values(s.noise[:, 0]), median_of_finite_values(s.noise[:, 2]))))
             if float(np.hypot(*(s.values[first] - s.values[last]))) > max(
                 MIN_DISPLACEMENT_M, MIN_MOVEMENT_SIGMAS * sigma
             ):

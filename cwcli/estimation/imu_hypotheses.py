@@ -21,13 +21,13 @@ from cwcli.estimation.hypotheses.imu import (
     signed_axis_rotations,
 )
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.source_hypotheses import (
-    COST_OF_A_FAULT,
+    LOG_LIKELIHOOD_COST_OF_SECOND_FAULT,
     MAX_UNIT_ERROR,
-    MIN_GAIN,
-    MIN_MARGIN,
+    MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS,
+    MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
     step_motions_and_edges_for_evidence,
 )
 from cwcli.estimation.step_evidence import (
@@ -170,7 +170,7 @@ def find_imu_unit_sign_or_axis_fault(
             + lateral[axes[1] * accel_sign, accel_unit]
             + gravity[axes[2] * accel_sign, accel_unit]
             - gravity[3, 0]
-            - COST_OF_A_FAULT
+            - LOG_LIKELIHOOD_COST_OF_SECOND_FAULT
             * ((axes != (1, 2, 3)) + (accel_sign < 0) + (gyro_sign < 0) + bool(accel_unit) + bool(gyro_unit)),
         )
         for axes, accel_sign, gyro_sign, accel_unit, gyro_unit in _iter_axes_signs_and_units(
@@ -179,11 +179,11 @@ def find_imu_unit_sign_or_axis_fault(
     ]  # fmt: skip
     best = max(faults, key=lambda each: each.total)
     hypothesis = best.to_hypothesis()
-    if hypothesis is None or best.total < MIN_GAIN:
+    if hypothesis is None or best.total < MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS:
         return None
     yaw_rival = max(each.total for each in faults if each.signed_yaw_axis_and_unit != best.signed_yaw_axis_and_unit)
     forward_rival = max(each.total for each in faults if not _has_same_forward_axis(each, best, accel_units))
-    if best.total - yaw_rival < MIN_MARGIN:
+    if best.total - yaw_rival < MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT:
         return None
     # A mirrored map makes both the turns and the lateral acceleration of a right IMU seem reversed.
     is_mirrored = best.signed_yaw_axis_and_unit == (-3, 0) and best.axes[1] * best.accel_sign == -2
@@ -192,7 +192,7 @@ def find_imu_unit_sign_or_axis_fault(
     return ImuFinding(
         hypothesis,
         best.total,
-        best.total - forward_rival >= MIN_MARGIN,
+        best.total - forward_rival >= MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
         changes_yaw_rate=best.signed_yaw_axis_and_unit != (3, 0),
     )
 
@@ -242,7 +242,7 @@ def _log_likelihood_gains_over_nominal_axis_and_unit(
                 difference = (difference + math.pi) % (2.0 * math.pi) - math.pi
             else:
                 known = difference[np.isfinite(difference)]
-                difference = difference - (median_of_finite_column(known) if len(known) else 0.0)
+                difference = difference - (median_of_finite_values(known) if len(known) else 0.0)
             found.append(StepResiduals(difference, floor))
         return found
 

@@ -9,22 +9,22 @@ import numpy as np
 
 from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
 from cwcli.estimation.step_motion import covered_step_mask, means_between_edges
 from cwcli.signals.columns import AccelGyroRows, FloatArray
 
-MIN_YAW_RAD = math.radians(6.0)
+MIN_CORRECTED_MOUNTING_YAW_RAD = math.radians(6.0)
 """Least angle that is corrected: less adds a tenth of the lateral acceleration to the forward one. Chosen by hand; not
 fitted."""
-MIN_STEPS = 10
+MIN_COMPARED_TIME_STEPS = 10
 """Least number of time steps with accelerations by both the IMU and the fixes. Chosen by hand; not fitted."""
-MIN_CORRELATION = 0.8
+MIN_CORRELATION_WITH_FIXES = 0.8
 """Least correlation of the turned accelerations with those of the fixes. Chosen by hand; not fitted."""
-N_SIGMAS = 4.0
+MIN_SIGMAS_OF_MOUNTING_YAW = 4.0
 """Least angle in its sigmas: one log without a fault in 16,000. Not fitted."""
-MIN_LATERAL_MPS2 = 0.5
+MIN_RMS_ACCELERATION_OF_FIXES_MPS2 = 0.5
 """Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows. Chosen
 by hand; not fitted."""
 
@@ -45,7 +45,7 @@ def find_imu_yaw_hypothesis_and_evidence(
         others: Series of fixes first, then of speeds and of the IMU's own yaw rate.
     """
     motions, edges_s = step_motions_and_edges_for_evidence(others)
-    if len(edges_s) < MIN_STEPS + 3 or len(time_s) < MIN_STEPS:
+    if len(edges_s) < MIN_COMPARED_TIME_STEPS + 3 or len(time_s) < MIN_COMPARED_TIME_STEPS:
         return None
     measured = np.column_stack([means_between_edges(time_s, column, edges_s) for column in values[:, :2].T])
     measured[~covered_step_mask(time_s, edges_s)] = np.nan
@@ -55,21 +55,23 @@ def find_imu_yaw_hypothesis_and_evidence(
     measured = measured[1:-1]
     rows = np.isfinite(measured).all(axis=1) & np.isfinite(reference).all(axis=1)
     n = int(rows.sum())
-    if n < MIN_STEPS:
+    if n < MIN_COMPARED_TIME_STEPS:
         return None
     f, r = (
-        column[rows] - [median_of_finite_column(column[rows, 0]), median_of_finite_column(column[rows, 1])]
+        column[rows] - [median_of_finite_values(column[rows, 0]), median_of_finite_values(column[rows, 1])]
         for column in (measured, reference)
     )
     power = float(np.square(f).sum()) * float(np.square(r).sum())
     dot, cross = float((f * r).sum()), float((f[:, 1] * r[:, 0] - f[:, 0] * r[:, 1]).sum())
-    if np.square(r).sum() < n * MIN_LATERAL_MPS2**2 or math.hypot(dot, cross) < MIN_CORRELATION * math.sqrt(power):
+    if np.square(r).sum() < n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2 or math.hypot(
+        dot, cross
+    ) < MIN_CORRELATION_WITH_FIXES * math.sqrt(power):
         return None
     yaw_rad = math.atan2(cross, dot)
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     rest = f @ np.array([[c, -s], [s, c]]) - r
     sigma_rad = math.sqrt(float(np.square(rest).sum()) / (2.0 * n) / float(np.square(r).sum()))
-    if abs(yaw_rad) < max(MIN_YAW_RAD, N_SIGMAS * sigma_rad):
+    if abs(yaw_rad) < max(MIN_CORRECTED_MOUNTING_YAW_RAD, MIN_SIGMAS_OF_MOUNTING_YAW * sigma_rad):
         return None
     matrix = np.eye(6)
     matrix[:2, :2] = matrix[3:5, 3:5] = ((c, s), (-s, c))

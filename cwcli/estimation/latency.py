@@ -18,7 +18,7 @@ from cwcli.signals.columns import FloatArray
 
 SIGNIFICANT_SIGMAS = 3.0
 """Least distance from zero, in sigmas, of a value that counts as significant. Chosen by hand; not fitted."""
-MAX_DRIFT_REACH_S = 150.0
+MAX_DRIFT_EXTRAPOLATION_S = 150.0
 """Time from the middle up to which a drift is extrapolated, s: half of the window of the search."""
 
 
@@ -97,9 +97,12 @@ class Latency:
     def drift_correction_s(self, time_s: FloatArray) -> FloatArray:
         """Return the correction (n,), s, relative to that in the middle, for stamps (n,), s since the epoch.
 
-        It is constant farther from the middle than `MAX_DRIFT_REACH_S`, beyond the window in which the line was found.
+        It is constant farther from the middle than `MAX_DRIFT_EXTRAPOLATION_S`, beyond the window in which the line was
+        found.
         """
-        return np.asarray(self.drift * np.clip(time_s - self.middle_s, -MAX_DRIFT_REACH_S, MAX_DRIFT_REACH_S))
+        return np.asarray(
+            self.drift * np.clip(time_s - self.middle_s, -MAX_DRIFT_EXTRAPOLATION_S, MAX_DRIFT_EXTRAPOLATION_S)
+        )
 
 
 def mark_latency_beyond_limits(latency: Latency) -> Latency:

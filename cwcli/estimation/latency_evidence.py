@@ -13,7 +13,7 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
-SCATTER_BLOCK_S = 10.0
+SCATTER_BLOCK_LENGTH_S = 10.0
 """Length of the blocks whose scatter gives the sigma, s. Chosen longer than a manoeuvre."""
 N_BLOCKS_OF_SHORT_LOG = 8
 """Number of blocks of a short log, which are then shorter. Chosen by hand; not fitted."""
@@ -86,14 +86,14 @@ class LatencyEvidence:
     def block_scatter_sigma_s(self) -> float:
         """A quarter of the 95 % interval, by the scatter of the slopes at the vertex over blocks.
 
-        The largest one of the scatters over blocks of `SCATTER_BLOCK_S` (of short logs: `N_BLOCKS_OF_SHORT_LOG`), over
-        blocks twice as long, because errors that last for longer than a block err alike in neighbours, and, where these
-        are still shorter than that, over as few as `MIN_SCATTER_BLOCKS`. Never less than `formal_sigma_s`: a small
-        scatter of a few blocks is luck.
+        The largest one of the scatters over blocks of `SCATTER_BLOCK_LENGTH_S` (of short logs:
+        `N_BLOCKS_OF_SHORT_LOG`), over blocks twice as long, because errors that last for longer than a block err alike
+        in neighbours, and, where these are still shorter than that, over as few as `MIN_SCATTER_BLOCKS`. Never less
+        than `formal_sigma_s`: a small scatter of a few blocks is luck.
         """
         if not np.isfinite(self.formal_sigma_s):
             return self.formal_sigma_s
-        n_whole = int((self.time_s[-1] - self.time_s[0]) / SCATTER_BLOCK_S)
+        n_whole = int((self.time_s[-1] - self.time_s[0]) / SCATTER_BLOCK_LENGTH_S)
         n_blocks = max(n_whole, N_BLOCKS_OF_SHORT_LOG)
         lengths = {n_blocks, n_blocks // 2, min(n_blocks // 2, max(n_whole, MIN_SCATTER_BLOCKS))}
         return max(self.formal_sigma_s, *(self._sigma_from_block_scatter_s(n) for n in sorted(lengths)))
@@ -116,11 +116,11 @@ class LatencyEvidence:
     def find_drift_rate_and_middle_s(self) -> tuple[float, float] | None:
         """How much the latency grows in a second, and the time about which it does; None where it may be constant.
 
-        A line is found in two blocks of `SCATTER_BLOCK_S` of four and judged in the others, and the other way round. It
-        must predict these better than a constant that was found like it, by `MIN_DRIFT_LIKELIHOOD_GAIN`.
+        A line is found in two blocks of `SCATTER_BLOCK_LENGTH_S` of four and judged in the others, and the other way
+        round. It must predict these better than a constant that was found like it, by `MIN_DRIFT_LIKELIHOOD_GAIN`.
         """
         span_s = float(self.time_s[-1] - self.time_s[0])
-        n_blocks = int(span_s / SCATTER_BLOCK_S)
+        n_blocks = int(span_s / SCATTER_BLOCK_LENGTH_S)
         if n_blocks < N_BLOCKS_OF_SHORT_LOG or not np.isfinite(self.formal_sigma_s):
             return None
         block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span_s)).astype(np.int64), n_blocks - 1)

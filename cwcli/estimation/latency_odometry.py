@@ -1,10 +1,10 @@
 """Delay of fixes against the way by wheel speed and yaw rate, where the IMU alone shows none.
 
-In windows of WINDOW_S the way D is integrated from the speed along the course by the yaw rate. The fixes then are
-z(t) = c + A D(t - tau) with a place c and a rotation and scale A of the window, which are free: no bias of the course,
-scale of the wheels or slow error of the fixes beyond the window takes part. What the delay adds, -tau A D'(t), shows
-where the velocity changes in the window. Each row gives a parabola in tau; the scatter over blocks of the log is its
-sigma (`latency_evidence`).
+In windows of ODOMETRY_WINDOW_LENGTH_S the way D is integrated from the speed along the course by the yaw rate. The
+fixes then are z(t) = c + A D(t - tau) with a place c and a rotation and scale A of the window, which are free: no bias
+of the course, scale of the wheels or slow error of the fixes beyond the window takes part. What the delay adds, -tau A
+D'(t), shows where the velocity changes in the window. Each row gives a parabola in tau; the scatter over blocks of the
+log is its sigma (`latency_evidence`).
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ import numpy.typing as npt
 from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.latency_evidence import LatencyEvidence
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_S
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
-WINDOW_S = 20.0
+ODOMETRY_WINDOW_LENGTH_S = 20.0
 """Length of a window, s. Chosen longer than a manoeuvre, and so short that a gyroscope's bias hardly bends the way."""
 MIN_WINDOWS, MIN_ROWS_PER_WINDOW = 6, 8
 """Least number of windows, and least number of fixes in one. Chosen by hand; not fitted."""
-MAX_PAUSE_S = 0.5
+MAX_ODOMETRY_ROW_GAP_S = 0.5
 """Greatest time between two rows of speed or yaw rate in a window, s. Chosen by hand; not fitted."""
-MAX_DELAY_S = 1.0
+MAX_SEARCHED_DELAY_S = 1.0
 """Greatest delay that is looked for, s. Chosen as that of a receiver that smooths over a second."""
-N_ITERATIONS = 5
+N_DELAY_ITERATIONS = 5
 """Number of steps towards the likeliest delay. Chosen: the way is nearly straight over a tenth of a second."""
 
 
@@ -113,7 +113,7 @@ def find_delay_against_odometry(
     if len(windows) < MIN_WINDOWS:
         return None
     way, delay_s = _integrate_way(speed, yaw_rate), 0.0
-    for _ in range(N_ITERATIONS):
+    for _ in range(N_DELAY_ITERATIONS):
         rows = [_residuals_and_delay_derivatives(time_s[w], place[w], way, delay_s) for w in windows]
         residual, push = np.concatenate([r for r, _ in rows]), np.concatenate([p for _, p in rows])
         bend = float((push.real**2 + push.imag**2).sum())
@@ -121,12 +121,12 @@ def find_delay_against_odometry(
             return None
         move_s = float((residual.real * push.real + residual.imag * push.imag).sum()) / bend
         delay_s += move_s
-        if not abs(delay_s) < MAX_DELAY_S:
+        if not abs(delay_s) < MAX_SEARCHED_DELAY_S:
             return None
         if abs(move_s) < 1e-3:
             break
     # The median of the squared distance of white noise is 1.386 times its variance on each axis.
-    variance = max(median_of_finite_column(residual.real**2 + residual.imag**2) / (2.0 * np.log(2.0)), 1e-8)
+    variance = max(median_of_finite_values(residual.real**2 + residual.imag**2) / (2.0 * np.log(2.0)), 1e-8)
     row_s = np.concatenate([time_s[w] for w in windows])
     level = 0.5 * (residual.real**2 + residual.imag**2) / variance
     slope = -(residual.real * push.real + residual.imag * push.imag) / variance
@@ -167,14 +167,17 @@ def _integrate_way(speed: SensorSeries, yaw_rate: SensorSeries) -> _Way:
 
 def _row_slices_of_usable_windows(time_s: FloatArray, *odometry_s: FloatArray) -> list[slice]:
     """Return the rows of each window with enough fixes and no pause of the odometry."""
-    first_s = max(float(time_s[0]), *(float(each[0]) for each in odometry_s)) + MAX_DELAY_S
-    last_s = min(float(time_s[-1]), *(float(each[-1]) for each in odometry_s)) - MAX_DELAY_S
-    edges = np.arange(first_s, last_s, WINDOW_S)
-    paused = np.concatenate([each[:-1][np.diff(each) > MAX_PAUSE_S] for each in odometry_s])
+    first_s = max(float(time_s[0]), *(float(each[0]) for each in odometry_s)) + MAX_SEARCHED_DELAY_S
+    last_s = min(float(time_s[-1]), *(float(each[-1]) for each in odometry_s)) - MAX_SEARCHED_DELAY_S
+    edges = np.arange(first_s, last_s, ODOMETRY_WINDOW_LENGTH_S)
+    paused = np.concatenate([each[:-1][np.diff(each) > MAX_ODOMETRY_ROW_GAP_S] for each in odometry_s])
     found = []
     for begin_s in edges[:-1].tolist():
-        i, j = np.searchsorted(time_s, [begin_s, begin_s + WINDOW_S]).tolist()
-        if j - i >= MIN_ROWS_PER_WINDOW and not ((paused > begin_s - 1.0) & (paused < begin_s + WINDOW_S)).any():
+        i, j = np.searchsorted(time_s, [begin_s, begin_s + ODOMETRY_WINDOW_LENGTH_S]).tolist()
+        if (
+            j - i >= MIN_ROWS_PER_WINDOW
+            and not ((paused > begin_s - 1.0) & (paused < begin_s + ODOMETRY_WINDOW_LENGTH_S)).any()
+        ):
             found.append(slice(i, j))
     return found
 

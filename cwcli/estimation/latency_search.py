@@ -231,7 +231,7 @@ class _LatencySearch:
     def _match_noise_to_innovations(self, target: SensorSeries) -> SensorSeries:
         """The target with the noise that its innovations show."""
         for _ in range(MAX_NOISE_MATCHINGS):
-            factor = noise_variance_factor(target, self._run_filter(target).nis[0])
+            factor = noise_variance_factor(target, self._filter_target_beside_references(target).nis[0])
             target = target.scale_noise_variance(factor)
             if 1.0 / SETTLED_NOISE_FACTOR < factor < SETTLED_NOISE_FACTOR:
                 break
@@ -389,10 +389,10 @@ class _LatencySearch:
 
         It is the negative log-likelihood but for a constant; an outlier counts, but no more than as one.
         """
-        nis = self._run_filter(target).nis
+        nis = self._filter_target_beside_references(target).nis
         return np.concatenate([-row_log_likelihoods(s, nis[i]) for i, s in self._scored_series(target)])
 
-    def _run_filter(self, target: SensorSeries) -> PassResult:
+    def _filter_target_beside_references(self, target: SensorSeries) -> PassResult:
         return self.trials.run_filter(self._trial_layout_of_target(target))
 
     def _trial_layout_of_target(self, target: SensorSeries) -> StateLayout:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
-from cwcli.estimation.fix_scatter import is_noise_beyond_scatter, is_noise_like_scatter
+from cwcli.estimation.fix_scatter import is_sigma_a_lasting_error, is_sigma_explained_by_scatter
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind
@@ -23,9 +23,9 @@ from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
-from cwcli.estimation.slow_drift import find_drifting_fixes
+from cwcli.estimation.slow_drift import find_contradictions_of_drifting_fixes
 from cwcli.estimation.source_vote import quantity_of_series, without_any_rows
-from cwcli.estimation.tolerances import MAX_GATED_SHARE
+from cwcli.estimation.tolerances import MAX_GATED_ROW_SHARE
 from cwcli.lazy_dataclass import replace
 
 MAX_USUAL_SLOW_ERROR_M = 2.5
@@ -33,7 +33,7 @@ MAX_USUAL_SLOW_ERROR_M = 2.5
 (2020) promises 8 m in 95 % as the global average, 3.3 m on each axis; receivers are usually better. Chosen by hand."""
 MAX_USUAL_GRADE_SIGMA_MPS2 = 0.6
 """Greatest sigma of gravity through the grade of the road that raises no doubt, m/s^2: a grade that scatters by 6 %."""
-MIN_GAIN = 10.0 * MIN_LIKELIHOOD_GAIN_PER_PARAMETER
+MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT = 10.0 * MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 """Least gain of log-likelihood of all other sources by which one is left out. Chosen: ten parameters, because all noise
 is fitted anew and errors last."""
 
@@ -54,13 +54,13 @@ def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> s
         for r in reports
         if r.n_used
         and (
-            (r.noise_origin != "message" and is_noise_beyond_scatter(r.kind, r.sigma, r.scatter))
+            (r.noise_origin != "message" and is_sigma_a_lasting_error(r.kind, r.sigma, r.scatter))
             or (
                 r.slow_error.status is ParameterStatus.USED
                 and r.slow_error.sigma
                 > (MAX_USUAL_GRADE_SIGMA_MPS2 if r.kind is Kind.ACCEL else MAX_USUAL_SLOW_ERROR_M)
             )
-            or (r.kind not in RATE_KINDS and r.n_gated > MAX_GATED_SHARE * (r.n_used + r.n_gated))
+            or (r.kind not in RATE_KINDS and r.n_gated > MAX_GATED_ROW_SHARE * (r.n_used + r.n_gated))
         )
     }
     return found | {each.who for each in find_values_beyond_sensor_limits(reports)}
@@ -136,7 +136,7 @@ def find_spoiling_sources(
     if not quantities_with_unusual_noise_or_error(reports):
         return ()
     best: tuple[SourceQuantity, ...] = ()
-    best_gain = MIN_GAIN
+    best_gain = MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT
     groups = quantity_groups_to_leave_out(reports, trusted)
     if any(r.latency.status is LatencyStatus.CONTRADICTS for r in reports):
         # A clock stamps all that a source measures. Without a part of it the latency is only measured worse.
@@ -154,10 +154,14 @@ def find_spoiling_sources(
 def _do_sources_agree_clearly(reports: Sequence[SourceReport]) -> bool:
     """Whether the sources agree clearly: a wrong source is not replaced by errors that just raise no doubt."""
     is_like_scatter = all(
-        is_noise_like_scatter(r.kind, r.sigma, r.scatter) for r in reports if r.n_used and r.noise_origin != "message"
+        is_sigma_explained_by_scatter(r.kind, r.sigma, r.scatter)
+        for r in reports
+        if r.n_used and r.noise_origin != "message"
     )
     return (
-        is_like_scatter and not quantities_with_unusual_noise_or_error(reports) and not find_drifting_fixes(reports, ())
+        is_like_scatter
+        and not quantities_with_unusual_noise_or_error(reports)
+        and not find_contradictions_of_drifting_fixes(reports, ())
     )
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
-from cwcli.estimation.fix_scatter import is_noise_beyond_scatter
+from cwcli.estimation.fix_scatter import is_sigma_a_lasting_error
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.parameter import Parameter, ParameterStatus
@@ -22,7 +22,7 @@ from cwcli.estimation.sensor_limits import (
 )
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-LARGE_BIAS_SHARE = 0.5
+MIN_BLAMED_BIAS_SHARE_OF_LIMIT = 0.5
 """Least bias of an inertial sensor, as a share of its limit, that is blamed for errors that last: the worst of the data
 sheets, of which the limit is twice. Not fitted."""
 
@@ -48,12 +48,12 @@ def _find_lasting_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -
 
     An inertial sensor with a bias near its limit is blamed first: a wrong scale is taken for a bias in a single bend.
     """
-    if not is_noise_beyond_scatter(fixes.kind, fixes.sigma, fixes.scatter):
+    if not is_sigma_a_lasting_error(fixes.kind, fixes.sigma, fixes.scatter):
         return []
     who = SourceQuantity(fixes.source, fixes.kind)
     what = f"lie {fixes.sigma:.1f} m beside the motion for long, and scatter by only {fixes.scatter:.2f} m"
     most = max((r for r in reports if r.kind in RATE_KINDS and r.n_used), key=_bias_share_of_limit, default=None)
-    if most is None or _bias_share_of_limit(most) < LARGE_BIAS_SHARE:
+    if most is None or _bias_share_of_limit(most) < MIN_BLAMED_BIAS_SHARE_OF_LIMIT:
         return [Contradiction(who, quantity_compared_with(fixes, reports), f"its fixes {what}")]
     return [Contradiction(SourceQuantity(most.source, most.kind), who, f"with it the fixes {what}")]
 

@@ -10,7 +10,7 @@ MEDIAN_ABSOLUTE_TO_SIGMA = 1.4826
 """Factor from the median of the absolute values of normal errors to their standard deviation."""
 
 
-def median_of_finite_column(values: FloatArray) -> float:
+def median_of_finite_values(values: FloatArray) -> float:
     """The median of a column; the same number as `np.median`.
 
     Args:

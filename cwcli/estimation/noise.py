@@ -25,7 +25,7 @@ MAX_WINDOW_ROWS_WITHOUT_IMU = 1_500
 """Greatest number of rows in the window without an IMU. Chosen for speed, as a log may hold many remote vehicles."""
 ENOUGH_WINDOW_ROWS = 300
 """Number of rows in the window from which the whole log is not needed for the noise. Chosen by hand; not fitted."""
-LOG_SIGMA_STEP = np.log(2.0)
+MOTION_SIGMA_LOG_STEP = np.log(2.0)
 """Step of the parabola over a sigma of the motion, natural logarithm: half, once and twice the value are tried."""
 N_MATCHING_ROUNDS = 2
 """Number of rounds of innovation matching. Chosen by hand; not fitted."""
@@ -90,7 +90,7 @@ def estimate_noise_and_manoeuvres(
         len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_WINDOW_ROWS))
         for s, w in zip(series, found.window, strict=True)
     )
-    late = _drop_rows_before_first_position(settled)
+    late = _drop_rows_long_before_first_position(settled)
     for _ in range(N_MATCHING_ROUNDS if whole else 0):
         result = FilterTrials().run_filter(replace(layout, series=late, parameters=parameters))
         change = [noise_variance_factor(s, nis) for s, nis in zip(late, result.nis, strict=True)]
@@ -107,7 +107,7 @@ def estimate_noise_and_manoeuvres(
 
 def _fit_window(layout: StateLayout) -> WindowFit | None:
     """Return the fit of the busiest window; None where it has too few rows or no position."""
-    cut = _cut_to_busiest_window(_drop_rows_before_first_position(layout.series))
+    cut = _cut_to_busiest_window(_drop_rows_long_before_first_position(layout.series))
     window = tuple(replace(s, gate_nis=0.0) for s in cut)
     if sum(len(s) for s in window) < 2 * MIN_ROWS_FOR_NOISE or not any(
         len(s) and s.kind is Kind.POSITION for s in window
@@ -169,10 +169,10 @@ def _refit_manoeuvre_sigma_and_get_likelihood(
     left, right = (log_likelihood(side) for side in sides)
     bend = left - 2.0 * likelihood_of_fit + right
     if bend < 0.0:
-        move = 0.5 * (left - right) / bend * LOG_SIGMA_STEP
-        move = float(np.clip(move, -2.0 * LOG_SIGMA_STEP, 2.0 * LOG_SIGMA_STEP))
+        move = 0.5 * (left - right) / bend * MOTION_SIGMA_LOG_STEP
+        move = float(np.clip(move, -2.0 * MOTION_SIGMA_LOG_STEP, 2.0 * MOTION_SIGMA_LOG_STEP))
     else:
-        move = LOG_SIGMA_STEP * (1.0 if right > left else -1.0)
+        move = MOTION_SIGMA_LOG_STEP * (1.0 if right > left else -1.0)
     scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
     better = parameters.with_manoeuvre_sigma(sigma_name, first * float(np.exp(scale)))
     options = [(likelihood_of_fit, parameters), (log_likelihood(better), better), (left, sides[0]), (right, sides[1])]
@@ -183,7 +183,7 @@ def _refit_manoeuvre_sigma_and_get_likelihood(
     ), reached
 
 
-def _drop_rows_before_first_position(series: Sequence[SensorSeries]) -> list[SensorSeries]:
+def _drop_rows_long_before_first_position(series: Sequence[SensorSeries]) -> list[SensorSeries]:
     """Leave out what lies long before the first position: a start that is badly known looks like noise."""
     firsts = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
     first = min(firsts, default=-np.inf)

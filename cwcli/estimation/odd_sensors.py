@@ -9,7 +9,7 @@ from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.imu import IMU, tilt_hypothesis
 from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.signals.columns import AccelGyroRows, FloatArray, ValueRows, quantile_of_values
 
 GRAVITY_MPS2 = 9.80665
@@ -26,7 +26,7 @@ MIN_UPRIGHT_SHARE, MAX_TILTED_SHARE = 0.6, 0.966
 than 15 degrees change the forward acceleration by 4 %; chosen by hand."""
 MAX_YAW_RATE_RADPS = 3.0
 """Yaw rate that no car exceeds for a hundredth of a drive, rad/s. Chosen: in degrees every bend exceeds it."""
-MAX_CHANGE_PER_SECOND = {Kind.POSITION: 100.0, Kind.VELOCITY: 12.0, Kind.SPEED: 12.0}
+MAX_CHANGE_PER_SECOND_BY_KIND = {Kind.POSITION: 100.0, Kind.VELOCITY: 12.0, Kind.SPEED: 12.0}
 """Greatest change per second of a position (m) and of velocity and speed (m/s). Chosen: tyres hold no more."""
 MIN_JUMP_IN_MEDIAN_STEPS = 6.0
 """Median steps by which a jump must exceed the greatest change. Chosen by hand; not fitted."""
@@ -97,10 +97,12 @@ def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: ValueRows)
     Receivers and buses send a zero or their last position before they have measured anything. A filter that starts
     there is sure of a wrong state and rejects good rows for long.
     """
-    if kind not in MAX_CHANGE_PER_SECOND or len(time_s) < 2 * N_AGREEING_ROWS:
+    if kind not in MAX_CHANGE_PER_SECOND_BY_KIND or len(time_s) < 2 * N_AGREEING_ROWS:
         return False
     change = np.sqrt(np.square(np.diff(values, axis=0)).sum(axis=1))
-    most = MAX_CHANGE_PER_SECOND[kind] * np.diff(time_s) + MIN_JUMP_IN_MEDIAN_STEPS * median_of_finite_column(change)
+    most = MAX_CHANGE_PER_SECOND_BY_KIND[kind] * np.diff(time_s) + MIN_JUMP_IN_MEDIAN_STEPS * median_of_finite_values(
+        change
+    )
     return bool(change[0] > most[0] and (change[1:N_AGREEING_ROWS] <= most[1:N_AGREEING_ROWS]).all())
 
 

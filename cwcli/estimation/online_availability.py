@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_epoch
+from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_zero_time
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.tolerances import MAX_UNREPORTED_DELAY_S
 from cwcli.lazy_dataclass import dataclass
@@ -103,11 +103,11 @@ def available_times_of_states_ns(
     """
     known = np.full(len(stamp_ns), ALWAYS_AVAILABLE_NS)
     reached = np.full(len(stamp_ns), NEVER_AVAILABLE_NS)
-    positions, epoch = measurements[0], earliest_stamp_ns(measurements)
+    positions, zero_ns = measurements[0], earliest_stamp_ns(measurements)
     for m in measurements:
         if not len(m):
             continue
-        used_ns = m.stamp_ns - _applied_latency_ns(m, sources, epoch)
+        used_ns = m.stamp_ns - _applied_latency_ns(m, sources, zero_ns)
         order = np.argsort(used_ns, kind="stable")
         newest = np.searchsorted(used_ns[order], stamp_ns + slack_ns, side="right")
         known = np.maximum(known, np.append(ALWAYS_AVAILABLE_NS, np.maximum.accumulate(m.received_ns[order]))[newest])
@@ -142,9 +142,9 @@ def _first_position_received_ns(
     return np.asarray(first_ns[np.maximum(np.searchsorted(begins, stamp_ns, side="right") - 1, 0)])
 
 
-def _applied_latency_ns(m: Measurements, sources: Sequence[SourceReport], epoch: int) -> Int64Array:
+def _applied_latency_ns(m: Measurements, sources: Sequence[SourceReport], zero_ns: int) -> Int64Array:
     """Return the latency (ns) that was subtracted from the stamps, (n,); for an IMU the larger of its two latencies."""
-    time_s = seconds_since_epoch(m.stamp_ns, epoch)
+    time_s = seconds_since_zero_time(m.stamp_ns, zero_ns)
     own = [s.latency for s in sources if s.source == m.source and m.kind in (s.kind, Kind.IMU)]
     late_s = [latency.applied_s + latency.drift_correction_s(time_s) for latency in own]
     return np.asarray(np.rint(np.max(late_s or [np.zeros(len(m))], axis=0) * NS_PER_S), np.int64)

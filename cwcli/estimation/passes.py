@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import lay_steps
@@ -26,17 +26,17 @@ MAX_PREDICTION_STEP_S = 0.1
 """Longest prediction step, s; chosen because the transition is a first-order expansion in the heading."""
 MAX_STEPS_PER_GAP = 600
 """Greatest number of steps across a gap: a longer gap counts as a minute, so that no covariance overflows."""
-MAX_RATE_REJECTIONS = 2
+MAX_CONSECUTIVE_IMU_REJECTIONS = 2
 """Number of rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre. Chosen
 by hand."""
-MAX_REJECTION_TIME_S = 3.0
+MAX_REJECTION_TIME_OF_SLOW_SOURCE_S = 3.0
 """Time of rejections after which a slow source is used again, s. Chosen by hand; not fitted."""
 MAX_PITCH_RATE_GAP_S = 0.2
 """Longest gap of the gyroscope, s, across which the pitch rate is interpolated; in a longer one it is zero. Chosen by
 hand; not fitted."""
 WHOLE_MESSAGE_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
 """Kinds that a message of another vehicle holds when it tells the whole motion in the plane."""
-ROW_BEFORE_START = -1
+STATUS_OF_ROW_BEFORE_START = -1
 """Status of a row that is earlier than the start of the filter."""
 IntArray = npt.NDArray[np.int32]
 
@@ -150,7 +150,7 @@ class PassResult:
         last_state, last_covariance: Filter state after the last event, (n,), (n, n).
         log_likelihood: Sum over used innovations.
         nis: Per series: shape (k, 5): see `ekf.Pass`.
-        status: Per series: shape (k,): an `ekf.UpdateStatus`, or `ROW_BEFORE_START` (its nis is NaN).
+        status: Per series: shape (k,): an `ekf.UpdateStatus`, or `STATUS_OF_ROW_BEFORE_START` (its nis is NaN).
     """
 
     state: FloatArray
@@ -262,7 +262,7 @@ class PassInput:
                 found_status.append(status[i:j])
                 continue
             found_nis.append(np.full((len(rows), 5), np.nan))
-            found_status.append(np.full(len(rows), ROW_BEFORE_START, np.int8))
+            found_status.append(np.full(len(rows), STATUS_OF_ROW_BEFORE_START, np.int8))
             found_nis[-1][rows], found_status[-1][rows] = nis[i:j], status[i:j]
         return PassResult(
             result.state,
@@ -367,24 +367,24 @@ def notes_on_rows_before_start(series: Sequence[SensorSeries], result: PassResul
     return [
         f"{s.source}: {n} {s.kind.name.lower()} rows before the first heading, left out of the filter"
         for s, status in zip(series, result.status, strict=True)
-        if (n := int((status == ROW_BEFORE_START).sum()))
+        if (n := int((status == STATUS_OF_ROW_BEFORE_START).sum()))
     ]
 
 
 def _max_consecutive_rejections(s: SensorSeries, reset_after: int) -> int:
     """Return the number of rejections in a row after which a source is used again.
 
-    It is at most `reset_after`, and at most `MAX_REJECTION_TIME_S` of a slow source. Where the rate of the rows is
-    unknown it is two, and the kernel's own limit in seconds applies.
+    It is at most `reset_after`, and at most `MAX_REJECTION_TIME_OF_SLOW_SOURCE_S` of a slow source. Where the rate of
+    the rows is unknown it is two, and the kernel's own limit in seconds applies.
     """
     if s.kind in RATE_KINDS:
-        return MAX_RATE_REJECTIONS
+        return MAX_CONSECUTIVE_IMU_REJECTIONS
     interval_s = s.interval_s
     if not interval_s > 0.0:
         if len(s) < 2:
             return reset_after
-        interval_s = median_of_finite_column(np.diff(s.time_s))
-    return int(np.clip(MAX_REJECTION_TIME_S / max(interval_s, 1e-3), 2, reset_after))
+        interval_s = median_of_finite_values(np.diff(s.time_s))
+    return int(np.clip(MAX_REJECTION_TIME_OF_SLOW_SOURCE_S / max(interval_s, 1e-3), 2, reset_after))
 
 
 def _merge_rows_and_outputs_into_steps(

@@ -26,15 +26,15 @@ from cwcli.metrics.chi_square import chi_square_quantile
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
-AGREEMENT_PROBABILITY = 0.99
+CHI_SQUARE_LEVEL_OF_AGREEMENT = 0.99
 """Logs disagree if their chi-square exceeds this quantile of its distribution. Chosen by hand; not fitted."""
-SPREAD_PROBABILITY = 0.95
+CHI_SQUARE_LEVEL_FOR_SPREAD = 0.95
 """Logs get a spread if their chi-square exceeds this quantile of its distribution.
 
 Chosen low, because Cochran's test has little power with few drives, and a false spread costs less than a missed one."""
 MAX_LATENCY_SIGMA_S = 0.05
 """Greatest sigma of a pooled latency, s, that counts as observable; the same as in the search for latencies."""
-FITTED_RELATIVE_SIGMA = 0.1
+RELATIVE_SIGMA_OF_FITTED_CONSTANT = 0.1
 """Relative sigma of a fitted sigma of the motion and of a row interval. Chosen by hand; not fitted."""
 SECONDS_PER_MINUTE = 60.0
 """Seconds in a minute."""
@@ -84,12 +84,14 @@ def pool_constant_over_drives(constants: Sequence[ConstantOfDrive]) -> Constant:
     mean, sigma, chi_square = _weighted_mean_sigma_and_chi_square(value, variance)
     dof, spread = len(constants) - 1, 0.0
     status = ConstantStatus.FOUND
-    if dof and chi_square > chi_square_quantile(SPREAD_PROBABILITY, dof):
+    if dof and chi_square > chi_square_quantile(CHI_SQUARE_LEVEL_FOR_SPREAD, dof):
         weight = 1.0 / variance
         left = (chi_square - dof) / float(weight.sum() - (weight**2).sum() / weight.sum())
         spread = math.sqrt(max(left, 0.0))
         mean, sigma, _ = _weighted_mean_sigma_and_chi_square(value, variance + spread**2)
-        status = ConstantStatus.DISAGREE if chi_square > chi_square_quantile(AGREEMENT_PROBABILITY, dof) else status
+        status = (
+            ConstantStatus.DISAGREE if chi_square > chi_square_quantile(CHI_SQUARE_LEVEL_OF_AGREEMENT, dof) else status
+        )
     reduced = chi_square / dof if dof else math.nan
     of_logs = tuple((each.log, each.value, each.sigma) for each in constants)
     return Constant(status, mean, sigma, spread, reduced, len(constants), minutes, of_logs)
@@ -145,7 +147,7 @@ def calibrate_from_drives(drives: Sequence[DriveEvidence], name: str = "") -> Ca
                 [
                     ConstantOfDrive(
                         d.track.manoeuvre_sigmas[name],
-                        FITTED_RELATIVE_SIGMA * d.track.manoeuvre_sigmas[name],
+                        RELATIVE_SIGMA_OF_FITTED_CONSTANT * d.track.manoeuvre_sigmas[name],
                         d.duration_minutes,
                         d.log,
                     )
@@ -169,7 +171,7 @@ POOLED_CONSTANT_NAMES = (
 
 def _values_and_sigmas_of_constants(report: SourceReport, minutes: float) -> dict[str, tuple[float, float]]:
     """Return the constants that a drive of so many minutes shows of a source: name -> value and one sigma of it."""
-    found = {"interval_s": (report.interval_s, FITTED_RELATIVE_SIGMA * report.interval_s)}
+    found = {"interval_s": (report.interval_s, RELATIVE_SIGMA_OF_FITTED_CONSTANT * report.interval_s)}
     if report.noise_origin == "log":  # the relative sigma of a sigma from n rows is 1 / sqrt(2 n)
         found["noise_sigma"] = report.sigma, report.sigma / math.sqrt(2.0 * report.n_used)
     elif report.noise_origin.startswith("message"):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.coarse_fixes import find_coarse_steps_m, note_on_coarse_fixes
+from cwcli.estimation.coarse_fixes import find_coarse_east_north_steps_m, note_on_coarse_fixes
 from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.imu import ImuMounting, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
@@ -37,7 +37,7 @@ class PreparedSeries:
     """A series with counts of the rows that were left out.
 
     Attributes:
-        series: The series, stamps relative to the epoch.
+        series: The series, stamps relative to the common zero time.
         has_bias: Whether it comes from an IMU, so that its bias is estimated.
         n_read: Rows handed in.
         n_not_finite: Rows left out because a value or stamp was not finite.
@@ -64,18 +64,18 @@ def earliest_stamp_ns(measurements: Sequence[Measurements]) -> int:
     return min(int(m.stamp_ns.min()) for m in measurements if len(m))
 
 
-def seconds_since_epoch(stamp_ns: Int64Array, epoch: int) -> FloatArray:
-    """Convert stamps (n,), ns, to seconds (n,) since `epoch` (ns); the difference is taken in integers."""
-    return (stamp_ns - epoch) / NS_PER_S
+def seconds_since_zero_time(stamp_ns: Int64Array, zero_ns: int) -> FloatArray:
+    """Convert stamps (n,), ns, to seconds (n,) since `zero_ns` (ns); the difference is taken in integers."""
+    return (stamp_ns - zero_ns) / NS_PER_S
 
 
-def clean_and_sort_measurements(
-    measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting] = NO_KNOWN_MOUNTINGS
+def clean_and_sort_measurements_and_note(
+    measurements: Sequence[Measurements], zero_ns: int, mountings: Mapping[str, ImuMounting] = NO_KNOWN_MOUNTINGS
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Clean, sort and split the measurements.
 
     Args:
-        epoch: Stamp (ns) that becomes zero.
+        zero_ns: Stamp (ns) that becomes zero.
         mountings: Source -> mounting of its IMU, where that is known.
 
     Returns:
@@ -86,7 +86,7 @@ def clean_and_sort_measurements(
     for m in measurements:
         finite = np.isfinite(m.values).all(axis=1)
         lost = int((~finite).sum())
-        time = seconds_since_epoch(m.stamp_ns[finite], epoch)
+        time = seconds_since_zero_time(m.stamp_ns[finite], zero_ns)
         order = np.argsort(time, kind="stable")
         time, values = time[order], m.values[finite][order]
         covariance = None if m.covariance is None else m.covariance[finite][order]
@@ -150,7 +150,7 @@ def clean_and_sort_measurements(
 
 
 def prepare_without_looking_ahead(
-    measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting]
+    measurements: Sequence[Measurements], zero_ns: int, mountings: Mapping[str, ImuMounting]
 ) -> list[PreparedSeries]:
     """Sort and split the measurements without using later rows: nothing is cleaned.
 
@@ -158,7 +158,7 @@ def prepare_without_looking_ahead(
     that of `QUANTITIES`.
 
     Args:
-        measurements, epoch: See `clean_and_sort_measurements`.
+        measurements, zero_ns: See `clean_and_sort_measurements_and_note`.
         mountings: Source -> mounting of its IMU; without one its axes are used unchanged.
     """
     prepared = []
@@ -169,7 +169,7 @@ def prepare_without_looking_ahead(
         if m.kind in RATE_KINDS:
             changes = np.flatnonzero((m.values[rows] != m.values[rows[:1]]).any(axis=1))
             rows = rows[changes[0] :] if len(changes) else rows[:0]
-        time = seconds_since_epoch(m.stamp_ns[rows], epoch)
+        time = seconds_since_zero_time(m.stamp_ns[rows], zero_ns)
         covariance = None if m.covariance is None else m.covariance[rows]
         if m.kind is not Kind.IMU:
             series = _build_series_with_noise(m.source, m.kind, time, m.values[rows], covariance, looks_ahead=False)
@@ -222,7 +222,11 @@ def _select_changes_of_coarse_headings_and_note(
 
 def _add_coarse_steps_and_note(series: SensorSeries, notes: list[str]) -> SensorSeries:
     """Return positions with the step to which they are rounded; adds a note if there is one."""
-    if series.kind is not Kind.POSITION or series.is_exact or not any(steps_m := find_coarse_steps_m(series.values)):
+    if (
+        series.kind is not Kind.POSITION
+        or series.is_exact
+        or not any(steps_m := find_coarse_east_north_steps_m(series.values))
+    ):
         return series
     notes.append(note_on_coarse_fixes(series.source, steps_m))
     return replace(series, coarse_steps_m=steps_m)

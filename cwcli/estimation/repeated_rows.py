@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, ValueRows
 
@@ -33,7 +33,7 @@ like whole multiples of the least one in 1 of 15,000 cases."""
 RESOLUTION_STEPS, RESOLUTION_TOLERANCE, MIN_WHOLE_SHARE = 10.5, 0.15, 0.9
 """Changes up to so many steps are whole multiples of a resolution, within this tolerance in steps, in at least this
 share. Chosen: of changes without a resolution 30 % lie within the tolerance."""
-MAX_JUMP_RATIO = 3.0
+MAX_JUMP_AFTER_HOLD_TO_USUAL = 3.0
 """Greatest jump after a value that is held for several periods, relative to the usual change, of a car that stood.
 Chosen by hand; not fitted."""
 CHORD_TOLERANCE_IN_FLOORS = 0.24
@@ -42,13 +42,13 @@ one step of a ten millionth of a degree."""
 MIN_BEND_IN_TOLERANCES = 3.0
 """Least distance from the line, in tolerances, by which a car that changes its motion smoothly would leave it. Chosen
 by hand."""
-KNOT_FACTOR = 5.0
+MIN_KNOT_BEND_TO_MEDIAN = 5.0
 """Least ratio of a knot's second difference to the median one. Chosen by hand; not fitted."""
 MIN_KNOTS, MIN_ROWS_PER_KNOT = 12, 2.5
 """Least number of knots, and least number of rows for each. Chosen by hand; not fitted."""
 MIN_REGULAR_SHARE, REGULAR_TOLERANCE = 0.8, 0.15
 """Least share of lines that last a whole number of the usual duration, within this share of it. Chosen by hand."""
-MIN_STRAIGHT_SHARE = 0.9
+MIN_SHARE_OF_STRAIGHT_LINES = 0.9
 """Least share of lines on which all rows lie. Chosen by hand; not fitted."""
 
 
@@ -132,7 +132,7 @@ def _repeated_row_mask_and_period_s(
     length = np.diff(first)  # the last run has no change behind it
     change = np.abs(np.diff(values[first], axis=0))
     floor = MIN_RESOLUTION_SHARE * _least_noise_sigma_of_kind(kind)
-    step = np.array([quantisation_step_of_changes(change[:, k], floor) for k in range(values.shape[1])])
+    step = np.array([quantisation_step_or_zero_or_infinity(change[:, k], floor) for k in range(values.shape[1])])
     per_row = change / length[:, None]
     should_change = (per_row > np.maximum(MIN_CHANGE_PER_ROW * step, floor)).any(axis=1)
     is_held = should_change & (length > 1)
@@ -141,11 +141,11 @@ def _repeated_row_mask_and_period_s(
         return none, float("nan")
     held_s = np.diff(time_s[first])[is_held]
     # Of stamps that are cut to whole seconds most differences are 0; their mean is right all the same.
-    period_s = median_of_finite_column(held_s) or float(np.mean(held_s))
+    period_s = median_of_finite_values(held_s) or float(np.mean(held_s))
     if not period_s > 0.0:
         return none, float("nan")
     size = np.append(change.max(axis=1), 0.0)
-    usual = median_of_finite_column(size[:-1][is_held])
+    usual = median_of_finite_values(size[:-1][is_held])
     run = np.cumsum(is_new) - 1
     # A car that stands is measured again and again: one row a period stays.
     n_periods = np.floor((time_s - time_s[first][run]) / period_s + REGULAR_TOLERANCE)
@@ -153,10 +153,10 @@ def _repeated_row_mask_and_period_s(
     begins_period[1:] = (n_periods[1:] > n_periods[:-1]) & ~is_new[1:]
     last = np.append(first[1:], n) - 1
     is_long = time_s[last] - time_s[first] > 1.5 * period_s
-    return ~is_new & ~(begins_period & (is_long & (size <= MAX_JUMP_RATIO * usual))[run]), period_s
+    return ~is_new & ~(begins_period & (is_long & (size <= MAX_JUMP_AFTER_HOLD_TO_USUAL * usual))[run]), period_s
 
 
-def quantisation_step_of_changes(value_changes: FloatArray, floor: float) -> float:
+def quantisation_step_or_zero_or_infinity(value_changes: FloatArray, floor: float) -> float:
     """Return the step of which the small changes (k,) of a column are whole multiples.
 
     It is 0 where there is none, and infinite where too few changes are there to tell.
@@ -188,14 +188,14 @@ def _interpolated_row_mask_and_period_s(
     values = np.unwrap(values, axis=0) if kind is Kind.HEADING else values
     slope = np.diff(values, axis=0) / step_s[:, None]
     bend = np.abs(np.diff(slope, axis=0)).max(axis=1) * np.minimum(step_s[1:], step_s[:-1])
-    knots = np.flatnonzero(bend > max(KNOT_FACTOR * median_of_finite_column(bend), 0.25 * tolerance)) + 1
+    knots = np.flatnonzero(bend > max(MIN_KNOT_BEND_TO_MEDIAN * median_of_finite_values(bend), 0.25 * tolerance)) + 1
     if len(knots) < MIN_KNOTS or n < MIN_ROWS_PER_KNOT * len(knots):
         return none
     duration_s = np.diff(time_s[knots])
-    period_s = median_of_finite_column(duration_s)
+    period_s = median_of_finite_values(duration_s)
     n_periods = np.maximum(np.rint(duration_s / period_s), 1.0)
     is_regular = np.abs(duration_s / period_s - n_periods) < REGULAR_TOLERANCE
-    if float(is_regular.mean()) < MIN_REGULAR_SHARE or period_s < 1.5 * median_of_finite_column(step_s):
+    if float(is_regular.mean()) < MIN_REGULAR_SHARE or period_s < 1.5 * median_of_finite_values(step_s):
         return none
     line = np.clip(np.searchsorted(knots, np.arange(n), side="right") - 1, 0, len(knots) - 2)
     line_slope = np.diff(values[knots], axis=0) / duration_s[:, None]
@@ -205,13 +205,13 @@ def _interpolated_row_mask_and_period_s(
     leaves = np.bincount(line[inside], away[inside] > tolerance, len(knots) - 1) > 0
     turns = np.abs(np.diff(line_slope, axis=0)).max(axis=1) * np.minimum(duration_s[1:], duration_s[:-1]) / 8.0
     if (
-        float(leaves.mean()) > 1.0 - MIN_STRAIGHT_SHARE
-        or median_of_finite_column(turns) < MIN_BEND_IN_TOLERANCES * tolerance
+        float(leaves.mean()) > 1.0 - MIN_SHARE_OF_STRAIGHT_LINES
+        or median_of_finite_values(turns) < MIN_BEND_IN_TOLERANCES * tolerance
     ):
         return none
     # Where a car stands or drives on evenly a knot does not show: one row a period stays.
     since = (time_s - time_s[begin]) / period_s
-    n_since = np.floor(since + 0.5 * median_of_finite_column(step_s) / period_s)
+    n_since = np.floor(since + 0.5 * median_of_finite_values(step_s) / period_s)
     begins_period = np.ones(n, np.bool_)
     begins_period[1:] = (n_since[1:] != n_since[:-1]) | (line[1:] != line[:-1])
     is_knot = np.zeros(n, np.bool_)

@@ -26,7 +26,7 @@ MAX_EGO_STATE_AGE_S = 1.0
 """Greatest age of the ego state that is compared with an object, s. Chosen by hand; not fitted."""
 
 
-def drop_ego_seen_by_others(
+def drop_ego_seen_by_others_and_note(
     signal: RemoteSignal, ego: Track, size_m: Sequence[float | None], local_map: LocalMap | None
 ) -> tuple[RemoteSignal, tuple[str, ...]]:
     """Remove the perceived objects that are the ego; returns the signal and notes.

@@ -33,12 +33,12 @@ MAX_FRESH_MESSAGE_AGE_S = 0.3
 Chosen as the period of slow senders; not fitted."""
 AVERAGING_WINDOW_S = 2.0
 """Duration of the moments that are averaged, s. Chosen by hand; not fitted."""
-MIN_MOMENTS = 3
+MIN_MOMENTS_FOR_OFFSET = 3
 """Least number of moments over which the offset of a sender is averaged. Chosen by hand; not fitted."""
-MIN_SQUARED_DISTANCE_ADVANTAGE = 13.8
+MIN_SQUARED_SIGMAS_ADVANTAGE = 13.8
 """Least excess of the squared distance to another car: a likelihood ratio of 1000, as for joined ids. Chosen by hand;
 not fitted."""
-MAX_SQUARED_DISTANCE = 13.8
+MAX_SQUARED_SIGMAS_FROM_SENDER = 13.8
 """Greatest squared distance from the sender: the chi-square quantile of 0.999 with two degrees of freedom."""
 MIN_CAR_CLEARANCE_M = 0.5
 """Least distance between two cars beside each other, m; people may touch. Chosen by hand; not fitted."""
@@ -84,7 +84,7 @@ class _ObjectComparedWithSender:
     width_m: FloatArray
 
 
-def drop_senders_seen_by_others(
+def drop_senders_seen_by_others_and_note(
     signal: RemoteSignal, local_map: LocalMap | None
 ) -> tuple[RemoteSignal, tuple[str, ...]]:
     """Remove the perceived objects that are senders themselves; returns the signal and notes.
@@ -118,7 +118,7 @@ def drop_senders_seen_by_others(
             is_sender[at.rows] = np.where(is_nearer, is_same, is_sender[at.rows])
             overlaps[at.rows] |= is_inside
     with np.errstate(invalid="ignore"):
-        is_sender &= next_nearest - nearest >= MIN_SQUARED_DISTANCE_ADVANTAGE  # no other sender could be it
+        is_sender &= next_nearest - nearest >= MIN_SQUARED_SIGMAS_ADVANTAGE  # no other sender could be it
     n_known = sum(bool(is_sender[rows].any()) for rows in objects)
     n_unsure = sum(bool(overlaps[rows].any()) and not is_sender[rows].any() for rows in objects)
     notes = []
@@ -225,7 +225,7 @@ def _sender_and_overlap_masks_with_distance(
     along, across = compared.along_m, compared.across_m
     variance_along, variance_across = compared.variance_along_m2, compared.variance_across_m2
     own, other = _squared_distances_to_sender_and_to_other(compared, along, across, variance_along, variance_across)
-    agrees = compared.motion_agrees & (own <= MAX_SQUARED_DISTANCE) & (own <= other)
+    agrees = compared.motion_agrees & (own <= MAX_SQUARED_SIGMAS_FROM_SENDER) & (own <= other)
     # A run begins behind a gap, and a moment that disagrees is one of its own.
     begins = np.ones(n, np.bool_)
     is_gap = np.abs(np.diff(stamp_ns[compared.rows])) > round(MAX_MESSAGE_AGE_S * NS_PER_S)
@@ -242,8 +242,8 @@ def _sender_and_overlap_masks_with_distance(
     own, other = _squared_distances_to_sender_and_to_other(
         compared, mean(along), mean(across), mean(variance_along), mean(variance_across)
     )
-    is_inside = agrees & (own <= MAX_SQUARED_DISTANCE) & (other > 0.0) & (counts >= MIN_MOMENTS)
-    is_same = is_inside & compared.is_fresh & (other - own >= MIN_SQUARED_DISTANCE_ADVANTAGE)
+    is_inside = agrees & (own <= MAX_SQUARED_SIGMAS_FROM_SENDER) & (other > 0.0) & (counts >= MIN_MOMENTS_FOR_OFFSET)
+    is_same = is_inside & compared.is_fresh & (other - own >= MIN_SQUARED_SIGMAS_ADVANTAGE)
     return is_same, np.where(compared.motion_agrees, own, np.inf), is_inside
 
 

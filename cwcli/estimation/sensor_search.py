@@ -130,7 +130,7 @@ def find_sensor_errors(
     trials = _SensorModelTrials(layout_with_settled_latencies, slack_m)
     trial = trials.run_model_trial(whole)
     for i in whole.slow:
-        trial = trials.climb_slow_error(trial, i)
+        trial = trials.climb_to_likeliest_slow_error(trial, i)
     if whole.pitch_compensated:
         still = trials.run_model_trial(replace(trial.model, pitch_compensated=frozenset()), trial)
         trial = max(trial, still, key=lambda t: t.score)
@@ -286,7 +286,7 @@ class _SensorModelTrials:
         sigma = np.sqrt(np.maximum(np.diagonal(result.last_covariance), 0.0))
         return _SensorModelTrial(model, score, tuple(factors.tolist()), result.last_state, sigma, layout)
 
-    def climb_slow_error(self, trial: _SensorModelTrial, i: int) -> _SensorModelTrial:
+    def climb_to_likeliest_slow_error(self, trial: _SensorModelTrial, i: int) -> _SensorModelTrial:
         """Move sigma and time constant of one slow error to where the log is predicted best.
 
         What rows close to each other show is sigma^2 / time constant alone, so one kind of step keeps that. Along it
@@ -298,7 +298,7 @@ class _SensorModelTrials:
             while moved and left > 0:
                 moved = False
                 for wider, longer in ((step**0.5, step), (step**-0.5, 1.0 / step), (step**0.5, 1.0), (step**-0.5, 1.0)):
-                    slow = self._scale_slow_error_of_series(i, trial.model.slow[i], wider, longer)
+                    slow = self._scaled_slow_error_or_none(i, trial.model.slow[i], wider, longer)
                     if slow is None or left <= 0:
                         continue
                     left -= 1
@@ -306,13 +306,13 @@ class _SensorModelTrials:
                     if other.score > trial.score:
                         trial, moved = other, True
                         break
-        return self._average_slow_error(trial, i)
+        return self._average_slow_error_by_likelihood(trial, i)
 
-    def _average_slow_error(self, trial: _SensorModelTrial, i: int) -> _SensorModelTrial:
+    def _average_slow_error_by_likelihood(self, trial: _SensorModelTrial, i: int) -> _SensorModelTrial:
         """Average sigma^2, weighted by likelihood, along constant sigma^2 / time constant."""
         top = trial.model.slow[i]
         slows = [
-            self._scale_slow_error_of_series(i, top, factor**0.5, factor) for factor in AVERAGED_TIME_CONSTANT_FACTORS
+            self._scaled_slow_error_or_none(i, top, factor**0.5, factor) for factor in AVERAGED_TIME_CONSTANT_FACTORS
         ]
         known = [top, *(slow for slow in slows if slow is not None)]
         models = [replace(trial.model, slow={**trial.model.slow, i: slow}) for slow in known]
@@ -325,7 +325,7 @@ class _SensorModelTrials:
         mean = GaussMarkovError(top.sigma * longer**0.5, top.time_s * longer)
         return self.run_model_trial(replace(trial.model, slow={**trial.model.slow, i: mean}), trial)
 
-    def _scale_slow_error_of_series(
+    def _scaled_slow_error_or_none(
         self, i: int, slow: GaussMarkovError, wider: float, longer: float
     ) -> GaussMarkovError | None:
         """Return a slow error scaled by two factors; None where its time constant leaves its limits."""

@@ -20,14 +20,14 @@ from cwcli.estimation.result import SourceReport
 from cwcli.signals.columns import FloatArray, StateCovariance
 from cwcli.signals.vehicle_state import X, Y
 
-MAX_LARGEST_IN_SIGMAS = 4.5
+MAX_SLOW_ERROR_SIGMAS_WITHOUT_DRIFT = 4.5
 """Greatest value of a slow error in its sigmas that is no drift. A Gaussian error exceeds it on one of two axes once in
 73,000 independent values; an hour with a time constant of 10 s has 720."""
 MIN_DRIFT_M = 3.3
 """Least drift on one axis, m: one sigma of what the GPS Standard Positioning Service (2020) promises (8 m in 95 %)."""
 
 
-def largest_slow_position_error_m(s: SensorSeries, state: FloatArray) -> float:
+def largest_slow_position_error_or_nan_m(s: SensorSeries, state: FloatArray) -> float:
     """Return the largest absolute slow error of a position in the states (m, n) of the filter, m; NaN without one."""
     if s.kind is not Kind.POSITION or s.slow_state < 0:
         return float("nan")
@@ -35,11 +35,13 @@ def largest_slow_position_error_m(s: SensorSeries, state: FloatArray) -> float:
     return float(np.max(error_m, where=np.isfinite(error_m), initial=0.0))
 
 
-def find_drifting_fixes(reports: Sequence[SourceReport], known: Sequence[Contradiction]) -> list[Contradiction]:
+def find_contradictions_of_drifting_fixes(
+    reports: Sequence[SourceReport], known: Sequence[Contradiction]
+) -> list[Contradiction]:
     """Return contradictions of the positions that drift off the way by the other sources."""
     told = {quantity for each in known for quantity in (each.who, each.against)}
     found = []
-    for report in _drifting_fixes(reports):
+    for report in _iter_reports_of_drifting_fixes(reports):
         who = SourceQuantity(report.source, report.kind)
         if who not in told:
             what = f"its fixes drift up to {report.slow_error.largest:.0f} m off the way that the other sources show"
@@ -53,17 +55,17 @@ def covariance_from_drifts(reports: Sequence[SourceReport]) -> StateCovariance:
     It is 0 where another position does not drift.
     """
     added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
-    drifts_m = [report.slow_error.largest for report in _drifting_fixes(reports)]
+    drifts_m = [report.slow_error.largest for report in _iter_reports_of_drifting_fixes(reports)]
     if drifts_m and len(drifts_m) == sum(r.kind is Kind.POSITION and r.n_used > 0 for r in reports):
         added[X, X] = added[Y, Y] = 0.5 * min(drifts_m) ** 2
     return added
 
 
-def _drifting_fixes(reports: Sequence[SourceReport]) -> Iterator[SourceReport]:
+def _iter_reports_of_drifting_fixes(reports: Sequence[SourceReport]) -> Iterator[SourceReport]:
     """Yield the used positions whose slow error is far larger than its own sigma allows."""
     if any(r.kind is Kind.VELOCITY and r.n_used for r in reports):
         return
     for r in reports:
-        limit_m = max(MAX_LARGEST_IN_SIGMAS * r.slow_error.sigma, MIN_DRIFT_M)
+        limit_m = max(MAX_SLOW_ERROR_SIGMAS_WITHOUT_DRIFT * r.slow_error.sigma, MIN_DRIFT_M)
         if r.kind is Kind.POSITION and r.n_used and r.slow_error.largest > limit_m:
             yield r

@@ -17,17 +17,17 @@ from cwcli.estimation.latency import NO_LATENCY, latency_given_by_user
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, notes_on_rows_before_start, run_filter_pass
 from cwcli.estimation.prepare import (
-    clean_and_sort_measurements,
+    clean_and_sort_measurements_and_note,
     earliest_stamp_ns,
     prepare_without_looking_ahead,
-    seconds_since_epoch,
+    seconds_since_zero_time,
 )
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt, correct_and_list_what_user_says
 from cwcli.estimation.start import (
     UNKNOWN_STATE_SIGMAS,
     find_filter_start,
-    move_infinite_start_behind_rows,
+    replace_infinite_start_by_end_of_rows,
     set_states_before_start_in_place,
 )
 from cwcli.estimation.state_flags import compute_state_flags
@@ -49,7 +49,7 @@ DERIVATIVE_SAMPLES = 8
 
 The paper says that they are "computed from the measured" values, not how. Chosen on the paper's drives: with 0.2 s the
 models with jerk are the worse ones, and a longer window sees a manoeuvre too late for fig. 9."""
-MAX_PAUSE_S = 60.0
+MAX_STEPPED_PAUSE_S = 60.0
 """Longest pause of all measurements, s, through which steps are made; the filter counts a longer one as a minute.
 Chosen by hand."""
 DIFFERENTIATED_STATES = slice(ACCEL, YAW_RATE + 1)
@@ -98,7 +98,7 @@ def estimate_track_with_song2016(
     of this model: see `append_jerk_and_yaw_acceleration`. Without `causal` the same model is smoothed, which the paper
     does not do.
     """
-    epoch = earliest_stamp_ns(measurements)
+    zero_ns = earliest_stamp_ns(measurements)
     measurements, corrections = correct_and_list_what_user_says(measurements, config.source_units)
     if not config.blind:
         measurements, found = correct_and_list_imu_units_and_tilt(
@@ -106,9 +106,9 @@ def estimate_track_with_song2016(
         )
         corrections += found
     prepared, notes = (
-        (prepare_without_looking_ahead(measurements, epoch, {}), [])
+        (prepare_without_looking_ahead(measurements, zero_ns, {}), [])
         if config.blind
-        else clean_and_sort_measurements(measurements, epoch)
+        else clean_and_sort_measurements_and_note(measurements, zero_ns)
     )
     latencies = [latency_given_by_user(p.series, config) or NO_LATENCY for p in prepared]
     step = config.song2016_step_s
@@ -120,10 +120,12 @@ def estimate_track_with_song2016(
         raise DataError("no finite position among the measurements")
     end = max(float(s.time_s[-1]) for s in series if len(s))
     if output_stamp_ns is None:
-        output_stamp_ns = np.arange(epoch, epoch + round(end * NS_PER_S) + 1, round(step * NS_PER_S), dtype=np.int64)
+        output_stamp_ns = np.arange(
+            zero_ns, zero_ns + round(end * NS_PER_S) + 1, round(step * NS_PER_S), dtype=np.int64
+        )
     # The states are known at the steps; between them the step before holds.
-    wanted = seconds_since_epoch(output_stamp_ns, epoch)
-    start = move_infinite_start_behind_rows(find_filter_start(series, 6, causal=config.causal), series, wanted)
+    wanted = seconds_since_zero_time(output_stamp_ns, zero_ns)
+    start = replace_infinite_start_by_end_of_rows(find_filter_start(series, 6, causal=config.causal), series, wanted)
     begin = round(start.time_s / step) * step
     wanted_step = np.maximum(np.floor(wanted / step + 1e-6).astype(np.int64), round(begin / step))
     steps = _step_numbers_without_pauses(series, round(begin / step), wanted_step, step)
@@ -263,7 +265,7 @@ def _step_numbers_without_pauses(
     measured = np.concatenate([np.round(s.time_s / step_s).astype(np.int64) for s in series])
     ends = sort_distinct_values(np.append(measured[measured >= first_step], first_step))
     apart = np.diff(ends)
-    each = np.where(apart * step_s > MAX_PAUSE_S, 1, apart)
+    each = np.where(apart * step_s > MAX_STEPPED_PAUSE_S, 1, apart)
     within = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
     return sort_distinct_values(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted_steps]))
 

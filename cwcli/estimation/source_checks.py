@@ -18,7 +18,7 @@ import numpy as np
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_column
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
 from cwcli.estimation.step_motion import (
@@ -51,7 +51,7 @@ STUDENT_99_QUANTILES: Mapping[int, float] = {
 """Number of values -> half the width of the 99 % interval in sigma of the mean (Student, two-sided); more: 2.86."""
 MEDIAN_TO_MEAN_SIGMA_RATIO = 1.2533
 """Sigma of the median of normal values divided by that of their mean: the square root of pi / 2."""
-MIN_ROWS = 20
+MIN_ROWS_OF_COMPARED_SOURCE = 20
 """Least number of rows of a source that is compared. Chosen by hand; not fitted."""
 TURN_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "a MEMS gyroscope's scale errs by 3 %; the rest is room for latencies and for courses of short ways"
@@ -156,13 +156,13 @@ class MedianInterval:
 
     @classmethod
     def from_values(cls, values: FloatArray) -> MedianInterval:
-        """Compute median and interval of a column (n,); unknown with fewer than MIN_STEPS values."""
+        """Compute median and interval of a column (n,); unknown with fewer than MIN_STEPS_OF_ONE_LENGTH values."""
         n = len(values)
         if n < MIN_STEPS_OF_ONE_LENGTH:
             return cls()
-        middle = median_of_finite_column(values)
+        middle = median_of_finite_values(values)
         spread = (
-            MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_TO_MEAN_SIGMA_RATIO * median_of_finite_column(np.abs(values - middle))
+            MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_TO_MEAN_SIGMA_RATIO * median_of_finite_values(np.abs(values - middle))
         )
         half = student_99_quantile(n) * spread / math.sqrt(n)
         return cls(middle, middle - half, middle + half, n)
@@ -221,7 +221,7 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
     Args:
         series: Series with at least one position, positions first; stamps uncorrected.
     """
-    usable = [s for s in series if len(s) >= MIN_ROWS and not s.is_exact]
+    usable = [s for s in series if len(s) >= MIN_ROWS_OF_COMPARED_SOURCE and not s.is_exact]
     if len(usable) < 2 or not any(s.kind is Kind.POSITION for s in usable):
         return []
     by_length = []
@@ -400,7 +400,7 @@ def _speed_changes_of_both_minus_medians(one: StepMotion, other: StepMotion) -> 
     known = np.isfinite(changes[0]) & np.isfinite(changes[1])
     if not known.any():
         return changes
-    return changes[0] - median_of_finite_column(changes[0][known]), changes[1] - median_of_finite_column(
+    return changes[0] - median_of_finite_values(changes[0][known]), changes[1] - median_of_finite_values(
         changes[1][known]
     )
 

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.noise import estimate_noise_and_manoeuvres
-from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, earliest_stamp_ns
 from cwcli.estimation.score import bounded_log_likelihood_without_inertial_sensors
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import FilterTrials, with_outlier_gate
@@ -30,11 +30,11 @@ MIN_CLOCK_STEP_S = 0.3
 MIN_STEP_ROWS, MIN_STEP_SPAN_S = 10, 3.0
 """Least number of rows and least time (s) on either side of a step for which a delay has to last. Chosen: a recorder
 that stalls catches up sooner."""
-MAX_DELAY_S = 30.0
+MAX_TRANSMISSION_DELAY_S = 30.0
 """Longest delay of a transmission, s; a longer one is another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
 ALWAYS_NS = int(np.iinfo(np.int64).min)
 """Log time in ns that is earlier than all others: the least int64."""
-MIN_LIKELIHOOD_GAIN = 25.0
+MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT = 25.0
 """Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
 MIN_EQUAL_STAMP_SHARE = 0.5
 """Least share of messages with the stamp of the message before them that shows stamps cut to a coarse unit. Chosen: of
@@ -99,7 +99,7 @@ def align_source_clocks_and_note(
     clocks = {
         source: clock
         for source in dict.fromkeys(m.source for m in measurements)
-        if (clock := _source_clock([m for m in measurements if m.source == source])) is not None
+        if (clock := _clock_of_source_or_none([m for m in measurements if m.source == source])) is not None
     }
     shifts_s: dict[str, list[tuple[int, float]]] = {}
     notes = coarse
@@ -151,7 +151,7 @@ def _replace_coarse_stamps_and_note(
             is_equal = np.diff(stamp_ns) == 0
             is_coarse = is_equal.mean() >= MIN_EQUAL_STAMP_SHARE and (np.diff(log_ns)[is_equal] > 0).mean() > 0.9
             if is_coarse and len(sort_distinct_values(stamp_ns)) > MIN_STEP_ROWS:
-                step_s = median_of_finite_column(np.diff(sort_distinct_values(stamp_ns))) / NS_PER_S
+                step_s = median_of_finite_values(np.diff(sort_distinct_values(stamp_ns))) / NS_PER_S
                 least_ns = int((log_ns - stamp_ns).min())
                 notes[m.source] = (
                     f"{m.source}: its stamps are cut to {step_s:.2g} s; the log times less {least_ns / NS_PER_S:.3f} s "
@@ -200,7 +200,7 @@ def notes_on_hidden_clock_steps(measurements: Sequence[Measurements], sources: S
     ]
 
 
-def _source_clock(own: Sequence[Measurements]) -> SourceClock | None:
+def _clock_of_source_or_none(own: Sequence[Measurements]) -> SourceClock | None:
     """Return the delays of a source by the quantity with the most rows; None with too few rows."""
     m = max(own, key=len)
     if len(m) < 2 * MIN_STEP_ROWS:
@@ -217,16 +217,16 @@ def _find_clock_steps(log_ns: Int64Array, stamp_ns: Int64Array, delay_s: FloatAr
     if not len(jumps):
         return []
     stamp_step_s, log_step_s = np.diff(stamp_ns) / NS_PER_S, np.diff(log_ns) / NS_PER_S
-    usual_s = median_of_finite_column(log_step_s)
+    usual_s = median_of_finite_values(log_step_s)
     reach = max(MIN_STEP_ROWS, int(np.ceil(MIN_STEP_SPAN_S / max(usual_s, 1e-3))))
     found = []
     for k in jumps.tolist():
         if min(k, len(log_ns) - k) < MIN_STEP_ROWS:
             continue
         before, after = delay_s[max(k - reach, 0) : k], delay_s[k : k + reach]
-        change_s = median_of_finite_column(after) - median_of_finite_column(before)
+        change_s = median_of_finite_values(after) - median_of_finite_values(before)
         scatter_s = max(
-            median_of_finite_column(np.abs(part - median_of_finite_column(part))) for part in (before, after)
+            median_of_finite_values(np.abs(part - median_of_finite_values(part))) for part in (before, after)
         )
         if abs(change_s) < max(MIN_CLOCK_STEP_S, 6.0 * scatter_s):
             continue
@@ -243,12 +243,12 @@ def _log_times_and_shifts_at_own_clock_steps(
     own = [step for step in clock.steps if step.is_of_stamps]
     if not own:
         return []
-    pieces_s = [median_of_finite_column(clock.delay_s[piece]) for piece in clock.row_slices_between_steps]
+    pieces_s = [median_of_finite_values(clock.delay_s[piece]) for piece in clock.row_slices_between_steps]
     others_s = [
-        median_of_finite_column(other.delay_s) for name, other in clocks.items() if name != source and not other.steps
+        median_of_finite_values(other.delay_s) for name, other in clocks.items() if name != source and not other.steps
     ]
     if others_s:
-        right_s = min(pieces_s, key=lambda each: abs(each - median_of_finite_column(np.array(others_s))))
+        right_s = min(pieces_s, key=lambda each: abs(each - median_of_finite_values(np.array(others_s))))
     else:
         right_s = pieces_s[int(np.argmax([piece.stop - piece.start for piece in clock.row_slices_between_steps]))]
     shifts, so_far_s = [], 0.0
@@ -300,7 +300,7 @@ def _median_delay_after_shifts_s(clock: SourceClock, shifts: Sequence[tuple[int,
     delay_s = clock.delay_s
     for log_ns, shift_s in shifts:
         delay_s = delay_s - shift_s * (clock.log_ns >= log_ns)
-    return median_of_finite_column(delay_s)
+    return median_of_finite_values(delay_s)
 
 
 def _offset_from_other_clocks_s(
@@ -317,7 +317,7 @@ def _offset_from_other_clocks_s(
     # A message cannot be logged before its stamp; where all stamps are from another time, only much counts.
     is_ahead = apart_s < 0.0 and (delay_s < -MIN_CLOCK_STEP_S or apart_s < -1.0)
     may_be_behind = is_whole and apart_s > 0.0
-    is_other_clock = is_ahead or apart_s > MAX_DELAY_S
+    is_other_clock = is_ahead or apart_s > MAX_TRANSMISSION_DELAY_S
     same_clock = [name for name, each_s in delays_s.items() if abs(each_s - delay_s) < MIN_CLOCK_STEP_S]
     if is_other_clock or (may_be_behind and is_motion_likelier_when_shifted(measurements, same_clock, shift_s)):
         why = "corrected by the log times" if is_other_clock else "corrected, because the motion then fits"
@@ -332,12 +332,12 @@ def is_motion_likelier_when_shifted(
     """Return whether the filter predicts all sources clearly better when the stamps of some move by `shift_s`."""
     shifted = [_shift_stamps(m, [(ALWAYS_NS, shift_s)]) if m.source in sources else m for m in measurements]
     found = [_motion_log_likelihood(each) for each in (measurements, shifted)]
-    return found[1] - found[0] > MIN_LIKELIHOOD_GAIN
+    return found[1] - found[0] > MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT
 
 
 def _motion_log_likelihood(measurements: Sequence[Measurements]) -> float:
     """Return the log-likelihood of the rows after all before them, with the noise that goes with them."""
-    prepared, _ = clean_and_sort_measurements(measurements, earliest_stamp_ns(measurements))
+    prepared, _ = clean_and_sort_measurements_and_note(measurements, earliest_stamp_ns(measurements))
     series, walk, prior = add_bias_states_and_their_variances(prepared, MotionParameters())
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
         return float("nan")
@@ -352,7 +352,7 @@ def _delay_of_most_sources_s(delays_s: dict[str, float]) -> float:
     """Return the delay (s) on which most sources agree; of as many the one that is nearer to the log times."""
     values_s = np.array(list(delays_s.values()))
     groups = [values_s[np.abs(values_s - each) < MIN_CLOCK_STEP_S] for each in values_s]
-    return median_of_finite_column(max(groups, key=lambda group: (len(group), -abs(median_of_finite_column(group)))))
+    return median_of_finite_values(max(groups, key=lambda group: (len(group), -abs(median_of_finite_values(group)))))
 
 
 def _shift_stamps(m: Measurements, shifts: Sequence[tuple[int, float]]) -> Measurements:

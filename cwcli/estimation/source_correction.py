@@ -12,9 +12,14 @@ from cwcli.estimation.imu_hypotheses import find_imu_unit_sign_or_axis_fault
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.passes import SensorSeries
-from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
-from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison
-from cwcli.estimation.source_hypotheses import MIN_MARGIN, Finding, find_hypothesis, sources_agreeing_after_correction
+from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
+from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE, Judgement, SourceComparison
+from cwcli.estimation.source_hypotheses import (
+    MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
+    Finding,
+    find_hypothesis,
+    sources_agreeing_after_correction,
+)
 from cwcli.estimation.source_vote import (
     compare_prepared_sources,
     find_tilted_imus,
@@ -54,7 +59,7 @@ def correct_one_source(
     trusted: Collection[str],
 ) -> CorrectionAttempt | None:
     """Return the measurements with the correction that clearly explains a contradiction best; None without one."""
-    usable = [p.series for p in prepared if len(p.series) >= MIN_ROWS and not p.series.is_exact]
+    usable = [p.series for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE and not p.series.is_exact]
     contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT]
     suspects = {who for each in contrary for who in (each.one, each.other)} | {
         each.who for each in find_tilted_imus(prepared)
@@ -81,7 +86,9 @@ def correct_one_source(
         and not (s.kind in RATE_KINDS and s.source in imus)
         and (found := find_hypothesis(level, i)) is not None
     ]
-    attempts = [(found.gain, found.who, _apply_finding(measurements, found, prepare)) for found in findings]
+    attempts = [
+        (found.gain, found.who, _correct_measurements_by_finding(measurements, found, prepare)) for found in findings
+    ]
     for source in suspected_imus:
         tried = gain_and_attempt_of_imu_correction(imus[source], measurements, level, prepare)
         if tried is not None:
@@ -93,17 +100,17 @@ def correct_one_source(
         rivals = (
             other_gain
             for other_gain, other, _ in attempts
-            if other.kind is not Kind.POSITION and _contradict_each_other(contrary, who, other)
+            if other.kind is not Kind.POSITION and _do_sources_contradict_each_other(contrary, who, other)
         )
         if who.kind is Kind.POSITION:
             rivals = (
                 found.gain
                 for i, s in enumerate(level)
                 if s.kind not in (Kind.POSITION, *RATE_KINDS)
-                and _contradict_each_other(contrary, who, SourceQuantity(s.source, s.kind))
+                and _do_sources_contradict_each_other(contrary, who, SourceQuantity(s.source, s.kind))
                 and (found := find_hypothesis(level, i, may_be_ambiguous=True)) is not None
             )
-        if all(gain - other_gain >= MIN_MARGIN for other_gain in rivals):
+        if all(gain - other_gain >= MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT for other_gain in rivals):
             return attempt
     return None
 
@@ -112,7 +119,9 @@ def _is_imu_quantity(who: SourceQuantity) -> bool:
     return who.kind in (*RATE_KINDS, Kind.IMU)
 
 
-def _contradict_each_other(contrary: Sequence[SourceComparison], who: SourceQuantity, other: SourceQuantity) -> bool:
+def _do_sources_contradict_each_other(
+    contrary: Sequence[SourceComparison], who: SourceQuantity, other: SourceQuantity
+) -> bool:
     """Whether two sources contradict each other; quantities of one IMU count together."""
 
     def is_same(one: SourceQuantity, two: SourceQuantity) -> bool:
@@ -125,7 +134,9 @@ def _contradict_each_other(contrary: Sequence[SourceComparison], who: SourceQuan
     )
 
 
-def _apply_finding(measurements: Sequence[Measurements], found: Finding, prepare: Prepare) -> CorrectionAttempt:
+def _correct_measurements_by_finding(
+    measurements: Sequence[Measurements], found: Finding, prepare: Prepare
+) -> CorrectionAttempt:
     """Return the measurements with a finding applied."""
     corrected = [
         found.hypothesis.correct_measurements(m) if SourceQuantity(m.source, m.kind) == found.who else m
@@ -146,7 +157,7 @@ def gain_and_attempt_of_imu_correction(
         return None
     rows = np.flatnonzero(np.isfinite(imu.values).all(axis=1))
     rows = rows[np.argsort(imu.stamp_ns[rows], kind="stable")]
-    time_s = seconds_since_epoch(imu.stamp_ns[rows], earliest_stamp_ns(measurements))
+    time_s = seconds_since_zero_time(imu.stamp_ns[rows], earliest_stamp_ns(measurements))
     found = find_imu_unit_sign_or_axis_fault(time_s, imu.values[rows], others)
     if found is None:
         return None

@@ -3,8 +3,8 @@
 For each suspect every hypothesis of its kind is compared with the other sources over the whole log
 (`step_evidence`). A hypothesis wins where all of the following hold:
 
-- it predicts the steps better than the values as they are by MIN_GAIN,
-- it predicts them better than every hypothesis with another effect by MIN_MARGIN,
+- it predicts the steps better than the values as they are by MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS,
+- it predicts them better than every hypothesis with another effect by MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
 - with it the source contradicts no other source any more, agrees with at least one, and the ratio that is left over
   is near 1, so that a fault that is not on the list is not taken for one that is,
 - no hypothesis on another source does the same; that of a position does not count, because a map shows a wrong one.
@@ -33,17 +33,17 @@ from cwcli.estimation.step_motion import StepMotion, compute_step_motion, step_e
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
-MIN_GAIN = 15.0
+MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS = 15.0
 """Least gain in log-likelihood of a hypothesis. Chosen: a fault is a thousand times less likely than none and there are
 up to a hundred hypotheses (11.5), and the errors of neighbouring steps are not independent; not fitted."""
-MIN_MARGIN = 5.0
+MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT = 5.0
 """Least gain over the next hypothesis with another effect: odds of 150 to 1. Chosen by hand; not fitted."""
-COST_OF_A_FAULT = 3.0
+LOG_LIKELIHOOD_COST_OF_SECOND_FAULT = 3.0
 """Log-likelihood that a second fault of a source must gain: odds of 20 to 1. Chosen by hand; not fitted."""
 MAX_UNIT_ERROR = 0.05
 """Greatest relative difference from 1 of the ratio of ways after a correction: worn tyres and noise; the steps from
 feet/s to km/h and from knots to miles/h are twice as large. Chosen by hand; not fitted."""
-MAX_RATE_ERROR = 0.15
+MAX_RATE_RATIO_ERROR = 0.15
 """Greatest relative difference from 1 of the ratio of turns, or of changes of speed, after a correction. Chosen by
 hand: latencies and slopes change it."""
 EVIDENCE_STEP_S = 2.0
@@ -121,12 +121,12 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int, *, may_be_ambi
     gains = log_likelihood_gains(residuals(own), [residuals(h.correct_series(own)) for h in hypotheses])
     ranked = sorted(
         zip(hypotheses, gains, strict=True),
-        key=lambda each: each[1] - COST_OF_A_FAULT * ("+" in each[0].name),
+        key=lambda each: each[1] - LOG_LIKELIHOOD_COST_OF_SECOND_FAULT * ("+" in each[0].name),
         reverse=True,
     )
     best, gain = ranked[0]
-    is_ambiguous = len(ranked) > 1 and gain - ranked[1][1] < MIN_MARGIN
-    if gain < MIN_GAIN or (is_ambiguous and not may_be_ambiguous):
+    is_ambiguous = len(ranked) > 1 and gain - ranked[1][1] < MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT
+    if gain < MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS or (is_ambiguous and not may_be_ambiguous):
         return None
     corrected = [*series[:suspect], best.correct_series(own), *series[suspect + 1 :]]
     judges = sources_agreeing_after_correction(compare_all_source_pairs(corrected), who)
@@ -134,7 +134,7 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int, *, may_be_ambi
 
 
 def sources_agreeing_after_correction(
-    comparisons: Sequence[SourceComparison], who: SourceQuantity, max_rate_error: float = MAX_RATE_ERROR
+    comparisons: Sequence[SourceComparison], who: SourceQuantity, max_rate_error: float = MAX_RATE_RATIO_ERROR
 ) -> tuple[SourceQuantity, ...]:
     """Return the sources that agree with a corrected source; () if one still contradicts it or its ratio is off.
 

@@ -19,8 +19,8 @@ from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
 from cwcli.estimation.imu_yaw import find_imu_yaw_hypothesis_and_evidence
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
-from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_epoch
-from cwcli.estimation.source_checks import MIN_ROWS
+from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
+from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
 from cwcli.estimation.source_correction import (
     CorrectionAttempt,
     Prepare,
@@ -91,7 +91,11 @@ def judge_sources(
 
     for m in current:
         if m.kind is Kind.IMU and m.source not in trusted and find_impossible_imu_values(m.values):
-            others = [p.series for p in prepared if p.series.source != m.source and len(p.series) >= MIN_ROWS]
+            others = [
+                p.series
+                for p in prepared
+                if p.series.source != m.source and len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE
+            ]
             tried = gain_and_attempt_of_imu_correction(m, current, others, prepare)
             if tried is not None:
                 take(tried[1])
@@ -186,7 +190,9 @@ def correct_and_list_turned_imus(
         prepared: Their series, after what contradicts the others was left out.
         trusted: Sources that are not corrected.
     """
-    fixes = [p.series for p in prepared if p.series.kind is Kind.POSITION and len(p.series) >= MIN_ROWS]
+    fixes = [
+        p.series for p in prepared if p.series.kind is Kind.POSITION and len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE
+    ]
     level = {p.series.source for p in prepared if p.mounting is not None and len(p.series)}
     corrected: list[Measurements] = []
     corrections: list[Correction] = []
@@ -195,11 +201,11 @@ def correct_and_list_turned_imus(
         if m.kind is Kind.IMU and fixes and m.source in level - {*trusted}:
             rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
             rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
-            time_s = seconds_since_epoch(m.stamp_ns[rows], earliest_stamp_ns(measurements))
+            time_s = seconds_since_zero_time(m.stamp_ns[rows], earliest_stamp_ns(measurements))
             helpers = [
                 p.series
                 for p in prepared
-                if len(p.series) >= MIN_ROWS
+                if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE
                 and (p.series.kind is Kind.SPEED or (p.series.kind is Kind.YAW_RATE and p.series.source == m.source))
             ]
             found = find_imu_yaw_hypothesis_and_evidence(time_s, m.values[rows], [fixes[0], *helpers])

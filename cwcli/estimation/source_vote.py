@@ -14,11 +14,16 @@ import numpy as np
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.measurements import RATE_KINDS, Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.odd_sensors import MAX_GRAVITY_IN_ANY_UNIT
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
-from cwcli.estimation.source_checks import MIN_ROWS, Judgement, SourceComparison, compare_all_source_pairs
+from cwcli.estimation.source_checks import (
+    MIN_ROWS_OF_COMPARED_SOURCE,
+    Judgement,
+    SourceComparison,
+    compare_all_source_pairs,
+)
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
@@ -170,11 +175,11 @@ def find_impossible_fixes(prepared: Sequence[PreparedSeries]) -> list[Contradict
     found = []
     for p in prepared:
         s = p.series
-        if s.kind is not Kind.POSITION or len(s) < MIN_ROWS:
+        if s.kind is not Kind.POSITION or len(s) < MIN_ROWS_OF_COMPARED_SOURCE:
             continue
-        step = max(1, int(np.ceil(FIX_STEP_S / max(median_of_finite_column(np.diff(s.time_s)), 1e-3))))
+        step = max(1, int(np.ceil(FIX_STEP_S / max(median_of_finite_values(np.diff(s.time_s)), 1e-3))))
         way_m, duration_s = np.hypot(*(s.values[step:] - s.values[:-step]).T), s.time_s[step:] - s.time_s[:-step]
-        speed_mps = median_of_finite_column(way_m / np.maximum(duration_s, 1e-3)) if len(way_m) else 0.0
+        speed_mps = median_of_finite_values(way_m / np.maximum(duration_s, 1e-3)) if len(way_m) else 0.0
         if speed_mps > MAX_CAR_SPEED_MPS:
             what = f"its fixes move at {speed_mps:.3g} m/s: check its unit and its map"
             found.append(Contradiction(quantity_of_series(p), CAR_MOTION_TEXT, what))

@@ -44,7 +44,7 @@ MIN_STAMP_SIGMA_STEP, MAX_STAMP_SIGMA_STEP = -2 * GRID_STEPS_PER_OCTAVE, 7 * GRI
 """Least and greatest grid step of the stamp error: 1.3 ms and 0.64 s."""
 CLIMB_STRIDES = (GRID_STEPS_PER_OCTAVE, GRID_STEPS_PER_OCTAVE // 2)
 """Strides of the climb in grid steps: octaves, then half octaves."""
-MAX_TRIALS = 150
+MAX_FILTER_PASSES_PER_SEARCH = 150
 """Greatest number of filter passes of one search. Chosen to bound the time; not fitted."""
 FIRST_TRIED_STEPS = (0, 2 * GRID_STEPS_PER_OCTAVE)
 """Grid steps that are tried first, 5 and 20 ms: if neither helps, the search ends."""
@@ -157,7 +157,7 @@ class _StampErrorSearch:
             assert best[0] is not None
             at: list[Point] = [(best[0] - stride, *best[1:]), (best[0] + stride, *best[1:])]
             if (
-                len(self._scores) >= MAX_TRIALS
+                len(self._scores) >= MAX_FILTER_PASSES_PER_SEARCH
                 or not MIN_STAMP_SIGMA_STEP <= best[0] - stride < best[0] + stride <= MAX_STAMP_SIGMA_STEP
             ):
                 return self._fit  # the top has not been reached: nothing is known
@@ -200,7 +200,7 @@ class _StampErrorSearch:
         """Climb along the axes, one after the other, to the likeliest point."""
         for stride in strides:
             moved = True
-            while moved and len(self._scores) < MAX_TRIALS:
+            while moved and len(self._scores) < MAX_FILTER_PASSES_PER_SEARCH:
                 moved = False
                 for axis in axes:
                     for step in (stride, -stride):

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import EastNorthRows, FloatArray, StateCovariances, StateRows
@@ -24,11 +24,11 @@ MAX_STANDING_SPEED_MPS = 0.1
 STANDSTILL_WINDOW_S = 5.0
 """Time over which fixes are averaged before and after a moment to tell whether a vehicle stands, and least length of a
 standstill that is used, s. Chosen by hand: an error of half a metre that lasts for 20 s moves by 0.05 m/s in it."""
-MAX_GAP_S = 1.0
+MAX_FIX_INTERVAL_IN_STANDSTILL_S = 1.0
 """Greatest interval between two fixes of one standstill, s. Chosen by hand; not fitted."""
-WANDER_LAG_S = 0.5
+ERROR_COVARIANCE_LAG_S = 0.5
 """Interval of two fixes whose errors are compared, s: white noise has no covariance over it, lasting errors have."""
-MIN_STEP_S = 1e-3
+MIN_FIX_INTERVAL_S = 1e-3
 """Least interval of two fixes, s: of stamps that are cut, most differ by 0. Chosen by hand."""
 MIN_WANDER_SIGMAS = 3.0
 """Least covariance of the errors of such fixes, in sigmas of that of white noise. Chosen by hand; not fitted."""
@@ -84,8 +84,8 @@ def _standstill_errors_of_source(
     for rows in _iter_standstill_row_slices(time_s, fixes.values[:, :2]):
         mean = fixes.values[rows, :2].mean(axis=0)
         error = fixes.values[rows, :2] - mean
-        step_s = max(median_of_finite_column(np.diff(time_s[rows])), MIN_STEP_S)  # stamps may be equal
-        lag = max(1, round(WANDER_LAG_S / step_s))
+        step_s = max(median_of_finite_values(np.diff(time_s[rows])), MIN_FIX_INTERVAL_S)  # stamps may be equal
+        lag = max(1, round(ERROR_COVARIANCE_LAG_S / step_s))
         covariance_sum += float((error[lag:] * error[:-lag]).sum())
         variance_sum += float((error[lag:] ** 2).sum())
         n += 2 * max(len(error) - lag, 0)
@@ -114,7 +114,7 @@ def _iter_standstill_row_slices(time_s: FloatArray, fixes_m: EastNorthRows) -> I
     between_s = 0.5 * (time_s[last - 1] - time_s[first])
     moved_m = np.hypot(*(after_m - before_m).T)
     standing: npt.NDArray[np.bool_] = moved_m < MAX_STANDING_SPEED_MPS * between_s
-    breaks = np.flatnonzero((standing[1:] != standing[:-1]) | (np.diff(time_s) > MAX_GAP_S)) + 1
+    breaks = np.flatnonzero((standing[1:] != standing[:-1]) | (np.diff(time_s) > MAX_FIX_INTERVAL_IN_STANDSTILL_S)) + 1
     for begin, end in zip([0, *breaks], [*breaks, n], strict=True):
         if standing[begin] and time_s[end - 1] - time_s[begin] >= STANDSTILL_WINDOW_S:
             yield slice(int(begin), int(end))

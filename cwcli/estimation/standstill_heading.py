@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 
-JUMP_RAD = math.pi / 2.0
+MIN_HEADING_JUMP_RAD = math.pi / 2.0
 """Least change of heading between two neighbouring rows, rad, that no car makes: a quarter of a turn."""
 MAX_JUMP_GAP_S = 1.0
 """Longest time in s between two rows whose change counts as a jump: a car turns by 0.6 rad/s at most. Chosen by
@@ -25,10 +25,12 @@ def has_heading_jumps(time_s: FloatArray, heading_rad: FloatArray) -> bool:
     if len(heading_rad) < 2:
         return False
     change = np.abs((np.diff(heading_rad) + math.pi) % (2.0 * math.pi) - math.pi)
-    return bool(((change > JUMP_RAD) & (np.diff(time_s) < MAX_JUMP_GAP_S)).any())
+    return bool(((change > MIN_HEADING_JUMP_RAD) & (np.diff(time_s) < MAX_JUMP_GAP_S)).any())
 
 
-def standstill_flip_mask(time_s: FloatArray, heading_rad: FloatArray, speed_mps: FloatArray) -> npt.NDArray[np.bool_]:
+def heading_flipped_at_standstill_mask(
+    time_s: FloatArray, heading_rad: FloatArray, speed_mps: FloatArray
+) -> npt.NDArray[np.bool_]:
     """Return a mask (n,) of rows at standstill that point away from the headings of the drive before and after.
 
     A car that stands does not turn. So a heading at standstill that differs by more than a quarter of a turn from the
@@ -45,5 +47,5 @@ def standstill_flip_mask(time_s: FloatArray, heading_rad: FloatArray, speed_mps:
     next_moving = np.searchsorted(moving, np.arange(len(time_s)))
     before = moving[np.maximum(next_moving - 1, 0)]
     after = moving[np.minimum(next_moving, len(moving) - 1)]
-    away = [np.cos(heading_rad - heading_rad[rows]) < math.cos(JUMP_RAD) for rows in (before, after)]
+    away = [np.cos(heading_rad - heading_rad[rows]) < math.cos(MIN_HEADING_JUMP_RAD) for rows in (before, after)]
     return np.asarray(standing & away[0] & away[1])

@@ -277,7 +277,7 @@ def find_start_with_parameter_states(series: Sequence[SensorSeries], prior: Floa
     return start
 
 
-def move_infinite_start_behind_rows(
+def replace_infinite_start_by_end_of_rows(
     start: FilterStart, series: Sequence[SensorSeries], output_s: FloatArray
 ) -> FilterStart:
     """Return the start; an infinite time is replaced by one after all rows and outputs, so that a pass can run."""

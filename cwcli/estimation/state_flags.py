@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import RATE_KINDS, Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import FilterStart, PassResult, SensorSeries
 from cwcli.estimation.start import first_heading_time_s
 from cwcli.kernels.ekf import UpdateStatus
@@ -17,7 +17,7 @@ from cwcli.signals.vehicle_state import HEADING, SPEED, StateFlag, X, Y
 
 SETTLING_TIME_S = 2.0
 """Time for which states are flagged after a start or reset, s: two time constants of the jerk."""
-MAX_PART_AGE_S = 1.0
+MAX_AGE_IN_WHOLE_START_STATE_S = 1.0
 """Greatest age in s of position, speed and heading at the start that still make a whole state: the period of slow
 senders. Chosen by hand."""
 MIN_COURSE_SIGMAS = 10.0
@@ -31,11 +31,16 @@ Chosen: the state and the rejected rows are taken to be right with the same prob
 for `DOUBT_TIME_S`; before, the share grows with the square of the time: most rejections are short, and outliers."""
 DOUBT_TIME_S = 2.0
 """Time of rejections after which the rows are as likely right as the state, s: they are then believed (`ekf.pyx`)."""
-MIN_GAP_S = 2.0
+MIN_POSITION_GAP_S = 2.0
 """Least duration of a gap between used positions, s. Chosen by hand; not fitted."""
-MIN_GAP_STEPS = 3.0
+MIN_POSITION_GAP_IN_USUAL_STEPS = 3.0
 """Least duration of a gap in usual steps of the positions. Chosen by hand; not fitted."""
-WIDENED_STATES = {Kind.POSITION: (X, Y), Kind.VELOCITY: (SPEED,), Kind.SPEED: (SPEED,), Kind.HEADING: (HEADING,)}
+WIDENED_STATES_BY_REJECTED_KIND = {
+    Kind.POSITION: (X, Y),
+    Kind.VELOCITY: (SPEED,),
+    Kind.SPEED: (SPEED,),
+    Kind.HEADING: (HEADING,),
+}
 """States whose variance grows while rows of a kind are rejected."""
 N_RECENT_STEPS = 5
 """Number of last steps whose median is the usual step online. Chosen by hand; not fitted."""
@@ -90,8 +95,8 @@ def compute_state_flags(
 def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> FloatArray:
     """Return when the states behind each start (k,), s, have settled, (k,).
 
-    They have when position, speed and heading have all been measured, at most `MAX_PART_AGE_S` before the start, else
-    after `SETTLING_TIME_S`.
+    They have when position, speed and heading have all been measured, at most `MAX_AGE_IN_WHOLE_START_STATE_S` before
+    the start, else after `SETTLING_TIME_S`.
     """
     ends_s = np.asarray(started_s + SETTLING_TIME_S)
     position_s: list[FloatArray] = []
@@ -115,7 +120,7 @@ def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> F
     whole_s = np.copy(started_s)
     for parts in (position_s, speed_s, heading_s):
         measured_s = np.append(np.sort(np.concatenate(parts)), np.inf)
-        first_s = measured_s[np.searchsorted(measured_s[:-1], started_s - MAX_PART_AGE_S)]
+        first_s = measured_s[np.searchsorted(measured_s[:-1], started_s - MAX_AGE_IN_WHOLE_START_STATE_S)]
         whole_s = np.maximum(whole_s, first_s)
     return np.minimum(ends_s, whole_s)
 
@@ -160,7 +165,7 @@ def add_variance_of_rejected_rows(
     """
     grown = covariance
     for s, found, status in zip(series, result.nis, result.status, strict=True):
-        states = WIDENED_STATES.get(s.kind)
+        states = WIDENED_STATES_BY_REJECTED_KIND.get(s.kind)
         begins, ends, rows = begins_ends_and_rows_of_rejecting_spans(s, status)
         if states is None or not len(rows):
             continue
@@ -197,7 +202,10 @@ def _begins_and_ends_of_position_gaps_s(
     time = np.sort(np.concatenate(used))
     if not len(time):
         return (np.zeros(0), np.zeros(0)) if causal else (np.array([-np.inf]), np.array([np.inf]))
-    least_s = np.maximum(MIN_GAP_S, MIN_GAP_STEPS * (_recent_median_steps_s(time) if causal else _median_step_s(time)))
+    least_s = np.maximum(
+        MIN_POSITION_GAP_S,
+        MIN_POSITION_GAP_IN_USUAL_STEPS * (_recent_median_steps_s(time) if causal else _median_step_s(time)),
+    )
     ends = np.append(time[1:], np.inf)
     just_behind = np.nextafter(time, np.inf)
     begins = time + least_s if causal else just_behind
@@ -207,7 +215,7 @@ def _begins_and_ends_of_position_gaps_s(
 
 def _median_step_s(time_s: FloatArray) -> FloatArray:
     """Return the median step of the whole log, (1,), s."""
-    return np.array([median_of_finite_column(np.diff(time_s)) if len(time_s) > 1 else 0.0])
+    return np.array([median_of_finite_values(np.diff(time_s)) if len(time_s) > 1 else 0.0])
 
 
 def _recent_median_steps_s(time_s: FloatArray) -> FloatArray:

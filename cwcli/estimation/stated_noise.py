@@ -15,7 +15,7 @@ from cwcli.signals.role import Role
 from cwcli.text import parse_float_or_nan
 
 Value = TypeVar("Value")
-Sigmas = Mapping[str, tuple[float, ...]]
+SigmasByRoleOrTopic = Mapping[str, tuple[float, ...]]
 """Role or topic -> one sigma, or two of an IMU: of its accelerometer and of its gyroscope."""
 KIND_BY_ROLE = {
     Role.EGO_POSITION: Kind.POSITION,
@@ -27,7 +27,7 @@ KIND_BY_ROLE = {
 """Role -> the quantity whose noise is stated."""
 DEGREES_SUFFIX = "deg"
 """Behind a number: it is in degrees, or degrees per second, instead of radians."""
-MAX_SIGMA = 1e4
+MAX_STATED_SIGMA = 1e4
 """Greatest sigma that is accepted, in the unit of the quantity. Chosen to catch typing errors; not fitted."""
 
 
@@ -51,7 +51,7 @@ def parse_values_by_name(
     return found
 
 
-def parse_sigma_options(entries: Sequence[str]) -> Sigmas:
+def parse_sigmas_by_role_or_topic(entries: Sequence[str]) -> SigmasByRoleOrTopic:
     """Return the sigmas of each source from `NAME=VALUE` entries.
 
     Raises:
@@ -65,13 +65,13 @@ def parse_sigma_options(entries: Sequence[str]) -> Sigmas:
             value if number == part else math.radians(value)
             for value, number, part in zip(values, numbers, text.split("/"), strict=True)
         )
-        return sigmas if len(sigmas) <= 2 and all(0.0 < sigma <= MAX_SIGMA for sigma in sigmas) else None
+        return sigmas if len(sigmas) <= 2 and all(0.0 < sigma <= MAX_STATED_SIGMA for sigma in sigmas) else None
 
     example = "ego_speed=0.5, --sigma ego_heading=1deg or --sigma imu=0.05/0.1deg"
     return parse_values_by_name("--sigma", entries, parse_sigmas, "NAME=VALUE with a value above 0", example)
 
 
-def require_known_names_and_sigma_counts(sigmas: Sigmas, topics: Sequence[str], *, where: str) -> None:
+def require_known_names_and_sigma_counts(sigmas: SigmasByRoleOrTopic, topics: Sequence[str], *, where: str) -> None:
     """Check that each name is a role that has a noise, or a topic of the log, and has as many values as it needs.
 
     Raises:
@@ -92,7 +92,9 @@ def require_known_names_and_sigma_counts(sigmas: Sigmas, topics: Sequence[str], 
             )
 
 
-def apply_stated_noise(measurements: Sequence[Measurements], role: Role, sigmas: Sigmas) -> list[Measurements]:
+def apply_stated_noise(
+    measurements: Sequence[Measurements], role: Role, sigmas: SigmasByRoleOrTopic
+) -> list[Measurements]:
     """Return the measurements of a signal with the stated noise where its messages state none.
 
     Raises:

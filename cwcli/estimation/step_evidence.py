@@ -11,13 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_column
+from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_values
 from cwcli.estimation.step_motion import StepMotion
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 
-DEGREES_OF_FREEDOM = 4.0
+RESIDUAL_STUDENT_DEGREES_OF_FREEDOM = 4.0
 """Degrees of freedom of Student's t: tails as heavy as those of fixes in a town. Chosen by hand; not fitted."""
 MIN_WAY_SIGMA_M, MIN_TURN_SIGMA_RAD, MIN_COURSE_SIGMA_RAD, MIN_SPEED_CHANGE_SIGMA_MPS, MIN_LATERAL_SIGMA_MPS2 = (
     0.5,
@@ -31,7 +31,7 @@ Chosen by hand: 2 % of a way of 25 m; 3 degrees for turn and course; for the oth
 road changes in 2 s."""
 MIN_COMPARED_STEPS = 4
 """Least number of steps that are compared. Chosen by hand: three agree by chance."""
-UNKNOWN_RESIDUAL_SCALES = 6.0
+RESIDUAL_WITHOUT_MOTION_IN_SCALES = 6.0
 """Residual, in scales, of a step in which one hypothesis has motion and another none. Chosen: clearly an outlier."""
 MIN_COURSE_SPEED_MPS = 4.0
 """Least speed in m/s at which courses are compared, as in `source_checks`; a slower car may drive backwards for
@@ -66,7 +66,7 @@ def log_likelihood_gains(
         columns = [column[known] for column in columns]
         counts = [int(np.isfinite(column).sum()) for column in columns]
         scatter = min(
-            median_of_finite_column(np.abs(column[np.isfinite(column)]))
+            median_of_finite_values(np.abs(column[np.isfinite(column)]))
             for column, count in zip(columns, counts, strict=True)
             if 2 * count >= max(counts)
         )
@@ -94,13 +94,13 @@ def pair_residuals(one: StepMotion, other: StepMotion) -> list[StepResiduals]:
         change = one.speed_change_mps - other.speed_change_mps
         known = change[np.isfinite(change)]
         found.append(
-            StepResiduals(change - (median_of_finite_column(known) if len(known) else 0.0), MIN_SPEED_CHANGE_SIGMA_MPS)
+            StepResiduals(change - (median_of_finite_values(known) if len(known) else 0.0), MIN_SPEED_CHANGE_SIGMA_MPS)
         )
     return found
 
 
 def _log_likelihood_of_residuals(residuals: FloatArray, scale: float) -> float:
-    """Return the log-likelihood of residuals (n,) up to a constant; NaN counts as UNKNOWN_RESIDUAL_SCALES."""
-    in_scales = np.where(np.isfinite(residuals), residuals / scale, UNKNOWN_RESIDUAL_SCALES)
-    nu = DEGREES_OF_FREEDOM
+    """Return the log-likelihood of residuals (n,) up to a constant; NaN counts as RESIDUAL_WITHOUT_MOTION_IN_SCALES."""
+    in_scales = np.where(np.isfinite(residuals), residuals / scale, RESIDUAL_WITHOUT_MOTION_IN_SCALES)
+    nu = RESIDUAL_STUDENT_DEGREES_OF_FREEDOM
     return -0.5 * (nu + 1.0) * float(np.log1p(np.square(in_scales) / nu).sum())

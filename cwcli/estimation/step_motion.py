@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cwcli.estimation.fix_scatter import noise_sigma_from_scatter_about_neighbours
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
@@ -146,7 +146,7 @@ def means_between_edges(time_s: FloatArray, values: FloatArray, edges_s: FloatAr
 def covered_step_mask(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
     """Return a mask (n,) of the steps that lie within the rows and overlap no pause."""
     gap_s = np.diff(time_s)
-    pauses = np.flatnonzero(gap_s > max(MAX_BRIDGED_GAP_S, MAX_BRIDGED_GAP_INTERVALS * median_of_finite_column(gap_s)))
+    pauses = np.flatnonzero(gap_s > max(MAX_BRIDGED_GAP_S, MAX_BRIDGED_GAP_INTERVALS * median_of_finite_values(gap_s)))
     n = len(edges_s) - 1
     change = np.zeros(n + 1, np.int64)
     np.add.at(change, np.clip(np.searchsorted(edges_s, time_s[pauses], side="right") - 1, 0, n), 1)

@@ -7,9 +7,9 @@ TOLERATED_VARIANCE_FACTOR = 2.0
 TOLERATED_SIGMA_FACTOR = 2.0
 """Factor by which a sigma may be too large without being called larger than necessary. Chosen by hand: a sigma that is
 1.4 times too large changes no decision, one that is too small does."""
-MAX_GATED_SHARE = 0.05
+MAX_GATED_ROW_SHARE = 0.05
 """Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
-MAX_BRIDGED_SHARE = 0.2
+MAX_BRIDGED_STATE_SHARE = 0.2
 """Share of bridged states that is reported as a fault. Chosen by hand; not fitted."""
 MAX_UNREPORTED_DELAY_S = 1.0
 """Delay of a state from which on it is reported, s; chosen by hand."""

@@ -37,13 +37,13 @@ from cwcli.estimation.leave_one_out import (
 from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
-from cwcli.estimation.median import median_of_finite_column
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
 from cwcli.estimation.net_acceleration import reports_without_net_acceleration
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.passes import (
     N_MOTION_STATES,
-    ROW_BEFORE_START,
+    STATUS_OF_ROW_BEFORE_START,
     FilterStart,
     PassResult,
     SensorSeries,
@@ -52,16 +52,20 @@ from cwcli.estimation.passes import (
 )
 from cwcli.estimation.prepare import (
     PreparedSeries,
-    clean_and_sort_measurements,
+    clean_and_sort_measurements_and_note,
     earliest_stamp_ns,
     prepare_without_looking_ahead,
-    seconds_since_epoch,
+    seconds_since_zero_time,
 )
 from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundSensorModel
-from cwcli.estimation.slow_drift import covariance_from_drifts, find_drifting_fixes, largest_slow_position_error_m
+from cwcli.estimation.slow_drift import (
+    covariance_from_drifts,
+    find_contradictions_of_drifting_fixes,
+    largest_slow_position_error_or_nan_m,
+)
 from cwcli.estimation.song2016 import estimate_track_with_song2016
 from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
 from cwcli.estimation.source_judgement import (
@@ -73,7 +77,7 @@ from cwcli.estimation.source_judgement import (
 from cwcli.estimation.standstill_error import covariance_from_standstill_errors, find_standstill_errors
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
-    move_infinite_start_behind_rows,
+    replace_infinite_start_by_end_of_rows,
     set_states_before_start_in_place,
 )
 from cwcli.estimation.state_flags import add_variance_of_rejected_rows, compute_state_flags
@@ -87,13 +91,13 @@ from cwcli.signals.vehicle_state import StateFlag
 
 MIN_NIS_ROWS = 20
 """Least number of rows of a source whose NIS is reported. Chosen by hand; not fitted."""
-MAX_START_WITHOUT_POSITION_S = 3.0
+MIN_WAIT_FOR_POSITION_TO_REFINE_START_S = 3.0
 """Time without a position after the start from which the start is refined, s. Chosen by hand; not fitted."""
-MAX_START_ITERATIONS = 6
+MAX_START_REFINEMENT_ROUNDS = 6
 """Greatest number of refinements of the start. Chosen by hand; not fitted."""
 START_CONVERGENCE_M = 0.5
 """The start has converged when its position moves by less than this, m. Chosen by hand; not fitted."""
-IS_WORKER = "_CWCLI_WORKER"
+WORKER_ENVIRONMENT_VARIABLE = "_CWCLI_WORKER"
 """Environment variable that is set in a worker of a run over many logs, where the other workers use the processors."""
 Group = TypeVar("Group")
 Result = TypeVar("Result")
@@ -198,12 +202,12 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
             trusted=config.sources_with_trusted_clock,
         )
     positions = [m for m in measurements if m.kind is Kind.POSITION]
-    epoch = earliest_stamp_ns(
+    zero_ns = earliest_stamp_ns(
         positions if config.blind else measurements
     )  # a row that comes later may be of an earlier time
 
     def prepare(current: Sequence[Measurements]) -> tuple[list[PreparedSeries], list[str]]:
-        prepared, notes = _prepare_series_and_notes(current, epoch, config)
+        prepared, notes = _prepare_series_and_notes(current, zero_ns, config)
         return set_given_lever_arms(prepared, config.lever_arms), notes
 
     aligned = measurements
@@ -229,7 +233,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         *judged.notes,
     )
     tuned = tune_latencies_and_noise(judged.prepared, config, MotionParameters())
-    return _TunedMeasurements(epoch, judged.prepared, tuned, notes, judged.contradictions, corrections, aligned)
+    return _TunedMeasurements(zero_ns, judged.prepared, tuned, notes, judged.contradictions, corrections, aligned)
 
 
 def _settled_measurements_and_track(
@@ -256,7 +260,7 @@ def _settled_measurements_and_track(
     found = contradiction_of_spoiling_sources(track_without.sources, left_out)
     if not can_third_source_judge(track.sources, left_out):
         series = tuple(raise_noise_of_fixes_to_reported(better.tuned.series, track.sources))
-        delays = better.tuned.delay_sigmas.at_least(settled.tuned.delay_sigmas)
+        delays = better.tuned.delay_sigmas.larger_of_each(settled.tuned.delay_sigmas)
         better = replace(better, tuned=replace(better.tuned, series=series, delay_sigmas=delays))
     notes = (*better.notes, f"{found.contradiction_sentence}; {found.consequence_text}")
     better = replace(better, contradictions=(*better.contradictions, found), notes=notes)
@@ -268,10 +272,10 @@ def _filter_and_smooth(
 ) -> Track:
     """Find the start, filter and smooth; for `config` and `output_stamp_ns` see `estimate_track`."""
     prepared, tuned, notes = tuned_measurements.prepared, tuned_measurements.tuned, list(tuned_measurements.notes)
-    output_s = seconds_since_epoch(output_stamp_ns, tuned_measurements.epoch_ns)
+    output_s = seconds_since_zero_time(output_stamp_ns, tuned_measurements.epoch_ns)
     start = find_start_with_parameter_states(tuned.series, tuned.prior, causal=config.causal)
     start.state[N_MOTION_STATES:] = tuned.mean[N_MOTION_STATES:]
-    start = move_infinite_start_behind_rows(start, tuned.series, output_s)
+    start = replace_infinite_start_by_end_of_rows(start, tuned.series, output_s)
     if not config.causal:
         start = _refine_start_by_smoothing(tuned, start, config.reset_after)
     restarts = find_filter_restarts_after_gaps(tuned.series, causal=config.causal)
@@ -339,12 +343,14 @@ def _filter_and_smooth(
         tuple(notes),
         {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMA_LIMITS},
         _collect_gated_rows(tuned, result, tuned_measurements.epoch_ns, config.gate_probability),
-        contradictions if config.blind else (*contradictions, *find_drifting_fixes(reports, contradictions)),
+        contradictions
+        if config.blind
+        else (*contradictions, *find_contradictions_of_drifting_fixes(reports, contradictions)),
         tuned_measurements.corrections,
     )
 
 
-def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, probability: float) -> GatedMeasurements:
+def _collect_gated_rows(tuned: TunedSeries, result: PassResult, zero_ns: int, probability: float) -> GatedMeasurements:
     """Collect the rows of all series that the gate rejected."""
     rows = [np.flatnonzero(status == UpdateStatus.GATED) for status in result.status]
     counts = [len(own) for own in rows]
@@ -354,7 +360,7 @@ def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, prob
     bound = np.array([nis_gate_limit(probability, s.n_values_per_row) for s in tuned.series])[code]
     order = np.argsort(time_s, kind="stable")
     return GatedMeasurements(
-        epoch + np.rint(time_s[order] * NS_PER_S).astype(np.int64),
+        zero_ns + np.rint(time_s[order] * NS_PER_S).astype(np.int64),
         Strings(code[order], tuple(s.source for s in tuned.series)).merge_equal_values(),
         Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)).merge_equal_values(),
         nis[order],
@@ -363,15 +369,15 @@ def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, prob
 
 
 def _prepare_series_and_notes(
-    measurements: Sequence[Measurements], epoch: int, config: EstimatorConfig
+    measurements: Sequence[Measurements], zero_ns: int, config: EstimatorConfig
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Return the series and notes, with the calibration if there is one, and without looking ahead where required."""
     calibration = config.calibration
     if calibration is None:
         return (
-            (prepare_without_looking_ahead(measurements, epoch, {}), [])
+            (prepare_without_looking_ahead(measurements, zero_ns, {}), [])
             if config.blind
-            else clean_and_sort_measurements(measurements, epoch)
+            else clean_and_sort_measurements_and_note(measurements, zero_ns)
         )
     unknown = require_known_sources_and_note_unknown(
         calibration, measurements, causal=config.causal and not config.blind
@@ -379,9 +385,9 @@ def _prepare_series_and_notes(
     mountings = calibrated_imu_mountings(calibration)
     if config.causal:
         return apply_calibrated_noise_and_empty_unknown(
-            prepare_without_looking_ahead(measurements, epoch, mountings), calibration
+            prepare_without_looking_ahead(measurements, zero_ns, mountings), calibration
         ), unknown
-    prepared, notes = clean_and_sort_measurements(measurements, epoch, mountings)
+    prepared, notes = clean_and_sort_measurements_and_note(measurements, zero_ns, mountings)
     return prepared, [*unknown, *notes]
 
 
@@ -392,10 +398,10 @@ def _refine_start_by_smoothing(tuned: TunedSeries, start: FilterStart, reset_aft
     truth becomes sure of a wrong state. The covariance of the start is kept.
     """
     first_s = min(float(s.time_s[0] - s.latency_s) for s in tuned.series if s.kind is Kind.POSITION and len(s))
-    if first_s - start.time_s < MAX_START_WITHOUT_POSITION_S:
+    if first_s - start.time_s < MIN_WAIT_FOR_POSITION_TO_REFINE_START_S:
         return start
     here = np.array([start.time_s])
-    for _ in range(MAX_START_ITERATIONS):
+    for _ in range(MAX_START_REFINEMENT_ROUNDS):
         found = run_filter_pass(tuned.series, start, tuned.motion, here, smooth=True, reset_after=reset_after)
         state = found.state[0]
         if not np.isfinite(state).all():
@@ -413,7 +419,7 @@ def _build_source_report(
     s, latency, stated = tuned.series[i], tuned.latencies[i], prepared_series.series
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
-    if int((status != ROW_BEFORE_START).sum()) >= MIN_NIS_ROWS:
+    if int((status != STATUS_OF_ROW_BEFORE_START).sum()) >= MIN_NIS_ROWS:
         kept = (
             nis[status >= UpdateStatus.USED]
             if (status >= UpdateStatus.USED).any()
@@ -454,7 +460,7 @@ def _build_source_report(
             else float("nan")
         ),
         stamp_error=s.stamp_error,
-        interval_s=median_of_finite_column(np.diff(s.time_s)) if len(s) > 1 else float("nan"),
+        interval_s=median_of_finite_values(np.diff(s.time_s)) if len(s) > 1 else float("nan"),
         latency=latency,
         latency_to_reference=tuned.latencies_to_reference[i],
         mounting=prepared_series.mounting,
@@ -467,7 +473,7 @@ def _build_source_report(
             found.beyond.get((i, "slow"), float("nan")) if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,
             found.status.get((i, "slow"), ParameterStatus.OFF),
-            largest_slow_position_error_m(s, result.state),
+            largest_slow_position_error_or_nan_m(s, result.state),
         ),
         follows_pitch_rate=i in found.model.pitch_compensated,
     )
@@ -494,7 +500,7 @@ def estimate_tracks(
 
 def map_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group]) -> list[Result]:
     """Apply `estimate` to each group in threads; a worker process uses only one thread."""
-    if len(groups) < 2 or IS_WORKER in os.environ:
+    if len(groups) < 2 or WORKER_ENVIRONMENT_VARIABLE in os.environ:
         return [estimate(group) for group in groups]
     n_threads = min(len(groups), os.cpu_count() or 1)
     with ThreadPoolExecutor(n_threads, initializer=bound_array_memory) as pool:

@@ -35,7 +35,7 @@ N_REMEMBERED_PASSES = 6
 """Number of passes whose results are kept. Chosen: a search returns to one of its last three trials or to none."""
 N_REMEMBERED_ORDERS = 4
 """Number of time orders that are kept. Chosen: a search compares at most three latencies in turn."""
-RESET_AFTER = 50
+RESET_AFTER_REJECTIONS_IN_SEARCH = 50
 """Rejections in a row after which a source is used again during a search. Chosen above that of the final pass."""
 MAX_NOISE_MATCHINGS = 3
 """Greatest number of rounds of innovation matching per trial. Chosen for speed; not fitted."""
@@ -129,7 +129,11 @@ class FilterTrials:
             start.covariance[0, 0] = start.covariance[1, 1] = self._start_position_sigma_m**2
         times = *((id(s.time_s), s.latency_s, s.kind, s.interval_s) for s in trial.series), start.time_s
         prepared = build_pass_input(
-            trial.series, start.time_s, np.zeros(0), reset_after=RESET_AFTER, time_order=self._orders.find_value(times)
+            trial.series,
+            start.time_s,
+            np.zeros(0),
+            reset_after=RESET_AFTER_REJECTIONS_IN_SEARCH,
+            time_order=self._orders.find_value(times),
         )
         self._orders.remember_value(times, prepared.time_order, trial.series)
         self._inputs.remember_value(key, (start, prepared), trial.series)

@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cwcli.estimation.calibrated import (
-    fuse_latencies_with_calibration,
+    fuse_latencies_with_calibration_and_note,
     motion_with_calibrated_manoeuvres,
     prior_means_and_variances_from_calibration,
     sensor_model_from_calibration,
 )
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.delay_variance import DelaySigmas, delay_sigmas_of_best_known_sources, early_correction_s
+from cwcli.estimation.delay_variance import DelaySigmas, delay_sigmas_of_best_known_sources, unphysical_lead_of_fixes_s
 from cwcli.estimation.latency import (
     SIGNIFICANT_SIGMAS,
     Latency,
@@ -140,7 +140,7 @@ def tune_latencies_and_noise(
         f"{s.source}: its fixes seem {-1e3 * latency.applied_s:.0f} ms early; if its antenna is ahead of the rear "
         "axle, say so with --lever-arm"
         for s, latency in zip(series, latencies, strict=True)
-        if early_correction_s(s, latency)
+        if unphysical_lead_of_fixes_s(s, latency)
     )
     return TunedSeries(
         gated,
@@ -263,7 +263,9 @@ class _ParameterSearch:
             clock_sigma_s = disputed_clock_sigma_s(told, latencies)
         else:
             clock_sigma_s = 0.0
-            latencies, notes = fuse_latencies_with_calibration(series, found, config.calibration, causal=config.causal)
+            latencies, notes = fuse_latencies_with_calibration_and_note(
+                series, found, config.calibration, causal=config.causal
+            )
         applied = [mark_latency_beyond_limits(each) for each in latencies]
         return _FoundLatencies(compared, applied, notes, clock_sigma_s)
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.result import SourceReport, TrackSummary
 from cwcli.estimation.tolerances import (
-    MAX_BRIDGED_SHARE,
-    MAX_GATED_SHARE,
+    MAX_BRIDGED_STATE_SHARE,
+    MAX_GATED_ROW_SHARE,
     MIN_LOG_SPAN_S,
     TOLERATED_SIGMA_FACTOR,
     TOLERATED_VARIANCE_FACTOR,
@@ -69,7 +69,7 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
         *(f"{each.contradiction_sentence} ({each.consequence_text})" for each in track.contradictions),
         *surer,
         *_contradiction_texts(sources),
-        *(bridged if bridged_share > MAX_BRIDGED_SHARE else ()),
+        *(bridged if bridged_share > MAX_BRIDGED_STATE_SHARE else ()),
         *_understated_noise_texts(sources),
     ]
     if faults:
@@ -137,7 +137,7 @@ def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:
     found = []
     for s in sources:
         n = s.n_used + s.n_gated
-        if n and s.n_gated > MAX_GATED_SHARE * n:
+        if n and s.n_gated > MAX_GATED_ROW_SHARE * n:
             found.append(
                 f"{100 * s.n_gated / n:.0f} % of {_source_and_quantity_text(s)} contradict the rest: check its stamps "
                 "and its mounting"

@@ -4,8 +4,8 @@ The scale of a speed has a prior (`sensor_model`), and in short logs it is not s
 more than the prior allows would push the positions off the fixes. So it is divided by the ratio before the estimate,
 and the user is told: either the speed is wrong, or the map of the fixes is.
 
-In windows of WINDOW_S the way D is integrated from the speed along the heading. The fixes then are c + A D, with a
-place c, a rotation and the scale |A| of the window. The scatter of the windows is the sigma of their mean.
+In windows of MAX_WAY_WINDOW_S the way D is integrated from the speed along the heading. The fixes then are c + A D,
+with a place c, a rotation and the scale |A| of the window. The scatter of the windows is the sigma of their mean.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.sensor_limits import SPEED_SCALE_RANGE
 from cwcli.estimation.sensor_model import SPEED_SCALE_PRIOR_SIGMA
-from cwcli.estimation.source_checks import MIN_ROWS, MIN_STEPS_OF_ONE_LENGTH, student_99_quantile
+from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE, MIN_STEPS_OF_ONE_LENGTH, student_99_quantile
 from cwcli.estimation.step_motion import covered_step_mask, step_edges_s, trapezoidal_integral
 from cwcli.lazy_dataclass import dataclass
 
-MIN_PRIOR_SIGMAS = 3.0
+MIN_RATIO_ERROR_IN_PRIOR_SIGMAS = 3.0
 """Least difference of a ratio from 1, in sigmas of the prior of a scale, that is taken off first. Chosen as for other
 significance tests."""
-WINDOW_S = 8.0
+MAX_WAY_WINDOW_S = 8.0
 """Longest window, s: a gyroscope's bias hardly bends the way in it. Chosen as the longest of
 `source_checks.STEP_LENGTHS_S`; a short log has five shorter ones."""
 MIN_FIXES_PER_WINDOW = 5
 """Least number of fixes in a window. Chosen by hand; not fitted."""
-MIN_SPREAD_M = 8.0
+MIN_RMS_SPREAD_OF_FIXES_M = 8.0
 """Least root mean square distance of the fixes of a window from their mean, m, as at 28 m in 8 s. Chosen above the
 lasting errors of fixes."""
 
@@ -57,7 +57,10 @@ class WayRatio:
     def is_beyond_prior(self) -> bool:
         """Whether no usual wheel explains it, though a speedometer may."""
         away = abs(self.value - 1.0) - self.half_width
-        return away > MIN_PRIOR_SIGMAS * SPEED_SCALE_PRIOR_SIGMA and SPEED_SCALE_RANGE.contains_or_is_nan(self.value)
+        return (
+            away > MIN_RATIO_ERROR_IN_PRIOR_SIGMAS * SPEED_SCALE_PRIOR_SIGMA
+            and SPEED_SCALE_RANGE.contains_or_is_nan(self.value)
+        )
 
 
 def correct_and_list_scaled_speeds(
@@ -70,7 +73,7 @@ def correct_and_list_scaled_speeds(
         prepared: Their series, after what contradicts the others was left out.
         trusted: Sources that are not corrected.
     """
-    usable = [p.series for p in prepared if len(p.series) >= MIN_ROWS and not p.series.is_exact]
+    usable = [p.series for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE and not p.series.is_exact]
     fixes = next((s for s in usable if s.kind is Kind.POSITION), None)
     turning = next((s for kind in (Kind.HEADING, Kind.YAW_RATE) for s in usable if s.kind is kind), None)
     speeds = {s.source: s for s in usable if s.kind is Kind.SPEED and s.source not in trusted}
@@ -109,7 +112,7 @@ def find_way_ratio(speed: SensorSeries, turning: SensorSeries, fixes: SensorSeri
     way = np.interp(fixes.time_s, speed.time_s, np.concatenate(([0.0], np.cumsum(steps))))
     place = fixes.values[:, 0] + 1j * fixes.values[:, 1]
     span_s = float(fixes.time_s[-1] - fixes.time_s[0])
-    edges_s = step_edges_s([fixes], min(WINDOW_S, span_s / (MIN_STEPS_OF_ONE_LENGTH + 1)))
+    edges_s = step_edges_s([fixes], min(MAX_WAY_WINDOW_S, span_s / (MIN_STEPS_OF_ONE_LENGTH + 1)))
     known = covered_step_mask(speed.time_s, edges_s) & covered_step_mask(turning.time_s, edges_s)
     begins = np.searchsorted(fixes.time_s, edges_s)
     scales, powers = [], []
@@ -119,7 +122,7 @@ def find_way_ratio(speed: SensorSeries, turning: SensorSeries, fixes: SensorSeri
         d, z = way[begin:end] - way[begin:end].mean(), place[begin:end] - place[begin:end].mean()
         power = float((d.real**2 + d.imag**2).sum())  # the noise of fixes would make theirs larger
         shared = abs(complex((z.conj() * d).sum()))
-        if shared > (end - begin) * MIN_SPREAD_M**2:
+        if shared > (end - begin) * MIN_RMS_SPREAD_OF_FIXES_M**2:
             scales.append(power / shared)
             powers.append(shared)
     if len(scales) < MIN_STEPS_OF_ONE_LENGTH:

@@ -11,13 +11,13 @@ from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.frozen_rows import FixMotion, frozen_row_mask
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_epoch
-from cwcli.estimation.source_checks import MIN_ROWS
-from cwcli.estimation.standstill_heading import has_heading_jumps, standstill_flip_mask
+from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_zero_time
+from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
+from cwcli.estimation.standstill_heading import has_heading_jumps, heading_flipped_at_standstill_mask
 from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import FloatArray
 
-SPEED_STEP_S = 2.0
+STANDSTILL_CHECK_WINDOW_S = 2.0
 """Time in s over which the fixes show whether the car stands. Chosen by hand."""
 
 
@@ -25,24 +25,24 @@ def set_wrong_rows_aside_and_list_them(
     measurements: Sequence[Measurements], trusted: Collection[str]
 ) -> tuple[list[Measurements], list[Correction]]:
     """Return the measurements without stuck rows and without headings that are turned round while the car stands."""
-    epoch = earliest_stamp_ns(measurements)
-    fixes = _motion_of_first_position_source(measurements, epoch)
+    zero_ns = earliest_stamp_ns(measurements)
+    fixes = _motion_of_first_position_source(measurements, zero_ns)
     corrected: list[Measurements] = []
     corrections: list[Correction] = []
     for m in measurements:
         kept = m
-        if m.source not in trusted and len(m) >= MIN_ROWS and not m.is_exact:
+        if m.source not in trusted and len(m) >= MIN_ROWS_OF_COMPARED_SOURCE and not m.is_exact:
             rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
             rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
-            time_s, values = seconds_since_epoch(m.stamp_ns[rows], epoch), m.values[rows]
+            time_s, values = seconds_since_zero_time(m.stamp_ns[rows], zero_ns), m.values[rows]
             frozen = frozen_row_mask(m.kind, time_s, values, fixes)
             if frozen.any():
                 kept = _without_measurement_rows(kept, rows[frozen])
                 what = "repeats one value for long, as a sensor that is stuck or saturated"
                 corrections.append(_correction_of_rows_set_aside(m, "stuck", what, frozen, time_s))
             if m.kind is Kind.HEADING and has_heading_jumps(time_s, values[:, 0]):
-                flipped = standstill_flip_mask(
-                    time_s, values[:, 0], _absolute_speed_at_mps(time_s, measurements, fixes, epoch)
+                flipped = heading_flipped_at_standstill_mask(
+                    time_s, values[:, 0], _absolute_speed_at_mps(time_s, measurements, fixes, zero_ns)
                 )
                 flipped &= ~frozen  # no row is set aside twice
                 rest = ~(flipped | frozen)
@@ -75,27 +75,28 @@ def _correction_of_rows_set_aside(
     )
 
 
-def _motion_of_first_position_source(measurements: Sequence[Measurements], epoch: int) -> FixMotion:
+def _motion_of_first_position_source(measurements: Sequence[Measurements], zero_ns: int) -> FixMotion:
     m = next(m for m in measurements if m.kind is Kind.POSITION)
     rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
     rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
-    return FixMotion(seconds_since_epoch(m.stamp_ns[rows], epoch), m.values[rows])
+    return FixMotion(seconds_since_zero_time(m.stamp_ns[rows], zero_ns), m.values[rows])
 
 
 def _absolute_speed_at_mps(
-    time_s: FloatArray, measurements: Sequence[Measurements], fixes: FixMotion, epoch: int
+    time_s: FloatArray, measurements: Sequence[Measurements], fixes: FixMotion, zero_ns: int
 ) -> FloatArray:
-    """Return the absolute speed (n,) at times by a wheel speed, else by the fixes smoothed over SPEED_STEP_S."""
+    """Return the absolute speed (n,) at times by a wheel speed, else by the fixes smoothed over
+    STANDSTILL_CHECK_WINDOW_S."""
     for m in measurements:
         rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
-        if m.kind is Kind.SPEED and len(rows) >= MIN_ROWS:
+        if m.kind is Kind.SPEED and len(rows) >= MIN_ROWS_OF_COMPARED_SOURCE:
             rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
             return np.asarray(
-                np.abs(np.interp(time_s, seconds_since_epoch(m.stamp_ns[rows], epoch), m.values[rows, 0]))
+                np.abs(np.interp(time_s, seconds_since_zero_time(m.stamp_ns[rows], zero_ns), m.values[rows, 0]))
             )
-    if len(fixes.time_s) < MIN_ROWS:
+    if len(fixes.time_s) < MIN_ROWS_OF_COMPARED_SOURCE:
         return np.full(len(time_s), np.nan)
-    edges_s = np.arange(fixes.time_s[0], fixes.time_s[-1] + SPEED_STEP_S, SPEED_STEP_S)
+    edges_s = np.arange(fixes.time_s[0], fixes.time_s[-1] + STANDSTILL_CHECK_WINDOW_S, STANDSTILL_CHECK_WINDOW_S)
     row = np.minimum(np.searchsorted(edges_s, fixes.time_s, side="right") - 1, len(edges_s) - 1)
     count = np.bincount(row, minlength=len(edges_s))
     used = np.flatnonzero(count)

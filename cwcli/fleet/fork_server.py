@@ -20,7 +20,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
 
-from cwcli.estimation.track import IS_WORKER
+from cwcli.estimation.track import WORKER_ENVIRONMENT_VARIABLE
 from cwcli.fleet.worker_call import PipeWorker, WorkerLost
 
 
@@ -88,7 +88,7 @@ def serve_worker_requests(control: int, leash: int) -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     for descriptor in (control, leash):
         os.set_inheritable(descriptor, False)
-    os.environ[IS_WORKER] = "1"
+    os.environ[WORKER_ENVIRONMENT_VARIABLE] = "1"
     import cwcli.fleet.warm  # noqa: F401
 
     children: set[int] = set()

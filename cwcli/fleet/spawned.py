@@ -11,7 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import connection
 from typing import Any
 
-from cwcli.estimation.track import IS_WORKER
+from cwcli.estimation.track import WORKER_ENVIRONMENT_VARIABLE
 from cwcli.fleet.worker_call import WorkerLost
 
 
@@ -65,7 +65,7 @@ class SpawnedWorker:
 def _initialise_worker(leash: Any) -> None:
     """Initialise a worker: ignore Ctrl-C, and exit when the parent stops it or has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ[IS_WORKER] = "1"
+    os.environ[WORKER_ENVIRONMENT_VARIABLE] = "1"
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_exit_when_any_end_closes, args=([leash, parent.sentinel],), daemon=True).start()

@@ -16,7 +16,7 @@ it was: errors of its position that last, it has at the start as at the outcome.
 and scales what the path added: P0 + s^2 (P - P0).
 
 The default model begins with quantiles of what is known of others: the fleet's distribution of squared Mahalanobis
-distances, which counts as `FLEET_WEIGHT_OUTCOMES` outcomes, and the outcomes so far of the log's other vehicles. The
+distances, which counts as `FLEET_WEIGHT_IN_OUTCOMES` outcomes, and the outcomes so far of the log's other vehicles. The
 other models begin with 1.
 """
 
@@ -28,7 +28,7 @@ import numpy as np
 
 from cwcli.kernels.paths import adapt_scale, stream_quantiles
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.prediction.fleet import HORIZON_KNOTS_S, QUANTILE_LEVELS, load_fleet_prior
+from cwcli.prediction.fleet import FLEET_QUANTILE_LEVELS, HORIZON_KNOTS_S, load_fleet_prior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (
     ELLIPSE_50_SQUARED_RADIUS,
@@ -51,21 +51,21 @@ from cwcli.prediction.outcome_history import (
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.plan import PathPlan
 from cwcli.prediction.rollout import DEFAULT_SETTINGS, RolloutSettings
-from cwcli.prediction.scales import LogScales, horizon_knots_of_scales_s, scale_covariance_in_place
+from cwcli.prediction.scales import LogScales, horizon_knots_of_scales_s, scale_path_covariance_in_place
 from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-ELLIPSE_LEVELS = np.array([0.5, 0.9])
+ELLIPSE_PROBABILITIES = np.array([0.5, 0.9])
 """Shares of outcomes that the two ellipses should hold; a path's covariance is that of the last."""
 ELLIPSE_SQUARED_RADII = np.array([ELLIPSE_50_SQUARED_RADIUS, ELLIPSE_90_SQUARED_RADIUS])
 """The squared Mahalanobis distances of the borders of both ellipses (chi-square quantiles, two degrees of freedom)."""
-FLEET_WEIGHT_OUTCOMES = 6.0
+FLEET_WEIGHT_IN_OUTCOMES = 6.0
 """The fleet's distribution counts as much as this many outcomes. Chosen: a 90 % quantile from 6 errs by about 1 in the
 logarithm, as much as logs differ from each other."""
 LOG_CELL_WIDTH, LOG_FIRST_CELL, N_LOG_CELLS = 0.1, -10.0, 200
 """The histogram of log squared distances has 200 cells of width 0.1 from -10 on; what is beyond is clipped. Chosen by
 hand."""
-LOG_TAIL_WIDTH = 2.0
+LOG_SQUARED_DISTANCE_TAIL_WIDTH = 2.0
 """The fleet's distribution ends this far beyond its outermost quantiles, in log squared distance. Chosen by hand."""
 
 
@@ -105,14 +105,14 @@ def scale_covariance_by_outcomes(
             None: zeros.
     """
     log_scale = log_variance_scale_from_outcomes(paths, stamp_ns, position_m, calibration, outcome, begin_log_scale)
-    return scale_covariance_in_place(
+    return scale_path_covariance_in_place(
         replace(paths, position_covariance_m2=paths.position_covariance_m2.copy()), log_scale, True
     )
 
 
 def _fleet_log_distance_quantiles(knots_s: FloatArray) -> FloatArray:
     """Quantiles of the log squared distance at k knots and the fleet's l levels, (k, l); normal at a path's start."""
-    normal = np.log(-2.0 * np.log1p(-QUANTILE_LEVELS))
+    normal = np.log(-2.0 * np.log1p(-FLEET_QUANTILE_LEVELS))
     fleet = np.concatenate([normal[None], load_fleet_prior().log_squared])
     return np.stack([np.interp(knots_s, [0.0, *HORIZON_KNOTS_S], column) for column in fleet.T], axis=1)
 
@@ -121,9 +121,9 @@ def initial_log_scale_at_knots(model: str, horizon_s: float) -> LogScales:
     """The logarithms of the scales without any outcome at `horizon_knots_of_scales_s`, shape (k, 2)."""
     knots = horizon_knots_of_scales_s(horizon_s)
     if not (model in MODELS and MODELS[model].learns):
-        return np.zeros((len(knots), len(ELLIPSE_LEVELS)))
+        return np.zeros((len(knots), len(ELLIPSE_PROBABILITIES)))
     return np.asarray(
-        _fleet_log_distance_quantiles(knots)[:, np.searchsorted(QUANTILE_LEVELS, ELLIPSE_LEVELS)]
+        _fleet_log_distance_quantiles(knots)[:, np.searchsorted(FLEET_QUANTILE_LEVELS, ELLIPSE_PROBABILITIES)]
         - np.log(ELLIPSE_SQUARED_RADII)
     )
 
@@ -139,12 +139,16 @@ def log_scale_from_other_vehicles(track: StateHistory, squared_distance: FloatAr
     known_ns, index, step_s = outcome_known_times_ns(track, knots_s), track.vehicle_indices(), track.step_s()
     by_now = np.argsort(track.known_ns, kind="stable")
     edges = LOG_FIRST_CELL + LOG_CELL_WIDTH * np.arange(N_LOG_CELLS + 1)
-    out = np.empty((*squared_distance.shape, len(ELLIPSE_LEVELS)))
+    out = np.empty((*squared_distance.shape, len(ELLIPSE_PROBABILITIES)))
     for k, quantiles in enumerate(_fleet_log_distance_quantiles(knots_s)):
         shares = np.interp(
             edges,
-            [quantiles[0] - LOG_TAIL_WIDTH, *quantiles, quantiles[-1] + LOG_TAIL_WIDTH],
-            [0.0, *QUANTILE_LEVELS, 1.0],
+            [
+                quantiles[0] - LOG_SQUARED_DISTANCE_TAIL_WIDTH,
+                *quantiles,
+                quantiles[-1] + LOG_SQUARED_DISTANCE_TAIL_WIDTH,
+            ],
+            [0.0, *FLEET_QUANTILE_LEVELS, 1.0],
         )
         rows = np.flatnonzero(np.isfinite(squared_distance[:, k]) & (known_ns[:, k] < NEVER_NS))
         rows = rows[np.argsort(known_ns[rows, k], kind="stable")]
@@ -155,8 +159,8 @@ def log_scale_from_other_vehicles(track: StateHistory, squared_distance: FloatAr
             index[rows],
             np.searchsorted(known_ns[rows, k], track.known_ns[by_now], side="right"),
             index[by_now],
-            FLEET_WEIGHT_OUTCOMES * np.diff(shares),
-            ELLIPSE_LEVELS,
+            FLEET_WEIGHT_IN_OUTCOMES * np.diff(shares),
+            ELLIPSE_PROBABILITIES,
         )
         out[by_now, k] = LOG_FIRST_CELL + LOG_CELL_WIDTH * found - np.log(ELLIPSE_SQUARED_RADII)
     return out
@@ -188,9 +192,11 @@ def log_variance_scale_from_outcomes(
     settings = calibration or ScaleAdaptation()
     n, knots = len(stamp_ns), horizon_knots_of_scales_s(float(paths.time_s[-1]))
     squared = squared_mahalanobis_distances(paths, stamp_ns, position_m, settings, outcome)
-    begin_log_scale = np.zeros((*squared.shape, len(ELLIPSE_LEVELS))) if begin_log_scale is None else begin_log_scale
+    begin_log_scale = (
+        np.zeros((*squared.shape, len(ELLIPSE_PROBABILITIES))) if begin_log_scale is None else begin_log_scale
+    )
     return _adapt_log_scale(squared, begin_log_scale, stamp_ns, knots, settings).reshape(
-        len(squared) * n, len(knots), len(ELLIPSE_LEVELS)
+        len(squared) * n, len(knots), len(ELLIPSE_PROBABILITIES)
     )
 
 
@@ -236,7 +242,7 @@ def _adapt_log_scale(
         # for each start: the first start whose outcome is not yet known
         n_known = np.searchsorted(stamp_ns + round(knot_s * NS_PER_S), stamp_ns, side="right")
         known = np.ascontiguousarray(is_known[..., k])
-        for level, share in enumerate(ELLIPSE_LEVELS.tolist()):
+        for level, share in enumerate(ELLIPSE_PROBABILITIES.tolist()):
             out[..., k, level] = adapt_scale(
                 np.ascontiguousarray(excess[..., k, level]),
                 known,

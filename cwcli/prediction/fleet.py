@@ -21,8 +21,9 @@ FLEET_PRIOR_FILE = "fleet_prior.toml"
 HORIZON_KNOTS_S = np.array([0.5, 1.0, 2.5, 5.0])
 """Horizons (s) at which gains and ellipses are measured; between them they are interpolated. Chosen by hand."""
 DERIVATIVE_PARTS = ("unclear", "lasting", "new")
-"""The parts that a derivative is divided into, see `prediction.outcome_history.shares_of_derivatives_by_part`."""
-QUANTILE_LEVELS = np.array([0.05, 0.25, 0.5, 0.75, 0.9, 0.97])
+"""The parts that a derivative is divided into, see
+`prediction.outcome_history.unclear_lasting_new_shares_of_derivatives`."""
+FLEET_QUANTILE_LEVELS = np.array([0.05, 0.25, 0.5, 0.75, 0.9, 0.97])
 """Levels of the quantiles in `fleet_prior.toml`. Chosen: they hold both levels of the ellipses and the tails."""
 
 
@@ -33,7 +34,8 @@ class FleetPrior:
     Attributes:
         gain: Shape (2, k, 3): the share of each part that moves the car, by each knot of `HORIZON_KNOTS_S`.
         error_m: Shape (2, k): mean absolute error that is left over.
-        log_squared: Shape (k, l): quantiles at `QUANTILE_LEVELS` of the logarithm of the squared Mahalanobis distance
+        log_squared: Shape (k, l): quantiles at `FLEET_QUANTILE_LEVELS` of the logarithm of the squared Mahalanobis
+        distance
             of the outcomes of `auto`, before any scale.
     """
 

@@ -27,7 +27,7 @@ GAUSS_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 """Nodes of the three-point Gauss-Legendre quadrature on [0, 1]."""
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 """Weights of the three-point Gauss-Legendre quadrature on [0, 1]."""
-N_BISECTIONS = 45
+N_STOP_TIME_BISECTIONS = 45
 """Number of bisections of a stop's time: they narrow a step of 0.05 s to below 1e-14 s."""
 STANDSTILL_SPEED_MPS = 1e-9
 """Speed in m/s below which a car stands: the rounding of an acceleration that fades while the car stands."""
@@ -77,14 +77,14 @@ class _DiscretisedModel:
         acted = None if self.acting_s is None else self.acting_s[rows]
         return _DiscretisedModel(self.model, self.prior, self.time_s, self.is_paper, hold_s, self.points, acted)
 
-    def select_columns_of_asked_points(self, values: FloatArray) -> FloatArray:
+    def select_columns_of_kept_points(self, values: FloatArray) -> FloatArray:
         """Those columns of values (..., k) whose points are asked for."""
         return values if self.points is None else values[..., self.points]
 
-    def responses_at(self, moving_s: FloatArray) -> Responses:
+    def responses_at_times(self, moving_s: FloatArray) -> Responses:
         """The responses at times of shape (1 or m, ...)."""
         if self.is_paper:
-            return _paper_responses(self.model, moving_s, self.time_s)
+            return _song2016_responses_at_times(self.model, moving_s, self.time_s)
         if self.acting_s is not None:
             none = np.zeros_like(moving_s)
             return Responses(
@@ -112,8 +112,10 @@ class _DiscretisedModel:
     ) -> tuple[Responses, FloatArray]:
         """Responses at the quadrature nodes of each step, and the nodes' weights, (1 or m, k - 1, nodes)."""
         if self.is_paper:
-            return _paper_responses_of_steps(self.model, step_width_s, self.time_s), step_width_s
-        return self.responses_at(moving_s[:, :-1, None] + step_width_s * GAUSS_NODES), step_width_s * GAUSS_WEIGHTS
+            return _song2016_mean_responses_of_steps(self.model, step_width_s, self.time_s), step_width_s
+        return self.responses_at_times(
+            moving_s[:, :-1, None] + step_width_s * GAUSS_NODES
+        ), step_width_s * GAUSS_WEIGHTS
 
 
 def integrate_paths(
@@ -132,7 +134,7 @@ def integrate_paths(
     """
     hold_s = None if model.hold is None else model.hold(state, prior)
     motion = _DiscretisedModel(model, prior, time_s, discretisation == "paper", hold_s, kept_point_indices, acting_s)
-    grid = motion.responses_at(time_s[None, :])
+    grid = motion.responses_at_times(time_s[None, :])
     stop_s = _stop_times_s(motion, state, _speed_at_times_mps(state, grid))
     stops = np.isfinite(stop_s)
     if not stops.any():
@@ -143,7 +145,7 @@ def integrate_paths(
         motion.select_starts(~stops),
         state[~stops],
         time_s[None, :],
-        motion.select_starts(~stops).responses_at(time_s[None, :]),
+        motion.select_starts(~stops).responses_at_times(time_s[None, :]),
     )
     stopping = _integrate_stopping_paths(motion.select_starts(stops), state[stops], stop_s[stops])
     return _merge_paths_of_stopping_and_going_cars(stops, stopping, going)
@@ -213,9 +215,9 @@ def _bisect_stop_times_s(
     motion: _DiscretisedModel, state: StateRows, direction: FloatArray, low_s: FloatArray, high_s: FloatArray
 ) -> FloatArray:
     """The time from `low_s` to `high_s`, (m,) each, at which direction * v falls below 0; `high_s` if it does not."""
-    for _ in range(N_BISECTIONS):
+    for _ in range(N_STOP_TIME_BISECTIONS):
         middle = 0.5 * (low_s + high_s)
-        moving = direction * _speed_at_times_mps(state, motion.responses_at(middle[:, None]))[:, 0] >= 0.0
+        moving = direction * _speed_at_times_mps(state, motion.responses_at_times(middle[:, None]))[:, 0] >= 0.0
         low_s, high_s = np.where(moving, middle, low_s), np.where(moving, high_s, middle)
     return 0.5 * (low_s + high_s)
 
@@ -227,7 +229,7 @@ def _interpolate_stop_times_s(
     it."""
 
     def ahead_mps(time_s: FloatArray) -> FloatArray:
-        return np.asarray(direction * _speed_at_times_mps(state, motion.responses_at(time_s[:, None]))[:, 0])
+        return np.asarray(direction * _speed_at_times_mps(state, motion.responses_at_times(time_s[:, None]))[:, 0])
 
     for knot_s in HORIZON_KNOTS_S.tolist():
         inside = (low_s < knot_s) & (knot_s < high_s)
@@ -242,8 +244,8 @@ def _integrate_stopping_paths(motion: _DiscretisedModel, state: StateRows, stop_
     """Integrate the paths of cars that stop at `stop_s` (m,) and stay there."""
     time_s = motion.time_s
     moving = np.minimum(time_s[None, :], stop_s[:, None])
-    path = _integrate_steps(motion, state, moving, motion.responses_at(moving))
-    speed = np.where(motion.select_columns_of_asked_points(time_s)[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
+    path = _integrate_steps(motion, state, moving, motion.responses_at_times(moving))
+    speed = np.where(motion.select_columns_of_kept_points(time_s)[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
     return IntegratedPaths(path.x_m, path.y_m, path.heading_rad, speed, path.moving_s, path.jacobian)
 
 
@@ -255,8 +257,8 @@ def _integrate_steps(
     at, weight = motion.responses_and_weights_at_quadrature_nodes(moving_s, np.diff(moving_s, axis=1)[..., None])
     heading = _heading_at_times_rad(state, at) if any(uses[2:]) else state[:, HEADING, None, None]
     points = np.arange(moving_s.shape[1]) if motion.points is None else motion.points
-    moving_s = motion.select_columns_of_asked_points(moving_s)
-    grid = grid if motion.points is None else Responses(*(motion.select_columns_of_asked_points(each) for each in grid))
+    moving_s = motion.select_columns_of_kept_points(moving_s)
+    grid = grid if motion.points is None else Responses(*(motion.select_columns_of_kept_points(each) for each in grid))
     m, k = len(state), len(points)
     jacobian = kernel.quadrature(
         state, cosine=np.cos(heading), sine=np.sin(heading), weight=weight, responses=at, uses=uses, points=points
@@ -273,7 +275,7 @@ def _integrate_steps(
     )
 
 
-def _paper_responses(model: Model, moving: FloatArray, time_s: FloatArray) -> Responses:
+def _song2016_responses_at_times(model: Model, moving: FloatArray, time_s: FloatArray) -> Responses:
     """Responses of eq. 10's recursion, v_n = v0 + a0 n dT + j0 dT^2 n (n-1)/2, linear inside the steps."""
     step = time_s[1] - time_s[0]
     whole = np.floor(moving / step + 1e-9)
@@ -281,7 +283,7 @@ def _paper_responses(model: Model, moving: FloatArray, time_s: FloatArray) -> Re
     return _zero_unused_responses(model, Responses(moving, second, moving, second))
 
 
-def _paper_responses_of_steps(model: Model, width: FloatArray, time_s: FloatArray) -> Responses:
+def _song2016_mean_responses_of_steps(model: Model, width: FloatArray, time_s: FloatArray) -> Responses:
     """Mean speed and old heading of each step, (1 or m, k-1, 1); `width` is less than a step where the car stops."""
     step = time_s[1] - time_s[0]
     n = np.arange(len(time_s) - 1, dtype=float)[None, :, None]

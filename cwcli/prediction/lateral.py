@@ -37,7 +37,7 @@ ACCEL_SLOPE_WINDOW_S = 1.0
 MIN_ACCEL_FRAMES = 4
 """Least number of frames in that time from which the acceleration is computed; with fewer it is 0. Chosen by hand; not
 fitted."""
-MIN_ACCEL_SIGMAS = 2.0
+MAX_ZEROED_ACCEL_SIGMAS = 2.0
 """Size of the slope of the speed, in its sigmas, up to which it counts as 0. Chosen by hand; not fitted."""
 
 
@@ -100,7 +100,7 @@ def predict_paths_from_observer(
     t = np.arange(round(config.horizon_s / config.step_s) + 1, dtype=np.float64) * config.step_s
     v = np.asarray(track.speed_mps, dtype=np.float64)[:, None]
     if config.model == "cwcli":
-        v = np.maximum(v + recent_acceleration_mps2(track)[:, None] * t, 0.0)
+        v = np.maximum(v + recent_shrunk_acceleration_mps2(track)[:, None] * t, 0.0)
     lateral, yaw_rate = track.state[:, 0:1], track.state[:, 1:2]
     reach_m = np.maximum(np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m, MIN_PREVIEW_M)
     if config.model == "zhang2011":
@@ -108,7 +108,7 @@ def predict_paths_from_observer(
         sideways = np.broadcast_to(lateral, turning.shape)
         forgets = np.zeros_like(t)
     else:
-        here, ahead = road_curvature_here_and_ahead(track, reach_m)
+        here, ahead = road_curvature_here_and_ahead_1pm(track, reach_m)
         road = v * (
             here[:, None]
             + (ahead - here)[:, None]
@@ -132,7 +132,7 @@ def predict_paths_from_observer(
     )
 
 
-def road_curvature_here_and_ahead(track: LateralTrack, reach_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def road_curvature_here_and_ahead_1pm(track: LateralTrack, reach_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The road's curvature beside the car and at the preview point, left bend positive, shape (n,) each.
 
     Beside the car it is the curvature that earlier frames measured at this place; a newer frame replaces what earlier
@@ -165,7 +165,7 @@ def road_curvature_here_and_ahead(track: LateralTrack, reach_m: FloatArray) -> t
     return here, filled
 
 
-def recent_acceleration_mps2(track: LateralTrack) -> FloatArray:
+def recent_shrunk_acceleration_mps2(track: LateralTrack) -> FloatArray:
     """Slope of the speed over the last second, m/s^2, shape (n,); 0 where it is not known.
 
     The slope a is shrunk by its own sigma: a (1 - (2 sigma / a)^2), or 0. Over 2 s the error of an unshrunk slope would
@@ -192,7 +192,7 @@ def recent_acceleration_mps2(track: LateralTrack) -> FloatArray:
     slope = (vt - t * total(v) / count) / spread
     left = np.maximum(total(v * v) - total(v) ** 2 / count - slope**2 * spread, 0.0)
     variance = left / np.maximum(n - 2.0, 1.0) / spread
-    share = 1.0 - MIN_ACCEL_SIGMAS**2 * variance / np.maximum(slope**2, 1e-12)
+    share = 1.0 - MAX_ZEROED_ACCEL_SIGMAS**2 * variance / np.maximum(slope**2, 1e-12)
     return np.where(enough, slope * np.maximum(share, 0.0), 0.0)
 
 
@@ -223,7 +223,7 @@ def transform_paths_to_body(paths: Paths) -> Paths:
     )
 
 
-def dead_reckon_x_y_heading(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
+def dead_reckon_x_y_m_and_heading_rad(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate the observed motion to x, y and heading, shape (n,) each, from (0, 0, 0) at the first frame.
 
     Where there is no state, the car is taken to go straight on.
@@ -265,7 +265,7 @@ def _position_covariance_of_lateral_paths(
     is_given = np.isfinite(given).reshape(n, -1).all(axis=1)
     start = np.where(np.asarray(is_given)[:, None, None], given, assumed)
     lever = steady_lateral_speed_per_yaw_rate_m(vehicle, speed_mps)
-    turned, bent = _first_and_second_integral_of_yaw_rate_error(time_s, config)
+    turned, bent = _integrals_of_decaying_yaw_rate_error_s_s2(time_s, config)
     to_gamma = speed_mps * bent + lever * (turned - time_s)  # how far gamma's error carries the car sideways
     to_lateral = np.broadcast_to(time_s, to_gamma.shape)
     across = (
@@ -276,7 +276,7 @@ def _position_covariance_of_lateral_paths(
     if config.model != "zhang2011":
         across = across + (config.curvature_sigma_1pm * speed_mps**2 * (0.5 * time_s**2 - bent)) ** 2
     # White noise behind the yaw rate: the integral of the squared answer to an impulse.
-    swing = _first_and_second_integral_of_yaw_rate_error(time_s, LateralPathConfig(adapt_s=config.adapt_s))[1]
+    swing = _integrals_of_decaying_yaw_rate_error_s_s2(time_s, LateralPathConfig(adapt_s=config.adapt_s))[1]
     grown = np.concatenate([[0.0], np.cumsum(0.5 * config.step_s * (swing[1:] ** 2 + swing[:-1] ** 2))])
     across = across + 2.0 * config.unrest_mps2**2 / config.adapt_s * grown
     along = (config.speed_sigma_mps * time_s) ** 2 + (0.5 * config.accel_sigma_mps2 * time_s**2) ** 2
@@ -292,7 +292,7 @@ def _position_covariance_of_lateral_paths(
     )
 
 
-def _first_and_second_integral_of_yaw_rate_error(
+def _integrals_of_decaying_yaw_rate_error_s_s2(
     time_s: FloatArray, config: LateralPathConfig
 ) -> tuple[FloatArray, FloatArray]:
     """First and second integral over the times t (k,) of a unit yaw rate error that decays with `adapt_s`."""

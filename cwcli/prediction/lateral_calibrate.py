@@ -10,45 +10,45 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.dynamics.samples import LateralTrack
-from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, dead_reckon_x_y_heading
+from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, dead_reckon_x_y_m_and_heading_rad
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 
-PRIOR_WEIGHT_HORIZONS = 1.0
+ASSUMED_SIGMA_WEIGHT_IN_HORIZONS = 1.0
 """The assumed sigmas count as much as observed motion of this many horizons. Chosen by hand; not fitted."""
 MIN_SIGMA_FACTOR = 0.05
 """Smallest factor on a predicted sigma. Chosen by hand; not fitted."""
-MAX_GAP_S = 0.5
+MAX_INTERPOLATED_GAP_S = 0.5
 """Longest gap in s across which the observed motion is interpolated. Chosen by hand; not fitted."""
 OBSERVER_ERROR_CORRELATION_S = 0.1
 """The observer's errors are correlated over about this time, s; longer in bends, where the lanes' errors last."""
 
 
-def scale_lateral_covariance(paths: Paths, track: LateralTrack) -> Paths:
+def scale_covariance_across_path(paths: Paths, track: LateralTrack) -> Paths:
     """Scale the covariance of paths in the body frame across the path, by one factor for each time ahead."""
-    factor = sigma_factors_from_driven_track(paths, track)
+    factor = sigma_factors_across_path_by_time(paths, track)
     cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
     along, _, across = np.moveaxis(rotate_plane_covariance(paths.position_covariance_m2, paths.heading_rad), -1, 0)
-    across = across * factor**2 + _dead_reckoning_variance_m2(paths, track)
+    across = across * factor**2 + _dead_reckoning_variance_across_path_m2(paths, track)
     covariance = np.stack(
         [cos**2 * along + sin**2 * across, cos * sin * (along - across), sin**2 * along + cos**2 * across], axis=-1
     )
     return Paths(paths.time_s, paths.x_m, paths.y_m, paths.heading_rad, paths.speed_mps, covariance)
 
 
-def _dead_reckoning_variance_m2(paths: Paths, track: LateralTrack) -> FloatArray:
+def _dead_reckoning_variance_across_path_m2(paths: Paths, track: LateralTrack) -> FloatArray:
     """Variance across the path of the integrated observed motion, by the errors of v_y and gamma, m^2, shape (n, k)."""
     lateral, yaw_rate = (np.nan_to_num(track.covariance[:, k, k])[:, None] for k in (0, 1))
     t, v = paths.time_s, paths.speed_mps
     return np.asarray(2.0 * OBSERVER_ERROR_CORRELATION_S * (lateral * t + v**2 * yaw_rate * t**3 / 3.0))
 
 
-def sigma_factors_from_driven_track(paths: Paths, track: LateralTrack) -> FloatArray:
+def sigma_factors_across_path_by_time(paths: Paths, track: LateralTrack) -> FloatArray:
     """One factor on sigma for each point of the horizon, shape (k,); near 1 where the record is short."""
-    x, y, heading = dead_reckon_x_y_heading(track)
+    x, y, heading = dead_reckon_x_y_m_and_heading_rad(track)
     known = np.asarray(np.isfinite(track.state[:, 0]))
     pose = np.where(known[:, None], np.column_stack([x, y]), np.nan)
     cos, sin = np.cos(heading), np.sin(heading)
@@ -58,7 +58,9 @@ def sigma_factors_from_driven_track(paths: Paths, track: LateralTrack) -> FloatA
     for k, time_s in enumerate(paths.time_s.tolist()):
         if k == 0:
             continue
-        later = resample(track.stamp_ns, pose, track.stamp_ns + round(time_s * NS_PER_S), max_gap_s=MAX_GAP_S)
+        later = resample(
+            track.stamp_ns, pose, track.stamp_ns + round(time_s * NS_PER_S), max_gap_s=MAX_INTERPOLATED_GAP_S
+        )
         dx, dy = later[:, 0] - x, later[:, 1] - y
         ex, ey = cos * dx + sin * dy - paths.x_m[:, k], -sin * dx + cos * dy - paths.y_m[:, k]
         c, s = np.cos(paths.heading_rad[:, k]), np.sin(paths.heading_rad[:, k])
@@ -70,5 +72,5 @@ def sigma_factors_from_driven_track(paths: Paths, track: LateralTrack) -> FloatA
             continue
         own = max(float(np.quantile(z, 0.9)) / SIGMAS_HOLDING_90_PERCENT, MIN_SIGMA_FACTOR)
         weight = len(z) * period_s / horizon_s
-        factors[k] = (weight * own + PRIOR_WEIGHT_HORIZONS) / (weight + PRIOR_WEIGHT_HORIZONS)
+        factors[k] = (weight * own + ASSUMED_SIGMA_WEIGHT_IN_HORIZONS) / (weight + ASSUMED_SIGMA_WEIGHT_IN_HORIZONS)
     return factors

@@ -196,21 +196,21 @@ def _table_rows_at_horizon(
         has_ellipse & (squared <= ELLIPSE_90_SQUARED_RADIUS),
     )
     base = baseline.distance_m[known & baseline.is_known[:, horizon_index], horizon_index]
-    base_mean = float(_mean_of_each_row(base[None])[0]) if len(base) else np.nan
-    mean = _mean_of_each_row(distance)
+    base_mean = float(_row_means_with_nan(base[None])[0]) if len(base) else np.nan
+    mean = _row_means_with_nan(distance)
     ordered = np.sort(distance, axis=1)
     measures = [
         np.full(len(errors), horizon_s),
         np.full(len(errors), float(n)),
         mean,
         _quantile_of_sorted_rows(ordered, 0.5),
-        np.sqrt(_mean_of_each_row(distance**2)),
+        np.sqrt(_row_means_with_nan(distance**2)),
         _quantile_of_sorted_rows(ordered, 0.95),
         ordered[:, -1],
-        _mean_of_each_row(along),
-        np.sqrt(_mean_of_each_row(along**2)),
-        _mean_of_each_row(cross),
-        np.sqrt(_mean_of_each_row(cross**2)),
+        _row_means_with_nan(along),
+        np.sqrt(_row_means_with_nan(along**2)),
+        _row_means_with_nan(cross),
+        np.sqrt(_row_means_with_nan(cross**2)),
         _share_inside_ellipse(inside_50, has_ellipse),
         _share_inside_ellipse(inside_90, has_ellipse),
         100.0 * (mean / base_mean - 1.0) if base_mean > 0.0 else np.full(len(errors), np.nan),
@@ -219,7 +219,7 @@ def _table_rows_at_horizon(
     return rows
 
 
-def _mean_of_each_row(values: FloatArray) -> FloatArray:
+def _row_means_with_nan(values: FloatArray) -> FloatArray:
     """The mean of each row: `values.mean(axis=1)` at a quarter of its cost for short rows."""
     return np.asarray(np.add.reduce(values, axis=1) / values.shape[1])
 

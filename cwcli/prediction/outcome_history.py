@@ -3,7 +3,8 @@
 Constant velocity takes a car v h along its heading. Acceleration a and yaw rate w add a h^2/2 along it and, as an
 angle of the chord, w h/2 across, if they go on and if they are right. How much of that followed is a linear
 regression, by each axis and knot of `fleet.HORIZON_KNOTS_S`: y = x' g, x the displacement that each part of the
-derivative promises (`shares_of_derivatives_by_part`), y the outcome. With outcomes weighted by q the ridge estimate is
+derivative promises (`unclear_lasting_new_shares_of_derivatives`), y the outcome. With outcomes weighted by q the ridge
+estimate is
 
     g = (sum q x x' + N e^2 I)^-1 (sum q x y + N e^2 g0),    q = (dt / h) / (1 + min(|y - x' g_fleet|, |y|) / e),
 
@@ -38,10 +39,10 @@ from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
 PartShares = FloatArray
 """Shares or gains of the parts of acceleration and yaw rate, by axis and knot, shape (n, 2, k, 3)."""
 
-CLEARNESS_SIGMAS = 5.0
+SIGMAS_OF_HALF_CLEARNESS = 5.0
 """Size of a derivative, in stated sigmas, at which its clearness is one half. Chosen: filters on real drives are too
 sure by up to 3."""
-CLEARNESS_POWER = 8
+CLEARNESS_EXPONENT = 8
 """Exponent p of the clearness 1 / (1 + (5 sigma / d)^p): how sharp its edge is. Chosen by hand; not fitted."""
 LOOK_BACK_SHARE_OF_HORIZON = 0.5
 """Share of the horizon before now over which the mean of a derivative is its lasting part. Chosen by hand; not
@@ -50,14 +51,14 @@ MIN_LOOK_BACK_S = 0.3
 """Shortest time in s over which that mean is taken. Chosen by hand; not fitted."""
 MIN_LOOK_BACK_DATA_S = 0.15
 """Shortest history in s of a derivative that has a lasting part. Chosen by hand; not fitted."""
-MAX_GAP_S = 0.5
+MAX_INTERPOLATED_GAP_S = 0.5
 """Longest gap in s across which outcomes are interpolated, and longest time that a row stands for. Chosen by hand."""
 MIN_CHORD_M = 1.0
 """Shortest chord of a driven arc, m, whose angle to the heading is used; the angle of a shorter chord is mostly noise
 and counts as 0. Chosen by hand; not fitted."""
-MAX_CHORD_ANGLE_RAD = 2.0
+MAX_CHORD_TO_HEADING_RAD = 2.0
 """Greatest angle of a chord to the heading, rad, that an arc can have. Chosen by hand; not fitted."""
-PRIOR_WEIGHT_OUTCOMES = np.array([4.0, 1.0, 1.0])
+PRIOR_WEIGHT_IN_OUTCOMES_BY_PART = np.array([4.0, 1.0, 1.0])
 """Weight of the prior in independent outcomes for the parts unclear, lasting and new (docs/prediction.md)."""
 NEVER_NS = np.iinfo(np.int64).max
 """The time of an outcome that never becomes known."""
@@ -96,7 +97,7 @@ class StateHistory:
         rows: Shape (n,): their rows in the input.
         stamp_ns, known_ns: Shape (n,): per vehicle strictly increasing, and non-decreasing.
         state: Shape (n, 8).
-        clear: Shape (n, 2): see `how_clearly_derivatives_exceed_noise`.
+        clear: Shape (n, 2): see `accel_and_yaw_rate_clearness_0_to_1`.
         first: First row of each vehicle; the vehicles follow each other.
     """
 
@@ -116,8 +117,8 @@ class StateHistory:
         return np.repeat(np.arange(len(self.first)), np.diff((*self.first, len(self.rows))))
 
     def step_s(self) -> FloatArray:
-        """The time since the row before, at most `MAX_GAP_S`, shape (n,); 0 at a vehicle's first row."""
-        step_s = np.minimum(np.diff(self.stamp_ns, prepend=self.stamp_ns[:1]) / NS_PER_S, MAX_GAP_S)
+        """The time since the row before, at most `MAX_INTERPOLATED_GAP_S`, shape (n,); 0 at a vehicle's first row."""
+        step_s = np.minimum(np.diff(self.stamp_ns, prepend=self.stamp_ns[:1]) / NS_PER_S, MAX_INTERPOLATED_GAP_S)
         step_s[list(self.first)] = 0.0
         return step_s
 
@@ -137,14 +138,14 @@ def concatenate_histories(tracks: Sequence[StateHistory]) -> StateHistory:
     )
 
 
-def how_clearly_derivatives_exceed_noise(state: StateRows, covariance: Covariances | None) -> FloatArray:
+def accel_and_yaw_rate_clearness_0_to_1(state: StateRows, covariance: Covariances | None) -> FloatArray:
     """How clearly acceleration and yaw rate exceed their stated noise, 0 to 1, shape (n, 2)."""
     if covariance is None:
         return np.ones((len(state), 2))
     columns = [ACCEL, YAW_RATE]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        noise = CLEARNESS_SIGMAS**2 * np.maximum(variances_of_states(covariance, columns), 0.0)
-        power = (noise / state[:, columns] ** 2) ** (CLEARNESS_POWER // 2)
+        noise = SIGMAS_OF_HALF_CLEARNESS**2 * np.maximum(variances_of_states(covariance, columns), 0.0)
+        power = (noise / state[:, columns] ** 2) ** (CLEARNESS_EXPONENT // 2)
         return np.asarray(np.nan_to_num(1.0 / (1.0 + power), nan=1.0))
 
 
@@ -152,7 +153,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
     """The history of each vehicle; rows whose state is not finite are left out, and vehicles without other rows too."""
     stamp_ns, known_ns, state = starts.stamp_ns, starts.known_ns, starts.state
     is_finite = np.isfinite(state[:, : YAW_RATE + 1]).all(axis=1)
-    clear = how_clearly_derivatives_exceed_noise(state, starts.covariance)
+    clear = accel_and_yaw_rate_clearness_0_to_1(state, starts.covariance)
     tracks = []
     for one in sort_distinct_values(starts.vehicle):
         rows = np.flatnonzero((starts.vehicle == one) & is_finite)
@@ -164,7 +165,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
     return tracks
 
 
-def shares_of_derivatives_by_part(track: StateHistory) -> PartShares:
+def unclear_lasting_new_shares_of_derivatives(track: StateHistory) -> PartShares:
     """Divide acceleration and yaw rate into `fleet.DERIVATIVE_PARTS`, by knot, (n, 2, k, 3): shares that add up to 1.
 
     Unclear is what may be noise. Lasting is what is clear and was as large on average over the last h/2, for a horizon
@@ -199,14 +200,18 @@ def displacement_beyond_constant_velocity_m(state: StateRows) -> FloatArray:
     return np.stack([along, across], axis=1)
 
 
-def actual_displacement_m(track: StateHistory) -> FloatArray:
+def actual_displacement_beyond_constant_velocity_m(track: StateHistory) -> FloatArray:
     """Displacement (m) that was in fact added to constant velocity by each knot, shape (n, 2, k); NaN if not known.
 
     Along it is the arc's length beyond v h; across it is the angle of the arc's chord times |v| h.
     """
     outcome = [
         actual_positions(
-            track.stamp_ns[rows], track.stamp_ns[rows], track.state[rows, :2], HORIZON_KNOTS_S.tolist(), MAX_GAP_S
+            track.stamp_ns[rows],
+            track.stamp_ns[rows],
+            track.state[rows, :2],
+            HORIZON_KNOTS_S.tolist(),
+            MAX_INTERPOLATED_GAP_S,
         )
         for rows in track.row_slices_of_vehicles()
     ]
@@ -221,11 +226,11 @@ def actual_displacement_m(track: StateHistory) -> FloatArray:
     arc = np.where(chord > MIN_CHORD_M, chord / np.sinc(angle / np.pi), ahead)
     straight_m = np.abs(speed) * HORIZON_KNOTS_S
     out = np.stack([forward * (arc - straight_m), angle * straight_m], axis=1)
-    is_arc = is_known & (np.abs(angle) < MAX_CHORD_ANGLE_RAD)
+    is_arc = is_known & (np.abs(angle) < MAX_CHORD_TO_HEADING_RAD)
     return np.where(is_arc[:, None, :], out, np.nan)
 
 
-def rows_of_known_outcomes(track: StateHistory, knots_s: FloatArray = HORIZON_KNOTS_S) -> Rows:
+def rows_at_which_outcomes_became_known(track: StateHistory, knots_s: FloatArray = HORIZON_KNOTS_S) -> Rows:
     """The row with which each start's outcome at each knot became known, shape (n, k); never: n."""
     at_ns = track.stamp_ns[:, None] + np.rint(knots_s * NS_PER_S).astype(np.int64)
     out = np.empty(at_ns.shape, dtype=np.intp)
@@ -237,7 +242,7 @@ def rows_of_known_outcomes(track: StateHistory, knots_s: FloatArray = HORIZON_KN
 
 def outcome_known_times_ns(track: StateHistory, knots_s: FloatArray = HORIZON_KNOTS_S) -> Int64Array:
     """When each start's outcome at each knot became known, shape (n, k); never: `NEVER_NS`."""
-    return np.append(track.known_ns, NEVER_NS)[rows_of_known_outcomes(track, knots_s)]
+    return np.append(track.known_ns, NEVER_NS)[rows_at_which_outcomes_became_known(track, knots_s)]
 
 
 def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -> FloatArray:
@@ -248,12 +253,12 @@ def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -
         prior: None: the fleet's.
     """
     chosen = prior or load_fleet_prior()
-    clear = how_clearly_derivatives_exceed_noise(starts.state, starts.covariance)
+    clear = accel_and_yaw_rate_clearness_0_to_1(starts.state, starts.covariance)
     share = np.einsum("nai,aki->nak", _part_shares_without_history(clear), chosen.gain)
     tracks = state_histories_by_vehicle(starts)
     if tracks:
         track = concatenate_histories(tracks)
-        parts = shares_of_derivatives_by_part(track)
+        parts = unclear_lasting_new_shares_of_derivatives(track)
         share[track.rows] = np.einsum("naki,naki->nak", parts, gain_of_each_part_from_outcomes(track, parts, chosen))
     return acting_time_from_displacement_share_s(np.clip(share, 0.0, 1.0))
 
@@ -268,15 +273,15 @@ def gain_of_each_part_from_outcomes(track: StateHistory, part_shares: PartShares
 
     Args:
         track: All vehicles of the log whose outcomes count for each other.
-        part_shares: Shape (n, 2, k, 3): see `shares_of_derivatives_by_part`.
+        part_shares: Shape (n, 2, k, 3): see `unclear_lasting_new_shares_of_derivatives`.
         prior: The gains without any outcome.
     """
-    known_row = rows_of_known_outcomes(track)
+    known_row = rows_at_which_outcomes_became_known(track)
     known_ns = np.append(track.known_ns, NEVER_NS)[known_row]
     return kernel.gains(
         part_shares,
         displacement_beyond_constant_velocity_m(track.state),
-        actual_displacement_m(track),
+        actual_displacement_beyond_constant_velocity_m(track),
         step_s=track.step_s(),
         knots_s=HORIZON_KNOTS_S,
         track=track.vehicle_indices(),
@@ -288,7 +293,7 @@ def gain_of_each_part_from_outcomes(track: StateHistory, part_shares: PartShares
         prior=np.ascontiguousarray(prior.gain),
         error_m=np.ascontiguousarray(prior.error_m),
         carried=_gain_ratios_between_knots(prior),
-        prior_outcomes=PRIOR_WEIGHT_OUTCOMES,
+        prior_outcomes=PRIOR_WEIGHT_IN_OUTCOMES_BY_PART,
     )
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
-from cwcli.prediction.scales import scale_covariance_in_place
+from cwcli.prediction.scales import scale_path_covariance_in_place
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.packed_covariances import Covariances
 
@@ -63,7 +63,7 @@ class PathPlan:
         )
         if self.log_scale is None or points is not None:
             return paths
-        return scale_covariance_in_place(paths, self.log_scale[rows], has_core)
+        return scale_path_covariance_in_place(paths, self.log_scale[rows], has_core)
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ import numpy as np
 
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.lateral import dead_reckon_x_y_heading
+from cwcli.prediction.lateral import dead_reckon_x_y_m_and_heading_rad
 from cwcli.signals.columns import FloatArray, Int64Array, StateRows
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import HEADING, MAP_FRAME, X, Y
 
 ODOM_FRAME = "odom"
 """Frame id of dead-reckoned poses (REP-105)."""
-MAX_GAP_S = 0.5
+MAX_INTERPOLATED_EGO_GAP_S = 0.5
 """Longest gap in s across which the ego's states are interpolated. Chosen by hand; not fitted."""
 MIN_SLIP_SPEED_MPS = 1.0
 """Speed in m/s below which the side slip counts as 0, because lateral speeds are mostly noise there. Chosen by hand;
@@ -41,7 +41,7 @@ class VehiclePoses:
 
 def dead_reckoned_poses(track: LateralTrack) -> VehiclePoses:
     """Integrate the observed motion from the car's first state, which is the origin; NaN at frames without a state."""
-    x_m, y_m, yaw_rad = dead_reckon_x_y_heading(track)
+    x_m, y_m, yaw_rad = dead_reckon_x_y_m_and_heading_rad(track)
     has_state = np.isfinite(track.state[:, 0])
     first = int(np.argmax(has_state))
     dx, dy = x_m - x_m[first], y_m - y_m[first]
@@ -56,7 +56,9 @@ def body_poses_from_states(stamp_ns: Int64Array, state: StateRows, track: Latera
     Args:
         stamp_ns, state: The ego's states (m,) and (m, 8), in the order of their stamps.
     """
-    x_m, y_m, course_rad = resample(stamp_ns, state[:, [X, Y, HEADING]], track.stamp_ns, max_gap_s=MAX_GAP_S).T
+    x_m, y_m, course_rad = resample(
+        stamp_ns, state[:, [X, Y, HEADING]], track.stamp_ns, max_gap_s=MAX_INTERPOLATED_EGO_GAP_S
+    ).T
     yaw_rad = course_rad - side_slip_rad(track.state[:, 0], track.speed_mps)
     return VehiclePoses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
 

@@ -29,7 +29,7 @@ def interpolate_log_scale(log_scale: LogScales, time_s: FloatArray) -> FloatArra
     return multiply_rows_reproducibly(log_scale, hats)
 
 
-def scale_covariance_in_place(paths: Paths, log_scale: LogScales, has_core: bool) -> Paths:
+def scale_path_covariance_in_place(paths: Paths, log_scale: LogScales, has_core: bool) -> Paths:
     """Scale the covariance of the paths in place; with `has_core` the result has the factor for the 50 % ellipse."""
     core_factor = np.empty(paths.x_m.shape) if has_core else None
     for first in range(0, len(paths), ROWS_PER_BATCH):

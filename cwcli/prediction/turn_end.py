@@ -18,9 +18,9 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED
 
-LARGEST_TURN_RAD = 0.5 * np.pi
+MAX_TOTAL_TURN_RAD = 0.5 * np.pi
 """Angle, rad, after which a turn is taken to end: the one at which streets mostly cross. Chosen by hand; not fitted."""
-TURN_WAY_M = 30.0
+WAY_DRIVEN_IN_TURN_M = 30.0
 """Way driven in a turn, m: a quarter of a circle of 19 m, wide for a street in a town. Chosen by hand; not fitted."""
 
 
@@ -30,7 +30,7 @@ class TurnEndingPaths:
 
     Attributes:
         selected: The paths without that end.
-        turned_rad: Shape (n,): by how much each start has turned already, see `recently_turned_angle_rad`.
+        turned_rad: Shape (n,): by how much each start has turned already, see `left_turn_on_last_way_rad`.
     """
 
     selected: SelectedPaths
@@ -46,11 +46,12 @@ class TurnEndingPaths:
 
     def take(self, rows: npt.NDArray[np.intp]) -> Paths:
         """Compute the paths of some of the selected starts."""
-        return end_turns_of_paths(self.selected.take(rows), self.turned_rad[rows])
+        return end_turns_of_paths_at_quarter_turn(self.selected.take(rows), self.turned_rad[rows])
 
 
-def recently_turned_angle_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: FloatArray) -> FloatArray:
-    """Compute by how much a car has turned to the left on its last `TURN_WAY_M`, (n,), from what was known then.
+def left_turn_on_last_way_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: FloatArray) -> FloatArray:
+    """Compute by how much a car has turned to the left on its last `WAY_DRIVEN_IN_TURN_M`, (n,), from what was known
+    then.
 
     Args:
         stamp_ns, log_time_ns: Shape (n,): times of a car's states, stamps increasing, and when each was known.
@@ -63,19 +64,19 @@ def recently_turned_angle_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, sta
     speed_mps, heading_rad = np.abs(state[kept, SPEED]), state[kept, HEADING]
     way_m = np.cumsum(np.append(0.0, np.nan_to_num(speed_mps[1:]) * step_s))
     course_rad = np.cumsum(np.append(0.0, np.nan_to_num(wrap_angle(np.diff(heading_rad)))))
-    turned = course_rad - np.interp(way_m - TURN_WAY_M, way_m, course_rad)
+    turned = course_rad - np.interp(way_m - WAY_DRIVEN_IN_TURN_M, way_m, course_rad)
     newest = np.searchsorted(kept, np.arange(len(stamp_ns)), side="right") - 1
     return np.asarray(np.where(newest >= 0, turned[np.maximum(newest, 0)], 0.0))
 
 
-def end_turns_of_paths(paths: Paths, turned_rad: FloatArray) -> Paths:
-    """End the turn of each path where it comes to `LARGEST_TURN_RAD` with what was turned before, (n,).
+def end_turns_of_paths_at_quarter_turn(paths: Paths, turned_rad: FloatArray) -> Paths:
+    """End the turn of each path where it comes to `MAX_TOTAL_TURN_RAD` with what was turned before, (n,).
 
     Speeds and covariances stay as they are.
     """
     start = paths.heading_rad[:, :1]
-    left = np.clip(LARGEST_TURN_RAD - turned_rad, 0.0, LARGEST_TURN_RAD)[:, None]
-    right = np.clip(LARGEST_TURN_RAD + turned_rad, 0.0, LARGEST_TURN_RAD)[:, None]
+    left = np.clip(MAX_TOTAL_TURN_RAD - turned_rad, 0.0, MAX_TOTAL_TURN_RAD)[:, None]
+    right = np.clip(MAX_TOTAL_TURN_RAD + turned_rad, 0.0, MAX_TOTAL_TURN_RAD)[:, None]
     turn = paths.heading_rad - start
     if not ((turn > left) | (turn < -right)).any():
         return paths

@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.digest.drive import Drive
 from cwcli.estimation.imu import level_imu
-from cwcli.estimation.latency import MAX_DRIFT_REACH_S
+from cwcli.estimation.latency import MAX_DRIFT_EXTRAPOLATION_S
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.lazy_dataclass import dataclass
@@ -190,7 +190,9 @@ def _subtract_latency(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64A
     taken_s = np.full(len(stamp_ns), latency_s if math.isfinite(latency_s) else 0.0)
     if 0.0 < abs(drift) <= 1.0 and len(stamp_ns):
         middle_ns = (int(stamp_ns[0]) + int(stamp_ns[-1])) // 2
-        taken_s += drift * np.clip((stamp_ns - middle_ns) / NS_PER_S, -MAX_DRIFT_REACH_S, MAX_DRIFT_REACH_S)
+        taken_s += drift * np.clip(
+            (stamp_ns - middle_ns) / NS_PER_S, -MAX_DRIFT_EXTRAPOLATION_S, MAX_DRIFT_EXTRAPOLATION_S
+        )
     return np.asarray(stamp_ns - np.rint(taken_s * NS_PER_S).astype(np.int64))
 
 

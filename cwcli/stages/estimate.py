@@ -23,7 +23,7 @@ from cwcli.estimation.from_signals import (
     drop_stretches_without_position_and_note,
     ego_output_stamps_ns,
     ego_signal_to_measurements,
-    merge_remotes_placed_in_map,
+    merge_remotes_placed_in_map_and_note,
 )
 from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, topics_corrected_or_blamed
 from cwcli.estimation.hypotheses import HYPOTHESES
@@ -38,10 +38,10 @@ from cwcli.estimation.online_availability import (
     parameter_origin_text,
 )
 from cwcli.estimation.result import Track, TrackSummary
-from cwcli.estimation.seen_ego import drop_ego_seen_by_others
-from cwcli.estimation.seen_senders import drop_senders_seen_by_others
+from cwcli.estimation.seen_ego import drop_ego_seen_by_others_and_note
+from cwcli.estimation.seen_senders import drop_senders_seen_by_others_and_note
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
-from cwcli.estimation.stated_noise import Sigmas, apply_stated_noise, require_known_names_and_sigma_counts
+from cwcli.estimation.stated_noise import SigmasByRoleOrTopic, apply_stated_noise, require_known_names_and_sigma_counts
 from cwcli.estimation.summary import build_estimate_table, format_source_diagnostics_json, summarise_track
 from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.estimation.verdict import consistency_verdict_sentence
@@ -154,11 +154,11 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     ego, online = estimated.hindsight, estimated.online
     position = sources.by_role[Role.EGO_POSITION][0]
     heard = sources.by_role.get(Role.REMOTE, ())
-    signal, notes = merge_remotes_placed_in_map(heard, position, local_map, is_stitched=config.stitch)
+    signal, notes = merge_remotes_placed_in_map_and_note(heard, position, local_map, is_stitched=config.stitch)
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
     if signal is not None:
-        signal, seen = drop_ego_seen_by_others(signal, online, size_m, local_map)
-        signal, twice = drop_senders_seen_by_others(signal, local_map)
+        signal, seen = drop_ego_seen_by_others_and_note(signal, online, size_m, local_map)
+        signal, twice = drop_senders_seen_by_others_and_note(signal, local_map)
         notes = (*notes, *seen, *twice)
     remote = (
         None if signal is None or not len(signal.stamp_ns) else estimate_remote_states(signal, local_map, estimator)
@@ -310,7 +310,9 @@ def _map_at_first_fix_unless_cartesian(sources: SensorSignals) -> LocalMap | Non
     )
 
 
-def _collect_ego_measurements(sources: SensorSignals, local_map: LocalMap | None, sigmas: Sigmas) -> list[Measurements]:
+def _collect_ego_measurements(
+    sources: SensorSignals, local_map: LocalMap | None, sigmas: SigmasByRoleOrTopic
+) -> list[Measurements]:
     """Return the measurements of all signals of the ego, in the order of `EGO_SENSOR_ROLES`."""
     found: list[Measurements] = []
     for role in EGO_SENSOR_ROLES:

@@ -34,7 +34,7 @@ from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import StatesSelection, bind_state_channels
 from cwcli.prediction.lateral import LateralPathConfig, predict_paths_from_observer, transform_paths_to_map
-from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
+from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.poses import VehiclePoses, body_poses_from_states, dead_reckoned_poses
 from cwcli.signals.canonical import Signal
@@ -142,7 +142,7 @@ class BodyPaths:
         """
         paths = predict_paths_from_observer(observed.track, vehicle, config)
         if calibrate:
-            paths = scale_lateral_covariance(paths, observed.track)
+            paths = scale_covariance_across_path(paths, observed.track)
         return cls(observed, paths, vehicle, MODEL_NAMES[config.model])
 
 

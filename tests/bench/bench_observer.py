@@ -17,7 +17,7 @@ from cwcli.dynamics.observer import OBSERVER_METHODS, observe_lateral_motion
 from cwcli.dynamics.samples import LaneSamples, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.prediction.lateral import predict_paths_from_observer
-from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
+from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 
 N_FRAMES = 20_000
 
@@ -68,7 +68,7 @@ def main() -> None:
     track = observe_lateral_motion(lanes, speed, car)
     paths = predict_paths_from_observer(track, car)
     report("paths of 2 s", lambda: predict_paths_from_observer(track, car))
-    report("their calibration", lambda: scale_lateral_covariance(paths, track))
+    report("their calibration", lambda: scale_covariance_across_path(paths, track))
 
 
 if __name__ == "__main__":

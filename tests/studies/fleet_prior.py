@@ -32,7 +32,7 @@ from cwcli.prediction import fleet
 from cwcli.prediction.fleet import (
     DERIVATIVE_PARTS,
     HORIZON_KNOTS_S,
-    QUANTILE_LEVELS,
+    FLEET_QUANTILE_LEVELS,
     FleetPrior,
     acting_time_from_displacement_share_s,
 )
@@ -40,8 +40,8 @@ from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.outcome_history import (
     PathStarts,
-    actual_displacement_m,
-    shares_of_derivatives_by_part,
+    actual_displacement_beyond_constant_velocity_m,
+    unclear_lasting_new_shares_of_derivatives,
     measure_acting_time_s,
     displacement_beyond_constant_velocity_m,
     state_histories_by_vehicle,
@@ -109,8 +109,8 @@ def group_of(several: Sequence[VehicleStates], too_sure: float) -> Group:
     return Group(
         np.concatenate([track.state[:, SPEED] for track in tracks])[thinned],
         np.concatenate([displacement_beyond_constant_velocity_m(track.state) for track in tracks])[thinned],
-        np.concatenate([shares_of_derivatives_by_part(track) for track in tracks])[thinned],
-        np.concatenate([actual_displacement_m(track) for track in tracks])[thinned],
+        np.concatenate([unclear_lasting_new_shares_of_derivatives(track) for track in tracks])[thinned],
+        np.concatenate([actual_displacement_beyond_constant_velocity_m(track) for track in tracks])[thinned],
     )
 
 
@@ -190,7 +190,7 @@ def learned_quantiles(classes: Sequence[Sequence[VehicleStates]], prior: FleetPr
         value, weight = value[np.isfinite(value)], weight[np.isfinite(value)]
         order = np.argsort(value)
         share = np.cumsum(weight[order]) / weight.sum()
-        out.append(value[order][np.searchsorted(share, QUANTILE_LEVELS)])
+        out.append(value[order][np.searchsorted(share, FLEET_QUANTILE_LEVELS)])
     return np.array(out)
 
 
@@ -237,7 +237,7 @@ def written(prior: FleetPrior, source: str) -> str:
             *(f"{part} = {gain[:, i].round(2).tolist()}" for i, part in enumerate(DERIVATIVE_PARTS)),
         ]
         out.append(f"error_m = {error_m.round(3).tolist()}")
-    out += ["", "[ellipse]", f"quantiles = {QUANTILE_LEVELS.tolist()}", "squared = ["]
+    out += ["", "[ellipse]", f"quantiles = {FLEET_QUANTILE_LEVELS.tolist()}", "squared = ["]
     out += [f"    {row.round(3).tolist()}," for row in np.exp(prior.log_squared)]
     out.append("]")
     return "\n".join(out) + "\n"
@@ -254,7 +254,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in scenario_names():
         classes += classes_of([scenario_states(name, seed) for seed in asked.seeds])
     gain, error_m = learned_gains([group_of(each, sure) for sure in (1.0, TOO_SURE) for each in classes])
-    prior = FleetPrior(gain, error_m, np.zeros((len(HORIZON_KNOTS_S), len(QUANTILE_LEVELS))))
+    prior = FleetPrior(gain, error_m, np.zeros((len(HORIZON_KNOTS_S), len(FLEET_QUANTILE_LEVELS))))
     prior = replace(prior, log_squared=np.log(learned_quantiles(classes, prior)))
     names = ", ".join(scenario_names())
     source = f"scenarios {names} (seeds {', '.join(map(str, asked.seeds))})\n# and logs {', '.join(asked.logs)}"

@@ -34,7 +34,7 @@ from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LateralTrack, ScalarSample
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_of_rows_within_tolerance
 from cwcli.prediction.lateral import predict_paths_from_observer
-from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
+from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error, lane_samples_from_geometry
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import lateral_positions_of_arcs_m
@@ -253,7 +253,7 @@ def motion(seen: Seen) -> LateralTrack:
 def departures(seen: Seen) -> LaneDepartureResult:
     """Lane departure with the default observer and rule."""
     car, track = load_vehicle(), motion(seen)
-    paths = scale_lateral_covariance(predict_paths_from_observer(track, car), track)
+    paths = scale_covariance_across_path(predict_paths_from_observer(track, car), track)
     left, right = _bodies(seen)
     return evaluate_lane_departure(
         seen.speed.stamp_ns,

@@ -19,7 +19,7 @@ from cwcli.estimation.latency_search import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RAD
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import run_filter_pass
-from cwcli.estimation.prepare import earliest_stamp_ns, clean_and_sort_measurements
+from cwcli.estimation.prepare import earliest_stamp_ns, clean_and_sort_measurements_and_note
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.tune import add_bias_states_and_their_variances
 from tests.studies.city_drive import Sensors, city_drive, measure
@@ -96,7 +96,7 @@ def bound(measurements: Sequence[Measurements], planted: dict[str, float]) -> di
     parameters = MotionParameters(
         jerk_sigma_mps3=LOOSE_JERK_MPS3, yaw_accel_sigma_radps2=LOOSE_YAW_ACCEL_RADPS2, side_slip_m=SEARCH_SIDE_SLIP_M
     )
-    prepared, _ = clean_and_sort_measurements(measurements, earliest_stamp_ns(measurements))
+    prepared, _ = clean_and_sort_measurements_and_note(measurements, earliest_stamp_ns(measurements))
     series, walk, prior = add_bias_states_and_their_variances(prepared, parameters)
     series = [
         replace(

@@ -31,7 +31,7 @@ import numpy as np
 
 from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
-from cwcli.estimation.prepare import clean_and_sort_measurements, earliest_stamp_ns
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, earliest_stamp_ns
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.source_judgement import JudgedSources, judge_sources
 from cwcli.estimation.summary import summarise_track
@@ -117,7 +117,7 @@ def judged(measurements: Sequence[Measurements]) -> JudgedSources:
     """What the vote says, without an estimate."""
     aligned, notes = align_source_clocks_and_note(measurements)
     epoch = earliest_stamp_ns(aligned)
-    found = judge_sources(aligned, lambda current: clean_and_sort_measurements(current, epoch))
+    found = judge_sources(aligned, lambda current: clean_and_sort_measurements_and_note(current, epoch))
     return replace(found, notes=[*notes, *found.notes])
 
 

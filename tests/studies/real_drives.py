@@ -33,7 +33,7 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_of_rows_within_tolerance
 from cwcli.metrics.table import Table
 from cwcli.prediction.lateral import predict_paths_from_observer
-from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
+from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.reproduction.zhang2011.rendered import lane_samples_from_geometry
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, Mounting, default_camera
@@ -174,7 +174,7 @@ def departures(seen: Seen) -> Table:
     geometry = compute_lane_geometry(seen.fits, seen.camera, preview_m=DEFAULT_PREVIEW_M)
     speed = ScalarSamples(seen.stamp_ns, np.full(n, SPEED_MPS))
     track = observe_lateral_motion(lane_samples_from_geometry(seen.stamp_ns / 1e9, geometry, seen.fits), speed, car)
-    paths = scale_lateral_covariance(predict_paths_from_observer(track, car), track)
+    paths = scale_covariance_across_path(predict_paths_from_observer(track, car), track)
     found = seen.fits.found[..., None]
     sides = [np.where(found[:, k], (geometry.left_body, geometry.right_body)[k], np.nan) for k in range(2)]
     is_seen = seen.fits.state != LaneState.HELD

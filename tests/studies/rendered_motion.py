@@ -25,7 +25,7 @@ from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.prediction.lateral import predict_paths_from_observer
-from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
+from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.prediction.paths import Paths
 from cwcli.reproduction.zhang2011.drives import N_SETTLING_FRAMES, compute_drive_errors
 from cwcli.reproduction.zhang2011.drives import WINDING_ROAD as BENDS
@@ -92,7 +92,7 @@ def observed(seen: RenderedDrive, *, with_gyro: bool) -> tuple[LateralTrack, Pat
     sensed = seen.sensed
     yaw_rate = sensed.yaw_rate if with_gyro else None
     track = observe_lateral_motion(sensed.lanes, sensed.speed, CAR, ObserverConfig(), yaw_rate=yaw_rate)
-    return track, scale_lateral_covariance(predict_paths_from_observer(track, CAR), track)
+    return track, scale_covariance_across_path(predict_paths_from_observer(track, CAR), track)
 
 
 @dataclass(frozen=True)

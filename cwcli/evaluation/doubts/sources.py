@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 
-from cwcli.estimation.tolerances import MAX_GATED_SHARE, TOLERATED_VARIANCE_FACTOR
+from cwcli.estimation.tolerances import MAX_GATED_ROW_SHARE, TOLERATED_VARIANCE_FACTOR
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, name_sources_in_words, source_name
 from cwcli.pipeline.records import read_finite_number_or_nan, to_float_or_nan
@@ -77,7 +77,7 @@ def find_gated_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
     for source in evidence.ego_sources:
         gated = read_finite_number_or_nan(source, "gated")
         n = gated + read_finite_number_or_nan(source, "used")
-        if n > 0 and gated > MAX_GATED_SHARE * n:
+        if n > 0 and gated > MAX_GATED_ROW_SHARE * n:
             share = gated / n
             yield Finding(
                 share, f"{100 * share:.0f} % of the measurements of {source_name(source)} contradict the other sources."
@@ -87,7 +87,7 @@ def find_gated_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
 GATED = DoubtRule(
     summary="a source whose measurements the gate rejects",
     short_name="rejected measurements",
-    threshold=MAX_GATED_SHARE,
+    threshold=MAX_GATED_ROW_SHARE,
     unit="share",
     source="chosen: as in the verdict of `estimate`",
     advice="Check its stamps and its mounting.",

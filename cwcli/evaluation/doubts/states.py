@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.estimation.tolerances import MAX_BRIDGED_SHARE, TOLERATED_VARIANCE_FACTOR
+from cwcli.estimation.tolerances import MAX_BRIDGED_STATE_SHARE, TOLERATED_VARIANCE_FACTOR
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.pipeline.records import to_float_or_nan
@@ -100,7 +100,7 @@ def find_large_share_of_bridged_states(evidence: DoubtEvidence) -> Iterator[Find
     if evidence.ego is None:
         return
     share = float(np.mean(evidence.ego.flags & np.uint8(StateFlag.BRIDGED) != 0))
-    if share > MAX_BRIDGED_SHARE:
+    if share > MAX_BRIDGED_STATE_SHARE:
         yield Finding(
             share,
             f"In {100 * share:.0f} % of the track no position was measured, so it is estimated from the other sensors.",
@@ -110,7 +110,7 @@ def find_large_share_of_bridged_states(evidence: DoubtEvidence) -> Iterator[Find
 GAPS = DoubtRule(
     summary="states that bridge gaps without a position",
     short_name="gaps without a position",
-    threshold=MAX_BRIDGED_SHARE,
+    threshold=MAX_BRIDGED_STATE_SHARE,
     unit="share",
     source="chosen: as in the verdict of `estimate`",
     advice="Do not use the states flagged bridged.",

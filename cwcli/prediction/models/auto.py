@@ -23,7 +23,7 @@ from cwcli.prediction.fleet import (
     load_fleet_prior,
 )
 from cwcli.prediction.models.base import Model, Responses
-from cwcli.prediction.outcome_history import how_clearly_derivatives_exceed_noise
+from cwcli.prediction.outcome_history import accel_and_yaw_rate_clearness_0_to_1
 from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 
 
@@ -40,7 +40,7 @@ def trust_in_derivatives_by_clearness(
     state: StateRows, covariance: StateCovariances | None, prior: DriverPrior
 ) -> DerivativeTrust:
     """How far (accel, jerk, yaw rate, yaw accel) stand out of their noise, shape (n, 4); ones without a covariance."""
-    clear = how_clearly_derivatives_exceed_noise(state, covariance)
+    clear = accel_and_yaw_rate_clearness_0_to_1(state, covariance)
     none = np.zeros(len(state))
     return np.stack([clear[:, 0], none, clear[:, 1], none], axis=1)
 

@@ -21,10 +21,10 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.lateral import (
     SIGMAS_HOLDING_90_PERCENT,
     LateralPathConfig,
-    dead_reckon_x_y_heading,
+    dead_reckon_x_y_m_and_heading_rad,
     predict_paths_from_observer,
 )
-from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
+from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.prediction.paths import Paths
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_with_interval
@@ -129,7 +129,7 @@ def drive_part(
             track = observe_lateral_motion(
                 sensed.lanes, sensed.speed, half, config, yaw_rate=sensed.yaw_rate if with_gyro else None
             )
-            paths = scale_lateral_covariance(
+            paths = scale_covariance_across_path(
                 predict_paths_from_observer(track, half, LateralPathConfig(model=model)), track
             )
             found = compute_drive_errors(
@@ -237,7 +237,7 @@ def _median_track_endpoint_distance_m(
     truth: LaneDriveTruth, run: int, sensed: SensedDrive, track: LateralTrack
 ) -> float:
     """Return the median distance, m, between the ends of observed and actual tracks that begin at the same pose."""
-    x, y, heading = dead_reckon_x_y_heading(track)
+    x, y, heading = dead_reckon_x_y_m_and_heading_rad(track)
     first = np.arange(N_SETTLING_FRAMES, len(track) - FRAMES_PER_TRACK)
     last = first + FRAMES_PER_TRACK
     cos, sin = np.cos(heading[first]), np.sin(heading[first])
@@ -251,7 +251,7 @@ def _observed_track_curve(
 ) -> Curve:
     """Return the observed track of the example, placed at the true pose."""
     rows = slice(EXAMPLE_FRAME, EXAMPLE_FRAME + FRAMES_PER_TRACK + 1)
-    x, y, heading = (values[rows] for values in dead_reckon_x_y_heading(track))
+    x, y, heading = (values[rows] for values in dead_reckon_x_y_m_and_heading_rad(track))
     at = sensed.index[EXAMPLE_FRAME]
     turn = truth.yaw_rad[at, run] - heading[0]
     dx, dy = x - x[0], y - y[0]

@@ -14,7 +14,7 @@ from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.plan import PathPlan, SelectedPaths
 from cwcli.prediction.rollout import RolloutSettings
-from cwcli.prediction.turn_end import TurnEndingPaths, recently_turned_angle_rad
+from cwcli.prediction.turn_end import TurnEndingPaths, left_turn_on_last_way_rad
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.road_events import RoadEvents, hard_braking_states_mask
 from cwcli.signals.row_order import iter_track_rows
@@ -96,5 +96,5 @@ def _predict_onset_paths(states: VehicleStates, rows: npt.NDArray[np.intp], time
     """Predict paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
     plan = PathPlan(ONSET_MODEL, RolloutSettings(float(time_s[-1]), step_s), states.state, states.covariance)
-    turned = recently_turned_angle_rad(states.stamp_ns[rows], states.log_time_ns[rows], states.state[rows])
+    turned = left_turn_on_last_way_rad(states.stamp_ns[rows], states.log_time_ns[rows], states.state[rows])
     return TurnEndingPaths(SelectedPaths(plan, rows), turned)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.estimation.coarse_fixes import covariance_from_coarse_fixes, find_coarse_steps_m
+from cwcli.estimation.coarse_fixes import covariance_from_coarse_fixes, find_coarse_east_north_steps_m
 from cwcli.estimation.frozen_rows import FixMotion, frozen_row_mask
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import clean_and_sort_measurements
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 from cwcli.estimation.source_vote import find_impossible_fixes
 from tests.unit.estimation.made_drive import as_series, made_drive
 
@@ -34,7 +34,7 @@ def fixes(values: np.ndarray, source: str = "/fix") -> Measurements:
     ids=["fine", "whole metres", "four decimals of longitude", "six decimals", "even motion"],
 )
 def test_the_step_of_coarse_fixes(values: np.ndarray, expected: tuple[float, float]) -> None:
-    np.testing.assert_allclose(find_coarse_steps_m(values), expected, atol=1e-6)
+    np.testing.assert_allclose(find_coarse_east_north_steps_m(values), expected, atol=1e-6)
 
 
 def test_sigma_holds_half_a_step_to_one_side() -> None:
@@ -62,14 +62,16 @@ def test_fixes_that_are_repeated_all_the_time_are_not_stuck() -> None:
 
 def test_a_copy_is_left_out_and_a_second_receiver_is_not() -> None:
     other = FIXES_M + 0.01 * np.random.default_rng(1).standard_normal(FIXES_M.shape)
-    prepared, notes = clean_and_sort_measurements([fixes(FIXES_M), fixes(FIXES_M, "/b"), fixes(other, "/c")], 0)
+    prepared, notes = clean_and_sort_measurements_and_note(
+        [fixes(FIXES_M), fixes(FIXES_M, "/b"), fixes(other, "/c")], 0
+    )
     assert [len(p.series) for p in prepared] == [len(TIME_S), 0, len(TIME_S)]
     assert notes == ["/b: position is a copy of /fix, left out"]
 
 
 @pytest.mark.parametrize(("factor", "n_found"), [(1.0, 0), (111_320.0, 1)])
 def test_fixes_that_move_faster_than_a_car_are_told(factor: float, n_found: int) -> None:
-    prepared, _ = clean_and_sort_measurements([fixes(factor * FIXES_M)], 0)
+    prepared, _ = clean_and_sort_measurements_and_note([fixes(factor * FIXES_M)], 0)
     found = find_impossible_fixes(prepared)
     assert len(found) == n_found
     assert all(each.contradiction_sentence.startswith("ego_position (/fix) contradicts how a car") for each in found)
@@ -80,8 +82,8 @@ def test_an_axis_that_never_changes_while_the_other_one_scatters_is_coarse() -> 
     north_m = 10.0 * np.arange(200.0)
     noise_m = np.random.default_rng(3).standard_normal(200)
     cut = np.column_stack([np.full(200, -7.4), north_m + 0.3 * noise_m])
-    assert find_coarse_steps_m(cut)[0] > 5.0
-    assert find_coarse_steps_m(cut)[1] == 0.0
+    assert find_coarse_east_north_steps_m(cut)[0] > 5.0
+    assert find_coarse_east_north_steps_m(cut)[1] == 0.0
     simulated = np.column_stack([np.zeros(200), north_m + 0.01 * noise_m])
-    assert find_coarse_steps_m(simulated) == (0.0, 0.0)
-    assert find_coarse_steps_m(cut[:10])[0] == 0.0
+    assert find_coarse_east_north_steps_m(simulated) == (0.0, 0.0)
+    assert find_coarse_east_north_steps_m(cut[:10])[0] == 0.0

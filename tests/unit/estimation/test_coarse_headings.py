@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import clean_and_sort_measurements
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 from cwcli.signals.columns import FloatArray
 
 TIME_S = 0.1 * np.arange(1001.0)
@@ -55,7 +55,7 @@ def test_the_series_holds_the_changes_and_the_user_is_told() -> None:
     m = Measurements(
         "/compass", Kind.HEADING, stamp_ns, rounded(TURN, SECTOR_DEG)[:, None], np.full((1001, 1, 1), 0.01)
     )
-    prepared, notes = clean_and_sort_measurements([m], 0)
+    prepared, notes = clean_and_sort_measurements_and_note([m], 0)
     assert len(prepared[0].series) == 16
     assert prepared[0].n_read == 1001
     np.testing.assert_allclose(prepared[0].series.noise[:, 0], 0.01)

@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.estimation.coarse_speeds import select_changes_of_coarse_speeds_and_note
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import clean_and_sort_measurements
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 
 TIME_S = 0.1 * np.arange(1201.0)
 TRUE_MPS = np.maximum(0.0, 12.0 * np.sin(2.0 * np.pi * TIME_S / 60.0))
@@ -16,7 +16,7 @@ TRUE_MPS = np.maximum(0.0, 12.0 * np.sin(2.0 * np.pi * TIME_S / 60.0))
 def selected(step_mps: float) -> tuple[np.ndarray, np.ndarray, list[str]]:
     rounded = step_mps * np.rint(TRUE_MPS / step_mps)
     m = Measurements("/speed", Kind.SPEED, np.rint(1e9 * TIME_S).astype(np.int64), rounded)
-    (prepared, *_), notes = select_changes_of_coarse_speeds_and_note(clean_and_sort_measurements([m], 0)[0])
+    (prepared, *_), notes = select_changes_of_coarse_speeds_and_note(clean_and_sort_measurements_and_note([m], 0)[0])
     return prepared.series.time_s, prepared.series.values[:, 0], notes
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import clean_and_sort_measurements
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 from cwcli.estimation.repeated_rows import find_stale_rows
 from tests.unit.estimation.made_drive import made_drive
 
@@ -133,7 +133,7 @@ def test_an_inertial_navigator_that_is_corrected_each_second_is_not_interpolated
 def test_the_estimator_gets_the_first_of_the_repeated_fixes_alone() -> None:
     stamp_ns = np.rint(TIME_S * 1e9).astype(np.int64)
     repeated = Measurements("/gps", Kind.POSITION, stamp_ns, held(fixes(TIME_S), TIME_S, 1.0))
-    (cleaned,), (note,) = clean_and_sort_measurements([repeated], 0)
+    (cleaned,), (note,) = clean_and_sort_measurements_and_note([repeated], 0)
     np.testing.assert_array_equal(cleaned.series.values, repeated.values[::10])
     assert (cleaned.n_read, cleaned.n_repeated) == (1200, 1080)
     assert "repeat the value before them" in note

@@ -13,7 +13,7 @@ from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.slow_drift import covariance_from_drifts, find_drifting_fixes
+from cwcli.estimation.slow_drift import covariance_from_drifts, find_contradictions_of_drifting_fixes
 from tests.studies.lying_sensors import estimated, run_fault, simulated
 from tests.studies.sensor_faults import FAULTS
 from tests.studies.sensor_model import measurements_of
@@ -35,17 +35,17 @@ FIX_ID, SPEED_ID = SourceQuantity("/fix", Kind.POSITION), SourceQuantity("/speed
 )
 def test_a_slow_error_far_beyond_its_sigma_is_a_drift(sigma_m: float, largest_m: float, is_told: bool) -> None:
     drifting = replace(FIX, slow_error=SlowError(sigma_m, 30.0, ParameterStatus.USED, largest_m))
-    found = find_drifting_fixes([drifting, SPEED], [])
+    found = find_contradictions_of_drifting_fixes([drifting, SPEED], [])
     assert [(each.who, each.against, each.left_out) for each in found] == [(FIX_ID, SPEED_ID, ())] * is_told
     assert bool(covariance_from_drifts([drifting, SPEED]).any()) is is_told
-    assert find_drifting_fixes([drifting, SPEED], [Contradiction(SPEED_ID, FIX_ID, "...")]) == []
+    assert find_contradictions_of_drifting_fixes([drifting, SPEED], [Contradiction(SPEED_ID, FIX_ID, "...")]) == []
 
 
 def test_a_velocity_that_its_receiver_smooths_shows_no_drift() -> None:
     velocity = replace(SPEED, kind=Kind.VELOCITY)
-    assert find_drifting_fixes([FIX, velocity], []) == []
+    assert find_contradictions_of_drifting_fixes([FIX, velocity], []) == []
     assert not covariance_from_drifts([FIX, velocity]).any()
-    assert len(find_drifting_fixes([FIX, replace(velocity, n_used=0)], [])) == 1
+    assert len(find_contradictions_of_drifting_fixes([FIX, replace(velocity, n_used=0)], [])) == 1
 
 
 def test_the_variance_is_that_of_a_wave_with_the_height_of_the_drift() -> None:
@@ -84,7 +84,7 @@ def found(value: float) -> Constant:
 def test_no_online_state_with_a_calibration_knows_of_a_later_drift(monkeypatch: pytest.MonkeyPatch) -> None:
     """The fixes are 4 m off in the last 4 s of 14 s: the sigma of the first 10 s is that of the cut log."""
     monkeypatch.setattr(slow_drift, "MIN_DRIFT_M", 0.1)
-    monkeypatch.setattr(slow_drift, "MAX_LARGEST_IN_SIGMAS", 0.1)
+    monkeypatch.setattr(slow_drift, "MAX_SLOW_ERROR_SIGMAS_WITHOUT_DRIFT", 0.1)
     time_s = np.arange(0.0, 14.0, 0.1)
     stamp_ns = np.rint(1e9 * time_s).astype(np.int64)
     fixes_m = np.column_stack([10.0 * time_s + np.maximum(time_s - 10.0, 0.0), np.zeros(len(time_s))])
@@ -104,5 +104,5 @@ def test_no_online_state_with_a_calibration_knows_of_a_later_drift(monkeypatch: 
         stamps = output_ns if n == 101 else np.append(output_ns, stamp_ns[-1])
         track = estimate_track(whole, config, stamps)
         covariances.append(track.covariance[: len(output_ns)])
-        assert len(find_drifting_fixes(track.sources, [])) == (n > 101)
+        assert len(find_contradictions_of_drifting_fixes(track.sources, [])) == (n > 101)
     np.testing.assert_array_equal(covariances[0], covariances[1])

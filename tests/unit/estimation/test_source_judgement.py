@@ -17,7 +17,7 @@ from cwcli.estimation.hypotheses import HYPOTHESES
 from cwcli.estimation.hypotheses.base import with_pairwise_combinations
 from cwcli.estimation.hypotheses.imu import signed_axis_rotations
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
-from cwcli.estimation.prepare import clean_and_sort_measurements
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 from cwcli.estimation.source_judgement import JudgedSources, correct_and_list_what_user_says, judge_sources
 from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
 from tests.unit.estimation.made_drive import made_drive
@@ -59,7 +59,7 @@ def _with_fault(
 
 
 def _judge(measurements: Sequence[Measurements], **options: object) -> JudgedSources:
-    return judge_sources(measurements, lambda current: clean_and_sort_measurements(current, 0), **options)  # type: ignore[arg-type]
+    return judge_sources(measurements, lambda current: clean_and_sort_measurements_and_note(current, 0), **options)  # type: ignore[arg-type]
 
 
 def _turned(*axes: Sequence[float]) -> Callable[[np.ndarray], np.ndarray]:

@@ -5,7 +5,11 @@ import pytest
 
 from cwcli.errors import UsageError
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.stated_noise import apply_stated_noise, parse_sigma_options, require_known_names_and_sigma_counts
+from cwcli.estimation.stated_noise import (
+    apply_stated_noise,
+    parse_sigmas_by_role_or_topic,
+    require_known_names_and_sigma_counts,
+)
 from cwcli.signals.role import Role
 
 
@@ -15,7 +19,7 @@ def speeds(covariance: list[float] | None = None) -> Measurements:
 
 
 def test_sigmas_are_in_si_units_and_degrees_are_converted() -> None:
-    found = parse_sigma_options(["ego_speed=0.5", "ego_heading=1deg", "imu=0.05/0.1deg"])
+    found = parse_sigmas_by_role_or_topic(["ego_speed=0.5", "ego_heading=1deg", "imu=0.05/0.1deg"])
     assert found["ego_speed"] == (0.5,)
     assert found["ego_heading"] == pytest.approx((np.radians(1.0),))
     assert found["imu"] == pytest.approx((0.05, np.radians(0.1)))
@@ -26,12 +30,12 @@ def test_sigmas_are_in_si_units_and_degrees_are_converted() -> None:
 )
 def test_a_malformed_entry_is_refused(entry: str) -> None:
     with pytest.raises(UsageError, match="is not NAME=VALUE"):
-        parse_sigma_options([entry])
+        parse_sigmas_by_role_or_topic([entry])
 
 
 def test_a_name_that_comes_twice_is_refused() -> None:
     with pytest.raises(UsageError, match="names ego_speed twice"):
-        parse_sigma_options(["ego_speed=1", "ego_speed=2"])
+        parse_sigmas_by_role_or_topic(["ego_speed=1", "ego_speed=2"])
 
 
 def test_only_rows_without_a_stated_noise_get_it() -> None:

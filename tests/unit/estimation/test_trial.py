@@ -16,7 +16,13 @@ from cwcli.estimation.parameter import Parameter
 from cwcli.estimation.passes import FilterStart, PassInput, SensorSeries, run_filter_pass
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.start import find_start_with_parameter_states
-from cwcli.estimation.trial import N_REMEMBERED_PASSES, RESET_AFTER, FilterTrials, cut_to_window, with_outlier_gate
+from cwcli.estimation.trial import (
+    N_REMEMBERED_PASSES,
+    RESET_AFTER_REJECTIONS_IN_SEARCH,
+    FilterTrials,
+    cut_to_window,
+    with_outlier_gate,
+)
 from cwcli.kernels import ekf
 from tests.studies.city_drive import city_drive, measure
 
@@ -66,7 +72,9 @@ def test_a_trial_is_the_pass_of_the_filter() -> None:
     ):
         start = find_start_with_parameter_states(trial.series, trial.prior, causal=False)
         motion = trial.parameters.to_process_model(trial.walk)
-        alone = run_filter_pass(trial.series, start, motion, np.zeros(0), smooth=False, reset_after=RESET_AFTER)
+        alone = run_filter_pass(
+            trial.series, start, motion, np.zeros(0), smooth=False, reset_after=RESET_AFTER_REJECTIONS_IN_SEARCH
+        )
         found = trials.run_filter(trial)
         for one, other in zip(found.nis, alone.nis, strict=True):
             np.testing.assert_array_equal(one, other)

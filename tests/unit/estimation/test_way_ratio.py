@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import clean_and_sort_measurements
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 from cwcli.estimation.source_judgement import judge_sources
 from cwcli.estimation.way_ratio import find_way_ratio
 from tests.unit.estimation.made_drive import made_drive
@@ -33,7 +33,7 @@ def drive(
 @pytest.mark.parametrize("scale", [0.9, 0.98, 1.0, 1.15])
 @pytest.mark.parametrize("last", [-1, 800, 400])
 def test_the_ratio_is_found_within_its_interval(scale: float, last: int, turning: Kind) -> None:
-    prepared, _ = clean_and_sort_measurements(drive(scale, last=last, turning=turning), 0)
+    prepared, _ = clean_and_sort_measurements_and_note(drive(scale, last=last, turning=turning), 0)
     fixes, speed, turn = (p.series for p in prepared)
     found = find_way_ratio(speed, turn, fixes)
     assert found is not None
@@ -42,7 +42,7 @@ def test_the_ratio_is_found_within_its_interval(scale: float, last: int, turning
 
 
 def test_noise_of_fixes_does_not_make_the_way_longer() -> None:
-    prepared, _ = clean_and_sort_measurements(drive(1.0, fix_sigma_m=4.0), 0)
+    prepared, _ = clean_and_sort_measurements_and_note(drive(1.0, fix_sigma_m=4.0), 0)
     fixes, speed, turn = (p.series for p in prepared)
     found = find_way_ratio(speed, turn, fixes)
     assert found is not None
@@ -53,7 +53,7 @@ def test_noise_of_fixes_does_not_make_the_way_longer() -> None:
     ("scale", "is_corrected"), [(1.0, False), (0.95, False), (1.05, False), (0.9, True), (1.15, True)]
 )
 def test_only_a_scale_beyond_the_prior_is_corrected_and_told(scale: float, is_corrected: bool) -> None:
-    judged = judge_sources(drive(scale), lambda current: clean_and_sort_measurements(current, 0))
+    judged = judge_sources(drive(scale), lambda current: clean_and_sort_measurements_and_note(current, 0))
     assert bool(judged.corrections) is is_corrected
     assert not judged.contradictions
     if is_corrected:
@@ -65,7 +65,7 @@ def test_only_a_scale_beyond_the_prior_is_corrected_and_told(scale: float, is_co
 
 def test_a_trusted_speed_and_a_drive_without_a_way_stay_as_they_are() -> None:
     def prepare(current: list[Measurements]) -> object:
-        return clean_and_sort_measurements(current, 0)
+        return clean_and_sort_measurements_and_note(current, 0)
 
     assert not judge_sources(drive(1.15), prepare, trusted={"/speed"}).corrections  # type: ignore[arg-type]
     standing = [replace(m, values=0.01 * m.values) for m in drive(1.15, fix_sigma_m=0.0)]

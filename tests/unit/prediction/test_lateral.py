@@ -12,12 +12,12 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import UsageError
 from cwcli.prediction.lateral import (
     LateralPathConfig,
-    dead_reckon_x_y_heading,
+    dead_reckon_x_y_m_and_heading_rad,
     predict_paths_from_observer,
-    recent_acceleration_mps2,
+    recent_shrunk_acceleration_mps2,
     transform_paths_to_map,
 )
-from cwcli.prediction.lateral_calibrate import scale_lateral_covariance, sigma_factors_from_driven_track
+from cwcli.prediction.lateral_calibrate import scale_covariance_across_path, sigma_factors_across_path_by_time
 from cwcli.simulation.lane_camera import simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import LaneRuns, Road, simulate_lane_runs
 
@@ -93,18 +93,18 @@ def test_scatter_of_the_speed_is_no_acceleration() -> None:
     """20 Hz, 0.05 m/s: the slope over 1 s scatters by 0.036 m/s^2, in 2 s 7 cm; nearly all of it is cut."""
     scatter = np.random.default_rng(1).normal(0.0, 0.05, 2000)
     track = replace(track_of(2000), stamp_ns=np.arange(2000, dtype=np.int64) * 50_000_000, speed_mps=25.0 + scatter)
-    accel = recent_acceleration_mps2(track)
+    accel = recent_shrunk_acceleration_mps2(track)
     assert np.sqrt(np.mean(accel**2)) < 0.02
     braking = replace(track, speed_mps=25.0 + scatter - 2.0 * 0.05 * np.arange(2000))
-    np.testing.assert_allclose(recent_acceleration_mps2(braking)[30:], -2.0, atol=0.2)
+    np.testing.assert_allclose(recent_shrunk_acceleration_mps2(braking)[30:], -2.0, atol=0.2)
 
 
 def test_no_acceleration_from_few_frames_or_beyond_a_gap() -> None:
     track = replace(track_of(6), speed_mps=np.array([20.0, 21.0, 22.0, np.nan, 23.0, 24.0]))
-    assert recent_acceleration_mps2(track)[:4].tolist() == [0.0, 0.0, 0.0, 0.0]
+    assert recent_shrunk_acceleration_mps2(track)[:4].tolist() == [0.0, 0.0, 0.0, 0.0]
     gap = replace(track_of(6), stamp_ns=np.arange(6, dtype=np.int64) * 2_000_000_000, speed_mps=np.arange(6.0))
-    assert not recent_acceleration_mps2(gap).any()
-    assert len(recent_acceleration_mps2(track_of(0))) == 0
+    assert not recent_shrunk_acceleration_mps2(gap).any()
+    assert len(recent_shrunk_acceleration_mps2(track_of(0))) == 0
 
 
 def test_a_steady_acceleration_goes_on() -> None:
@@ -183,7 +183,7 @@ def test_error_and_band_at_two_seconds(drives, with_gyro: bool, median_m: float)
     errors, inside = [], []
     for run, drive in enumerate(sensed):
         track = observe_lateral_motion(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate if with_gyro else None)
-        paths = scale_lateral_covariance(predict_paths_from_observer(track, CAR), track)
+        paths = scale_covariance_across_path(predict_paths_from_observer(track, CAR), track)
         rows = np.arange(20, len(track) - 21)
         now, later = drive.index[rows], drive.index[rows] + 200
         dx, dy = (values[later, run] - values[now, run] for values in (truth.x_m, truth.y_m))
@@ -199,7 +199,7 @@ def test_dead_reckoning_follows_the_true_track(drives) -> None:
     _, truth, sensed = drives
     drive = sensed[0]
     track = observe_lateral_motion(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate)
-    x, y, _ = dead_reckon_x_y_heading(track)
+    x, y, _ = dead_reckon_x_y_m_and_heading_rad(track)
     first, last = drive.index[0], drive.index[100]
     driven = np.hypot(truth.x_m[last, 0] - truth.x_m[first, 0], truth.y_m[last, 0] - truth.y_m[first, 0])
     assert np.hypot(x[100], y[100]) == pytest.approx(driven, rel=2e-3)
@@ -208,5 +208,5 @@ def test_dead_reckoning_follows_the_true_track(drives) -> None:
 def test_a_short_record_keeps_the_assumed_sigmas() -> None:
     track = track_of(3)
     np.testing.assert_allclose(
-        sigma_factors_from_driven_track(predict_paths_from_observer(track, CAR), track), 1.0, atol=0.15
+        sigma_factors_across_path_by_time(predict_paths_from_observer(track, CAR), track), 1.0, atol=0.15
     )

@@ -13,16 +13,16 @@ from cwcli.prediction.fleet import (
     load_fleet_prior,
 )
 from cwcli.prediction.outcome_history import (
-    PRIOR_WEIGHT_OUTCOMES,
+    PRIOR_WEIGHT_IN_OUTCOMES_BY_PART,
     PathStarts,
     StateHistory,
-    actual_displacement_m,
+    accel_and_yaw_rate_clearness_0_to_1,
+    actual_displacement_beyond_constant_velocity_m,
     displacement_beyond_constant_velocity_m,
     gain_of_each_part_from_outcomes,
-    how_clearly_derivatives_exceed_noise,
     measure_acting_time_s,
-    shares_of_derivatives_by_part,
     state_histories_by_vehicle,
+    unclear_lasting_new_shares_of_derivatives,
 )
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
@@ -124,9 +124,9 @@ def test_five_sigmas_are_half_clear() -> None:
     covariance[:, 4, 4], covariance[:, 5, 5] = 0.04, 1e-4
     # (5 * 0.2 / 2)^8 = 1/256; (5 * 0.01 / 0.1)^8 likewise; a yaw rate of 0 is noise
     np.testing.assert_allclose(
-        how_clearly_derivatives_exceed_noise(state, covariance), [[0.5, 0.0], [256.0 / 257.0, 256.0 / 257.0]]
+        accel_and_yaw_rate_clearness_0_to_1(state, covariance), [[0.5, 0.0], [256.0 / 257.0, 256.0 / 257.0]]
     )
-    assert (how_clearly_derivatives_exceed_noise(state, None) == 1.0).all()
+    assert (accel_and_yaw_rate_clearness_0_to_1(state, None) == 1.0).all()
 
 
 def test_what_is_promised_by_hand() -> None:
@@ -144,7 +144,7 @@ def test_steady_bend_and_steady_acceleration_follow_in_full(speed: float) -> Non
     bend = track_of(drive(np.zeros(80), np.full(80, 0.2), speed))
     straight = track_of(drive(np.full(80, 0.5 * np.sign(speed)), np.zeros(80), speed))
     for track in (bend, straight):
-        followed = actual_displacement_m(track)
+        followed = actual_displacement_beyond_constant_velocity_m(track)
         is_known = np.isfinite(followed)
         assert is_known.any(axis=0).all()
         np.testing.assert_allclose(
@@ -154,7 +154,7 @@ def test_steady_bend_and_steady_acceleration_follow_in_full(speed: float) -> Non
 
 def test_parts_tell_what_lasts_from_what_is_new() -> None:
     turn_in = drive(np.zeros(60), np.where(np.arange(60) < 30, 0.0, 0.2))
-    parts = shares_of_derivatives_by_part(track_of(turn_in))
+    parts = unclear_lasting_new_shares_of_derivatives(track_of(turn_in))
     np.testing.assert_allclose(parts.sum(axis=-1), 1.0)
     assert parts[31, 1, 3, 2] > 0.9  # turned for 0.1 s of the last 2.5 s
     assert parts[59, 1, 3, 1] > 0.99  # turned for all of them
@@ -168,10 +168,10 @@ def test_gain_is_the_ridge_estimate_of_the_outcomes_known_so_far() -> None:
     state[:, 4:6] += rng.normal(size=(n, 2)) * [0.5, 0.05]
     track = track_of(state)
     prior = FleetPrior(np.full((2, 4, 3), 0.4), np.full((2, 4), 0.7), np.zeros((4, 6)))
-    gain = gain_of_each_part_from_outcomes(track, shares_of_derivatives_by_part(track), prior)
+    gain = gain_of_each_part_from_outcomes(track, unclear_lasting_new_shares_of_derivatives(track), prior)
     promised, followed = (
-        displacement_beyond_constant_velocity_m(state)[..., None] * shares_of_derivatives_by_part(track),
-        actual_displacement_m(track),
+        displacement_beyond_constant_velocity_m(state)[..., None] * unclear_lasting_new_shares_of_derivatives(track),
+        actual_displacement_beyond_constant_velocity_m(track),
     )
     at = 100
     for axis in (0, 1):
@@ -181,7 +181,7 @@ def test_gain_is_the_ridge_estimate_of_the_outcomes_known_so_far() -> None:
             x, y = promised[known, axis, k], followed[known, axis, k]
             left = np.minimum(np.abs(y - x @ prior.gain[axis, k]), np.abs(y))
             weight = np.where(known == 0, 0.0, 0.1) / knot_s / (1.0 + left / 0.7)
-            ridge = np.diag(PRIOR_WEIGHT_OUTCOMES * 0.7**2)
+            ridge = np.diag(PRIOR_WEIGHT_IN_OUTCOMES_BY_PART * 0.7**2)
             normal = (weight[:, None] * x).T @ x + ridge
             found = np.linalg.solve(normal, (weight[:, None] * x).T @ y + ridge @ expected)
             doubt = 0.7 * np.sqrt(np.linalg.inv(normal)[0, 0]) / np.sqrt(2.0 * np.pi)
