@@ -31,8 +31,8 @@ _ONE_AT_A_TIME = threading.Lock()
 
 @contextmanager
 def bounded_array_memory() -> Iterator[None]:
-    """Bound the memory of the arrays that this thread allocates inside the block, as `bound_array_memory` does."""
-    before = bound_array_memory()
+    """Bound the memory of this thread's arrays in the block, as `bound_array_memory_and_get_old_handler` does."""
+    before = bound_array_memory_and_get_old_handler()
     try:
         yield
     finally:
@@ -40,7 +40,7 @@ def bounded_array_memory() -> Iterator[None]:
             spill.use(before)
 
 
-def bound_array_memory() -> object | None:
+def bound_array_memory_and_get_old_handler() -> object | None:
     """Put large arrays that this thread allocates from now on into the file, once they exceed `MOST_ARRAY_BYTES`.
 
     This does nothing outside of Linux, or without a folder on a disk whose file system has files without a name.
@@ -49,12 +49,12 @@ def bound_array_memory() -> object | None:
         The handler of arrays' memory that was used before; None where nothing is done.
     """
     with _ONE_AT_A_TIME:  # of the threads that begin together, one opens the file
-        handler = _numpy_memory_handler()
+        handler = _open_file_and_get_memory_handler()
     return None if handler is None else spill.use(handler)
 
 
 @cache
-def _numpy_memory_handler() -> Any:
+def _open_file_and_get_memory_handler() -> Any:
     """Open the file and return the handler for arrays' memory; None where none can be had."""
     for folder in (tempfile.gettempdir, lambda: FOLDER_ON_DISK):
         with suppress(OSError, AttributeError):  # `gettempdir` finds none where no folder can be written

@@ -56,8 +56,8 @@ def serve_request() -> None:
     os._exit(0)  # what the libraries do when Python ends is of no use, and may hang
 
 
-def become_program() -> None:
-    """Limit this process, and go on as the program that the arguments name (`bounded_process.bounded_command`)."""
+def limit_process_and_execute_program() -> None:
+    """Limit this process, and go on as the program that the arguments name (`bounded_process.command_with_limits`)."""
     envelope = json.loads(sys.argv[1])
     _end_with_parent(None, envelope["parent"])
     if envelope["has_no_network"]:

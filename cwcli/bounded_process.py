@@ -24,7 +24,7 @@ BYTES_PER_MEGABYTE = 1_000_000
 """The number of bytes in a megabyte."""
 MAX_ANSWER_BYTES = 16_000_000
 """The greatest size of what the process answers. Chosen by hand."""
-END_S = 30.0
+MAX_WAIT_AFTER_OUTPUT_CLOSES_S = 30.0
 """Seconds in which a process that has closed its output must end. Chosen by hand, for a busy machine."""
 MAX_OPEN_FILES = 64
 """The greatest number of files that the process has open at once. Chosen by hand."""
@@ -67,7 +67,7 @@ class Limits:
         return (self.address_bytes or self.data_bytes or 0) // BYTES_PER_MEGABYTE
 
 
-def cpu_limit_s(n_bytes: int) -> int:
+def cpu_limit_for_file_size_s(n_bytes: int) -> int:
     """Return the processor time in seconds that reading a file of this size may take."""
     return CPU_S + CPU_S_PER_MEGABYTE * n_bytes // BYTES_PER_MEGABYTE
 
@@ -120,7 +120,7 @@ def run_bounded(
     raise InputError(f"the process that reads it ended with {how}", where=name, hint=HARM_HINT)
 
 
-def bounded_command(command: Sequence[str], limits: Limits, *, has_no_network: bool = False) -> list[str]:
+def command_with_limits(command: Sequence[str], limits: Limits, *, has_no_network: bool = False) -> list[str]:
     """Return the command that runs a program of others, which ends with this process and has limits.
 
     Args:
@@ -130,7 +130,7 @@ def bounded_command(command: Sequence[str], limits: Limits, *, has_no_network: b
     """
     envelope = {"limits": _fields_of_limits(limits), "parent": os.getpid(), "has_no_network": has_no_network}
     path = f"import sys; sys.path[:] = {sys.path!r}"
-    code = f"{path}; from cwcli.bounded_child import become_program; become_program()"
+    code = f"{path}; from cwcli.bounded_child import limit_process_and_execute_program as run; run()"
     return [sys.executable, "-c", code, json.dumps(envelope), *command]
 
 
@@ -181,7 +181,7 @@ def _run_child(envelope: dict[str, Any], name: str, descriptors: Sequence[int]) 
 def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:
     """Wait for a process that has closed its output; kill one that has not."""
     try:
-        process.wait(END_S)
+        process.wait(MAX_WAIT_AFTER_OUTPUT_CLOSES_S)
     except (subprocess.TimeoutExpired, KeyboardInterrupt):
         process.kill()
 

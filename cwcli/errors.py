@@ -53,7 +53,7 @@ EXIT_CODES = {
 """Exit code -> its meaning, and a further remark or ""; help and docs are generated from this."""
 
 
-SIMILAR_SHARE = 0.1
+MAX_LIKENESS_GAP_TO_NEAREST_NAME = 0.1
 """Greatest difference in likeness (`SequenceMatcher.ratio`, 0 to 1) from the most similar name at which a name is
 suggested, too. Chosen by hand."""
 
@@ -127,7 +127,7 @@ class OutputError(CwcliError):
     exit_code = EXIT_OUTPUT
 
 
-def hint_at_known_names(name: str, known: Iterable[str], label: str = "one of") -> str:
+def hint_at_closest_or_all_known_names(name: str, known: Iterable[str], label: str = "one of") -> str:
     """Return a hint for a name that is not in a list: the closest names, else all of them.
 
     Args:
@@ -138,5 +138,7 @@ def hint_at_known_names(name: str, known: Iterable[str], label: str = "one of") 
     names = list(known)
     near = get_close_matches(name, names, n=2)
     shares = [SequenceMatcher(None, name, each).ratio() for each in near]
-    near = [each for each, share in zip(near, shares, strict=True) if share >= shares[0] - SIMILAR_SHARE]
+    near = [
+        each for each, share in zip(near, shares, strict=True) if share >= shares[0] - MAX_LIKENESS_GAP_TO_NEAREST_NAME
+    ]
     return f"did you mean {' or '.join(near)}?" if near else f"{label}: {', '.join(names)}"

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 MIN_READ_BYTES = 1 << 13
 """Least number of bytes that one read takes; the next records are mostly among them. Chosen by hand."""
-HASH_BLOCK_BYTES = 1 << 20
+BYTES_HASHED_AT_ONCE = 1 << 20
 """Number of bytes that are hashed at a time, 1 MiB; chosen by hand."""
 CLOCK_TICK_NS = 10_000_000
 """Time in ns within which two changes of a file may get the same time stamp: the kernel ticks a hundred times a
@@ -92,7 +92,7 @@ class InputFile:
             self._size = found.st_size
             if not self._size:
                 raise InputError("the file is empty", where=name)
-            self._inputs = _remember_run_input(found, name)
+            self._inputs = _remember_run_input_and_get_inputs(found, name)
             if self._inputs is not None:
                 self._inputs.open.add(self)
         except BaseException:
@@ -107,7 +107,7 @@ class InputFile:
             InputError: It can't be read, or is empty.
         """
         name = name or str(path)
-        return cls(_open_descriptor(path, name), name, Path(path))
+        return cls(_open_file_for_reading(path, name), name, Path(path))
 
     def __len__(self) -> int:
         return self._size
@@ -243,9 +243,9 @@ class InputFile:
             import hashlib
 
             made = hashlib.sha256()
-            block = memoryview(bytearray(HASH_BLOCK_BYTES))
+            block = memoryview(bytearray(BYTES_HASHED_AT_ONCE))
             for file in self.disk_files:
-                for at in range(0, len(file), HASH_BLOCK_BYTES):
+                for at in range(0, len(file), BYTES_HASHED_AT_ONCE):
                     made.update(file.read_into(block[: len(file) - at], at))
             digest.set_result(made.hexdigest())
         except BaseException as error:
@@ -297,7 +297,7 @@ def remember_input_file(name: str | Path) -> None:
         OutputError: Standard output or standard error goes into it.
     """
     with suppress(OSError, ValueError):  # whoever reads it tells what is wrong
-        _remember_run_input(os.fstat(0) if str(name) == "-" else os.stat(name), str(name))  # noqa: PTH116 - a name may hold a zero byte
+        _remember_run_input_and_get_inputs(os.fstat(0) if str(name) == "-" else os.stat(name), str(name))  # noqa: PTH116 - a name may hold a zero byte
 
 
 def is_input_of_run(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
@@ -340,7 +340,7 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
     """
     with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
         found = os.fstat(file.fileno())
-        _remember_run_input(found, str(path))
+        _remember_run_input_and_get_inputs(found, str(path))
         if max_bytes >= 0:
             return file.read(max_bytes)
         # Python takes memory for as many bytes as are asked for
@@ -350,7 +350,7 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
         return data
 
 
-def _remember_run_input(found: os.stat_result, name: str) -> InputsOfRun | None:
+def _remember_run_input_and_get_inputs(found: os.stat_result, name: str) -> InputsOfRun | None:
     """Remember a regular file as an input of the run; return the run's inputs, None outside of a run."""
     inputs = _RUN.get()
     if inputs is not None and stat.S_ISREG(found.st_mode):
@@ -362,7 +362,7 @@ def _remember_run_input(found: os.stat_result, name: str) -> InputsOfRun | None:
     return inputs
 
 
-def _open_descriptor(path: str | Path, name: str) -> int:
+def _open_file_for_reading(path: str | Path, name: str) -> int:
     """Open a file for reading and return its descriptor; raise `InputError` if that fails."""
     try:
         return os.open(path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))

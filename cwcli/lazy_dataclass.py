@@ -2,9 +2,9 @@
 
 The standard decorator compiles five methods for each class while its module is imported, half a millisecond each time:
 a fifth of a short `estimate`. This one gives the class small stand-ins. The first instances are filled by a loop over
-the fields; after `MAX_FILLED` of them, or when a method of a data class is used (`==`, `repr`, a wrong argument), the
-standard decorator makes the methods, and they take the place of the stand-ins. What `fields` and `replace` ask for, a
-description of each field, is made without any method.
+the fields; after `MAX_INSTANCES_BEFORE_COMPILATION` of them, or when a method of a data class is used (`==`, `repr`, a
+wrong argument), the standard decorator makes the methods, and they take the place of the stand-ins. What `fields` and
+`replace` ask for, a description of each field, is made without any method.
 
 `replace` is that of the standard library without its detour through the constructor, which takes ten times as long.
 """
@@ -28,7 +28,7 @@ else:
         kind = type(instance)
         names = _COPIED_FIELDS.get(kind)
         if names is None:
-            names = _COPIED_FIELDS[kind] = _find_copied_fields(kind)
+            names = _COPIED_FIELDS[kind] = _names_of_merely_stored_fields(kind)
         if names:
             stored = vars(instance)
             values = {name: stored[name] for name in names}
@@ -48,7 +48,7 @@ else:
         return _defer_class_methods(cls, {})
 
 
-MAX_FILLED = 64
+MAX_INSTANCES_BEFORE_COMPILATION = 64
 """Number of instances of a class that a loop fills before its methods are compiled. Chosen by hand: the loop takes some
 microseconds an instance, and compiling as long as a hundred of them."""
 _COPIED = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "__init__")
@@ -143,7 +143,7 @@ class _Deferred:
         _DEFERRED[owner] = self
         for name, value in self.body.items():
             if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
-                if _is_given_default(value.default):
+                if _is_default_stated(value.default):
                     setattr(owner, name, value.default)
                 else:
                     delattr(owner, name)
@@ -250,7 +250,7 @@ class _Deferred:
                 if not value.init:
                     return None
                 default, factory = (
-                    each if _is_given_default(each) else _MISSING for each in (value.default, value.default_factory)
+                    each if _is_default_stated(each) else _MISSING for each in (value.default, value.default_factory)
                 )
                 found.append((name, default, factory, is_keyword or value.kw_only is True))
             else:
@@ -262,21 +262,21 @@ _DEFERRED: dict[type, _Deferred] = {}
 """Each class of this decorator -> how its methods are made."""
 
 
-def _is_given_default(value: object) -> bool:
+def _is_default_stated(value: object) -> bool:
     """Whether a field's default, or its factory, is one: not the mark of `dataclasses` for none."""
     return type(value).__name__ != "_MISSING_TYPE"
 
 
-def _find_copied_fields(kind: type) -> tuple[str, ...]:
+def _names_of_merely_stored_fields(kind: type) -> tuple[str, ...]:
     """Return the names of the fields of a class whose constructor does nothing but store them; else nothing."""
     deferred = _DEFERRED.get(kind)
-    written = {name for base in kind.__mro__ for name in _body_of(base)}
+    written = {name for base in kind.__mro__ for name in _class_body_without_added_methods(base)}
     if deferred is None or {"__init__", "__new__", "__post_init__"} & written:
         return ()
     return tuple(name for name, *_ in deferred.plain_fields() or ())
 
 
-def _body_of(kind: type) -> Mapping[str, Any]:
+def _class_body_without_added_methods(kind: type) -> Mapping[str, Any]:
     """Return what the body of a class says: of a data class without the methods that the decorator adds."""
     deferred = _DEFERRED.get(kind)
     return {} if kind is object else vars(kind) if deferred is None else deferred.body
@@ -287,7 +287,11 @@ def _make_init(deferred: _Deferred) -> Any:
 
     def __init__(self: Any, /, *args: Any, **kwargs: Any) -> None:
         deferred.n_filled += 1
-        values = None if deferred.n_filled > MAX_FILLED else _bind_arguments(deferred.plain_fields(), args, kwargs)
+        values = (
+            None
+            if deferred.n_filled > MAX_INSTANCES_BEFORE_COMPILATION
+            else _field_values_or_none_if_misfit(deferred.plain_fields(), args, kwargs)
+        )
         if values is None:
             deferred.compile_methods()
             owner.__init__(self, *args, **kwargs)
@@ -300,7 +304,7 @@ def _make_init(deferred: _Deferred) -> Any:
     return __init__
 
 
-def _bind_arguments(
+def _field_values_or_none_if_misfit(
     fields: tuple[_PlainField, ...] | None, args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> dict[str, Any] | None:
     """The value of each field by name; None where the arguments do not fit, which the compiled method says."""

@@ -68,7 +68,10 @@ def refuse_unwritable_targets(
     for each in inputs:
         remember_input_file(each)
     places: set[object] = set()
-    for check, targets in ((partial(refuse_unwritable_target, force=force), files), (_check_folder, folders)):
+    for check, targets in (
+        (partial(refuse_unwritable_target, force=force), files),
+        (_refuse_folder_that_cannot_be_made, folders),
+    ):
         for target in targets:
             if target is not None:
                 check(target)
@@ -92,7 +95,7 @@ def _refuse_url(name: str) -> None:
         raise UsageError("the output must lie on this machine", where=name, hint="copy it there afterwards")
 
 
-def _check_folder(folder: str | Path) -> None:
+def _refuse_folder_that_cannot_be_made(folder: str | Path) -> None:
     """Refuse a folder that neither exists nor can be made; raise `OutputError` or `UsageError`."""
     _refuse_url(str(folder))
     path = Path(folder)
@@ -101,7 +104,7 @@ def _check_folder(folder: str | Path) -> None:
     except FileNotFoundError:
         pass
     except (OSError, ValueError) as error:
-        raise _folder_error(path, error) from error
+        raise _folder_creation_error(path, error) from error
     if path.exists() and not path.is_dir():
         raise OutputError("it is not a folder", where=str(path))
     if not path.absolute().parent.is_dir():
@@ -117,10 +120,10 @@ def make_folder(path: str | Path, *, parents: bool = False) -> None:
     try:
         Path(path).mkdir(parents=parents, exist_ok=True)
     except (OSError, ValueError, RecursionError) as error:  # a zero byte in the name; a thousand folders in each other
-        raise _folder_error(path, error) from error
+        raise _folder_creation_error(path, error) from error
 
 
-def _folder_error(path: str | Path, error: Exception) -> OutputError:
+def _folder_creation_error(path: str | Path, error: Exception) -> OutputError:
     return OutputError(f"the folder can't be made: {getattr(error, 'strerror', None) or error}", where=str(path))
 
 

@@ -14,9 +14,9 @@ from cwcli.errors import InputError, OutputError
 
 BUFFER_BYTES = 1 << 20
 """Number of bytes that are collected before they are written, 1 MiB; chosen by hand."""
-WRITEBACK_BYTES = 16 << 20
+BYTES_BETWEEN_BACKGROUND_SYNCS = 16 << 20
 """Number of bytes after which the disk is asked to store them in the background, 16 MiB; chosen by hand."""
-MIN_BACKGROUND_BYTES = 1 << 18
+MIN_BYTES_FOR_THREAD = 1 << 18
 """Fewest bytes that are handed to the thread, 256 KiB: less is written before a thread takes over. Chosen by hand."""
 MAX_QUEUED_TASKS = 64
 """Greatest number of writes and copies that wait for the thread: with full buffers 64 MiB of data; chosen by hand."""
@@ -105,7 +105,7 @@ class OutputStream:
         """Queue a task for the thread; run a short one at once if nothing waits."""
         while self._waiting and (self._waiting[0].done() or len(self._waiting) > MAX_QUEUED_TASKS):
             self._waiting.popleft().result()
-        if self._aside is None or (n_bytes < MIN_BACKGROUND_BYTES and not self._waiting):
+        if self._aside is None or (n_bytes < MIN_BYTES_FOR_THREAD and not self._waiting):
             task()
         else:
             self._waiting.append(self._aside.submit(task))
@@ -124,7 +124,7 @@ class OutputStream:
         if self._copies_in_kernel:
             try:
                 n = os.copy_file_range(source, self._descriptor, length, start)
-                self._count_written_bytes(n)
+                self._report_written_bytes_to_sync(n)
                 return n
             except OSError as error:
                 if error.errno not in KERNEL_COPY_UNSUPPORTED:
@@ -142,10 +142,10 @@ class OutputStream:
         while view:
             with translate_os_errors(self.name):
                 n = os.write(self._descriptor, view)
-            self._count_written_bytes(n)
+            self._report_written_bytes_to_sync(n)
             view = view[n:]
 
-    def _count_written_bytes(self, n: int) -> None:
+    def _report_written_bytes_to_sync(self, n: int) -> None:
         """Tell the background sync how many bytes were written."""
         if self._writeback is not None:
             with translate_os_errors(self.name):
@@ -188,7 +188,9 @@ class _BackgroundSync:
             OSError: An earlier part could not be stored.
         """
         self._waiting_bytes += n
-        if self._waiting_bytes < WRITEBACK_BYTES or (self._thread is not None and self._thread.is_alive()):
+        if self._waiting_bytes < BYTES_BETWEEN_BACKGROUND_SYNCS or (
+            self._thread is not None and self._thread.is_alive()
+        ):
             return
         self.wait_for_thread()
         self._waiting_bytes = 0

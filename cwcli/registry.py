@@ -19,13 +19,13 @@ from functools import lru_cache, wraps
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar
 
-from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, hint_at_known_names
+from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, hint_at_closest_or_all_known_names
 
 T = TypeVar("T")
 """The type of a registry's entries."""
 MAX_ENTRY_POINTS_BYTES = 1 << 20
 """Greatest part of an `entry_points.txt` that is read, 1 MiB; chosen by hand."""
-MAX_SHOWN = 300
+MAX_ERROR_CHARS_SHOWN = 300
 """Greatest number of characters of a plug-in's error that are shown; chosen by hand."""
 VALUE_TYPES_BY_ANNOTATION: dict[str, tuple[type, ...]] = {
     "str": (str,),
@@ -63,7 +63,7 @@ class Plugin(NamedTuple):
             PluginError: It can't be imported.
         """
         with self.report_as_plugin_error("can't be imported"):
-            return import_target(self.target)
+            return import_module_attribute(self.target)
 
     @contextlib.contextmanager
     def report_as_plugin_error(self, problem: str) -> Iterator[None]:
@@ -143,7 +143,7 @@ class Registry(Mapping[str, T]):
             UsageError: There is no such entry.
         """
         if name not in self:
-            raise UsageError(f"there is no {self.what} '{name}'", hint=hint_at_known_names(name, self))
+            raise UsageError(f"there is no {self.what} '{name}'", hint=hint_at_closest_or_all_known_names(name, self))
         return self[name]
 
     def describe(self, words: Callable[[T], str] = attrgetter("summary")) -> dict[str, str]:
@@ -168,7 +168,7 @@ class Registry(Mapping[str, T]):
     def _load_entry(self, found: str | Plugin) -> T:
         """Import an entry, and check it if it is a plug-in's."""
         if isinstance(found, str):
-            entry: T = import_target(found)
+            entry: T = import_module_attribute(found)
             return entry
         loaded = found.load()
         with found.report_as_plugin_error("can't be used"):
@@ -199,7 +199,7 @@ def hide_plugins() -> Iterator[None]:
         _plugins_hidden.reset(token)
 
 
-def import_target(target: str) -> Any:
+def import_module_attribute(target: str) -> Any:
     """Import the object that `module:attribute` names."""
     module, _, attribute = target.partition(":")
     return attrgetter(attribute)(importlib.import_module(module))
@@ -258,7 +258,7 @@ def _describe_error_with_place(error: BaseException) -> str:
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in ours]
     places = [f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in frames if frame.filename[0] != "<"]
     try:
-        text = " ".join(str(error).split())[:MAX_SHOWN]
+        text = " ".join(str(error).split())[:MAX_ERROR_CHARS_SHOWN]
     except Exception:  # the plug-in's own exception can't be printed
         text = ""
     return f"{type(error).__name__}{': ' if text else ''}{text}{places[-1] if places else ''}"

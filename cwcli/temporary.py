@@ -32,7 +32,7 @@ class TemporaryFile:
     def __init__(self, target: Path) -> None:
         self.target = target
         self._hidden = target.parent / f".{target.name[:MAX_NAME_IN_TEMPORARY]}.{secrets.token_hex(4)}.part"
-        descriptor = _open_unnamed_file(target.parent)
+        descriptor = _open_unnamed_file_or_none(target.parent)
         self._is_nameless = descriptor is not None
         if descriptor is None:
             flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
@@ -68,7 +68,7 @@ class TemporaryFile:
                 self._hidden.unlink()
 
 
-def _open_unnamed_file(folder: Path) -> int | None:
+def _open_unnamed_file_or_none(folder: Path) -> int | None:
     """Open a file without a name and return its descriptor; None where the system has no such files."""
     flag = getattr(os, "O_TMPFILE", None)
     if flag is None:

@@ -71,7 +71,7 @@ def finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-HOURS_SHOWN_BELOW = 48
+MIN_HOURS_SHOWN_AS_DAYS = 48
 """Duration in hours from which days are shown; chosen: nobody divides more hours by 24."""
 DAYS_PER_YEAR = 365.25
 """Mean length of a Julian year in days, for durations in years."""
@@ -85,7 +85,7 @@ def format_duration(seconds: float) -> str:
     if minutes < 60:
         return f"{minutes} min {rest} s"
     hours, minutes = divmod(minutes, 60)
-    if hours < HOURS_SHOWN_BELOW:
+    if hours < MIN_HOURS_SHOWN_AS_DAYS:
         return f"{hours} h {minutes} min {rest} s"
     days = seconds / 86_400.0
     return f"{days:.1f} days" if days < DAYS_PER_YEAR else f"{days / DAYS_PER_YEAR:,.1f} years"
@@ -126,7 +126,7 @@ def parse_float_or_nan(text: str) -> float:
         return math.nan
 
 
-def display_width(text: str) -> int:
+def terminal_cells_of_text(text: str) -> int:
     """Number of terminal cells of a text: two for wide East Asian characters, none for combining marks."""
     if text.isascii():
         return len(text)
@@ -140,7 +140,7 @@ def wrap_text(text: str, width: int) -> list[str]:
     lines: list[str] = []
     rest = text
     width = max(width, 1)
-    while display_width(rest) > width:
+    while terminal_cells_of_text(rest) > width:
         cut = _position_of_next_line_break(rest, width)
         lines.append(rest[:cut].rstrip())
         rest = rest[cut:].lstrip()
@@ -152,7 +152,7 @@ def _position_of_next_line_break(text: str, width: int) -> int:
     fits = 0
     used = 0
     for char in text:
-        used += display_width(char)
+        used += terminal_cells_of_text(char)
         if used > width:
             break
         fits += 1

@@ -10,7 +10,7 @@ import re
 import tomllib
 from typing import Any
 
-MAX_CHARS = 4_000_000
+MAX_TOML_FILE_CHARS = 4_000_000
 """Greatest number of characters of a TOML file; a calibration of a thousand sensors has a tenth of it."""
 MAX_KEY_PARTS = 64
 """Greatest number of parts of a dotted key; chosen by hand."""
@@ -27,8 +27,8 @@ def parse_toml(text: str) -> dict[str, Any]:
         ValueError: It is no TOML, too long, or has a key of too many parts.
         RecursionError: Its lists are nested too deep.
     """
-    if len(text) > MAX_CHARS:
-        raise ValueError(f"it has more than {MAX_CHARS:,} characters")
+    if len(text) > MAX_TOML_FILE_CHARS:
+        raise ValueError(f"it has more than {MAX_TOML_FILE_CHARS:,} characters")
     if any(line.count(".") >= MAX_KEY_PARTS and _LONG_KEY.search(line) for line in text.splitlines()):
         raise ValueError(f"a key has more than {MAX_KEY_PARTS} parts")
     return tomllib.loads(text)

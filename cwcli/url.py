@@ -38,9 +38,9 @@ SAS_NAMES = frozenset(
 """Names of the query parameters of Azure's shared access signatures, beside `sig` (Azure Storage REST API)."""
 DIGEST_ROUNDS = 50_000
 """Number of PBKDF2 rounds. Chosen by hand: each guess at a short secret in an unknown parameter costs 30 ms."""
-DIGEST_LENGTH = 8
+DIGEST_HEX_DIGITS = 8
 """Number of hexadecimal digits of a digest; so few that many secrets have the same one. Chosen by hand."""
-MIN_SECRET_LENGTH = 3
+MIN_CHARS_OF_HIDDEN_VALUE = 3
 """Least number of characters of a value that is hidden in the words of others: `t=1` would hide every 1. Chosen by
 hand."""
 
@@ -108,7 +108,7 @@ def display_name_of_url(url: str) -> str:
     salt = f"cwcli {shown}".encode("utf-8", "surrogateescape")
     basis = repr(telling).encode("utf-8", "surrogateescape")
     digest = hashlib.pbkdf2_hmac("sha256", basis, salt, DIGEST_ROUNDS).hex()
-    return f"{shown} ({digest[:DIGEST_LENGTH]})"
+    return f"{shown} ({digest[:DIGEST_HEX_DIGITS]})"
 
 
 def path_of_url(url: str) -> str:
@@ -151,7 +151,7 @@ def _split_url_behind_scheme(scheme: str, rest: str) -> UrlParts:
     authority = re.match(r"[^/?#]*", rest)
     assert authority is not None
     length = authority.end()
-    if "@" not in authority.group() and "@" in rest and _is_cut_password(authority.group()):
+    if "@" not in authority.group() and "@" in rest and _is_no_host_with_port(authority.group()):
         length = rest.rindex("@") + 1  # the password holds a character that should have been escaped
         length += len(re.match(r"[^/?#]*", rest[length:]).group())  # type: ignore[union-attr]
     user, at, host = rest[:length].rpartition("@")
@@ -164,7 +164,7 @@ def _split_url_behind_scheme(scheme: str, rest: str) -> UrlParts:
     return UrlParts(user if at else None, host, path, query, fragment if hash_mark else None)
 
 
-def _is_cut_password(authority: str) -> bool:
+def _is_no_host_with_port(authority: str) -> bool:
     """Whether what stands in front of the first `/`, `?` or `#` is no host with a port."""
     _, colon, port = authority.rpartition("]")[2].partition(":")
     return bool(colon) and not port.isdecimal()
@@ -186,4 +186,6 @@ def _secret_spellings(url: str) -> list[str]:
     for pair in re.split("[&;]", query or ""):
         raw.append(pair.partition("=")[2])
     every = {spelling for each in raw for spelling in (each, unquote(each), unquote_plus(each))}
-    return sorted((each for each in every if len(each) >= MIN_SECRET_LENGTH), key=lambda each: (-len(each), each))
+    return sorted(
+        (each for each in every if len(each) >= MIN_CHARS_OF_HIDDEN_VALUE), key=lambda each: (-len(each), each)
+    )

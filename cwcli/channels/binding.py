@@ -33,7 +33,7 @@ from cwcli.channels.published import (
     OWN_TOPIC_PREFIX,
     TARGETS,
 )
-from cwcli.errors import MissingSignalError, UsageError, hint_at_known_names
+from cwcli.errors import MissingSignalError, UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.input_rows import CAN_FRAME_FIELDS, CAN_FRAME_SCHEMAS
 from cwcli.signals.inputs import (
@@ -205,7 +205,7 @@ def bind_roles(
     by_role: dict[str, tuple[Binding, ...]] = {}
     undecided: dict[str, tuple[Binding, ...]] = {}
     notes: list[str] = []
-    known = _with_inputs_by_role(channels)
+    known = _channels_with_inputs_by_role(channels)
     for role in dict.fromkeys((*required, *optional)):
         if role in named:
             by_role[role] = named[role]
@@ -261,12 +261,12 @@ def check_topic_overrides(overrides: Mapping[str, str], name_of_option: str = "-
         if name not in EVERY_ROLE:
             raise UsageError(
                 f"{name_of_option} {name}={value}: there is no role {name}",
-                hint=hint_at_known_names(name, EVERY_ROLE, "roles"),
+                hint=hint_at_closest_or_all_known_names(name, EVERY_ROLE, "roles"),
             )
         _parse_field_mappings(name, value)
 
 
-def _with_inputs_by_role(channels: Sequence[ChannelLike]) -> list[ChannelWithInputs]:
+def _channels_with_inputs_by_role(channels: Sequence[ChannelLike]) -> list[ChannelWithInputs]:
     """The channels with the registry's rows of their schemas, by role: each is looked up once."""
     return [
         (channel, {each.role: each for each in reversed(inputs_of_schema(channel.schema_name))}) for channel in channels
@@ -282,7 +282,7 @@ def _candidate_bindings(channels: Sequence[ChannelWithInputs], role: str, ego_st
         binding = Binding(
             role, channel.topic, channel.schema_name, channel.message_encoding, input=input_by_role.get(role)
         )
-        rank = _rank_of_binding(binding, ego_station)
+        rank = _rank_or_none_if_only_by_name(binding, ego_station)
         if rank is not None:
             ranked.setdefault(channel.topic, (rank, binding))
     lowest = min((rank for rank, each in ranked.values() if not each.is_additive), default=0)
@@ -290,7 +290,7 @@ def _candidate_bindings(channels: Sequence[ChannelWithInputs], role: str, ego_st
     return sorted(found, key=lambda each: each.is_additive)
 
 
-def _rank_of_binding(binding: Binding, ego_station: str | None) -> int | None:
+def _rank_or_none_if_only_by_name(binding: Binding, ego_station: str | None) -> int | None:
     """The priority of a channel for its role, 0 first; None if the channel does not fill it unless it is named."""
     role, topic, entry = binding.role, binding.topic, binding.input
     if role in CHANNEL_OF_ROLE:
@@ -330,7 +330,7 @@ def _bind_overrides(
     return named
 
 
-def names_message_fields(role: str, value: str) -> bool:
+def does_override_name_message_fields(role: str, value: str) -> bool:
     """Whether the value of `ROLE=value` names fields of messages, and not topics alone or a format of radio octets."""
     if ":" not in value or value.rpartition(":")[2] in SCHEMAS_BY_RADIO_FORMAT:
         return False
@@ -341,7 +341,7 @@ def names_message_fields(role: str, value: str) -> bool:
 
 def _parse_field_mappings(role: str, value: str) -> tuple[FieldMapping, ...]:
     """Parse the field mappings of `ROLE=value`; () where the value is topics. A malformed mapping is a UsageError."""
-    if not names_message_fields(role, value):
+    if not does_override_name_message_fields(role, value):
         return ()
     from cwcli.signals.mapping import (  # few name fields, and every start would pay
         parse_field_mappings,
@@ -415,7 +415,7 @@ def _missing_role_error(
         for channel in channels
         if role in (roles := _roles_of_channel(channel)) and Role.REMOTE not in roles
     ]
-    hint = _camera_route_hint(role, channels, command) or ROLE_HINT.get(role, "")
+    hint = _hint_at_camera_stages_or_empty(role, channels, command) or ROLE_HINT.get(role, "")
     if by_hand and role not in CHANNEL_OF_ROLE:
         hint = f"{hint}; " if hint else ""
         hint += f"{', '.join(dict.fromkeys(by_hand))} can be named with --topic {role}=/name"
@@ -429,10 +429,10 @@ def _roles_of_channel(channel: ChannelLike) -> set[str]:
     return {entry.role for entry in inputs_of_schema(channel.schema_name)}
 
 
-def _camera_route_hint(role: str, channels: Sequence[ChannelLike], command: str) -> str:
+def _hint_at_camera_stages_or_empty(role: str, channels: Sequence[ChannelLike], command: str) -> str:
     """A hint on the stages that give the ego's path from the camera in a log without a position; "" for other logs."""
     is_asked = command in ("predict", "warn", "run") and role in (EGO_STATE.role, EGO_PATH.role)
-    known = _with_inputs_by_role(channels)
+    known = _channels_with_inputs_by_role(channels)
     if not is_asked or _candidate_bindings(known, Role.EGO_POSITION, None):
         return ""
     topics = {channel.topic for channel in channels}

@@ -62,9 +62,9 @@ def make_replay_channels(
         state = np.concatenate([one.states[policy] for one in replays])
         host = VehicleStates.from_ego_states(stamp_ns, state, size_m=host_size_m)
         channels += [
-            make_vehicle_state_channel(CONTROL_STATE.for_policy(name), host, local_map, has_covariance=False),
+            make_vehicle_state_channel(CONTROL_STATE.with_policy_in_topic(name), host, local_map, has_covariance=False),
             _control_step_channel_of_policy(policy, stamp_ns, replays),
-            make_pose_channel(CONTROL_POSE.for_policy(name), stamp_ns, state),
+            make_pose_channel(CONTROL_POSE.with_policy_in_topic(name), stamp_ns, state),
         ]
     return tuple(channels)
 
@@ -83,4 +83,4 @@ def _control_step_channel_of_policy(
     }
     for name in STEP_SERIES_FIELDS:
         fields[name] = np.concatenate([np.asarray(one.series[policy][name]) for one in replays])
-    return make_output_channel(CONTROL_STEP.for_policy(POLICIES[policy]), stamp_ns, fields)
+    return make_output_channel(CONTROL_STEP.with_policy_in_topic(POLICIES[policy]), stamp_ns, fields)

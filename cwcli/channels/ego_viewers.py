@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.output import first_row_of_each_vehicle_and_period, make_output_channel
+from cwcli.channels.output import first_rows_of_each_vehicle_and_period, make_output_channel
 from cwcli.channels.published import EGO_FIX, EGO_POSE, EGO_STATE, TRANSFORMS, Channel
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, repeat_string
@@ -30,14 +30,14 @@ def make_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tupl
         local_map: Where the map lies on the earth; None leaves the fixes unknown.
     """
     published = make_vehicle_state_channel(EGO_STATE, states, local_map)
-    placed = first_row_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, TRANSFORM_RATE_HZ)
-    shown = first_row_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, FIX_AND_POSE_RATE_HZ)
+    placed = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, TRANSFORM_RATE_HZ)
+    shown = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, FIX_AND_POSE_RATE_HZ)
     state = np.column_stack([np.asarray(published.fields[name]) for name in STATE_NAMES])
     transform: dict[str, Field] = {
         "timestamp": states.stamp_ns[placed],
         "parent_frame_id": repeat_string(MAP_FRAME, len(placed)),
         "child_frame_id": repeat_string(BODY_FRAME, len(placed)),
-        **_position_and_orientation_fields("translation", "rotation", state[placed]),
+        **_map_position_and_quaternion_fields("translation", "rotation", state[placed]),
     }
     transforms = make_output_channel(TRANSFORMS, states.log_time_ns[placed], transform)
     states, state, n = states.select_rows(shown), state[shown], len(shown)
@@ -68,12 +68,12 @@ def make_pose_channel(channel: Channel, stamp_ns: Int64Array, state: FloatArray)
     fields: dict[str, Field] = {
         "timestamp": stamp_ns,
         "frame_id": repeat_string(MAP_FRAME, len(stamp_ns)),
-        **_position_and_orientation_fields("pose.position", "pose.orientation", state),
+        **_map_position_and_quaternion_fields("pose.position", "pose.orientation", state),
     }
     return make_output_channel(channel, stamp_ns, fields)
 
 
-def _position_and_orientation_fields(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
+def _map_position_and_quaternion_fields(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
     """Fields of position and orientation on the map plane, from states (n, 8)."""
     zeros, half = np.zeros(len(state)), 0.5 * state[:, HEADING]
     return {

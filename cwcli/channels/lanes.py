@@ -46,7 +46,7 @@ PARABOLA_FIELDS = ("a", "b", "c")
 """Fields of a boundary as a parabola in the searched image."""
 ROAD_LINE_FIELDS = ("lateral_m", "slope", "ground_curvature_1pm")
 """Fields of a boundary on the road, x ahead and y to the left in m: y = lateral + slope x + curvature x^2 / 2."""
-ROAD_LINE_LIMITS = np.array([1e3, 10.0, 1.0])
+MAX_OFFSET_M_SLOPE_AND_CURVATURE_1PM = np.array([1e3, 10.0, 1.0])
 """Largest plausible distance (m), slope (1) and curvature (1/m) of a boundary on the road; chosen by hand."""
 MAX_CURVATURE_CHANGE_1PM2 = 1.0
 """Largest plausible change of curvature along the lane, 1/m^2; chosen by hand."""
@@ -196,7 +196,7 @@ class LaneRows:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def least_camera_yaw_sigma_rad(self) -> float:
+    def least_camera_yaw_sigma_rad_or_zero(self) -> float:
         """Share of the camera's yaw error in the heading sigmas: the least value of all frames, 0 if unknown."""
         told_rad = self.camera_yaw_sigma_rad
         known = told_rad[np.isfinite(told_rad) & (told_rad >= 0.0)]
@@ -205,7 +205,7 @@ class LaneRows:
     def plausible_offset_slope_curvature_of_boundaries(self) -> FloatArray:
         """Lateral offset, slope and curvature of the boundaries found, shape (n, 2, 3); NaN where implausible."""
         with np.errstate(invalid="ignore"):
-            is_line = self.found & (np.abs(self.road) <= ROAD_LINE_LIMITS).all(axis=2)
+            is_line = self.found & (np.abs(self.road) <= MAX_OFFSET_M_SLOPE_AND_CURVATURE_1PM).all(axis=2)
             is_line &= np.abs(self.curvature_change_1pm2[:, None]) <= MAX_CURVATURE_CHANGE_1PM2
         return np.where(is_line[..., None], self.road, np.nan)
 
@@ -264,7 +264,7 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
             ),
         ),
         road=stack_fields_of_sides(ROAD_LINE_FIELDS),
-        curvature_change_1pm2=_replace_nan_by_zero(read_numbers(columns, "curvature_change_1pm2")),
+        curvature_change_1pm2=_replace_nan_and_infinity_by_zero(read_numbers(columns, "curvature_change_1pm2")),
         preview=stack_fields(*PREVIEW_FIELDS),
         preview_sigma=stack_fields(*PREVIEW_SIGMA_FIELDS),
         preview_m=stack_fields("preview_distance_m")[:, 0],
@@ -281,7 +281,7 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
     )
 
 
-def _replace_nan_by_zero(values: FloatArray) -> FloatArray:
+def _replace_nan_and_infinity_by_zero(values: FloatArray) -> FloatArray:
     """The values, with 0 for those that are not finite."""
     return np.where(np.isfinite(values), values, 0.0)
 
@@ -293,14 +293,14 @@ def _read_image_boundaries(columns: Columns, parabolas: FloatArray, roads: Float
     top_px = read_numbers(columns, "top_px")
     pinhole = np.stack([read_numbers(columns, name) for name in PINHOLE_FIELDS], axis=-1)
     pinhole = np.where(pinhole[:, 1:] > 0.0, pinhole, np.nan)
-    roads[..., 3] = np.where(np.isnan(roads[..., 2]), np.nan, _replace_nan_by_zero(roads[..., 3]))
+    roads[..., 3] = np.where(np.isnan(roads[..., 2]), np.nan, _replace_nan_and_infinity_by_zero(roads[..., 3]))
     return BoundaryLines(parabolas, roads, horizon_px, np.where(np.isnan(top_px), older_px, top_px), pinhole)
 
 
 def make_lane_annotation_channel(frames: LaneFrames) -> StreamedChannel:
     """Make the channel of the boundaries found, as annotations in the pixels of the camera's image."""
     lines = lru_cache(maxsize=1)(
-        partial(_boundary_polylines, frames)
+        partial(_visible_boundary_points_px, frames)
     )  # shapes and labels are made of the same rows in turn
 
     def shapes(start: int, stop: int) -> list[list[ImageShape]]:
@@ -344,7 +344,7 @@ def make_channel_of_frames_with_lanes(
     row_of = {index: row for row, index in enumerate(frames.index.tolist())}
 
     def paint(row: int, image: Image) -> Image:
-        points, is_in = _boundary_points_and_visibility(frames, slice(row, row + 1))
+        points, is_in = _boundary_points_px_and_visibility(frames, slice(row, row + 1))
         lines = [points[0, side][is_in[0, side]] for side in range(2)]
         return draw_boundaries(image, lines, boundary_labels(frames.fits[slice(row, row + 1)])[0])
 
@@ -359,16 +359,16 @@ def make_channel_of_frames_with_lanes(
     )
 
 
-def _boundary_polylines(frames: LaneFrames, start: int, stop: int) -> list[tuple[FloatArray, FloatArray]]:
+def _visible_boundary_points_px(frames: LaneFrames, start: int, stop: int) -> list[tuple[FloatArray, FloatArray]]:
     """The visible points of the left and right boundary of each row, shape (k, 2) each: u, v in pixels."""
-    points, is_in = _boundary_points_and_visibility(frames, slice(start, stop))
+    points, is_in = _boundary_points_px_and_visibility(frames, slice(start, stop))
     flat = points[is_in]
     ends: list[int] = np.cumsum(np.count_nonzero(is_in, axis=2)).tolist()
     lines = [flat[first:last] for first, last in zip([0, *ends], ends, strict=False)]
     return list(zip(lines[::2], lines[1::2], strict=True))
 
 
-def _boundary_points_and_visibility(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+def _boundary_points_px_and_visibility(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Points (m, 2, N_POINTS, 2) in pixels and their visibility (m, 2, N_POINTS), for rows of any image sizes."""
     sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
     points, is_in = np.zeros((len(sizes), 2, N_LINE_POINTS, 2)), np.zeros((len(sizes), 2, N_LINE_POINTS), np.bool_)

@@ -11,7 +11,7 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
 
-HEADING_STEP_M = 1.0
+STEP_TO_CONVERT_HEADING_M = 1.0
 """Distance along the heading that is converted with a position to get its heading on the other map, m; chosen."""
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution per median absolute deviation: 1 / 0.6745, its upper quartile."""
@@ -62,9 +62,12 @@ def move_states_to_our_map_and_clock(
         stamp_shift_ns, log_shift_ns: Added to the stamps, and to the log times.
     """
     x_m, y_m, heading_rad = states.state[:, 0], states.state[:, 1], states.state[:, HEADING]
-    placed = np.column_stack(_convert_between_maps(theirs, ours, x_m, y_m))
-    ahead = _convert_between_maps(
-        theirs, ours, x_m + HEADING_STEP_M * np.cos(heading_rad), y_m + HEADING_STEP_M * np.sin(heading_rad)
+    placed = np.column_stack(_convert_positions_between_maps_m(theirs, ours, x_m, y_m))
+    ahead = _convert_positions_between_maps_m(
+        theirs,
+        ours,
+        x_m + STEP_TO_CONVERT_HEADING_M * np.cos(heading_rad),
+        y_m + STEP_TO_CONVERT_HEADING_M * np.sin(heading_rad),
     )
     turned_rad = np.arctan2(ahead[1] - placed[:, 1], ahead[0] - placed[:, 0])
     by_rad = np.remainder(turned_rad - heading_rad + np.pi, 2.0 * np.pi) - np.pi
@@ -95,7 +98,7 @@ def merge_states_by_log_time(first: VehicleStates, second: VehicleStates) -> Veh
     return made.select_rows(np.argsort(made.log_time_ns, kind="stable"))
 
 
-def clock_difference_text(offset_ns: int, ours: RecorderClock, theirs: RecorderClock) -> str:
+def recorder_clock_difference_text(offset_ns: int, ours: RecorderClock, theirs: RecorderClock) -> str:
     """A sentence on how far the clocks of two recorders differ."""
     sigma_ns = float(np.hypot(ours.sigma_ns, theirs.sigma_ns))
     return (
@@ -104,7 +107,7 @@ def clock_difference_text(offset_ns: int, ours: RecorderClock, theirs: RecorderC
     )
 
 
-def _convert_between_maps(
+def _convert_positions_between_maps_m(
     theirs: LocalMap, ours: LocalMap, x_m: FloatArray, y_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Convert positions (n,) from one map to another; different heights of the maps are bridged vertically."""

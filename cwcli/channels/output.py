@@ -36,7 +36,7 @@ def _reorder_rows(values: Field, order: np.ndarray[tuple[int, ...], np.dtype[np.
     raise TypeError("a ragged column can't be reordered here")
 
 
-def first_row_of_each_vehicle_and_period(codes: NumericArray, stamp_ns: Int64Array, rate_hz: float) -> Int64Array:
+def first_rows_of_each_vehicle_and_period(codes: NumericArray, stamp_ns: Int64Array, rate_hz: float) -> Int64Array:
     """Select the first row of each vehicle in each period of a clock; the row numbers increase.
 
     Args:

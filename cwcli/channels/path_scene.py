@@ -48,7 +48,7 @@ def make_path_scene_channel(predicted: Sequence[AnyPaths]) -> OutputChannel:
     Args:
         predicted: Paths in the map frame, each in the order of their log times.
     """
-    drawn = [_path_rows_to_draw(each) for each in predicted]
+    drawn = [_first_path_rows_of_each_vehicle_and_period(each) for each in predicted]
     log_time_ns = np.concatenate(
         [EMPTY_TIMES_NS, *(each.log_time_ns[rows] for each, rows in zip(predicted, drawn, strict=True))]
     )
@@ -62,20 +62,20 @@ def make_path_scene_channel(predicted: Sequence[AnyPaths]) -> OutputChannel:
         for k, each in enumerate(predicted):
             here = np.flatnonzero(which[start:stop] == k)
             own = row[start:stop][here]
-            stamp_ns[here], points[here] = each.stamp_ns[own], _evenly_spaced_points(each, own)
+            stamp_ns[here], points[here] = each.stamp_ns[own], _evenly_spaced_path_points_m(each, own)
             names[here] = [each.ids.values[code] for code in each.ids.codes[own]]
         return _scene_entity_fields_of_lines(stamp_ns, names.tolist(), points)
 
     return StreamedChannel(PATH_SCENE.topic, PATH_SCENE.schema, log_time_ns[order], make_rows=rows)
 
 
-def _path_rows_to_draw(predicted: AnyPaths) -> Rows:
+def _first_path_rows_of_each_vehicle_and_period(predicted: AnyPaths) -> Rows:
     """Rows of the first path of each vehicle in each drawing period, increasing."""
     kept = [_first_row_of_each_period(rows, predicted.log_time_ns) for _, rows in iter_rows_by_id(predicted.ids)]
     return np.sort(np.concatenate([np.zeros(0, np.intp), *kept]))
 
 
-def _evenly_spaced_points(predicted: AnyPaths, rows: Rows) -> FloatArray:
+def _evenly_spaced_path_points_m(predicted: AnyPaths, rows: Rows) -> FloatArray:
     """Evenly spaced points along n paths, shape (n, N_POINTS, 2), m."""
     at = np.linspace(0, len(predicted.time_s) - 1, POINTS_PER_LINE).round().astype(np.intp)
     points, place = np.unique(at, return_inverse=True)

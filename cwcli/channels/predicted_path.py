@@ -7,7 +7,7 @@ from dataclasses import field
 
 import numpy as np
 
-from cwcli.channels.output import first_row_of_each_vehicle_and_period, make_output_channel
+from cwcli.channels.output import first_rows_of_each_vehicle_and_period, make_output_channel
 from cwcli.channels.published import Channel
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
@@ -135,7 +135,7 @@ def make_predicted_path_channel(channel: Channel, predicted: PredictedPaths, *, 
     Args:
         frame_id: "" for `map`.
     """
-    fields = _path_fields(predicted.ids, predicted.stamp_ns, predicted.model, predicted.paths)
+    fields = _predicted_path_fields(predicted.ids, predicted.stamp_ns, predicted.model, predicted.paths)
     if frame_id:
         fields["frame_id"] = repeat_string(frame_id, len(predicted))
     return make_output_channel(channel, predicted.log_time_ns, fields)
@@ -148,16 +148,16 @@ def make_lazy_path_channel(channel: Channel, planned: LazyPaths, *, rate_hz: flo
         rate_hz: Rate of paths for each vehicle.
     """
     order = np.argsort(planned.log_time_ns, kind="stable")
-    chosen = order[first_row_of_each_vehicle_and_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
+    chosen = order[first_rows_of_each_vehicle_and_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
         own = chosen[start:stop]
         paths = planned.plan.take(own)
-        return _path_fields(
+        return _predicted_path_fields(
             planned.ids.select_rows(own),
             planned.stamp_ns[own],
             planned.model,
-            _round_to_published_precision(paths.select_points(_published_point_indices(paths.time_s))),
+            _round_paths_to_published_precision(paths.select_points(_published_point_indices(paths.time_s))),
         )
 
     return LazyPathChannel(
@@ -172,7 +172,7 @@ def _published_point_indices(time_s: FloatArray) -> Rows:
     return np.arange(0, last + 1, every)
 
 
-def _round_to_published_precision(paths: Paths) -> Paths:
+def _round_paths_to_published_precision(paths: Paths) -> Paths:
     return Paths(
         paths.time_s,
         round_to_binary_step(paths.x_m, LENGTH_FRACTION_BITS),
@@ -183,7 +183,7 @@ def _round_to_published_precision(paths: Paths) -> Paths:
     )
 
 
-def _path_fields(ids: Strings, stamp_ns: Int64Array, model: str, paths: Paths) -> dict[str, Field]:
+def _predicted_path_fields(ids: Strings, stamp_ns: Int64Array, model: str, paths: Paths) -> dict[str, Field]:
     n, time_s = len(stamp_ns), paths.time_s
     return {
         "stamp_ns": stamp_ns,

@@ -31,7 +31,7 @@ class Channel(NamedTuple):
     role: str = ""
     source: str = ""
 
-    def for_policy(self, policy: str) -> Channel:
+    def with_policy_in_topic(self, policy: str) -> Channel:
         """The channel of one policy, with the policy's name in its topic."""
         return self._replace(topic=self.topic.replace(POLICY_PLACEHOLDER, policy))
 
@@ -134,7 +134,7 @@ def schema_name_by_published_topic() -> dict[str, str]:
     from cwcli.control.encounter import POLICIES
 
     return {
-        channel.for_policy(policy).topic: channel.schema
+        channel.with_policy_in_topic(policy).topic: channel.schema
         for channel in PUBLISHED_CHANNELS
         for policy in (POLICIES if POLICY_PLACEHOLDER in channel.topic else ("",))
     }

@@ -31,11 +31,11 @@ UNKNOWN_TYPE_TEXT = "no role takes this type"
 """Reason given for a type that no role takes."""
 READABLE_REASONS = frozenset({UNKNOWN_TYPE_TEXT, OTHER_USES_OF_SCHEMAS["diagnostic_msgs/DiagnosticArray"]})
 """Reasons that the first messages of a channel may complete: by their fields, or by what they warn of."""
-MAX_NUMERIC_FIELDS = 2000
+MAX_FIELDS_SEARCHED_FOR_NUMBERS = 2000
 """Greatest number of fields of a message that are searched for numbers. Chosen by hand."""
-MAX_NESTING = 8
+MAX_NESTING_SEARCHED_FOR_NUMBERS = 8
 """Greatest nesting of a message that is searched for numbers. Chosen by hand."""
-MAX_SUGGESTIONS = 2
+MAX_SUGGESTED_OPTIONS_PER_CHANNEL = 2
 """Greatest number of options that are suggested for one channel. Chosen by hand."""
 _WARNING_WORDS = frozenset(
     {"fcw", "aeb", "warning", "warnings", "warn", "alert", "alerts", "alarm", "collision", "icw", "eebl", "ldw"}
@@ -114,7 +114,7 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
     if not inputs_of_schema(channel.schema_name):
         return _explain_unknown_type(channel, name)
     if name in AMBIGUOUS_TYPES:
-        return _explain_ambiguous_type(channel.topic, name)
+        return _explain_ambiguous_type_by_topic_words(channel.topic, name)
     texts: list[str] = []
     tries: list[str] = []
     for entry in inputs_of_schema(channel.schema_name):
@@ -136,12 +136,12 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
             texts.append(f"{role}, only if you name it")
             tries += format_option_if_printable("--topic", f"{role}={channel.topic}")
     why = "; ".join(dict.fromkeys(texts)) or "its topic's name marks it as truth, and no truth has this type"
-    return UnboundReason(why, tuple(dict.fromkeys(tries))[:MAX_SUGGESTIONS])
+    return UnboundReason(why, tuple(dict.fromkeys(tries))[:MAX_SUGGESTED_OPTIONS_PER_CHANNEL])
 
 
-def _explain_ambiguous_type(topic: str, name: str) -> UnboundReason:
+def _explain_ambiguous_type_by_topic_words(topic: str, name: str) -> UnboundReason:
     """Explain an ambiguous type by the words in its topic's name."""
-    words = _split_name_into_words(topic)
+    words = _split_name_into_lower_case_words(topic)
     if not set(words) & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD)) or set(words) & _WORDS_OF_NO_MEASUREMENT:
         return UnboundReason("neither the type nor the topic's name says what it measures")
     unit = next((_SPEED_UNIT_OF_WORD[word] for word in words if word in _SPEED_UNIT_OF_WORD), "")
@@ -170,20 +170,20 @@ def explain_unknown_type_by_fields(topic: str, kinds: Mapping[str, FieldKind]) -
         kinds: Path of each leaf field -> what it holds; {} where the fields are not known.
     """
     numbers = [path for path, kind in kinds.items() if kind == "number"]
-    tries = (*suggest_warning_conditions(topic, kinds), *suggest_map_options(topic, numbers))
-    return UnboundReason(UNKNOWN_TYPE_TEXT, tries[:MAX_SUGGESTIONS], tuple(kinds))
+    tries = (*suggest_system_warning_commands(topic, kinds), *suggest_map_options(topic, numbers))
+    return UnboundReason(UNKNOWN_TYPE_TEXT, tries[:MAX_SUGGESTED_OPTIONS_PER_CHANNEL], tuple(kinds))
 
 
-def suggest_warning_conditions(topic: str, kinds: Mapping[str, FieldKind]) -> tuple[str, ...]:
+def suggest_system_warning_commands(topic: str, kinds: Mapping[str, FieldKind]) -> tuple[str, ...]:
     """Suggest how `cwcli evaluate` judges a channel as the warnings of another system, if its names tell of warnings.
 
     Args:
         kinds: Path of each leaf field -> what it holds.
     """
-    is_warning_topic = bool(_WARNING_WORDS.intersection(_split_name_into_words(topic)))
+    is_warning_topic = bool(_WARNING_WORDS.intersection(_split_name_into_lower_case_words(topic)))
     found: list[tuple[int, str]] = []
     for path, kind in kinds.items():
-        words = set(_split_name_into_words(path))
+        words = set(_split_name_into_lower_case_words(path))
         if "stamp" in path or not (is_warning_topic or words & _WARNING_WORDS):
             continue
         if kind == "truth value":
@@ -191,10 +191,10 @@ def suggest_warning_conditions(topic: str, kinds: Mapping[str, FieldKind]) -> tu
         elif kind == "number" and words & _LEVEL_WORDS:
             found.append((1, f"{path}>=1"))
     best = [condition for _, condition in sorted(found, key=lambda each: each[0])][:1]
-    return tuple(line for condition in best for line in format_system_warning_command(topic, condition))
+    return tuple(line for condition in best for line in format_system_warning_command_if_readable(topic, condition))
 
 
-def warning_condition_of_diagnostics(trees: Sequence[object]) -> str:
+def warning_condition_of_diagnostics_or_empty(trees: Sequence[object]) -> str:
     """Return the condition under which a `DiagnosticArray` warns: the level of the status that tells of warnings.
 
     Args:
@@ -202,13 +202,13 @@ def warning_condition_of_diagnostics(trees: Sequence[object]) -> str:
     """
     statuses = [status for tree in trees if isinstance(tree, dict) for status in tree.get("status") or ()]
     names = dict.fromkeys(str(status.get("name", "")) for status in statuses if isinstance(status, dict))
-    named = next((name for name in names if _WARNING_WORDS.intersection(_split_name_into_words(name))), None)
+    named = next((name for name in names if _WARNING_WORDS.intersection(_split_name_into_lower_case_words(name))), None)
     if named is None:
         return ""
     return f"status[name=='{named}'].level>=1"
 
 
-def format_system_warning_command(topic: str, condition: str) -> list[str]:
+def format_system_warning_command_if_readable(topic: str, condition: str) -> list[str]:
     """Format the command that judges another system's warnings; [] where topic or condition can't be typed."""
     from cwcli.errors import UsageError
     from cwcli.signals.field_condition import parse_condition
@@ -259,7 +259,12 @@ def iter_field_kinds(channel: ChannelWithDefinition) -> Iterator[tuple[str, Fiel
             if _is_numeric_message_field(field) or field.type == "bool":
                 count += 1
                 yield here, "truth value" if field.type == "bool" else "number"
-            elif "/" in field.type and depth < MAX_NESTING and count < MAX_NUMERIC_FIELDS and not here.endswith("]"):
+            elif (
+                "/" in field.type
+                and depth < MAX_NESTING_SEARCHED_FOR_NUMBERS
+                and count < MAX_FIELDS_SEARCHED_FOR_NUMBERS
+                and not here.endswith("]")
+            ):
                 yield from iter_paths(field.type, f"{here}.", depth + 1)
 
     try:
@@ -275,7 +280,7 @@ def explain_can_frames(topic: str, signals: Sequence[str], files: Sequence[str])
         signals: The signals of the files, as `MESSAGE.SIGNAL`.
         files: The DBC files, as the user named them.
     """
-    found = suggest_map_options(topic, signals, has_units=True)[:MAX_SUGGESTIONS]
+    found = suggest_map_options(topic, signals, has_units=True)[:MAX_SUGGESTED_OPTIONS_PER_CHANNEL]
     of_files = "".join(f" --dbc {shlex.quote(file)}" for file in files)
     known = f"CAN frames; {', '.join(files)} describes {format_count(len(signals), 'signal')}"
     if found:
@@ -296,7 +301,7 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
     by_parent: dict[str, dict[str, str]] = {}
     for path in paths:
         parent, _, leaf = path.rpartition(".")
-        words = set(_split_name_into_words(leaf))
+        words = set(_split_name_into_lower_case_words(leaf))
         place = {"lat": "lat", "latitude": "lat", "lon": "lon", "lng": "lon", "longitude": "lon"}.get(leaf.lower())
         if place:
             by_parent.setdefault(parent, {})[place] = path
@@ -305,11 +310,18 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
         unit = (
             ""
             if has_units
-            else next((f"*{_UNIT_OF_WORD[word]}" for word in _split_name_into_words(path) if word in _UNIT_OF_WORD), "")
+            else next(
+                (
+                    f"*{_UNIT_OF_WORD[word]}"
+                    for word in _split_name_into_lower_case_words(path)
+                    if word in _UNIT_OF_WORD
+                ),
+                "",
+            )
         )
         if (
             words & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD))
-            and not set(_split_name_into_words(path)) & _WORDS_OF_NO_MEASUREMENT
+            and not set(_split_name_into_lower_case_words(path)) & _WORDS_OF_NO_MEASUREMENT
         ):
             found.append((1 + 10 * ("[" in leaf), "ego_speed", f"{path}{unit if unit != '*deg' else ''}"))
         elif words & _STEERING_WORDS or ("angle" in words and "steer" in path.lower()):
@@ -329,7 +341,7 @@ def _is_numeric_message_field(field: MessageField) -> bool:
     return field.type.startswith(("float", "int", "uint"))
 
 
-def _split_name_into_words(name: str) -> list[str]:
+def _split_name_into_lower_case_words(name: str) -> list[str]:
     """Split a name into lower-case words: `vehicleSpeed_kmh` gives vehicle, speed, kmh."""
     spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     return [word for word in re.split(r"[^a-z]+", spaced.lower()) if word]

@@ -25,7 +25,7 @@ def make_road_event_channels(events: RoadEvents | None, local_map: LocalMap | No
     return (make_output_channel(REMOTE_EVENTS, events.log_time_ns, _road_event_fields(events, local_map)),)
 
 
-def road_event_tables(events: RoadEvents | None, local_map: LocalMap | None) -> dict[str, Table]:
+def road_event_table_by_name(events: RoadEvents | None, local_map: LocalMap | None) -> dict[str, Table]:
     """Make the table of reported events, by its name."""
     if events is None:
         return {}

@@ -55,7 +55,7 @@ def make_target_channels(
         channel: The channel of smoothed or of online tracks; only smoothed tracks get a scene.
     """
     rows = target_rows_of_result(result)
-    motion = _accelerations_yaw_rates_and_their_sigmas(result)
+    motion = _accelerations_yaw_rates_and_sigmas(result)
     stamps, logged = known_ns
     log_time_ns = logged[np.searchsorted(stamps, rows.stamp_ns)] if len(rows.stamp_ns) else rows.stamp_ns
     order = np.lexsort((rows.id, rows.stamp_ns, log_time_ns))
@@ -87,7 +87,7 @@ def make_target_channels(
     return targets, _target_scene_channel(log_time_ns[order], rows.stamp_ns[order], ids, frame, state)
 
 
-def _accelerations_yaw_rates_and_their_sigmas(result: TrackResult) -> FloatArray:
+def _accelerations_yaw_rates_and_sigmas(result: TrackResult) -> FloatArray:
     """Acceleration, yaw rate and their sigmas, shape (n, 4), in the order of `target_rows_of_result`; NaN if not
     modelled."""
     parts = [

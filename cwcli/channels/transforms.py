@@ -55,7 +55,7 @@ def read_lever_arms_transform_counts_and_notes(
     tree: dict[str, Transform] = {}
     counts = tuple(add_transforms_of_topic_to_tree(log, topic, tree) for topic in channels)
     found, notes = dict(given), []
-    for topic, frame in _frame_of_each_topic(log, open_topics).items():
+    for topic, frame in _frame_id_of_first_message_by_topic(log, open_topics).items():
         carried = find_carrying_body_frame_and_transform(tree, frame)
         if carried is None:
             continue
@@ -90,7 +90,7 @@ def add_transforms_of_topic_to_tree(
     return TransformCount(topic, read, used, unreadable)
 
 
-def _frame_of_each_topic(log: Log, topics: Sequence[str]) -> Mapping[str, str]:
+def _frame_id_of_first_message_by_topic(log: Log, topics: Sequence[str]) -> Mapping[str, str]:
     """The frame of reference that the first message of each topic names."""
     found = {}
     for topic, columns in log.load_topics(dict.fromkeys(topics, FRAME_FIELDS)).items():

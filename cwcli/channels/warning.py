@@ -98,7 +98,7 @@ def read_warnings(columns: Columns) -> WarningRows:
     )
 
 
-def warning_events(warnings: WarningRows) -> list[WarningEvent]:
+def warning_events_with_known_start(warnings: WarningRows) -> list[WarningEvent]:
     """Collect the events of a channel, in order of the time at which they were raised.
 
     A warning that was raised before the channel begins (the log was cut) is no event, because its time is unknown.

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TextIO
 
 from cwcli.cli.text import escape_control_characters, shorten_and_escape, wrap_paragraph
-from cwcli.errors import CwcliError, hint_at_known_names
+from cwcli.errors import CwcliError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.version import __version__
 
@@ -146,4 +146,4 @@ def print_error(error: CwcliError) -> None:
 
 def closest_names_hint(name: str, known: list[str]) -> str:
     """Make a hint for a misspelt name: the closest known names, else all of them."""
-    return hint_at_known_names(name, known, "known")
+    return hint_at_closest_or_all_known_names(name, known, "known")

@@ -94,7 +94,7 @@ def run_and_write(job: Job) -> JobOutcome:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
     """
     _check_output_targets(job)
-    from cwcli.library.log import open_selected
+    from cwcli.library.log import open_log_with_choices_and_span
     from cwcli.library.writing import write_outputs
 
     reading = job.reading
@@ -102,7 +102,7 @@ def run_and_write(job: Job) -> JobOutcome:
         progress.begin_step(f"reading {', '.join(source_names(job.source))}")
         span = (reading.start, reading.end)
         source = _imported_source(job.source) if job.command == "run" else job.source
-        with open_selected(
+        with open_log_with_choices_and_span(
             source, reading.topics_and_mappings, span, recover=reading.recover, limits=reading.resource_limits
         ) as log:
             rules = RunRules(job.skip, reading.strict, job.writing.channel_choice)

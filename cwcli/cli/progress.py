@@ -8,7 +8,7 @@ import threading
 import time
 from types import TracebackType
 
-from cwcli.cli.text import DEFAULT_WIDTH, display_width, escape_control_characters
+from cwcli.cli.text import DEFAULT_WIDTH, escape_control_characters, terminal_cells_of_text
 from cwcli.url import redact_urls
 
 SHOW_AFTER_S = 1.0
@@ -70,7 +70,9 @@ class Progress:
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
         left = "" if self._left is None else f", about {elapsed_s * self._left:.0f} s left"
         told = f"{done} ({elapsed_s:.0f} s{left})"
-        return (_drop_text_beyond_width(self._what, width - 1 - display_width(told)) + told)[: max(width - 1, 0)]
+        return (_drop_text_beyond_width(self._what, width - 1 - terminal_cells_of_text(told)) + told)[
+            : max(width - 1, 0)
+        ]
 
     def _redraw_until_stopped(self) -> None:
         drawn = False
@@ -88,7 +90,7 @@ class Progress:
 def _drop_text_beyond_width(text: str, width: int) -> str:
     """Cut a text to at most `width` cells of a terminal."""
     cut = text[: max(width, 0)]  # a cell or two each, but for combining marks
-    while display_width(cut) > width > 0:
+    while terminal_cells_of_text(cut) > width > 0:
         cut = cut[:-1]
     return cut
 

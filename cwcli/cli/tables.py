@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 from cwcli.cli.text import (
     DEFAULT_WIDTH,
-    display_width,
     escape_control_characters,
     format_number,
     pad_to_width,
     shorten_and_escape,
+    terminal_cells_of_text,
     terminal_width,
     wrap_text,
 )
@@ -65,18 +65,18 @@ def _cell_text(value: Cell) -> str:
 
 
 def _width_if_topic(cell: str) -> int:
-    return display_width(cell) if cell.startswith("/") and " " not in cell else 0
+    return terminal_cells_of_text(cell) if cell.startswith("/") and " " not in cell else 0
 
 
 def _narrowest_column_width(head: str, column: Sequence[str], right: bool) -> int:
     """The least width of a column, in cells of the terminal."""
-    widest_cell = max((display_width(cell) for cell in column), default=0)
-    longest_word = max((display_width(word) for word in head.split()), default=0)
+    widest_cell = max((terminal_cells_of_text(cell) for cell in column), default=0)
+    longest_word = max((terminal_cells_of_text(word) for word in head.split()), default=0)
     return max(longest_word, widest_cell if right else min(widest_cell, MIN_TEXT_WIDTH))
 
 
 def _natural_column_width(head: str, column: Sequence[str]) -> int:
-    return max(display_width(head), max((display_width(cell) for cell in column), default=0))
+    return max(terminal_cells_of_text(head), max((terminal_cells_of_text(cell) for cell in column), default=0))
 
 
 def _count_identifying_columns(

@@ -6,7 +6,6 @@ import os
 import sys
 
 from cwcli.text import (
-    display_width,
     escape_control_characters,
     finite_or_none,
     format_byte_size,
@@ -16,12 +15,12 @@ from cwcli.text import (
     format_number,
     join_names,
     shorten_and_escape,
+    terminal_cells_of_text,
     wrap_text,
 )
 
 __all__ = [
     "DEFAULT_WIDTH",
-    "display_width",
     "escape_control_characters",
     "finite_or_none",
     "format_byte_size",
@@ -32,6 +31,7 @@ __all__ = [
     "join_names",
     "pad_to_width",
     "shorten_and_escape",
+    "terminal_cells_of_text",
     "terminal_width",
     "wrap_paragraph",
     "wrap_text",
@@ -63,5 +63,5 @@ def wrap_paragraph(text: str, *, first: str = "", rest: str = "", width: int | N
 
 def pad_to_width(text: str, width: int, *, right: bool) -> str:
     """Pad a text with spaces to `width` cells, on the left if `right`-aligned."""
-    fill = " " * (width - display_width(text))
+    fill = " " * (width - terminal_cells_of_text(text))
     return fill + text if right else text + fill

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
@@ -189,7 +189,8 @@ def load_clause(name_or_path: str) -> Clause:
             raise UsageError(f"can't be read: {error}", where=name_or_path) from error
     else:
         raise UsageError(
-            f"there is no clause {name_or_path!r}", hint=hint_at_known_names(name_or_path, clause_names(), "clauses")
+            f"there is no clause {name_or_path!r}",
+            hint=hint_at_closest_or_all_known_names(name_or_path, clause_names(), "clauses"),
         )
     try:
         document = parse_toml(text)
@@ -246,7 +247,9 @@ def _check_choices(document: Mapping[str, Any], where: str) -> None:
     for key, known in (("grade", GRADES), ("policy", POLICIES)):
         if key in document and document[key] not in known:
             raise UsageError(
-                f"{key} is {document[key]!r}", where=where, hint=hint_at_known_names(str(document[key]), known)
+                f"{key} is {document[key]!r}",
+                where=where,
+                hint=hint_at_closest_or_all_known_names(str(document[key]), known),
             )
 
 
@@ -278,7 +281,9 @@ def _check_keys(table: Any, known: set[str], required: set[str], place: str, whe
     for key in table:
         if key not in known:
             raise UsageError(
-                f"{prefix}{key} is unknown", where=where, hint=hint_at_known_names(str(key), sorted(known))
+                f"{prefix}{key} is unknown",
+                where=where,
+                hint=hint_at_closest_or_all_known_names(str(key), sorted(known)),
             )
     for key in sorted(required - set(table)):
         raise UsageError(f"{prefix}{key} is missing", where=where)
@@ -322,7 +327,7 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
     _check_keys(table, TRIAL_KEYS, {"name", "scene", "judge"}, "trials", where)
     title = str(table["name"])
     if table["scene"] not in SCENES:
-        hint = hint_at_known_names(str(table["scene"]), SCENES)
+        hint = hint_at_closest_or_all_known_names(str(table["scene"]), SCENES)
         raise UsageError(f"{title}: there is no scene {table['scene']!r}", where=where, hint=hint)
     require_judge_module(str(table["judge"]), where)
     used: dict[tuple[str, str], PublishedNumber] = {}
@@ -332,7 +337,7 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
                 raise UsageError(
                     f"{title}: {group}.{key} names the number {number!r}, which is not defined",
                     where=where,
-                    hint=hint_at_known_names(str(number), numbers),
+                    hint=hint_at_closest_or_all_known_names(str(number), numbers),
                 )
             used[group, key] = numbers[number]
     SCENES[table["scene"]].check_keys([key for group, key in used if group == "given"], title, where)
@@ -387,5 +392,7 @@ def require_judge_module(judge: str, where: str) -> Any:
         folder = files("cwcli.conformance") / "judges"
         names = [entry.name.removesuffix(".py").replace("_", "-") for entry in folder.iterdir()]
         known = sorted(name for name in names if name.isascii() and not name.startswith("-"))
-        raise UsageError(f"there is no judge {judge!r}", where=where, hint=hint_at_known_names(judge, known))
+        raise UsageError(
+            f"there is no judge {judge!r}", where=where, hint=hint_at_closest_or_all_known_names(judge, known)
+        )
     return import_module(module)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cwcli.channels.published import WARNINGS
-from cwcli.channels.warning import read_warnings, warning_events
+from cwcli.channels.warning import read_warnings, warning_events_with_known_start
 from cwcli.conformance.clause import Clause, Trial, load_clause
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.online import run_missing_stages
@@ -101,7 +101,7 @@ def _own_warnings(log: Log, rule: str) -> tuple[RaisedWarning, ...]:
     """The warnings of cwcli's rule in a log, when they could be known."""
     if WARNINGS.topic not in {channel.topic for channel in log.channels}:
         return ()
-    events = warning_events(read_warnings(log.columns(WARNINGS.topic)))
+    events = warning_events_with_known_start(read_warnings(log.columns(WARNINGS.topic)))
     own = sorted((event.raised_ns, event.other_id) for event in events if event.rule == rule)
     return tuple(RaisedWarning((raised - log.start_ns) / NS_PER_S, other) for raised, other in own)
 

@@ -21,7 +21,7 @@ from cwcli.conformance.policies import NO_BRAKING, POLICIES
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.scenes import SCENES
 from cwcli.conformance.verdict import DrivenTrial, Verdict
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.process_pool import process_pool
 from cwcli.warning.rules import DEFAULT_RULE, RULES
@@ -69,7 +69,9 @@ class ConformConfig:
         RULES.require(self.rule)
         for option, value, known in (("policy", self.policy, POLICIES), ("grade", self.grade, GRADES)):
             if value is not None and value not in known:
-                raise UsageError(f"there is no {option} {value!r}", hint=hint_at_known_names(value, known))
+                raise UsageError(
+                    f"there is no {option} {value!r}", hint=hint_at_closest_or_all_known_names(value, known)
+                )
 
 
 def run_clauses(

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.scenario import HOST_NAME
 
@@ -56,7 +56,9 @@ class Scene:
         for name in names:
             if name not in known:
                 raise UsageError(
-                    f"{trial}: given.{name} is unknown", where=where, hint=hint_at_known_names(name, known)
+                    f"{trial}: given.{name} is unknown",
+                    where=where,
+                    hint=hint_at_closest_or_all_known_names(name, known),
                 )
         for name in self.required:
             if name not in names:

@@ -104,7 +104,9 @@ def confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     """Say what is known of the errors: those against the truth, or that nothing tells them."""
     errors = [
         f"{format_number(sigma, 2)} {unit} ({name})"
-        for name, unit, sigma in evidence.estimate_summary.column_cells("errors", "error of", "unit", "estimated")
+        for name, unit, sigma in evidence.estimate_summary.rows_of_table_columns_or_empty(
+            "errors", "error of", "unit", "estimated"
+        )
         if isinstance(sigma, float) and str(name).startswith(("position", "speed", "heading"))
     ]
     against = (f"Compared with the true motion in the log, typical errors are {join_names(errors)}.",) if errors else ()
@@ -117,7 +119,7 @@ def confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
 
 def _target_error_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     """Say how far the worst tracked target lies from its truth; () without a truth of targets."""
-    rows = evidence.summary_of_stage("track").column_cells("errors", "x [m]", "y [m]")
+    rows = evidence.summary_of_stage("track").rows_of_table_columns_or_empty("errors", "x [m]", "y [m]")
     errors_m = [math.hypot(x, y) for x, y in rows if isinstance(x, float) and isinstance(y, float)]
     if not errors_m:
         return ()

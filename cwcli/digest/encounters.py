@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.warning import WarningEvent, warning_events
+from cwcli.channels.warning import WarningEvent, warning_events_with_known_start
 from cwcli.digest.drive import Drive, OtherTrack, ego_length_and_width_m
 from cwcli.evaluation.conflicts import RealConflict, WarningVerdict, find_real_conflicts, judge_warning
 from cwcli.lazy_dataclass import dataclass
@@ -120,7 +120,7 @@ class DriveEncounters:
 
 def find_encounters(drive: Drive) -> DriveEncounters:
     """Match the warnings with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
-    alerts = [] if drive.warnings is None else warning_events(drive.warnings)
+    alerts = [] if drive.warnings is None else warning_events_with_known_start(drive.warnings)
     if drive.ego is None:
         return DriveEncounters(tuple(_encounter_from_channel(drive, alert) for alert in alerts), (), None, 0)
     rows = rows_by_stamp_without_repeats(drive.ego.stamp_ns)

@@ -9,7 +9,7 @@ from typing import Any
 from cwcli.digest.digest import Digest
 from cwcli.digest.lines import ELLIPSIS, MAX_LINES, MAX_WIDTH
 from cwcli.lazy_dataclass import dataclass
-from cwcli.text import display_width, format_count, shorten_and_escape
+from cwcli.text import format_count, shorten_and_escape, terminal_cells_of_text
 
 MAX_ID_WIDTH = 28
 """Widest name of a log in its line, in cells; chosen: most of the line is left for what happened."""
@@ -90,14 +90,15 @@ def format_fleet_lines(logs: Sequence[LogLine], *, next_step: str, width: int = 
     n_shown = MAX_LINES - N_OTHER_LINES
     shown = ordered if len(ordered) <= n_shown + 1 else ordered[:n_shown]
     names = [_cut_to_cell_width(log.id, MAX_ID_WIDTH) for log in shown]
-    column = max(map(display_width, (*names, "next")), default=0) + 2
+    column = max(map(terminal_cells_of_text, (*names, "next")), default=0) + 2
     rows = [(name, log.text, column) for name, log in zip(names, shown, strict=True)]
     if len(shown) < len(ordered):
         rows.append(("", f"and {format_count(len(ordered) - len(shown), 'more log')}", column))
     # long names of logs leave too little room for these two
     rows += [("all", _fleet_totals_sentence(logs), LABEL_COLUMN), ("next", next_step, LABEL_COLUMN)]
     return [
-        f"{name}{' ' * (at - display_width(name))}{_cut_to_cell_width(text, width - at)}" for name, text, at in rows
+        f"{name}{' ' * (at - terminal_cells_of_text(name))}{_cut_to_cell_width(text, width - at)}"
+        for name, text, at in rows
     ]
 
 
@@ -113,8 +114,8 @@ def _fleet_totals_sentence(logs: Sequence[LogLine]) -> str:
 
 def _cut_to_cell_width(text: str, width: int) -> str:
     shown = shorten_and_escape(text, MAX_CHARACTERS)
-    if display_width(shown) <= width:
+    if terminal_cells_of_text(shown) <= width:
         return shown
-    while display_width(shown) > max(width - len(ELLIPSIS), 0) and shown:
+    while terminal_cells_of_text(shown) > max(width - len(ELLIPSIS), 0) and shown:
         shown = shown[:-1]
     return f"{shown.rstrip()}{ELLIPSIS}"

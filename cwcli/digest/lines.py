@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from cwcli.evaluation.doubts import DOUBTS
 from cwcli.evaluation.doubts.base import Doubt
 from cwcli.lazy_dataclass import dataclass
-from cwcli.text import display_width, escape_control_characters, format_count, shorten_and_escape, wrap_text
+from cwcli.text import escape_control_characters, format_count, shorten_and_escape, terminal_cells_of_text, wrap_text
 
 MAX_LINES = 12
 """Greatest number of lines of a digest; chosen: they fit the smallest terminal and ten seconds of reading."""
@@ -98,7 +98,7 @@ def _fit_sentences(sentences: Sequence[str], width: int, most: int) -> list[str]
     if fitting:
         return wrap_text(fitting[-1], width)
     lines = wrap_text(shorten_and_escape(sentences[0], MAX_SENTENCE_CHARACTERS), width)[:most]
-    while display_width(lines[-1]) + len(ELLIPSIS) > width:
+    while terminal_cells_of_text(lines[-1]) + len(ELLIPSIS) > width:
         lines[-1] = lines[-1][:-1]
     return [*lines[:-1], f"{lines[-1].rstrip()}{ELLIPSIS}"]
 
@@ -106,6 +106,6 @@ def _fit_sentences(sentences: Sequence[str], width: int, most: int) -> list[str]
 def shorten_path(path: str, width: int) -> str:
     """Return a path that fits into `width` cells: its end is kept, which names the file."""
     shown = escape_control_characters(path)
-    while display_width(shown) > width:
+    while terminal_cells_of_text(shown) > width:
         shown = f"{ELLIPSIS}{shown[len(ELLIPSIS) + 1 :]}" if shown.startswith(ELLIPSIS) else f"{ELLIPSIS}{shown[1:]}"
     return shown

@@ -40,13 +40,13 @@ def stage_sentence(stage: str, records: Mapping[str, Record], tables: Tables) ->
 
 def _estimate_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Name the sources of the ego's states."""
-    names = dict.fromkeys(str(source) for (source,) in summary.column_cells("sources", "source"))
+    names = dict.fromkeys(str(source) for (source,) in summary.rows_of_table_columns_or_empty("sources", "source"))
     return f"The car's motion was estimated from {_join_few(list(names))}." if names else ""
 
 
 def _track_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Count the targets, with the longest and the fastest."""
-    rows = summary.column_cells("targets", "for [s]", "max speed [m/s]")
+    rows = summary.rows_of_table_columns_or_empty("targets", "for [s]", "max speed [m/s]")
     if not rows:
         return "No target was tracked."
     spans, speeds = ([_cell_to_float_or_nan(row[k]) for row in rows] for k in (0, 1))
@@ -70,7 +70,9 @@ def _lanes_sentence(summary: RecordedSummary, tables: Tables) -> str:
 
 def _observe_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Say how fast the car turned and slid in its lane."""
-    found = {str(name): value for name, value in summary.column_cells("observer", "quantity", "value")}
+    found = {
+        str(name): value for name, value in summary.rows_of_table_columns_or_empty("observer", "quantity", "value")
+    }
     turn, slide = (
         _cell_to_float_or_nan(found.get(name)) for name in ("largest yaw rate (deg/s)", "largest lateral speed (m/s)")
     )
@@ -86,7 +88,7 @@ def _predict_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Say how far the predicted paths lie from what was driven, by the model that chooses among the others."""
     errors = [
         f"{_cell_to_float_or_nan(mean):.1f} m for {'the car' if vehicle == EGO_ID else 'the others'}"
-        for vehicle, model, mean in summary.column_cells("prediction", "vehicle", "model", "mean [m]")
+        for vehicle, model, mean in summary.rows_of_table_columns_or_empty("prediction", "vehicle", "model", "mean [m]")
         if model == "auto" and math.isfinite(_cell_to_float_or_nan(mean))
     ]
     title = next((section.title for section in summary.sections if section.key == "prediction"), "")
@@ -102,7 +104,7 @@ def _predict_lane_sentence(summary: RecordedSummary, tables: Tables) -> str:
 
 def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Describe the most critical encounter, the first row of the table."""
-    rows = summary.column_cells("encounters", "vehicle", "gap [m]", "TTC [s]")
+    rows = summary.rows_of_table_columns_or_empty("encounters", "vehicle", "gap [m]", "TTC [s]")
     if not rows:
         return "No other vehicle came near enough to be measured."
     vehicle, gap_m, ttc_s = rows[0]
@@ -121,7 +123,7 @@ def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
 
 def _crashes_by_policy_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Count, for each policy, how many of the warned encounters end in a crash."""
-    rows = summary.column_cells("control", "policy", "crash")
+    rows = summary.rows_of_table_columns_or_empty("control", "policy", "crash")
     hits: dict[str, list[bool]] = {}
     for policy, hit in rows:
         hits.setdefault(_cell_to_name(policy), []).append(hit in ("yes", True))

@@ -12,7 +12,7 @@ from cwcli.dynamics.filter import observe_with_kalman_filter
 from cwcli.dynamics.samples import LaneSamples, LateralTrack, ScalarSamples
 from cwcli.dynamics.steering import RATE_METHODS
 from cwcli.dynamics.vehicle import Vehicle
-from cwcli.errors import DataError, UsageError, hint_at_known_names
+from cwcli.errors import DataError, UsageError, hint_at_closest_or_all_known_names
 
 
 class ObserverMethod(Protocol):
@@ -64,12 +64,13 @@ def observe_lateral_motion(
     config = config or ObserverConfig()
     if config.method not in OBSERVER_METHODS:
         raise UsageError(
-            f"there is no observer '{config.method}'", hint=hint_at_known_names(config.method, OBSERVER_METHODS)
+            f"there is no observer '{config.method}'",
+            hint=hint_at_closest_or_all_known_names(config.method, OBSERVER_METHODS),
         )
     if config.steer_rate not in RATE_METHODS:
         raise UsageError(
             f"there is no steering rate '{config.steer_rate}'",
-            hint=hint_at_known_names(config.steer_rate, RATE_METHODS),
+            hint=hint_at_closest_or_all_known_names(config.steer_rate, RATE_METHODS),
         )
     stamps = {"lanes": lanes.stamp_ns, "speed": speed.stamp_ns}
     stamps |= {} if yaw_rate is None else {"yaw rate": yaw_rate.stamp_ns}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Annotated, Literal
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.stated_noise import SigmasByRoleOrTopic, parse_sigmas_by_role_or_topic, parse_values_by_name
 from cwcli.lazy_dataclass import dataclass
@@ -78,7 +78,7 @@ def parse_source_units(entries: Sequence[str]) -> Mapping[str, str]:
             if part not in known:
                 raise UsageError(
                     f"--as {entry}: there is no unit or convention {part!r}",
-                    hint=hint_at_known_names(part, sorted(known)),
+                    hint=hint_at_closest_or_all_known_names(part, sorted(known)),
                 )
         if topic in found:
             raise UsageError(f"--as names {topic} twice")

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.hypotheses import HYPOTHESES
@@ -154,7 +154,9 @@ def correct_and_list_what_user_says(
             names = [each.name for kind in kinds for each in HYPOTHESES.get(kind, ())]
             is_twice = "+" in name and all(part in names for part in name.split("+"))
             hint = (
-                "name only one unit, one sign and one choice of axes" if is_twice else hint_at_known_names(name, names)
+                "name only one unit, one sign and one choice of axes"
+                if is_twice
+                else hint_at_closest_or_all_known_names(name, names)
             )
             raise UsageError(f"--as {source}={name}: there is no such fault of {source}", hint=hint)
     return corrected, corrections

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.lazy_dataclass import replace
 from cwcli.signals.role import Role
@@ -83,7 +83,7 @@ def require_known_names_and_sigma_counts(sigmas: SigmasByRoleOrTopic, topics: Se
             raise UsageError(
                 f"--sigma {name}: neither a role nor a topic of the log",
                 where=where,
-                hint=hint_at_known_names(name, [*roles, *topics]),
+                hint=hint_at_closest_or_all_known_names(name, [*roles, *topics]),
             )
         if name in roles and (len(values) == 2) != (name == Role.IMU.value):
             raise UsageError(

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from cwcli.array_memory import bound_array_memory
+from cwcli.array_memory import bound_array_memory_and_get_old_handler
 from cwcli.errors import DataError
 from cwcli.estimation.calibrated import (
     apply_calibrated_noise_and_empty_unknown,
@@ -503,5 +503,5 @@ def map_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group])
     if len(groups) < 2 or WORKER_ENVIRONMENT_VARIABLE in os.environ:
         return [estimate(group) for group in groups]
     n_threads = min(len(groups), os.cpu_count() or 1)
-    with ThreadPoolExecutor(n_threads, initializer=bound_array_memory) as pool:
+    with ThreadPoolExecutor(n_threads, initializer=bound_array_memory_and_get_old_handler) as pool:
         return list(pool.map(estimate, groups))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cwcli.channels.binding import parse_role_overrides
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.signals.field_condition import CONDITION_EXAMPLES_HINT, Condition, parse_condition
@@ -61,7 +61,7 @@ def parse_other_system_options(options: Sequence[str]) -> OtherSystemTopics:
         if role not in ROLE_DESCRIPTIONS:
             raise UsageError(
                 f"--topic {role}={topic}: there is no role {role} of another system",
-                hint=hint_at_known_names(role, ROLE_DESCRIPTIONS, "roles"),
+                hint=hint_at_closest_or_all_known_names(role, ROLE_DESCRIPTIONS, "roles"),
             )
     topic, colon, text = named.get("warning", "").partition(":")
     condition = None

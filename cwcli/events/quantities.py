@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from cwcli.errors import MissingSignalError, UsageError, hint_at_known_names
+from cwcli.errors import MissingSignalError, UsageError, hint_at_closest_or_all_known_names
 from cwcli.events.evidence import EventEvidence
 from cwcli.events.syntax import Series
 from cwcli.measures import MEASURES
@@ -64,7 +64,7 @@ def _unit_of(operand: Number | Series) -> str | None:
     elif name in measures_by_name():
         return MEASURES[measures_by_name()[name]].unit
     known = [*(f"{prefix}{state}" for prefix in (EGO_PREFIX, OTHER_PREFIX) for state in STATE_NAMES)]
-    hint = hint_at_known_names(name, [*known, *measures_by_name()], "quantities")
+    hint = hint_at_closest_or_all_known_names(name, [*known, *measures_by_name()], "quantities")
     raise UsageError(f"there is no quantity {name}", hint=hint)
 
 
@@ -97,13 +97,15 @@ def read_field(evidence: EventEvidence, name: str) -> tuple[Int64Array, FloatArr
     topics = sorted({channel.topic for channel in log.channels})
     if topic not in topics:
         raise MissingSignalError(
-            f"there is no topic {topic}", where=log.name, hint=hint_at_known_names(topic, topics, "topics")
+            f"there is no topic {topic}",
+            where=log.name,
+            hint=hint_at_closest_or_all_known_names(topic, topics, "topics"),
         )
     columns = log.columns(topic, (field,))
     if field not in columns.fields:
         known = list(log.columns(topic).fields)
         what = f"{topic} has no field {field}"
-        raise MissingSignalError(what, where=log.name, hint=hint_at_known_names(field, known, "fields"))
+        raise MissingSignalError(what, where=log.name, hint=hint_at_closest_or_all_known_names(field, known, "fields"))
     return columns.log_time_ns, read_numbers(columns, field)
 
 

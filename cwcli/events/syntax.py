@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import re
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
     CONNECTIVES,
@@ -175,7 +175,8 @@ class _Parser(ConditionParser):
         """Return the error about an operand that is compared with nothing: it may be a misspelt event."""
         if isinstance(operand, Series) and not operand.function and not operand.name.startswith("/"):
             return UsageError(
-                f"there is no event {operand.name}", hint=hint_at_known_names(operand.name, self._events, "events")
+                f"there is no event {operand.name}",
+                hint=hint_at_closest_or_all_known_names(operand.name, self._events, "events"),
             )
         return super().error_without_sign(operand)
 
@@ -190,7 +191,9 @@ class _Parser(ConditionParser):
         if kind == "field" or self.peek_token()[1] != "(":
             return Series(text)
         if text not in WINDOW_FUNCTIONS:
-            raise UsageError(f"there is no function {text}", hint=hint_at_known_names(text, WINDOW_FUNCTIONS, "known"))
+            raise UsageError(
+                f"there is no function {text}", hint=hint_at_closest_or_all_known_names(text, WINDOW_FUNCTIONS, "known")
+            )
         self.require_sign("(")
         kind, name, _ = self.peek_token()
         if kind not in ("name", "field"):

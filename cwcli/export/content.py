@@ -35,7 +35,7 @@ from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.vehicle_state import ACCEL, YAW_RATE
 from cwcli.text import join_names
 
-MAX_NAMED_VEHICLES = 10
+MAX_VEHICLES_IN_ERROR = 10
 """Greatest number of vehicles that an error names. Chosen by hand."""
 EGO_AND_OTHERS = ("ego", "remote", "targets")
 """Contents that a format for all vehicles takes together, if the log has them."""
@@ -180,6 +180,6 @@ def _rows_of_vehicle(columns: Columns, vehicle: str, what: str) -> np.ndarray[tu
 
 
 def _unknown_vehicle_error(vehicle: str, known: list[str], what: str) -> UsageError:
-    shown = join_names(known[:MAX_NAMED_VEHICLES]) if known else "nobody"
-    more = f" and {len(known) - MAX_NAMED_VEHICLES} more" if len(known) > MAX_NAMED_VEHICLES else ""
+    shown = join_names(known[:MAX_VEHICLES_IN_ERROR]) if known else "nobody"
+    more = f" and {len(known) - MAX_VEHICLES_IN_ERROR} more" if len(known) > MAX_VEHICLES_IN_ERROR else ""
     return UsageError(f"--id {vehicle}: `{what}` holds no such vehicle", hint=f"it holds {shown}{more}")

@@ -122,7 +122,7 @@ def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int],
     row, owner, state = row[order], owner[order], state[order]
     x_m, y_m, speed, yaw_rad, accel, yaw_rate = state.T
     cosine, sine, aside = np.cos(yaw_rad), np.sin(yaw_rad), speed * yaw_rate
-    sizes = np.array([_length_and_width_m(track) for track in tracks])[owner]
+    sizes = np.array([_length_and_width_or_default_m(track) for track in tracks])[owner]
     nothing = np.zeros(len(owner))
     is_target = np.array([track.what == "targets" for track in tracks])[owner]
     triples = {
@@ -153,7 +153,7 @@ def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int],
     return Repeated(offsets, fields)
 
 
-def _length_and_width_m(track: Track) -> tuple[float, ...]:
+def _length_and_width_or_default_m(track: Track) -> tuple[float, ...]:
     return tuple(
         size if math.isfinite(size) and size > 0.0 else default
         for size, default in zip(track.size_m, DEFAULT_SIZE_M, strict=True)

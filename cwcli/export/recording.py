@@ -49,7 +49,7 @@ def show_in_viewer(log: Log, path: str) -> None:
     Raises:
         MissingSignalError: The log holds no states.
     """
-    there = _topics_of_log_with_states(log)
+    there = _require_states_and_get_topics(log)
     import rerun as rr
 
     recording = rr.RecordingStream("cwcli")
@@ -70,7 +70,7 @@ def encode_recording(log: Log, path: str) -> bytes:
     Raises:
         MissingSignalError: The log holds no states.
     """
-    there = _topics_of_log_with_states(log)
+    there = _require_states_and_get_topics(log)
     import rerun as rr
 
     recording = rr.RecordingStream("cwcli")
@@ -80,7 +80,7 @@ def encode_recording(log: Log, path: str) -> bytes:
     return bytes(memory.drain_as_bytes())
 
 
-def _topics_of_log_with_states(log: Log) -> set[str]:
+def _require_states_and_get_topics(log: Log) -> set[str]:
     there = {channel.topic for channel in log.channels}
     if not there & {EGO_STATE.topic, REMOTE_STATE.topic}:
         raise MissingSignalError("the log holds no states", where=log.name, hint="run `cwcli run` first")
@@ -123,7 +123,7 @@ def _make_blueprint() -> Any:
     )
 
 
-def _log_time_column_of_rerun(stamp_ns: Any) -> Any:
+def _rerun_time_column(stamp_ns: Any) -> Any:
     import rerun as rr
 
     return rr.TimeColumn(RERUN_TIMELINE, timestamp=stamp_ns.astype("datetime64[ns]"))
@@ -137,7 +137,7 @@ def _send_speeds(recording: Any, log: Log, topic: str) -> None:
         speed = states.state[rows, 2]
         recording.send_columns(
             f"/speed/{vehicle}",
-            [_log_time_column_of_rerun(states.log_time_ns[rows])],
+            [_rerun_time_column(states.log_time_ns[rows])],
             rr.Scalars.columns(scalars=speed),
         )
 
@@ -151,4 +151,4 @@ def _send_paths(recording: Any, log: Log, topic: str) -> None:
         strips = np.stack([x, y, np.zeros_like(x)], axis=-1).astype(np.float32)
         frames = rr.CoordinateFrame.columns(frame=[MAP_FRAME] * len(rows))
         columns = [*rr.LineStrips3D.columns(strips=list(strips)), *frames]
-        recording.send_columns(f"/paths/{vehicle}", [_log_time_column_of_rerun(predicted.log_time_ns[rows])], columns)
+        recording.send_columns(f"/paths/{vehicle}", [_rerun_time_column(predicted.log_time_ns[rows])], columns)

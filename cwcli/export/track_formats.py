@@ -151,11 +151,11 @@ def encode_geojson_tracks(tracks: Sequence[Track]) -> bytes:
 
     A vehicle with one state is a point, because a line needs two.
     """
-    features = [_feature_of_track(track) for track in tracks]
+    features = [_geojson_feature_of_track(track) for track in tracks]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False).encode() + b"\n"
 
 
-def _feature_of_track(track: Track) -> dict[str, Any]:
+def _geojson_feature_of_track(track: Track) -> dict[str, Any]:
     import numpy as np
 
     places = np.round(np.column_stack([track.longitude_deg, track.latitude_deg]), DEGREE_DECIMALS).tolist()

@@ -301,11 +301,11 @@ def _error_text_of_entry(entry: dict[str, Any]) -> str:
 
 
 def _score_log(source: str, name: str, how: _ScoringOptions) -> LogMetrics:
-    from cwcli.array_memory import bound_array_memory
+    from cwcli.array_memory import bound_array_memory_and_get_old_handler
     from cwcli.evaluation.evaluate_log import evaluate_log
     from cwcli.logs.read.reader import Log
 
-    bound_array_memory()
+    bound_array_memory_and_get_old_handler()
     with Log.open(source) as log:
         table = evaluate_log(log, truth=how.truth, system=how.system)
         return LogMetrics(name, metric_rows_by_name(table), sha256=_input_sha256(log), notes=notes_from_metadata(table))

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from cwcli.array_memory import bound_array_memory
+from cwcli.array_memory import bound_array_memory_and_get_old_handler
 from cwcli.digest.digest import build_digest
 from cwcli.digest.fleet import ENTRY_KEY, digest_to_entry
 from cwcli.errors import EXIT_BUG, CwcliError
@@ -50,7 +50,7 @@ def process_log(task: LogTask, plan: FleetPlan) -> TaskResult:
     Raises:
         OutputError: The output folder can't be written: no other log would fare better.
     """
-    bound_array_memory()
+    bound_array_memory_and_get_old_handler()
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     with remember_inputs():
         status, state = _process_and_record(task, plan)

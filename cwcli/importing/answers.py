@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import PurePath
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.readers.base import Recording
 from cwcli.importing.tables import Answers, SourceTable
@@ -33,13 +33,13 @@ def check_answers(answers: Answers, tables: Sequence[SourceTable | Recording]) -
             raise UsageError(
                 f"{quantity} of {table}: there is no such table",
                 found=tuple(shown[:20]),
-                hint=hint_at_known_names(table, shown),
+                hint=hint_at_closest_or_all_known_names(table, shown),
             )
         if not table and column and column not in columns:
             raise UsageError(
                 f"--column {quantity}={column}: there is no column {column!r}",
                 found=tuple(columns[:30]),
-                hint=hint_at_known_names(column, columns),
+                hint=hint_at_closest_or_all_known_names(column, columns),
             )
         checked[table, quantity] = column, _known_unit(quantity, column, unit)
     return replace(answers, columns=checked)

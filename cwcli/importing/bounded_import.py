@@ -13,7 +13,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from cwcli.bounded_process import ERROR_CLASSES, Limits, cpu_limit_s, run_bounded
+from cwcli.bounded_process import ERROR_CLASSES, Limits, cpu_limit_for_file_size_s, run_bounded
 from cwcli.errors import InputError
 from cwcli.importing.readers import load_kind
 from cwcli.importing.readers.base import FileHead
@@ -78,7 +78,7 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
     has_video = any(load_kind("video").accepts(FileHead(path)) for path in files)
     memory_bytes = MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * n_bytes + (VIDEO_BYTES if has_video else 0)
     limits = Limits(
-        cpu_limit_s(n_bytes),
+        cpu_limit_for_file_size_s(n_bytes),
         OUTPUT_BYTES + OUTPUT_BYTES_PER_BYTE * n_bytes,
         data_bytes=min(memory_bytes, MAX_MEMORY_BYTES),
         n_files=MAX_OPEN_FILES,
@@ -116,11 +116,11 @@ def import_files_of_request_and_report(request: dict[str, Any]) -> dict[str, Any
     Raises:
         CwcliError: As `plan_import` and `write_import`.
     """
-    from cwcli.array_memory import bound_array_memory
+    from cwcli.array_memory import bound_array_memory_and_get_old_handler
 
     if request["stdout"] is not None:
         os.dup2(request["stdout"], 1)
-    bound_array_memory()
+    bound_array_memory_and_get_old_handler()
     given = request["answers"]
     columns = {(table, quantity): (column, unit) for table, quantity, column, unit in given["columns"]}
     answers = Answers(**{**given, "columns": columns, "dbc": tuple(given["dbc"])})

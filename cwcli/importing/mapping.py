@@ -18,11 +18,11 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.tables import Answers, Guess
 from cwcli.input import read_file
-from cwcli.toml_text import MAX_CHARS, parse_toml
+from cwcli.toml_text import MAX_TOML_FILE_CHARS, parse_toml
 
 HEAD = "# How these files were read. Edit it and give it again: cwcli import FILES -o LOG --mapping THIS\n"
 """First line of a mapping file."""
@@ -43,7 +43,8 @@ def parse_table_quantity_and_column_unit(text: str) -> tuple[tuple[str, str], tu
         raise UsageError(f"--column {text}: expected QUANTITY=COLUMN, or QUANTITY=COLUMN*UNIT")
     if quantity not in QUANTITIES:
         raise UsageError(
-            f"--column {text}: there is no quantity {quantity!r}", hint=hint_at_known_names(quantity, QUANTITIES)
+            f"--column {text}: there is no quantity {quantity!r}",
+            hint=hint_at_closest_or_all_known_names(quantity, QUANTITIES),
         )
     return (table, quantity), split_column_and_unit(value)
 
@@ -61,7 +62,7 @@ def read_mapping(path: str) -> Answers:
         UsageError: It can't be read, or holds something else.
     """
     try:
-        document = parse_toml(read_file(path, MAX_CHARS + 1).decode())
+        document = parse_toml(read_file(path, MAX_TOML_FILE_CHARS + 1).decode())
     except (OSError, ValueError, RecursionError) as error:
         said = getattr(error, "strerror", None) or str(error)
         raise UsageError(f"the mapping can't be read: {said}", where=path) from error
@@ -83,7 +84,7 @@ def read_mapping(path: str) -> Answers:
             raise UsageError(
                 f"answers.{key}: there is no such answer",
                 where=path,
-                hint=hint_at_known_names(key, (*_TEXT_ANSWERS, "dbc")),
+                hint=hint_at_closest_or_all_known_names(key, (*_TEXT_ANSWERS, "dbc")),
             )
     columns: dict[tuple[str, str], tuple[str, str]] = {}
     for table in tables:
@@ -102,7 +103,9 @@ def _parse_columns_to_column_and_unit(table: Any, path: str) -> dict[tuple[str, 
             raise UsageError(f"{table['name']}: {key} is not of the form COLUMN or COLUMN*UNIT", where=path)
         if key not in QUANTITIES:
             raise UsageError(
-                f"{table['name']}: there is no quantity {key!r}", where=path, hint=hint_at_known_names(key, QUANTITIES)
+                f"{table['name']}: there is no quantity {key!r}",
+                where=path,
+                hint=hint_at_closest_or_all_known_names(key, QUANTITIES),
             )
         found[table["name"], key] = split_column_and_unit(value)
     return found

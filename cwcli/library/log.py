@@ -93,9 +93,9 @@ class Log:
             InputError: The log is damaged, or changed while it was read.
             DataError: The data breaks its contract.
         """
-        from cwcli.library.options import plan_named_stages, read_sensor_options
+        from cwcli.library.options import plan_named_stages, sensor_reading_from_options
 
-        reading = read_sensor_options(clock, ego_station, calibration)
+        reading = sensor_reading_from_options(clock, ego_station, calibration)
         calls, rules = plan_named_stages(stages, options or {}, reading, strict=strict)
         return self.run_calls(calls, rules, progress)
 
@@ -125,7 +125,7 @@ class Log:
                 skip=rules.skip,
                 strict=rules.strict,
                 choice=rules.choice,
-                step=progress or _ignore_step,
+                step=progress or _show_no_step,
             )
         for file in self._log.file.disk_files:
             file.check_unchanged()
@@ -192,11 +192,11 @@ def open_log(
         InputError: It can't be read, or is damaged.
         UsageError: A topic choice or a time is wrong.
     """
-    choices = merge_topic_choices(topics or {}, dbc)
-    return open_selected(source, choices, (start, end), recover=recover, limits=limits)
+    choices = role_options_with_dbc_files(topics or {}, dbc)
+    return open_log_with_choices_and_span(source, choices, (start, end), recover=recover, limits=limits)
 
 
-def open_selected(
+def open_log_with_choices_and_span(
     source: Source | InputFile,
     choices: Sequence[str],
     span: tuple[float | str | None, float | str | None],
@@ -235,17 +235,19 @@ def open_selected(
         raise
 
 
-def merge_topic_choices(topics: Mapping[str, str], dbc: Iterable[str]) -> list[str]:
+def role_options_with_dbc_files(topics: Mapping[str, str], dbc: Iterable[str]) -> list[str]:
     """Return `ROLE=/topic` of each choice; those with a field get the DBC files.
 
     Raises:
         UsageError: A role does not exist, or its fields can't be mapped.
     """
-    from cwcli.channels.binding import check_topic_overrides, names_message_fields
+    from cwcli.channels.binding import check_topic_overrides, does_override_name_message_fields
 
     check_topic_overrides(topics, "topics:")
     files = list(map(str, dbc))
-    fields = [f"{role}={text}" for role, text in topics.items() if files and names_message_fields(role, text)]
+    fields = [
+        f"{role}={text}" for role, text in topics.items() if files and does_override_name_message_fields(role, text)
+    ]
     named = [f"{role}={text}" for role, text in topics.items() if f"{role}={text}" not in fields]
     if not fields:
         return named
@@ -254,5 +256,5 @@ def merge_topic_choices(topics: Mapping[str, str], dbc: Iterable[str]) -> list[s
     return [*named, *merge_mapping_options(fields, files, "topics:")]
 
 
-def _ignore_step(text: str) -> None:
+def _show_no_step(text: str) -> None:
     """Take the name of a step and show nothing."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.pipeline.call import StageCall
 from cwcli.pipeline.execute import RunRules, SkipRules
 from cwcli.pipeline.missing import SignalCheck, SkipStagesAlreadyRun
@@ -27,7 +27,7 @@ CLOCKS = ("stamp", "log")
 """Times that a measurement can have: its header stamp, or when it was logged."""
 
 
-def require_stage_names(names: Sequence[str]) -> tuple[str, ...]:
+def stage_names_in_pipeline_order(names: Sequence[str]) -> tuple[str, ...]:
     """Return named stages in the order of the pipeline, the default ones where none is named.
 
     Raises:
@@ -35,11 +35,13 @@ def require_stage_names(names: Sequence[str]) -> tuple[str, ...]:
     """
     for name in names:
         if name not in STAGES:
-            raise UsageError(f"there is no stage {name}", hint=hint_at_known_names(name, STAGES, "known"))
+            raise UsageError(
+                f"there is no stage {name}", hint=hint_at_closest_or_all_known_names(name, STAGES, "known")
+            )
     return tuple(name for name in STAGES if name in (names or DEFAULT_STAGES))
 
 
-def read_sensor_options(clock: str, ego_station: str | None, calibration: str | Path | None) -> SensorReading:
+def sensor_reading_from_options(clock: str, ego_station: str | None, calibration: str | Path | None) -> SensorReading:
     """Return how sensor messages are read, with the calibration of a file.
 
     Raises:
@@ -47,7 +49,7 @@ def read_sensor_options(clock: str, ego_station: str | None, calibration: str | 
         InputError: The file can't be read.
     """
     if clock not in CLOCKS:
-        raise UsageError(f"there is no clock {clock!r}", hint=hint_at_known_names(str(clock), CLOCKS))
+        raise UsageError(f"there is no clock {clock!r}", hint=hint_at_closest_or_all_known_names(str(clock), CLOCKS))
     if calibration is None:
         return SensorReading(clock, ego_station)
     from cwcli.estimation.calibration import load_calibration
@@ -66,7 +68,7 @@ def plan_named_stages(
     Raises:
         UsageError: A stage or an option does not exist, a value is wrong, or options are for a stage that does not run.
     """
-    wanted = require_stage_names(names)
+    wanted = stage_names_in_pipeline_order(names)
     first = [each for name in wanted for each in STAGES[name].first if names and each not in wanted]
     calls = {
         name: configure_named_stage(name, options.get(name, {}), reading)
@@ -74,7 +76,7 @@ def plan_named_stages(
         if name in wanted or name in first
     }
     for name in options:
-        require_stage_names([name])
+        stage_names_in_pipeline_order([name])
         if name not in calls:
             raise UsageError(
                 f"options are given for the stage {name}, which does not run", hint=f"run: {', '.join(calls)}"

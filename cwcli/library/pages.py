@@ -77,16 +77,16 @@ def write_report(
     content = PageContent(gates, system, recover=recover, is_pdf=Path(name).suffix.lower() == PDF_SUFFIX)
     with remember_inputs():
         if not isinstance(source, Result):
-            write_page(str(source), name, content, force=force, progress=progress)
+            write_report_page_and_get_size(str(source), name, content, force=force, progress=progress)
             return Path(target)
         refuse_unwritable_targets([name], force=force)
         with TemporaryDirectory(prefix="cwcli-") as folder:
             [annotated] = source.save(Path(folder) / (Path(source.name).name or "log.mcap"), replace=True)
-            write_page(str(annotated), name, content, force=force, progress=progress)
+            write_report_page_and_get_size(str(annotated), name, content, force=force, progress=progress)
     return Path(target)
 
 
-def write_page(
+def write_report_page_and_get_size(
     source: str, target: str, content: PageContent, *, force: bool, progress: Callable[[str], None] | None = None
 ) -> tuple[Report, int]:
     """Build the page and write it; `cwcli.report` and the command come here.

@@ -85,7 +85,9 @@ def simulate_log(
     is_file = scenario not in (*ROAD_SCENARIOS, *scenario_names())
     refuse_unwritable_targets([target], force=force, inputs=[scenario] if is_file else [])
     if scenario in ROAD_SCENARIOS:
-        return _render_road(scenario, target, weather, seed, (*ROAD_SCENARIOS[scenario], *overrides), force=force)
+        return _write_rendered_road_log(
+            scenario, target, weather, seed, (*ROAD_SCENARIOS[scenario], *overrides), force=force
+        )
     if weather is not None:
         raise UsageError(
             f"--weather {weather}: only a rendered drive has a weather",
@@ -101,7 +103,7 @@ def simulate_log(
     return SimulatedLog(drive.scenario.name, drive.seed, about, written)
 
 
-def _render_road(
+def _write_rendered_road_log(
     name: str, target: str, weather: str | None, seed: int | None, overrides: tuple[str, ...], *, force: bool
 ) -> SimulatedLog:
     """Render a drive on a road and write its frames."""

@@ -73,17 +73,17 @@ def arrow_table_of_doubts(doubts: Sequence[Doubt]) -> pa.Table:
 
 def _arrow_table(columns: Columns) -> pa.Table:
     """Convert columns to Arrow: times as int64, and lists behind single values, whether read from a file or not."""
-    names = sorted(columns.fields, key=lambda name: _is_list(columns.fields[name]))
-    fields = {name: _signed_times(name, columns.fields[name]) for name in names}
+    names = sorted(columns.fields, key=lambda name: _has_several_values_per_row(columns.fields[name]))
+    fields = {name: _as_int64_if_times(name, columns.fields[name]) for name in names}
     return to_arrow_table(make_channel_table(columns.topic, replace(columns, fields=fields)))
 
 
-def _is_list(values: Field) -> bool:
+def _has_several_values_per_row(values: Field) -> bool:
     """Whether each row holds several values."""
     return isinstance(values, Ragged) or (isinstance(values, np.ndarray) and values.ndim > 1)
 
 
-def _signed_times(name: str, values: Field) -> Field:
+def _as_int64_if_times(name: str, values: Field) -> Field:
     """Return times as int64, which they fit until the year 2262; other columns as they are."""
     if name.endswith(TIME_SUFFIX) and isinstance(values, np.ndarray) and values.dtype == np.uint64:
         return values.astype(np.int64)

@@ -55,7 +55,7 @@ class OutputFiles:
     is_folder_of_parts: bool = False
     force: bool = False
 
-    def table_by_file(self, result: WritableRun) -> dict[Path, Table]:
+    def tables_by_file(self, result: WritableRun) -> dict[Path, Table]:
         """Return every table that is written, by its file."""
         if self.tables_folder is None:
             return dict(self.tables)
@@ -95,7 +95,7 @@ def write_outputs(
     """
     from cwcli.metrics.table import write_table
 
-    tables = files.table_by_file(result)
+    tables = files.tables_by_file(result)
     refuse_unwritable_targets(
         [path for path in tables if path.parent.is_dir()], force=files.force
     )  # others are made below
@@ -104,7 +104,9 @@ def write_outputs(
     with bounded_array_memory(), AtomicGroup() as together:
         if files.annotated is not None:
             step(f"writing {files.annotated}")
-            names, dropped_profile = _write_annotated_log_and_list_files(result, files, files.annotated, together)
+            names, dropped_profile = _write_annotated_log_get_files_and_dropped_profile(
+                result, files, files.annotated, together
+            )
         if files.tables_folder is not None:
             make_folder(files.tables_folder)
         for path, table in tables.items():
@@ -112,7 +114,7 @@ def write_outputs(
     return WrittenFiles((*(name for name in names if name != STDOUT), *map(str, tables)), dropped_profile)
 
 
-def _write_annotated_log_and_list_files(
+def _write_annotated_log_get_files_and_dropped_profile(
     result: WritableRun, files: OutputFiles, target: str, together: AtomicGroup
 ) -> tuple[list[str], str]:
     """Write the annotated log; return the names of its files, and the profile that it could not keep or ""."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
     CONNECTIVES,
@@ -145,7 +145,9 @@ class _Parser(ConditionParser):
             return Share(self._parse_gate_of_single_logs())
         if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
             known = (*FUNCTIONS, "p95", "share", "any", "all")
-            raise UsageError(f"a gate has no function {text}", hint=hint_at_known_names(text, known, "known"))
+            raise UsageError(
+                f"a gate has no function {text}", hint=hint_at_closest_or_all_known_names(text, known, "known")
+            )
         self.require_sign("(")
         kind, inner, start = self._next_token("a metric")
         if kind != "name" or self.peek_token()[1] == "(":

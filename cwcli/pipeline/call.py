@@ -55,7 +55,7 @@ class StageCall:
         Raises:
             CwcliError: As the stage does.
         """
-        return run_stage(self.stage, log, replace_selection(self.config, selection))
+        return run_stage(self.stage, log, config_with_selection(self.config, selection))
 
 
 def run_stage(stage: Stage, log: Log, config: Any) -> StageResult:
@@ -72,7 +72,7 @@ def run_stage(stage: Stage, log: Log, config: Any) -> StageResult:
     return result if judge is None else judge(log, config, result)
 
 
-def replace_selection(config: Any, selection: Selection) -> Any:
+def config_with_selection(config: Any, selection: Selection) -> Any:
     """Return a stage's configuration with the selection, which goes into its `sources` if it has that field."""
     chosen = {"topics": selection.topics, "start_ns": selection.start_ns, "end_ns": selection.end_ns}
     if hasattr(config, "sources"):

@@ -13,7 +13,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import read_configuration, read_finite_number_or_nan, read_input_counts, read_run_records
 from cwcli.signals.role import Role
 
-MIN_FRAMES = 100
+MIN_FRAMES_TO_ESTIMATE_PITCH = 100
 """Smallest number of frames with both boundaries from which a pitch is estimated; chosen by hand."""
 N_BOOTSTRAP_BLOCKS = 10
 """Number of consecutive parts of the log whose mean pitches give the sigma; chosen by hand."""
@@ -50,7 +50,7 @@ def estimate_camera_pitch(log: Log) -> CameraPitch | None:
         return None
     lanes = read_lanes(log.columns(LANES.topic))
     pitch_rad = lanes.camera_pitch_rad[lanes.found.all(axis=1) & np.isfinite(lanes.camera_pitch_rad)]
-    if len(pitch_rad) < MIN_FRAMES or not np.ptp(pitch_rad) > 0.0:
+    if len(pitch_rad) < MIN_FRAMES_TO_ESTIMATE_PITCH or not np.ptp(pitch_rad) > 0.0:
         return None
     means = [part.mean() for part in np.array_split(pitch_rad, N_BOOTSTRAP_BLOCKS)]
     scatter_rad = float(np.std(means, ddof=1)) / math.sqrt(N_BOOTSTRAP_BLOCKS)

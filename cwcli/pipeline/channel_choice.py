@@ -61,7 +61,7 @@ class ChannelChoice:
                 what = f"--channels {each}: cwcli writes no such channel"
                 raise UsageError(what, found=tuple(sorted(known)), hint="name some of these; * stands for any part")
 
-    def patterns_without_topic(self, made: Collection[str]) -> tuple[str, ...]:
+    def patterns_that_match_no_topic(self, made: Collection[str]) -> tuple[str, ...]:
         """Return the patterns that match none of the topics of the run."""
         return tuple(each for each in self.patterns if not any(fnmatchcase(topic, each) for topic in made))
 

@@ -133,14 +133,14 @@ def run_stages(
     choice.check_patterns_match_topics(
         made := [channel.topic for result in outcome.results for channel in result.channels]
     )
-    outcome.unmade = choice.patterns_without_topic(made)
+    outcome.unmade = choice.patterns_that_match_no_topic(made)
     outcome.faults = log.faults.counts_by_reason()
     if strict:
-        raise_on_data_faults(outcome, log.start_ns)
+        raise_on_data_faults_or_contradictions(outcome, log.start_ns)
     return outcome, current
 
 
-def raise_on_data_faults(outcome: RunOutcome, start_ns: int) -> None:
+def raise_on_data_faults_or_contradictions(outcome: RunOutcome, start_ns: int) -> None:
     """Raise an error for rejected, repaired or lost data, corrected sources and contradictions (`--strict`).
 
     The message gives the time of a fault from the log's start.

@@ -20,7 +20,7 @@ STAMP_FIELD_NAMES = (*HEADER_STAMP_FIELDS, *JSON_STAMP_FIELDS, *PROTOBUF_STAMP_F
 """Names of the leaf fields that may hold a message's own time, of all encodings that cwcli reads."""
 MIN_ROWS, MIN_DURATION_S = 30, 5.0
 """Fewest messages and shortest time [s] from which a clock drift is estimated; chosen by hand."""
-MIN_DRIFT_SIGMAS = 5.0
+MIN_DELAY_CHANGE_OF_DRIFT_SIGMAS = 5.0
 """Least change of the delay, relative to its scatter, that counts as a drift. Chosen by hand."""
 S_PER_MIN = 60.0
 """Number of seconds in a minute."""
@@ -119,4 +119,8 @@ def clock_drift_ms_per_min(stamp_ns: Int64Array, log_ns: Int64Array) -> float:
     minutes = (median_of_values(log_ns[-third:]) - median_of_values(log_ns[:third])) / NS_PER_S / S_PER_MIN
     change_s = float(np.quantile(last, 0.25) - np.quantile(first, 0.25))
     scatter_s = max(float(np.subtract(*np.quantile(part, (0.75, 0.25)))) for part in (first, last)) / np.sqrt(third)
-    return 1e3 * change_s / float(minutes) if abs(change_s) > max(MIN_DRIFT_SIGMAS * scatter_s, 1e-4) else 0.0
+    return (
+        1e3 * change_s / float(minutes)
+        if abs(change_s) > max(MIN_DELAY_CHANGE_OF_DRIFT_SIGMAS * scatter_s, 1e-4)
+        else 0.0
+    )

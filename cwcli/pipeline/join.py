@@ -10,10 +10,10 @@ import numpy as np
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.other_car import (
     RecorderClock,
-    clock_difference_text,
     estimate_recorder_clock,
     merge_states_by_log_time,
     move_states_to_our_map_and_clock,
+    recorder_clock_difference_text,
 )
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel, read_vehicle_states
@@ -84,7 +84,7 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
     n_outside = 0
     span_ns = read_vehicle_states(ours.columns(EGO_STATE.topic), with_covariance=False).stamp_ns
     for source, target in EGO_AND_REMOTE_CHANNELS:
-        if not _has_messages(theirs, source.topic):
+        if not _has_decodable_messages(theirs, source.topic):
             continue
         log_shift_ns = stamp_shift_ns if source is EGO_STATE else -offset_ns  # in hindsight, log times are the stamps
         states = move_states_to_our_map_and_clock(
@@ -104,7 +104,7 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
         n_outside = max(n_outside, len(states) - len(within))
         all_states = (
             merge_states_by_log_time(read_vehicle_states(ours.columns(target.topic)), within)
-            if _has_messages(ours, target.topic)
+            if _has_decodable_messages(ours, target.topic)
             else within
         )
         added[target] = all_states
@@ -127,13 +127,13 @@ def _log_with_estimated_states(log: Log, estimate: Call) -> Log:
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
         with _hint_at_estimate_on_missing_signal(log):
             log = run_stages(log, {"estimate": estimate}, Selection())[1]
-    if not _has_messages(log, EGO_STATE.topic):
+    if not _has_decodable_messages(log, EGO_STATE.topic):
         hint = "estimate its sensors' log again, and join what that writes"
         raise MissingSignalError(f"{EGO_STATE.topic} holds no state", where=log.name, hint=hint)
     return log
 
 
-def _has_messages(log: Log, topic: str) -> bool:
+def _has_decodable_messages(log: Log, topic: str) -> bool:
     return any(channel.topic == topic for channel in log.channels) and len(log.columns(topic)) > 0
 
 
@@ -198,7 +198,7 @@ def _format_join_notes(
     recorders: tuple[RecorderClock, RecorderClock], offset_ns: int, n_outside: int
 ) -> tuple[str, ...]:
     """Return the notes on the recorders' clocks and on the states that were left out."""
-    notes = [clock_difference_text(offset_ns, *recorders)]
+    notes = [recorder_clock_difference_text(offset_ns, *recorders)]
     for who, recorder in zip((EGO, OTHER), recorders, strict=True):
         if not recorder.is_on_epochs:
             notes.append(

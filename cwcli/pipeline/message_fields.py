@@ -9,8 +9,8 @@ from cwcli.channels.reasons import (
     FieldKind,
     UnboundReason,
     explain_unknown_type_by_fields,
-    format_system_warning_command,
-    warning_condition_of_diagnostics,
+    format_system_warning_command_if_readable,
+    warning_condition_of_diagnostics_or_empty,
 )
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
@@ -18,16 +18,16 @@ from cwcli.logs.codecs.ros2msg import SchemaError
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
-MAX_MESSAGES = 5
+MAX_MESSAGES_READ_PER_CHANNEL = 5
 """Greatest number of messages of a channel that are read for its fields: the first may lack optional ones. Chosen by
 hand."""
-MAX_MESSAGE_BYTES = 1 << 16
+MAX_BYTES_OF_READ_MESSAGE = 1 << 16
 """Largest message that is read for its fields, 64 KiB; images and point clouds are larger. Chosen by hand."""
-MAX_CHANNELS = 50
+MAX_CHANNELS_READ_FOR_FIELDS = 50
 """Greatest number of channels of a log whose messages are read for their fields. Chosen by hand."""
-MAX_FIELDS = 200
+MAX_FIELDS_LISTED_PER_MESSAGE = 200
 """Greatest number of fields of a message that are listed. Chosen by hand."""
-MAX_DEPTH = 8
+MAX_NESTING_SEARCHED_FOR_FIELDS = 8
 """Greatest nesting of a message that is searched for fields. Chosen by hand."""
 
 
@@ -40,9 +40,9 @@ def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:
     schemas = {channel.topic: channel.schema_name for channel in log.channels}
     unknown = [topic for topic, reason in why.items() if reason.why == UNKNOWN_TYPE_TEXT and not reason.fields]
     diagnostics = [topic for topic in why if schemas[topic].endswith("/DiagnosticArray")]
-    for topic in [*unknown, *diagnostics][:MAX_CHANNELS]:
+    for topic in [*unknown, *diagnostics][:MAX_CHANNELS_READ_FOR_FIELDS]:
         try:
-            trees = log.first_message_trees(topic, MAX_MESSAGES, MAX_MESSAGE_BYTES)
+            trees = log.first_message_trees(topic, MAX_MESSAGES_READ_PER_CHANNEL, MAX_BYTES_OF_READ_MESSAGE)
         except InputError as error:
             if isinstance(error.__cause__, SchemaError):
                 why[topic] = UnboundReason(f"{why[topic].why}, and it can't be read: {error.what}")
@@ -50,8 +50,8 @@ def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:
         except CwcliError:  # the log is damaged, which the commands that need it say
             continue
         if topic in diagnostics:
-            condition = warning_condition_of_diagnostics(trees)
-            tries = tuple(format_system_warning_command(topic, condition)) if condition else ()
+            condition = warning_condition_of_diagnostics_or_empty(trees)
+            tries = tuple(format_system_warning_command_if_readable(topic, condition)) if condition else ()
             why[topic] = why[topic]._replace(tries=(*why[topic].tries, *tries))
         elif kinds := field_kinds_of_trees(trees):
             why[topic] = explain_unknown_type_by_fields(topic, kinds)
@@ -67,7 +67,7 @@ def field_kinds_of_trees(trees: list[object]) -> dict[str, FieldKind]:
 
 def _add_field_kinds(value: object, path: str, found: dict[str, FieldKind], depth: int) -> None:
     """Add the leaf fields of a part of a message; those of lists of messages are left out."""
-    if len(found) >= MAX_FIELDS or depth > MAX_DEPTH:
+    if len(found) >= MAX_FIELDS_LISTED_PER_MESSAGE or depth > MAX_NESTING_SEARCHED_FOR_FIELDS:
         return
     if isinstance(value, dict):
         for name, part in value.items():

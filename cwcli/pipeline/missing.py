@@ -55,7 +55,7 @@ class SignalCheck:
             UsageError: An override of a topic does not fit the log.
         """
         for group in self.stages[stage].required_role_groups:
-            errors = [self._binding_error(name, log, selection) for name in group]
+            errors = [self._binding_error_or_none(name, log, selection) for name in group]
             role, error = group[0], errors[0]
             if error is None or None in errors:
                 continue
@@ -69,10 +69,12 @@ class SignalCheck:
             ).notes
             if notes and role == Role.EGO_POSITION:
                 raise error
-            return MissingSignals(notes[0] if notes else self._format_reason(stage, role, log, selection), error)
+            return MissingSignals(
+                notes[0] if notes else self._format_reason_of_missing_role(stage, role, log, selection), error
+            )
         return None
 
-    def _binding_error(self, role: str, log: Log, selection: Selection) -> MissingSignalError | None:
+    def _binding_error_or_none(self, role: str, log: Log, selection: Selection) -> MissingSignalError | None:
         """Return the error of binding one role, with the V2X stations for the ego's position; else None."""
         try:
             bind_roles(
@@ -89,15 +91,17 @@ class SignalCheck:
             return error
         return None
 
-    def _format_reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:
+    def _format_reason_of_missing_role(self, stage: str, role: str, log: Log, selection: Selection) -> str:
         """Return why the stage is left out for lack of a role, in one line."""
         if role in (Role.REMOTE, REMOTE_STATE.role, REMOTE_PATH.role):
             return (
-                NO_REMOTE_CHANNEL_TEXT if self._binding_error(Role.REMOTE, log, selection) else NO_REMOTE_MESSAGE_TEXT
+                NO_REMOTE_CHANNEL_TEXT
+                if self._binding_error_or_none(Role.REMOTE, log, selection)
+                else NO_REMOTE_MESSAGE_TEXT
             )
-        return f"no channel holds {ROLE_TEXT[role]}{self._suggest_other_stages(stage, log, selection)}"
+        return f"no channel holds {ROLE_TEXT[role]}{self._suggest_other_stages_or_empty(stage, log, selection)}"
 
-    def _suggest_other_stages(self, stage: str, log: Log, selection: Selection) -> str:
+    def _suggest_other_stages_or_empty(self, stage: str, log: Log, selection: Selection) -> str:
         """Return words on stages that do the same from other signals, if the file holds those; else ""."""
         added = {channel.topic for channel in log.added_channels}
         there = [channel for channel in log.channels if channel.topic not in added]

@@ -48,7 +48,7 @@ def readiness_of_each_stage(bound: Collection[str], stages: Table) -> list[Stage
         unused = tuple(
             dict.fromkeys(_input_role_that_yields(role, sources) for role in stage.used if role not in available)
         )
-        after = () if missing else _stages_needed_first(stage, earlier, bound)
+        after = () if missing else _names_of_stages_needed_first(stage, earlier, bound)
         entries.append(StageReadiness(stage, stage.is_satisfied_by(bound), after, missing, unused))
         if not missing:
             earlier.append(stage)
@@ -56,7 +56,7 @@ def readiness_of_each_stage(bound: Collection[str], stages: Table) -> list[Stage
     return entries
 
 
-def _stages_needed_first(stage: Stage, earlier: Sequence[Stage], bound: Collection[str]) -> tuple[str, ...]:
+def _names_of_stages_needed_first(stage: Stage, earlier: Sequence[Stage], bound: Collection[str]) -> tuple[str, ...]:
     """Return the earlier stages that publish what `stage` requires and the log does not hold."""
     wanted = _unbound_role_groups(stage, bound)
     names: list[str] = []

@@ -30,10 +30,10 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
 
-MAX_MESSAGE_AGE_S = 1.0
+PATH_TIME_BEYOND_HORIZON_S = 1.0
 """Time [s] by which remote paths reach beyond the horizon, because their state is older than the moment at which they
 are used; chosen by hand."""
-CHECKED_SPAN_NS = 2 * NS_PER_S
+SPAN_COMPARED_WITH_LOGGED_PATHS_NS = 2 * NS_PER_S
 """Log time [ns] over which logged paths are compared with paths that were planned again; chosen by hand."""
 SAME_POSITION_TOLERANCE_M = 2.0**-LENGTH_FRACTION_BITS
 """Greatest distance [m] of two equal path points: the step to which published lengths are rounded."""
@@ -58,7 +58,7 @@ class PathRequest:
 
 def plan_paths_from_states(states: VehicleStates, role: str, request: PathRequest) -> LazyPaths:
     """Plan a path from each state of the ego or of the remote vehicles; the points are computed when they are read."""
-    horizon_s = request.horizon_s + (MAX_MESSAGE_AGE_S if role == REMOTE_STATE.role else 0.0)
+    horizon_s = request.horizon_s + (PATH_TIME_BEYOND_HORIZON_S if role == REMOTE_STATE.role else 0.0)
     settings = RolloutSettings(horizon_s, request.step_s, request.discretisation)
     return LazyPaths.from_states(states, plan_vehicle_paths(request.model, path_starts_from_states(states), settings))
 
@@ -84,7 +84,7 @@ def replanned_or_logged_paths_and_notes(log: Log, topic: str, role: str) -> tupl
         if channel.topic == topic and isinstance(channel, LazyPathChannel):
             return channel.lazy_paths, ()
     record = read_run_records(log).get("predict", {})
-    if max_logged_path_rate_hz(record) is None:
+    if max_path_rate_hz_or_none_if_every_state(record) is None:
         return read_predicted_paths(log.columns(topic)), ()
     planned = _replan_paths_from_record(log, role, record)
     if planned is not None and _replanned_paths_match_log(log, topic, planned):
@@ -94,7 +94,7 @@ def replanned_or_logged_paths_and_notes(log: Log, topic: str, role: str) -> tupl
     return published, (note,)
 
 
-def max_logged_path_rate_hz(record: Record) -> float | None:
+def max_path_rate_hz_or_none_if_every_state(record: Record) -> float | None:
     """Return the greatest rate of each vehicle's paths in the log [Hz]; None: one from each state."""
     rate_hz = read_configuration(record).get("path_rate_hz")
     return float(rate_hz) if isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool) else None
@@ -139,7 +139,7 @@ def _replanned_paths_match_log(log: Log, topic: str, planned: LazyPaths) -> bool
     for at in (0, len(planned) // 2):
         first_ns = int(planned.log_time_ns[at])
         found = read_predicted_paths(
-            log.load_topics({topic: None}, logged=(first_ns, first_ns + CHECKED_SPAN_NS))[topic]
+            log.load_topics({topic: None}, logged=(first_ns, first_ns + SPAN_COMPARED_WITH_LOGGED_PATHS_NS))[topic]
         )
         if not _are_found_paths_among_planned(planned, found):
             return False

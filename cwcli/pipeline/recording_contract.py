@@ -86,8 +86,10 @@ class RecordingContract:
             if not isinstance(conditions.get("schema", ""), str):
                 what = f"{topic}: schema = {conditions['schema']!r} is not the name of a type"
                 raise UsageError(what, where=path, hint='schema = "sensor_msgs/NavSatFix"')
-            _check_numbers(path, {name: each for name, each in conditions.items() if name != "schema"}, f"{topic}: ")
-        _check_numbers(path, document, "")
+            _require_numbers_from_zero_on(
+                path, {name: each for name, each in conditions.items() if name != "schema"}, f"{topic}: "
+            )
+        _require_numbers_from_zero_on(path, document, "")
         if not (document or roles or topics):
             raise UsageError("the contract asks for nothing", where=path)
         return cls(document, tuple(map(str, roles)), topics)
@@ -109,7 +111,7 @@ class RecordingContract:
             topics: Topic -> its statistics, by the names of the fields of `TopicHealth`.
         """
         made = [
-            _compare_with_limit("log", name, limit, totals[_quantity_of_condition(name)])
+            _compare_with_limit("log", name, limit, totals[_condition_name_without_min_or_max(name)])
             for name, limit in self.limits.items()
         ]
         for role in self.roles:
@@ -132,7 +134,7 @@ class RecordingContract:
         return made
 
 
-def _quantity_of_condition(name: str) -> str:
+def _condition_name_without_min_or_max(name: str) -> str:
     """Return what a condition limits: `duration_s` for `min_duration_s`."""
     return name.partition("_")[2]
 
@@ -144,7 +146,7 @@ def _compare_with_limit(about: str, name: str, limit: float, found: float) -> Co
     shown = "not known" if math.isnan(found) else f"{found:.4g}"
     return ConditionVerdict(
         about,
-        f"{_quantity_of_condition(name)} {'>=' if name.startswith('min_') else '<='} {limit:g}",
+        f"{_condition_name_without_min_or_max(name)} {'>=' if name.startswith('min_') else '<='} {limit:g}",
         shown,
         bool(holds),
     )
@@ -157,7 +159,7 @@ def _check_known_keys(path: str, table: Mapping[str, Any], names: Sequence[str],
             raise UsageError(f"{about}a contract knows no {name}", where=path, hint=f"it knows {', '.join(names)}")
 
 
-def _check_numbers(path: str, table: Mapping[str, Any], about: str) -> None:
+def _require_numbers_from_zero_on(path: str, table: Mapping[str, Any], about: str) -> None:
     """Raise `UsageError` for a value that is no finite number from 0 on."""
     for name, value in table.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_NUMBER:

@@ -101,7 +101,7 @@ class RecordedSummary:
     contradictions: tuple[str, ...] = ()
     corrections: tuple[str, ...] = ()
 
-    def column_cells(self, key: str, *columns: str) -> list[tuple[Cell, ...]]:
+    def rows_of_table_columns_or_empty(self, key: str, *columns: str) -> list[tuple[Cell, ...]]:
         """Return the cells of some columns of a table, row by row; [] if the table or a column is missing."""
         section = next((section for section in self.sections if section.key == key), None)
         if section is None or not set(columns) <= set(section.columns):
@@ -116,19 +116,19 @@ def read_recorded_summary(record: Record) -> RecordedSummary:
     sections = found.get("sections")
     return RecordedSummary(
         str(found.get("verdict") or ""),
-        _parse_texts(found.get("notes")),
-        tuple(filter(None, map(_parse_section, sections))) if isinstance(sections, list) else (),
-        _parse_texts(found.get("contradictions")),
-        _parse_texts(found.get("corrections")),
+        _texts_of_list_or_empty(found.get("notes")),
+        tuple(filter(None, map(_parse_summary_table_or_none, sections))) if isinstance(sections, list) else (),
+        _texts_of_list_or_empty(found.get("contradictions")),
+        _texts_of_list_or_empty(found.get("corrections")),
     )
 
 
-def _parse_texts(found: Any) -> tuple[str, ...]:
+def _texts_of_list_or_empty(found: Any) -> tuple[str, ...]:
     """Return the texts in a list of the summary; () if it is none."""
     return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
 
 
-def _parse_section(found: Any) -> SummaryTable | None:
+def _parse_summary_table_or_none(found: Any) -> SummaryTable | None:
     """Parse a table of the summary; return None if it is malformed."""
     try:
         columns = tuple(str(name) for name in found["columns"])
@@ -144,7 +144,7 @@ def _parse_cell(value: Any) -> Cell:
     return value if value is None or isinstance(value, str | int | float) else str(value)
 
 
-def map_to_record_entry(local_map: LocalMap | None) -> dict[str, str]:
+def map_origin_record_entries(local_map: LocalMap | None) -> dict[str, str]:
     """Return the entries of the record of `estimate` that say where the map frame lies on the earth, if it does."""
     if local_map is None:
         return {"map_origin": "cartesian"}

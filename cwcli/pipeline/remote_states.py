@@ -61,8 +61,8 @@ def estimate_remote_states(
         track, known = estimate_hindsight_and_online_tracks(
             said, config, signal.stamp_ns[own], blind=estimator.takes_no_online_parameter_from_log, online_input=fewer
         )
-        hindsight.add_track(own, track)
-        online.add_track(heard, known)
+        hindsight.store_states_of_track(own, track)
+        online.store_states_of_track(heard, known)
         return summarise_track(track)
 
     hindsight, online = _CollectedStates(signal, np.ones_like(is_fresh)), _CollectedStates(signal, is_fresh)
@@ -90,7 +90,7 @@ class _CollectedStates:
         self._state, self._covariance = np.empty((n, N_STATES)), PackedCovariances.allocate_uninitialised(n, N_STATES)
         self._flags = np.zeros(n, np.uint8)
 
-    def add_track(self, rows: Int64Array, track: Track) -> None:
+    def store_states_of_track(self, rows: Int64Array, track: Track) -> None:
         """Store the states of one vehicle's rows; different vehicles may be added from different threads."""
         at = self._place[rows]
         self._state[at], self._flags[at] = track.state, track.flags

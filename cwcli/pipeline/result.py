@@ -139,7 +139,9 @@ class StageSummary:
                     "key": section.key,
                     "title": section.title,
                     "columns": list(section.columns),
-                    "rows": [[_json_cell(cell) for cell in row] for row in section.rows[:MAX_RECORDED_ROWS]],
+                    "rows": [
+                        [_cell_or_none_if_not_finite(cell) for cell in row] for row in section.rows[:MAX_RECORDED_ROWS]
+                    ],
                 }
                 for section in self.sections
                 if not section.is_timed
@@ -203,6 +205,6 @@ class StageResult:
         )
 
 
-def _json_cell(cell: Cell) -> Cell:
+def _cell_or_none_if_not_finite(cell: Cell) -> Cell:
     """Return the cell for JSON: None for NaN and infinity."""
     return None if isinstance(cell, float) and not math.isfinite(cell) else cell

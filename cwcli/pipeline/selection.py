@@ -42,14 +42,15 @@ def _require_overlap_of_span_and_log(
         UsageError: The log ends before the span begins, or begins after it has ended.
     """
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
-    hint = f"the log lasts {format_duration(duration_s)}, from {_format_utc(log.start_ns)} to {_format_utc(log.end_ns)}"
+    first, last = _format_utc_iso_time(log.start_ns), _format_utc_iso_time(log.end_ns)
+    hint = f"the log lasts {format_duration(duration_s)}, from {first} to {last}"
     if start_ns is not None and start_ns > log.end_ns:
         raise UsageError(f"--start {start} is after the end of the log", where=log.name, hint=hint)
     if end_ns is not None and end_ns <= log.start_ns:
         raise UsageError(f"--end {end} is not after the start of the log", where=log.name, hint=hint)
 
 
-def _format_utc(stamp_ns: int) -> str:
+def _format_utc_iso_time(stamp_ns: int) -> str:
     """Format a stamp in UTC to the second, or in nanoseconds where the calendar ends."""
     try:
         return f"{datetime.fromtimestamp(stamp_ns // NS_PER_S, UTC):%Y-%m-%dT%H:%M:%SZ}"

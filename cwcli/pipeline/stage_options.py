@@ -9,7 +9,7 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.pipeline.call import StageCall
@@ -72,13 +72,13 @@ def iter_option_entries(default: Any, path: tuple[str, ...] = ()) -> Iterator[Op
         option = next((extra for extra in extras if isinstance(extra, Option)), None)
         if option is not None:
             kind = option.kind or kind
-            given = _default_of_parsed_option(kind) if option.parse else value
-            yield OptionEntry(config_key_of_flags(option.flags), place, option, kind, given)
+            given = _empty_list_false_or_none_of_type(kind) if option.parse else value
+            yield OptionEntry(configuration_key_of_option_flags(option.flags), place, option, kind, given)
         elif dataclasses.is_dataclass(value):
             yield from iter_option_entries(value, place)
 
 
-def config_key_of_flags(flags: str) -> str:
+def configuration_key_of_option_flags(flags: str) -> str:
     """Name of an option in a configuration file: `tune` of `--tune/--no-tune`; `as_` of `--as`, a word of Python."""
     name = flags.partition("/")[0].removeprefix("--").replace("-", "_")
     return f"{name}_" if keyword.iskeyword(name) else name
@@ -131,7 +131,8 @@ def check_option_values_from_python(
         key = str(given).replace("-", "_")
         if key not in known:
             raise UsageError(
-                f"the stage {stage} has no option {given}", hint=hint_at_known_names(key, known, "options")
+                f"the stage {stage} has no option {given}",
+                hint=hint_at_closest_or_all_known_names(key, known, "options"),
             )
         entry = known[key]
         is_default = value is None and entry.default is None
@@ -145,7 +146,8 @@ def _require_type(name: str, kind: Any, value: Any) -> Any:
         choices = typing.get_args(kind)
         if value not in choices:
             raise UsageError(
-                f"{name} = {value!r} is not one of its values", hint=hint_at_known_names(str(value), choices)
+                f"{name} = {value!r} is not one of its values",
+                hint=hint_at_closest_or_all_known_names(str(value), choices),
             )
         return value
     if typing.get_origin(kind) is list:
@@ -165,7 +167,7 @@ def _require_type(name: str, kind: Any, value: Any) -> Any:
     raise UsageError(f"{name} = {value!r} must be {TYPE_NAMES.get(kinds[0], str(kinds[0]))}")
 
 
-def _default_of_parsed_option(kind: Any) -> Any:
+def _empty_list_false_or_none_of_type(kind: Any) -> Any:
     """Default of an option whose text is parsed: an empty list, False or None."""
     return [] if typing.get_origin(kind) is list else False if kind is bool else None
 

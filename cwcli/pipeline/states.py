@@ -48,7 +48,7 @@ def choose_state_topics(
 
     A stage binds the role of the states in hindsight (`ego_state`) and gets the channel of the chosen kind. A choice by
     `--topic ego_state=` comes first. Where a log of another version has no online states, those in hindsight are used,
-    and `note_on_hindsight_states` says so.
+    and `note_if_hindsight_states_are_read` says so.
     """
     chosen = dict(topics)
     if which == "hindsight":
@@ -81,10 +81,10 @@ def bind_state_channels(
     """
     chosen = choose_state_topics(selection.topics, selection.states, channels, (*required, *optional))
     bound = bind_roles(channels, chosen, required=required, optional=optional, where=where, command=command)
-    return replace(bound, notes=(*bound.notes, *note_on_hindsight_states(bound, selection)))
+    return replace(bound, notes=(*bound.notes, *note_if_hindsight_states_are_read(bound, selection)))
 
 
-def note_on_path_start_states(selection: StatesSelection, record: Record) -> tuple[str, ...]:
+def note_if_paths_start_from_other_states(selection: StatesSelection, record: Record) -> tuple[str, ...]:
     """Return a note if the paths start from another kind of states than is read; `record` is that of `predict`."""
     used = read_configuration(record).get("states", "hindsight") if record else selection.states
     if used == selection.states:
@@ -92,7 +92,7 @@ def note_on_path_start_states(selection: StatesSelection, record: Record) -> tup
     return (f"the paths start from states of `--states {used}`, the rest is of `--states {selection.states}`",)
 
 
-def note_on_hindsight_states(bound: Bindings, selection: StatesSelection) -> tuple[str, ...]:
+def note_if_hindsight_states_are_read(bound: Bindings, selection: StatesSelection) -> tuple[str, ...]:
     """Return a note if states in hindsight are read."""
     used = [
         role

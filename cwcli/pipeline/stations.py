@@ -17,7 +17,7 @@ from cwcli.signals.remotes import perceived_rows_mask
 from cwcli.signals.role import Role
 from cwcli.text import escape_control_characters, format_count
 
-MAX_NAMED_STATIONS = 5
+MAX_STATIONS_IN_ERROR = 5
 """Greatest number of stations that an error message names; chosen by hand."""
 
 
@@ -41,9 +41,9 @@ def add_stations_to_error(
         return error
     named = ", ".join(
         f"{escape_control_characters(station)} ({format_count(n, 'message')})"
-        for station, n in heard.most_common(MAX_NAMED_STATIONS)
+        for station, n in heard.most_common(MAX_STATIONS_IN_ERROR)
     )
-    more = f" and {len(heard) - MAX_NAMED_STATIONS} more" if len(heard) > MAX_NAMED_STATIONS else ""
+    more = f" and {len(heard) - MAX_STATIONS_IN_ERROR} more" if len(heard) > MAX_STATIONS_IN_ERROR else ""
     first = heard.most_common(1)[0][0]
     is_heard = given is not None and given.lower() in {station.lower() for station in heard}
     return MissingSignalError(

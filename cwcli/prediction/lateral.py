@@ -17,7 +17,7 @@ from cwcli.dynamics.near_lane import MIN_PREVIEW_M
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.single_track import steady_lateral_speed_per_yaw_rate_m
 from cwcli.dynamics.vehicle import Vehicle
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
@@ -73,7 +73,8 @@ class LateralPathConfig:
         """
         if self.model not in LATERAL_PATH_MODELS:
             raise UsageError(
-                f"there is no path model '{self.model}'", hint=hint_at_known_names(self.model, LATERAL_PATH_MODELS)
+                f"there is no path model '{self.model}'",
+                hint=hint_at_closest_or_all_known_names(self.model, LATERAL_PATH_MODELS),
             )
         ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s))
         if not ok or self.step_s > self.horizon_s:

@@ -12,7 +12,7 @@ from math import ceil
 from pathlib import Path
 from typing import IO
 
-from cwcli.bounded_process import Limits, bounded_command
+from cwcli.bounded_process import Limits, command_with_limits
 from cwcli.errors import OutputError, UsageError
 
 BROWSER_PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -88,7 +88,7 @@ def _print_pdf_in_folder(folder: Path, html: bytes, browser: str, limit_s: float
         ceil(limit_s) * CPU_S_PER_S, MAX_BROWSER_FILE_BYTES, n_files=MAX_BROWSER_OPEN_FILES, has_threads=True
     )
     # without privileges, giving up the network takes the right to a sandbox, which is worth more
-    command = bounded_command(command, limits, has_no_network=os.geteuid() == 0)
+    command = command_with_limits(command, limits, has_no_network=os.geteuid() == 0)
     with talk.open("wb") as said:  # no pipe: it would stay open as long as any child of the browser lives
         code = _run_and_end_children(command, said, limit_s)
     if code or not target.is_file():

@@ -275,11 +275,13 @@ def _draw_panels(figure: Any, drive: Drive, panels: Sequence[Panel]) -> None:
 
 def _warning_times_s(drive: Drive) -> FloatArray:
     """Return the times of the warnings, in s since the log began."""
-    from cwcli.channels.warning import warning_events
+    from cwcli.channels.warning import warning_events_with_known_start
 
     if drive.warnings is None:
         return np.zeros(0)
-    return drive.seconds_since_start(np.array([event.raised_ns for event in warning_events(drive.warnings)], np.int64))
+    return drive.seconds_since_start(
+        np.array([event.raised_ns for event in warning_events_with_known_start(drive.warnings)], np.int64)
+    )
 
 
 def _draw_map(figure: Any, drive: Drive) -> None:

@@ -119,8 +119,10 @@ def iter_source_residuals(drive: Drive) -> Iterator[SourceResiduals]:
     states = drive.ego.sort_by_stamp_without_repeats()
     record = drive.records.get("estimate", {})
     found = read_recorded_summary(record)
-    of_parameters = found.column_cells("parameters", "source", "quantity", "parameter", "value", "unit", "status")
-    of_noise = found.column_cells("noise", "source", "quantity", "white noise")
+    of_parameters = found.rows_of_table_columns_or_empty(
+        "parameters", "source", "quantity", "parameter", "value", "unit", "status"
+    )
+    of_noise = found.rows_of_table_columns_or_empty("noise", "source", "quantity", "white noise")
     measured = {
         (each.source, each.kind): each
         for source in drive.measurements

@@ -82,7 +82,7 @@ def sensor_remarks_sentence(drive: Drive) -> str:
 
 def _iter_late_sources(results: RecordedSummary) -> Iterator[tuple[str, str, float]]:
     """Yield source, quantity and latency [s] of each source whose applied latency shows in the figures."""
-    for source, quantity, found, status in results.column_cells(
+    for source, quantity, found, status in results.rows_of_table_columns_or_empty(
         "sources", "source", "quantity", "latency [ms]", "latency status"
     ):
         latency_ms = parse_leading_number(found)
@@ -92,7 +92,7 @@ def _iter_late_sources(results: RecordedSummary) -> Iterator[tuple[str, str, flo
 
 def _iter_pitched_imus(results: RecordedSummary) -> Iterator[tuple[str, float, float]]:
     """Yield source, acceleration bias [m/s^2] and pitch [deg] of each IMU that is pitched more than a road."""
-    for source, quantity, parameter, value in results.column_cells(
+    for source, quantity, parameter, value in results.rows_of_table_columns_or_empty(
         "parameters", "source", "quantity", "parameter", "value"
     ):
         bias = parse_leading_number(value)

@@ -250,7 +250,10 @@ class _LayoutBuilder:
 
         def series_of_policies(kind: Channel, *names: str) -> list[Series]:
             return [
-                (message_path(kind.for_policy(policy).topic, name), f"{policy} {name}" if names[1:] else policy)
+                (
+                    message_path(kind.with_policy_in_topic(policy).topic, name),
+                    f"{policy} {name}" if names[1:] else policy,
+                )
                 for policy in POLICIES
                 for name in names
             ]

@@ -6,7 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from cwcli.registry import import_target
+from cwcli.registry import import_module_attribute
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal, Signal
@@ -15,7 +15,9 @@ from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 
 SIGNAL_TYPES_BY_ROLE: dict[Role, tuple[type[Signal], ...]] = {
-    role: tuple(import_target(f"cwcli.signals.{place}") for place in role.signals) for role in Role if role.signals
+    role: tuple(import_module_attribute(f"cwcli.signals.{place}") for place in role.signals)
+    for role in Role
+    if role.signals
 }
 """The signal classes that can fill a role."""
 

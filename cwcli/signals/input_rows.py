@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from cwcli.registry import import_target
+from cwcli.registry import import_module_attribute
 from cwcli.signals.builders.base import Build, Fields, Input, Reading
 from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import (
@@ -54,7 +54,7 @@ GNSS_TOPIC_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel"
 
 def load_attribute_of_signals(name: str) -> Any:
     """Import and return `module.name` of this package."""
-    return import_target(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
+    return import_module_attribute(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
 
 def lazy_builder(*places: str) -> Build:

@@ -19,7 +19,7 @@ import math
 import re
 from collections.abc import Sequence
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
@@ -194,7 +194,7 @@ def parse_field_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
     if quantities is None:
         raise UsageError(
             f"--map {role}: its fields can't be mapped",
-            hint=hint_at_known_names(role, MAPPED_QUANTITIES_BY_ROLE, "roles that can"),
+            hint=hint_at_closest_or_all_known_names(role, MAPPED_QUANTITIES_BY_ROLE, "roles that can"),
         )
     sources: list[FieldMapping] = []
     for one in text.split(MAPPING_SEPARATOR):

@@ -113,23 +113,23 @@ def encode_navsat_fixes(data: SensorData, local_map: LocalMap) -> ByteRows:
         "latitude": lat_deg.round(9),
         "longitude": lon_deg.round(9),
         "altitude": alt_m.round(4),
-        "position_covariance": _diagonal_covariances(data.sigma, n),
+        "position_covariance": _flattened_diagonal_covariances(data.sigma, n),
         "position_covariance_type": np.full(n, 2),  # diagonal known
     }
-    return _encode_with_header("sensor_msgs/msg/NavSatFix", data, fields)
+    return _encode_cdr_with_stamp_and_frame("sensor_msgs/msg/NavSatFix", data, fields)
 
 
 def encode_gnss_headings(data: SensorData) -> ByteRows:
     """Encode headings of a GNSS as `geometry_msgs/msg/QuaternionStamped` (map from body); steps of 1e-12."""
     half = data.values[:, 0] / 2
     fields = {"quaternion.z": np.sin(half).round(12), "quaternion.w": np.cos(half).round(12)}
-    return _encode_with_header("geometry_msgs/msg/QuaternionStamped", data, fields)
+    return _encode_cdr_with_stamp_and_frame("geometry_msgs/msg/QuaternionStamped", data, fields)
 
 
 def encode_velocity_reports(data: SensorData) -> ByteRows:
     """Encode `speed` measurements as `autoware_vehicle_msgs/msg/VelocityReport`; its yaw rate is NaN."""
     fields = {"longitudinal_velocity": data.values[:, 0].round(6), "heading_rate": np.full(len(data.values), np.nan)}
-    return _encode_with_header("autoware_vehicle_msgs/msg/VelocityReport", data, fields)
+    return _encode_cdr_with_stamp_and_frame("autoware_vehicle_msgs/msg/VelocityReport", data, fields)
 
 
 def encode_imu_messages(data: SensorData) -> ByteRows:
@@ -139,19 +139,19 @@ def encode_imu_messages(data: SensorData) -> ByteRows:
         "orientation.w": np.ones(n),
         "orientation_covariance": np.tile([-1.0, *np.zeros(8)], (n, 1)),  # REP-145: no orientation
         **{f"linear_acceleration.{axis}": values[:, k] for k, axis in enumerate("xyz")},
-        "linear_acceleration_covariance": _diagonal_covariances(data.sigma[:3], n),
+        "linear_acceleration_covariance": _flattened_diagonal_covariances(data.sigma[:3], n),
         **{f"angular_velocity.{axis}": values[:, 3 + k] for k, axis in enumerate("xyz")},
-        "angular_velocity_covariance": _diagonal_covariances(data.sigma[3:], n),
+        "angular_velocity_covariance": _flattened_diagonal_covariances(data.sigma[3:], n),
     }
-    return _encode_with_header("sensor_msgs/msg/Imu", data, fields)
+    return _encode_cdr_with_stamp_and_frame("sensor_msgs/msg/Imu", data, fields)
 
 
-def _diagonal_covariances(sigma: FloatArray, n: int) -> FloatArray:
+def _flattened_diagonal_covariances(sigma: FloatArray, n: int) -> FloatArray:
     """Return n equal 3 x 3 covariances, row by row, of independent values with these three standard deviations."""
     return np.tile(np.diag(sigma**2).ravel(), (n, 1))
 
 
-def _encode_with_header(schema_name: str, data: SensorData, fields: Mapping[str, OutputField]) -> ByteRows:
+def _encode_cdr_with_stamp_and_frame(schema_name: str, data: SensorData, fields: Mapping[str, OutputField]) -> ByteRows:
     """Encode the messages of a sensor from their fields, with stamp and frame of reference in the header."""
     n = len(data.stamp_ns)
     header: dict[str, OutputField] = {

@@ -242,11 +242,11 @@ def write_road_log(
         messages = [encode_lane_labels(truth, int(stamp_ns[index]), index) for index, truth in enumerate(truths)]
         log.write_messages(log.add_channel(LANES_TOPIC, "json", schema_id), stamp_ns, messages)
         written.append(WrittenChannel(LANES_TOPIC, "TuSimpleLanes", len(messages), 0))
-        log.add_metadata(METADATA_NAME, _road_metadata(drive, config))
+        log.add_metadata(METADATA_NAME, _road_record_entries(drive, config))
     return tuple(written)
 
 
-def _road_metadata(drive: RoadDrive, config: RoadLogConfig) -> dict[str, str]:
+def _road_record_entries(drive: RoadDrive, config: RoadLogConfig) -> dict[str, str]:
     """The content of the metadata record: version, seed and the whole configuration as JSON."""
     document = {"camera": config.camera, "size": list(config.size), "format": config.format, **asdict(config.drive)}
     return {"version": __version__, "seed": str(config.drive.seed), "resolved": json.dumps(document)}

@@ -105,11 +105,11 @@ def write_simulated_log(
             *_write_v2x_channel(log, drive, local_map),
             *_write_truth_channels(log, scenario, local_map),
         ]
-        log.add_metadata(METADATA_NAME, scenario_metadata(drive))
+        log.add_metadata(METADATA_NAME, scenario_record_entries(drive))
     return tuple(written)
 
 
-def scenario_metadata(drive: SimulatedDrive) -> dict[str, str]:
+def scenario_record_entries(drive: SimulatedDrive) -> dict[str, str]:
     """The content of the metadata record `cwcli.scenario`: enough to make the log again.
 
     `scenario` is the file's content after overrides, `resolved` the same with every default filled in, both JSON.

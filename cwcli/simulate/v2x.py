@@ -89,7 +89,7 @@ def encode_bsm_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
 
     Yaw rate and lateral acceleration are positive to the right. A negative speed (noise at rest) is sent as 0.
     """
-    return [_format_compact_json({"coreData": core}) for core in _bsm_core_data(data, local_map)]
+    return [_format_compact_json({"coreData": core}) for core in _bsm_core_data_in_raw_steps(data, local_map)]
 
 
 def encode_ode_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
@@ -97,11 +97,13 @@ def encode_ode_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
 
     The values are rounded to the same steps as the raw integers.
     """
-    rows = zip(_bsm_core_data(data, local_map), data.stamp_ns.tolist(), data.log_time_ns.tolist(), strict=True)
+    rows = zip(
+        _bsm_core_data_in_raw_steps(data, local_map), data.stamp_ns.tolist(), data.log_time_ns.tolist(), strict=True
+    )
     return [_format_compact_json(_ode_record_from_core_data(core, stamp, log_time)) for core, stamp, log_time in rows]
 
 
-def _bsm_core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, Any]]:
+def _bsm_core_data_in_raw_steps(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, Any]]:
     """The part `coreData` of each message, with raw integers."""
     x_m, y_m, speed, heading, accel, yaw_rate = data.state.T
     lat_deg, lon_deg, alt_m = local_map.wgs84_from_map(x_m, y_m, np.zeros(len(x_m)))
@@ -109,14 +111,14 @@ def _bsm_core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str
     columns = {
         "msgCnt": data.count % 128,
         "secMark": data.stamp_ns // NS_PER_MS % 60_000,
-        "lat": _round_and_clip_to_whole_steps(lat_deg, 1e-7, -900_000_000, 900_000_000),
-        "long": _round_and_clip_to_whole_steps(lon_deg, 1e-7, -1_799_999_999, 1_800_000_000),
-        "elev": _round_and_clip_to_whole_steps(alt_m, 0.1, -4095, 61439),
-        "speed": _round_and_clip_to_whole_steps(speed, 0.02, 0, 8190),
-        "heading": _round_and_clip_to_whole_steps(compass_deg_from_heading(heading), 0.0125, 0, 28800) % 28800,
-        "accel": _round_and_clip_to_whole_steps(accel, 0.01, -2000, 2000),
-        "lateral": _round_and_clip_to_whole_steps(-data.lateral_accel_mps2, 0.01, -2000, 2000),
-        "yaw": _round_and_clip_to_whole_steps(-np.degrees(yaw_rate), 0.01, -32767, 32767),
+        "lat": _whole_steps_clipped_to_range(lat_deg, 1e-7, -900_000_000, 900_000_000),
+        "long": _whole_steps_clipped_to_range(lon_deg, 1e-7, -1_799_999_999, 1_800_000_000),
+        "elev": _whole_steps_clipped_to_range(alt_m, 0.1, -4095, 61439),
+        "speed": _whole_steps_clipped_to_range(speed, 0.02, 0, 8190),
+        "heading": _whole_steps_clipped_to_range(compass_deg_from_heading(heading), 0.0125, 0, 28800) % 28800,
+        "accel": _whole_steps_clipped_to_range(accel, 0.01, -2000, 2000),
+        "lateral": _whole_steps_clipped_to_range(-data.lateral_accel_mps2, 0.01, -2000, 2000),
+        "yaw": _whole_steps_clipped_to_range(-np.degrees(yaw_rate), 0.01, -32767, 32767),
     }
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return [
@@ -185,7 +187,7 @@ def _ode_record_from_core_data(core: dict[str, Any], stamp_ns: int, log_time_ns:
     }
 
 
-def _round_and_clip_to_whole_steps(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
+def _whole_steps_clipped_to_range(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
     """Round values (n,) to whole numbers of steps, clipped to the field's range."""
     return np.clip(np.round(values / step), low, high).astype(np.int64)
 

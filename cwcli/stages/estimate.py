@@ -11,10 +11,10 @@ import numpy as np
 from cwcli.channels.ego_viewers import make_ego_channels
 from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
 from cwcli.channels.rejected import make_rejected_measurement_channel, table_of_rejected_measurements
-from cwcli.channels.road_event import make_road_event_channels, road_event_tables
+from cwcli.channels.road_event import make_road_event_channels, road_event_table_by_name
 from cwcli.channels.transforms import read_lever_arms_transform_counts_and_notes
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.estimation.calibration import Calibration, calibration_record_entry
 from cwcli.estimation.config import EstimatorConfig, LeverArms
 from cwcli.estimation.correction import Correction
@@ -48,7 +48,7 @@ from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.records import map_to_record_entry
+from cwcli.pipeline.records import map_origin_record_entries
 from cwcli.pipeline.remote_states import estimate_remote_states
 from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
 from cwcli.pipeline.run_record import build_run_record
@@ -183,7 +183,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         channels.append(make_vehicle_state_channel(REMOTE_ONLINE, remote.online, local_map))
     judged = replace(ego, state=hindsight.state, covariance=np.asarray(hindsight.covariance))
     tracks = {EGO_ID: summarise_track(ego), **(remote.tracks if remote else {})}
-    notified = road_event_tables(events, local_map)
+    notified = road_event_table_by_name(events, local_map)
     parameters = parameter_origin_text(estimator)
     told = [OnlineAvailability(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
     if remote is not None:
@@ -212,7 +212,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             summary,
             sources=format_source_diagnostics_json(tracks),
             online_parameters=parameters,
-            **map_to_record_entry(local_map),
+            **map_origin_record_entries(local_map),
             **calibration_record_entry(config.calibration),
         ),
         evaluation_inputs=EstimateEvidence(sources.by_role.get(Role.TRUTH, ()), heard, measurements, judged, local_map),
@@ -354,7 +354,7 @@ def _check_topics_of_options(estimator: EstimatorConfig, log: Log) -> None:
                 raise UsageError(
                     f"{option} {name}: the log has no topic {name}",
                     where=log.name,
-                    hint=hint_at_known_names(name, known),
+                    hint=hint_at_closest_or_all_known_names(name, known),
                 )
 
 

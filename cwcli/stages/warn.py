@@ -17,7 +17,12 @@ from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.paths import replanned_or_logged_paths_and_notes
 from cwcli.pipeline.records import WITHHELD_KEY, read_run_records
 from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryTable
-from cwcli.pipeline.states import StatesSelection, bind_state_channels, note_on_path_start_states, read_selected_states
+from cwcli.pipeline.states import (
+    StatesSelection,
+    bind_state_channels,
+    note_if_paths_start_from_other_states,
+    read_selected_states,
+)
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound_columns
 from cwcli.stages.inputs.vehicles import build_vehicle_tracks, predict_paths_like, require_single_ego
@@ -172,7 +177,7 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
         for each in found
     )
     withheld = {WITHHELD_KEY: json.dumps({each.config.rule: each.n_withheld for each in found})}
-    notes.extend(note_on_path_start_states(config, read_run_records(log).get("predict", {})))
+    notes.extend(note_if_paths_start_from_other_states(config, read_run_records(log).get("predict", {})))
     result, earlier = build_warnings_result(stage, log, config, outcomes, tuple(inputs), tuple(notes), **withheld)
     return replace(result, evaluation_inputs=WarningEvidence(found, outcomes, earlier))
 

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.bounded_process import Limits, cpu_limit_s, run_bounded
+from cwcli.bounded_process import Limits, cpu_limit_for_file_size_s, run_bounded
 from cwcli.errors import InputError, UsageError
 from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
@@ -141,7 +141,10 @@ class LaneNet:
             )
             raise InputError(what, where=str(path), hint=f"correct {self.description_path}")
         limits = Limits(
-            cpu_limit_s(len(data)), 0, data_bytes=MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * len(data), has_threads=True
+            cpu_limit_for_file_size_s(len(data)),
+            0,
+            data_bytes=MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * len(data),
+            has_threads=True,
         )
         run_bounded(
             FUNCTION,

@@ -22,7 +22,7 @@ from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_chann
 from cwcli.cli.main import run_command_line
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
-from cwcli.pipeline.records import map_to_record_entry
+from cwcli.pipeline.records import map_origin_record_entries
 from cwcli.signals.columns import OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_S
@@ -85,7 +85,7 @@ def write_long(target: Path, hours: float, vehicles: int) -> None:
         source = {"vehicle": "ego", "source": "/long/fix", "quantity": "position", "used": len(fix_ns), "gated": 0}
         configuration = {"sources": {"topics": {"ego_position": "/long/fix"}}}
         record = {
-            **map_to_record_entry(ORIGIN),
+            **map_origin_record_entries(ORIGIN),
             "sources": json.dumps([source]),
             "configuration": json.dumps(configuration),
             "summary": json.dumps({"verdict": "made up", "notes": [], "sections": []}),

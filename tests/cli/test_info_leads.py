@@ -16,8 +16,8 @@ from mcap_ros2.writer import Writer
 from cwcli.channels.reasons import (
     explain_unknown_type_by_fields,
     format_map_option_if_readable,
-    suggest_warning_conditions,
-    warning_condition_of_diagnostics,
+    suggest_system_warning_commands,
+    warning_condition_of_diagnostics_or_empty,
 )
 from cwcli.cli.info_texts import health_verdict, unused_channel_rows
 from tests.cli.conftest import SAMPLES, Run
@@ -167,15 +167,15 @@ def _copy_with_json_warnings(source: Path, target: Path) -> None:
     ],
 )
 def test_conditions_by_hand(topic: str, kinds: dict[str, Any], expected: str) -> None:
-    found = suggest_warning_conditions(topic, kinds)
+    found = suggest_system_warning_commands(topic, kinds)
     assert len(found) == bool(expected)
     assert all(line.startswith("cwcli evaluate annotated.mcap --topic ") and expected in line for line in found)
 
 
 def test_the_status_of_diagnostics_that_tells_of_warnings_is_chosen() -> None:
     trees: list[object] = [{"status": [{"name": "disk", "level": 0}]}, {"status": [{"name": "ADAS: fcw", "level": 0}]}]
-    assert warning_condition_of_diagnostics(trees) == "status[name=='ADAS: fcw'].level>=1"
-    assert warning_condition_of_diagnostics(trees[:1]) == ""
+    assert warning_condition_of_diagnostics_or_empty(trees) == "status[name=='ADAS: fcw'].level>=1"
+    assert warning_condition_of_diagnostics_or_empty(trees[:1]) == ""
 
 
 @pytest.mark.parametrize("topic", ["/a\x1b[2Jspeed", "/a\nb", "/a:b", "/a;b"])

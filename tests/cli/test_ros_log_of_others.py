@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 
 from cwcli.errors import DataError
 from cwcli.export.ros.convert import RosLogReport, write_ros_log
-from cwcli.export.ros.messages import _copy_fields_of_same_name, fields_unknown_to_ros
+from cwcli.export.ros.messages import _copy_fields_of_same_name, names_of_fields_left_out_of_ros
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import Columns, OutputChannel, Ragged, encode_strings
@@ -92,7 +92,7 @@ def lateral_state(**fields: Any) -> Columns:
 def test_fields_of_another_version_are_left_out_and_named() -> None:
     columns = lateral_state(new_m=np.ones(2), inner_new=encode_strings(["a", "b"]))
     assert set(_copy_fields_of_same_name(columns, None)) == {"stamp_ns"}
-    assert fields_unknown_to_ros(columns) == ["new_m", "inner_new"]
+    assert names_of_fields_left_out_of_ros(columns) == ["new_m", "inner_new"]
 
 
 @pytest.mark.parametrize("path", ["stamp_ns", "stamp_ns.sec"])

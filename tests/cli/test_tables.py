@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cwcli.cli.tables import format_table
-from cwcli.cli.text import display_width
+from cwcli.cli.text import terminal_cells_of_text
 from tests.cli.conftest import ROOT
 
 
@@ -30,7 +30,7 @@ def test_table_aligns_numbers_right_and_text_left() -> None:
 def test_table_wraps_long_text_cells() -> None:
     shown = format_table(("topic", "schema", "n"), [("/a" * 30, "package/msg/" + "Long" * 15, 5)])
     lines = shown.split("\n")
-    assert max(map(display_width, lines)) <= 80
+    assert max(map(terminal_cells_of_text, lines)) <= 80
     assert "".join(line[:38].rstrip() for line in lines[2:]).startswith("/a/a/a")
 
 
@@ -84,7 +84,7 @@ def test_table_of_words_wider_than_the_terminal() -> None:
 def test_table_fits_80_columns(made: tuple[list[str], list[tuple[str | float | int | None, ...]]]) -> None:
     heads, rows = made
     lines = format_table(heads, rows, width=80).split("\n")
-    assert max(display_width(line) for line in lines) <= 80
+    assert max(terminal_cells_of_text(line) for line in lines) <= 80
 
 
 @pytest.mark.parametrize("width", [20, 40, 120])
@@ -122,4 +122,4 @@ def test_a_topic_is_whole_in_a_pipe_even_where_the_line_gets_too_long() -> None:
     assert any(line.startswith(TOPIC) for line in lines)
     long = "/a" * 60
     assert any(line.startswith(long) for line in format_table(("topic", "n"), [(long, 3)]).splitlines())
-    assert max(map(display_width, format_table(("topic", "n"), [(long, 3)], width=80).splitlines())) <= 80
+    assert max(map(terminal_cells_of_text, format_table(("topic", "n"), [(long, 3)], width=80).splitlines())) <= 80

@@ -5,11 +5,11 @@ import math
 import pytest
 
 from cwcli.cli.text import (
-    display_width,
     escape_control_characters,
     format_byte_size,
     format_duration,
     format_number,
+    terminal_cells_of_text,
     wrap_paragraph,
     wrap_text,
 )
@@ -95,8 +95,8 @@ def test_wrap_breaks_at_spaces_then_slashes_then_anywhere() -> None:
 
 
 def test_wide_characters_count_two_cells() -> None:
-    assert display_width("東京 e\u0301") == 6
-    assert all(display_width(line) <= 5 for line in wrap_text("東京都東京都", 5))
+    assert terminal_cells_of_text("東京 e\u0301") == 6
+    assert all(terminal_cells_of_text(line) <= 5 for line in wrap_text("東京都東京都", 5))
 
 
 def test_paragraph_indents_its_other_lines() -> None:

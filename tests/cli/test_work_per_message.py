@@ -34,7 +34,9 @@ def small_logs_of_one_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "BYTES_OF_FULL_NEW_CHUNK", 1 << 30)
     monkeypatch.setattr(message_merge, "MAX_ROWS_ENCODED_AT_ONCE", 1 << 30)
     monkeypatch.setattr(make_log, "N_CARS", N_CARS)
-    monkeypatch.setattr(lazy_dataclass, "MAX_FILLED", 0)  # else methods are compiled between the two drives
+    monkeypatch.setattr(
+        lazy_dataclass, "MAX_INSTANCES_BEFORE_COMPILATION", 0
+    )  # else methods are compiled between the two drives
 
 
 def lines_of_estimate(folder: Path, encoding: str, seconds: int, options: tuple[str, ...]) -> Counter[str]:

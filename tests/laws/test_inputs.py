@@ -211,7 +211,7 @@ def test_a_channel_is_read_without_python_for_each_message(
     schema, entry, encoding, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # else the methods of a class are compiled between the two readings
-    monkeypatch.setattr(lazy_dataclass, "MAX_FILLED", 0)
+    monkeypatch.setattr(lazy_dataclass, "MAX_INSTANCES_BEFORE_COMPILATION", 0)
     lines = []
     for n in (FEW, 2 * FEW):
         samples = [(OSI_SAMPLES.get(schema) or sample_of(schema, entry.role))(k) for k in range(n)]

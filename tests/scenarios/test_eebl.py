@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from cwcli.channels.road_event import read_road_events
-from cwcli.channels.warning import WarningEvent, read_warnings, warning_events
+from cwcli.channels.warning import WarningEvent, read_warnings, warning_events_with_known_start
 from cwcli.logs.read.reader import Log
 from cwcli.signals.road_events import HARD_BRAKING_KIND
 from cwcli.simulate.sensor_log import write_simulated_log
@@ -113,7 +113,7 @@ def warned(path: Path) -> tuple[list[WarningEvent], Log, int]:
     ):
         result = stage(log, config)
         log = log.with_channels(result.channels, {f"cwcli.run.{result.stage}": result.metadata})
-    return warning_events(read_warnings(log.columns("/cwcli/warnings"))), log, log.start_ns
+    return warning_events_with_known_start(read_warnings(log.columns("/cwcli/warnings"))), log, log.start_ns
 
 
 @pytest.mark.parametrize("flags", [True, False], ids=["flag", "acceleration"])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.channels.warning import read_warnings, warning_events
+from cwcli.channels.warning import read_warnings, warning_events_with_known_start
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
 from cwcli.signals.v2x_time import its_ms_from_unix_ns
@@ -75,7 +75,7 @@ def warned(path: Path) -> tuple[list[tuple[str, float]], list[str], set[str]]:
         result = run_stage(STAGES[name], log, config)
         notes += result.summary.notes if name == "estimate" else ()
         log = log.with_channels(result.channels, {f"cwcli.run.{result.stage}": result.metadata})
-    events = warning_events(read_warnings(log.columns("/cwcli/warnings")))
+    events = warning_events_with_known_start(read_warnings(log.columns("/cwcli/warnings")))
     ids = log.columns("/cwcli/remote/state").fields["id"]
     start_ns = log.start_ns
     return [(each.other_id, (each.raised_ns - start_ns) * 1e-9) for each in events], notes, set(ids.values)  # type: ignore[union-attr]

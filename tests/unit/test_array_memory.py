@@ -41,7 +41,7 @@ def run_here(script: str, folder: Path, **environment: str) -> str:
 @ON_LINUX
 def test_arrays_beyond_the_bound_take_no_memory_and_keep_their_numbers(tmp_path: Path) -> None:
     script = """
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 before, mapped = anonymous_mb(), mapped_mb()
 held = [np.full(1 << 18, k, float) for k in range(200)]  # of 2 MB each
 assert all((each == k).all() for k, each in enumerate(held))
@@ -60,7 +60,7 @@ print(anonymous_mb() - before, mapped_mb() - mapped, spill.counts()["in_file"] >
 @ON_LINUX
 def test_arrays_stay_apart_whatever_is_made_and_dropped(tmp_path: Path) -> None:
     script = """
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 rng = np.random.default_rng(3)
 held = [np.zeros(0)] * 40
 for k in range(1200):
@@ -96,7 +96,7 @@ assert counts["in_file"] == 0 and counts["held"] < 2 << 20, counts
 def test_a_full_disk_leaves_the_arrays_in_memory(tmp_path: Path) -> None:
     script = """
 resource.setrlimit(resource.RLIMIT_FSIZE, (8 << 20, 8 << 20))
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 held = [np.full(1 << 18, k, float) for k in range(40)]
 assert all((each == k).all() for k, each in enumerate(held))
 print(spill.counts()["in_file"])
@@ -108,7 +108,7 @@ print(spill.counts()["in_file"])
 def test_few_addresses_leave_the_arrays_in_memory(tmp_path: Path) -> None:
     script = """
 resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 held = [np.full(1 << 18, k, float) for k in range(60)]
 assert all((each == k).all() for k, each in enumerate(held))
 huge = np.full(1 << 20, 2.0)
@@ -121,7 +121,7 @@ print(spill.counts()["in_file"] >> 20)
 def test_threads_are_bounded_too(tmp_path: Path) -> None:
     script = """
 from cwcli.estimation.track import map_in_threads
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 held = map_in_threads(lambda k: np.full(1 << 18, k, float), range(60))
 assert all((each == k).all() for k, each in enumerate(held))
 print(spill.counts()["in_file"] >> 20)
@@ -132,7 +132,7 @@ print(spill.counts()["in_file"] >> 20)
 @ON_LINUX
 def test_a_forked_process_leaves_its_parents_arrays_alone(tmp_path: Path) -> None:
     script = """
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 held = [np.full(1 << 18, k, float) for k in range(60)]
 child = os.fork()
 if not child:
@@ -157,7 +157,7 @@ print(status, spill.counts()["in_file"] >> 20)
 def test_a_folder_in_memory_gets_no_arrays(tmp_path: Path) -> None:
     script = """
 array_memory.FOLDER_ON_DISK = "/dev/shm"
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 held = [np.full(1 << 18, k, float) for k in range(40)]
 print(spill.counts()["in_file"])
 """
@@ -167,7 +167,7 @@ print(spill.counts()["in_file"])
 @ON_LINUX
 def test_small_arrays_and_few_stay_in_memory(tmp_path: Path) -> None:
     script = """
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 few = [np.full(1 << 18, k, float) for k in range(15)]
 small = [np.full(1 << 10, k, float) for k in range(10_000)]
 print(spill.counts()["in_file"])
@@ -182,7 +182,7 @@ def none_usable():
     raise FileNotFoundError(2, "No usable temporary directory found")
 tempfile.gettempdir = none_usable
 array_memory.FOLDER_ON_DISK = os.getcwd()
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 held = [np.full(1 << 18, k, float) for k in range(60)]
 print(spill.counts()["in_file"] >> 20)
 """
@@ -198,7 +198,7 @@ def slow_look(fd):
     time.sleep(0.2)
     return look(fd)
 spill.is_on_disk = slow_look
-threads = [threading.Thread(target=array_memory.bound_array_memory) for _ in range(4)]
+threads = [threading.Thread(target=array_memory.bound_array_memory_and_get_old_handler) for _ in range(4)]
 for each in threads:
     each.start()
 for each in threads:
@@ -217,10 +217,10 @@ print(os.waitpid(child, 0)[1])
 @ON_LINUX
 def test_a_second_file_is_refused_and_closed(tmp_path: Path) -> None:
     script = """
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 before = len(os.listdir("/proc/self/fd"))
-array_memory._numpy_memory_handler.cache_clear()
-array_memory.bound_array_memory()
+array_memory._open_file_and_get_memory_handler.cache_clear()
+array_memory.bound_array_memory_and_get_old_handler()
 print(len(os.listdir("/proc/self/fd")) - before)
 """
     assert int(run_here(script, tmp_path)) == 0
@@ -229,7 +229,7 @@ print(len(os.listdir("/proc/self/fd")) - before)
 @ON_LINUX
 def test_an_array_that_grew_into_the_file_leaves_no_memory_behind(tmp_path: Path) -> None:
     script = """
-array_memory.bound_array_memory()
+array_memory.bound_array_memory_and_get_old_handler()
 before = anonymous_mb()
 for _ in range(6):
     grown = np.ones(2 << 20)  # 16 MB, in memory

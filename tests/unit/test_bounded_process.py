@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.bounded_process import Limits, cpu_limit_s, run_bounded
+from cwcli.bounded_process import Limits, cpu_limit_for_file_size_s, run_bounded
 from cwcli.errors import CwcliError, DataError, InputError, OutputError
 
 LIMITS = Limits(cpu_s=1, file_bytes=1_000_000, data_bytes=500_000_000)
@@ -43,4 +43,4 @@ def test_error_comes_back(tmp_path: Path, name: str, kind: type[Exception], word
 
 def test_processor_time_grows_with_the_file() -> None:
     """4 s, and 8 s for each megabyte."""
-    assert [cpu_limit_s(n) for n in (0, 1000, 1_000_000, 10_000_000)] == [4, 4, 12, 84]
+    assert [cpu_limit_for_file_size_s(n) for n in (0, 1000, 1_000_000, 10_000_000)] == [4, 4, 12, 84]

@@ -159,7 +159,7 @@ ACTIONS: dict[str, Callable[[dict[str, type[Any]]], Any]] = {
     "match": lambda of: of["Point"].__match_args__,
     "params": lambda of: of["Named"].__dataclass_params__,
     "copy": lambda of: copy.copy(of["Point"](1.0)) == of["Point"](1.0),
-    "many": lambda of: [of["Point"](float(k)).x for k in range(3 * lazy_dataclass.MAX_FILLED)],
+    "many": lambda of: [of["Point"](float(k)).x for k in range(3 * lazy_dataclass.MAX_INSTANCES_BEFORE_COMPILATION)],
     "bases": lambda of: [kind.__name__ for kind in of["Place"].__mro__],
     "words": lambda of: of["Point"].__doc__,
 }
@@ -229,13 +229,17 @@ def test_threads_that_compile_a_class_at_once_all_make_instances() -> None:
     for _ in range(20):
         kind = classes(lazy_dataclass.dataclass)["Point"]
         with ThreadPoolExecutor(8) as pool:
-            made = list(pool.map(lambda k, kind=kind: kind(float(k)), range(8 * lazy_dataclass.MAX_FILLED)))
+            made = list(
+                pool.map(
+                    lambda k, kind=kind: kind(float(k)), range(8 * lazy_dataclass.MAX_INSTANCES_BEFORE_COMPILATION)
+                )
+            )
         assert [point.x for point in made] == [float(k) for k in range(len(made))]
 
 
 def test_the_first_instances_compile_nothing() -> None:
     kind = classes(lazy_dataclass.dataclass)["Place"]
-    for _ in range(lazy_dataclass.MAX_FILLED):
+    for _ in range(lazy_dataclass.MAX_INSTANCES_BEFORE_COMPILATION):
         kind()
     assert "Place.__init__" not in kind.__init__.__qualname__
     kind()

@@ -11,7 +11,7 @@ import pytest
 from cwcli import toml_text
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
-from cwcli.toml_text import MAX_CHARS, MAX_KEY_PARTS, parse_toml
+from cwcli.toml_text import MAX_KEY_PARTS, MAX_TOML_FILE_CHARS, parse_toml
 
 LONG_KEY = ".".join("a" * 50_000)
 
@@ -24,7 +24,7 @@ LONG_KEY = ".".join("a" * 50_000)
         f"[[ {LONG_KEY.replace('.', ' . ')} ]]",
         f"x = {{ {LONG_KEY} = 1 }}",
         ".".join(["'a.b'", '"c d"'] * MAX_KEY_PARTS) + " = 1",
-        "#" * (MAX_CHARS + 1),
+        "#" * (MAX_TOML_FILE_CHARS + 1),
     ],
 )
 def test_what_would_keep_the_parser_busy_never_reaches_it(monkeypatch: pytest.MonkeyPatch, text: str) -> None:

@@ -108,21 +108,21 @@ def _estimate_drive(name: str, reading: ReadingOptions, sensors: SensorOptions) 
     Raises:
         CwcliError: As reading and estimating do.
     """
-    from cwcli.array_memory import bound_array_memory
+    from cwcli.array_memory import bound_array_memory_and_get_old_handler
     from cwcli.cli.options.stage import make_stage_options_class, stage_call_from_options
     from cwcli.estimation.pooling import DriveEvidence
-    from cwcli.pipeline.call import replace_selection
+    from cwcli.pipeline.call import config_with_selection
     from cwcli.pipeline.camera_pitch import estimate_camera_pitch
-    from cwcli.pipeline.execute import RunOutcome, raise_on_data_faults
+    from cwcli.pipeline.execute import RunOutcome, raise_on_data_faults_or_contradictions
     from cwcli.pipeline.selection import resolve_selection
 
-    bound_array_memory()
+    bound_array_memory_and_get_old_handler()
     call = stage_call_from_options(make_stage_options_class("estimate")(), sensors)
     with reading.open_log(name) as log:
         selection = resolve_selection(log, reading.topics_and_mappings, reading.start, reading.end)
-        result = call.stage.stage_function(log, replace_selection(call.config, selection))
+        result = call.stage.stage_function(log, config_with_selection(call.config, selection))
         if reading.strict:
-            raise_on_data_faults(
+            raise_on_data_faults_or_contradictions(
                 RunOutcome(log.name, results=[result], faults=log.faults.counts_by_reason()), log.start_ns
             )
         pitch = estimate_camera_pitch(log)

@@ -27,7 +27,7 @@ from cwcli.cli.targets import check_outputs_and_list_file_names
 from cwcli.cli.text import (
     format_count,
 )
-from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError, UsageError, hint_at_known_names
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError, UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class JudgementOptions:
             if verdict not in FAILING_VERDICTS:
                 raise UsageError(
                     f"--fail-on {verdict} is not a verdict to fail on",
-                    hint=hint_at_known_names(verdict, FAILING_VERDICTS),
+                    hint=hint_at_closest_or_all_known_names(verdict, FAILING_VERDICTS),
                 )
         if not 0.0 <= self.tolerance < 1.0:
             raise UsageError(f"--tolerance {self.tolerance:g} is not between 0 and 1")

@@ -13,7 +13,7 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, source_of_logs
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.export.track_formats import TRACK_FORMATS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import escape_control_characters, join_names
@@ -92,7 +92,7 @@ def command(
     each vehicle where the format allows it, else of the one that --id names. A ROS 2 log holds the ROS messages as they
     were recorded, and cwcli's as standard messages and cwcli_msgs below /cwcli/ros.
     """
-    from cwcli.array_memory import bound_array_memory
+    from cwcli.array_memory import bound_array_memory_and_get_old_handler
     from cwcli.export.content import content_names_of_ego_and_others, require_content_in_log
     from cwcli.logs.read.reader import Log
     from cwcli.output import refuse_unwritable_targets, write_file
@@ -105,7 +105,7 @@ def command(
     _check_format_and_contents(names, form, vehicle)
     is_text = TRACK_FORMATS[form].is_text if form in TRACK_FORMATS else form == "csv"
     refuse_unwritable_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
-    bound_array_memory()
+    bound_array_memory_and_get_old_handler()
     console = Console(quiet=talk.quiet)
     with Log.open(source_of_logs(log, as_one)) as opened:
         progress = Progress(quiet=talk.quiet)
@@ -171,12 +171,12 @@ def _check_format_and_contents(names: Sequence[str], form: str, vehicle: str | N
         if name not in EXPORT_CONTENTS:
             raise UsageError(
                 f"--what {name!r}: there is no such thing to export",
-                hint=hint_at_known_names(name, EXPORT_CONTENTS, "it is one of"),
+                hint=hint_at_closest_or_all_known_names(name, EXPORT_CONTENTS, "it is one of"),
             )
     if form not in EXPORT_FORMATS:
         raise UsageError(
             f"--format {form!r}: there is no such format",
-            hint=hint_at_known_names(form, EXPORT_FORMATS, "it is one of"),
+            hint=hint_at_closest_or_all_known_names(form, EXPORT_FORMATS, "it is one of"),
         )
     if form == ROS_FORMAT and (names or vehicle is not None):
         option = "--what" if names else "--id"

@@ -106,7 +106,7 @@ def command(
     Most events
     need annotated logs; outages and gaps are found in any log.
     """
-    from cwcli.array_memory import bound_array_memory
+    from cwcli.array_memory import bound_array_memory_and_get_old_handler
     from cwcli.evaluation.system_topics import parse_other_system_options
     from cwcli.events.search import parse_query, table_of_events
     from cwcli.fleet.clips import write_clips
@@ -121,7 +121,7 @@ def command(
         logs, talk, metrics=results.output, texts=(results.report,), force=results.force
     )
     refuse_unwritable_targets([], [results.clips], force=results.force)
-    bound_array_memory()
+    bound_array_memory_and_get_old_handler()
     if results.report is not None:
         check_file_suffix(results.report, (".html", ".htm"), what="a page", required=False)
     console = Console(quiet=talk.quiet, summary_to_stderr=results.report == "-")

@@ -201,7 +201,7 @@ def _name_stations(log: Log, why: dict[str, UnboundReason], bindings: Bindings) 
     if not topics and not lists_option:
         return []
     from cwcli.pipeline.stations import (  # imports numpy, which most logs do not need
-        MAX_NAMED_STATIONS,
+        MAX_STATIONS_IN_ERROR,
         count_stations_by_topic,
         shell_quote_station_id,
     )
@@ -214,7 +214,7 @@ def _name_stations(log: Log, why: dict[str, UnboundReason], bindings: Bindings) 
             why[topic] = why[topic]._replace(tries=tuple(tries))
     if not topics:
         return []
-    most = sum(heard.values(), Counter[str]()).most_common(MAX_NAMED_STATIONS)
+    most = sum(heard.values(), Counter[str]()).most_common(MAX_STATIONS_IN_ERROR)
     named = " or ".join(shell_quote_station_id(station) for station, _ in most) or "ID"
     return [f"a station of {', '.join(topics)} can be the ego: --ego-station {named}"]
 

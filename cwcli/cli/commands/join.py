@@ -74,7 +74,7 @@ def command(
     taken as GNSS time; the offset between the recorders' clocks is estimated from the positions and printed. The new
     log is the ego's with the states of both cars, on which predict, warn and measure can run.
     """
-    from cwcli.array_memory import bound_array_memory
+    from cwcli.array_memory import bound_array_memory_and_get_old_handler
     from cwcli.cli.options.shared import SensorOptions
     from cwcli.cli.options.stage import make_stage_options_class, stage_call_from_options
     from cwcli.logs.write.annotate import annotate_log
@@ -85,7 +85,7 @@ def command(
     if target == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     refuse_unwritable_targets([target], force=overwriting.force, inputs=[log, other])
-    bound_array_memory()
+    bound_array_memory_and_get_old_handler()
     estimate = stage_call_from_options(make_stage_options_class("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress, limits.open_log(log) as ego:

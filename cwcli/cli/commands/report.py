@@ -82,7 +82,7 @@ def command(
     `cwcli-drive[report]`.
     """
     from cwcli.evaluation.system_topics import parse_other_system_options
-    from cwcli.library.pages import PageContent, write_page
+    from cwcli.library.pages import PageContent, write_report_page_and_get_size
     from cwcli.output import refuse_unwritable_targets
     from cwcli.report.tiles import parse_tile_server
 
@@ -100,7 +100,9 @@ def command(
     check_file_suffix(target, suffixes, what=what, required=False)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:
-        report, n_bytes = write_page(source, target, wanted, force=force, progress=progress.begin_step)
+        report, n_bytes = write_report_page_and_get_size(
+            source, target, wanted, force=force, progress=progress.begin_step
+        )
     document = {
         "written": target,
         "bytes": n_bytes,

@@ -12,9 +12,9 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
-from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError, hint_at_known_names
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
-from cwcli.registry import import_target
+from cwcli.registry import import_module_attribute
 from cwcli.reproduction.request import ReproductionRequest
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _find_figures(paper: str, only: list[str]) -> tuple[str, ...]:
     known = {_letters_and_digits(name): name for name in load_expectations(paper).figures}
     for text in only:
         if _letters_and_digits(text) not in known:
-            raise UsageError(f"{paper} has no '{text}'", hint=hint_at_known_names(text, known))
+            raise UsageError(f"{paper} has no '{text}'", hint=hint_at_closest_or_all_known_names(text, known))
     return tuple(known[_letters_and_digits(text)] for text in only)
 
 
@@ -231,7 +231,9 @@ def command(
     """
     entry = PAPERS.get(paper)
     if entry is None:
-        raise UsageError(f"there is no reproduction of '{paper}'", hint=hint_at_known_names(paper, PAPERS))
+        raise UsageError(
+            f"there is no reproduction of '{paper}'", hint=hint_at_closest_or_all_known_names(paper, PAPERS)
+        )
     n_seeds = entry.seeds if options.seeds is None else options.seeds
     n_frames = entry.frames if options.frames is None else options.frames
     _check_options(paper, entry, options)
@@ -243,7 +245,7 @@ def command(
         progress.begin_step(f"reproducing {paper}")
         where = None if options.labelled is None else Path(options.labelled)
         request = ReproductionRequest(n_seeds, options.jobs, n_frames, wanted, where, progress.begin_step)
-        made: Reproduction = import_target(entry.reproduce)(request)
+        made: Reproduction = import_module_attribute(entry.reproduce)(request)
         written = _write_outputs(made, paper, targets)
     console = Console(quiet=talk.quiet)
     if talk.json:

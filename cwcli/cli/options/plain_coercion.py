@@ -10,7 +10,7 @@ import math
 from typing import Any, Literal, get_args, get_origin
 
 from cwcli.cli.options import lazy_typer as typer
-from cwcli.errors import hint_at_known_names
+from cwcli.errors import hint_at_closest_or_all_known_names
 
 
 class _PlainCoercion:
@@ -40,7 +40,7 @@ class _PlainCoercion:
                 raise
             what = f"it must be {_expected_value_text(self._annotation, self._info)}, not {_shorten_repr(value)}"
             if get_origin(self._annotation) is Literal:
-                near = hint_at_known_names(str(value), map(str, get_args(self._annotation)))
+                near = hint_at_closest_or_all_known_names(str(value), map(str, get_args(self._annotation)))
                 what += f" ({near})" if near.endswith("?") else ""
             raise typer.BadParameter(what, ctx=ctx, param=param) from error
 

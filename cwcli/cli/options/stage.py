@@ -11,7 +11,7 @@ from cwcli.cli.options.shared import SensorOptions
 from cwcli.pipeline.call import StageCall
 from cwcli.pipeline.stage import Stage
 from cwcli.pipeline.stage_options import OptionEntry, SensorReading, configure_stage, option_entries_of_stage
-from cwcli.registry import import_target
+from cwcli.registry import import_module_attribute
 from cwcli.stages import STAGES
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def _field_default(default: Any) -> Any:
 def _make_typer_option(entry: OptionEntry) -> Any:
     def settings() -> dict[str, Any]:
         option = entry.option
-        registry = import_target(option.choices) if option.choices else None
+        registry = import_module_attribute(option.choices) if option.choices else None
         text = option.help if isinstance(option.help, str) else option.help()
         if registry is not None:
             text = text.replace("{choices}", registry.format_help()).replace("{names}", ", ".join(registry))

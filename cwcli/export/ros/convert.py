@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.export.ros.messages import ROS_CONVERSIONS, fields_unknown_to_ros
+from cwcli.export.ros.messages import ROS_CONVERSIONS, names_of_fields_left_out_of_ros
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.encoders.cdr_fit import unrepresentable_row_masks
 from cwcli.logs.read.reader import Log
@@ -155,4 +155,4 @@ def _convert_channel_and_count_left_out(
         columns = columns.with_fields_of_rows(rows, selected)
         fields = message.make_fields(columns, local_map)
     channel = OutputChannel(name, message.schema, columns.log_time_ns, fields)
-    return channel, left_out, fields_unknown_to_ros(columns)
+    return channel, left_out, names_of_fields_left_out_of_ros(columns)

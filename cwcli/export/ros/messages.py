@@ -83,7 +83,7 @@ class RosConversion:
 def _copy_fields_of_same_name(columns: Columns, _map: LocalMap | None) -> Fields:
     """Copy the fields that the ROS message has under the same names."""
     schema = ROS_CONVERSIONS[columns.schema_name].schema
-    unknown = fields_unknown_to_ros(columns)
+    unknown = names_of_fields_left_out_of_ros(columns)
     fields = {path: column for path, column in columns.fields.items() if path not in unknown}
     for path, column in fields.items():
         try:
@@ -93,7 +93,7 @@ def _copy_fields_of_same_name(columns: Columns, _map: LocalMap | None) -> Fields
     return fields
 
 
-def fields_unknown_to_ros(columns: Columns) -> list[str]:
+def names_of_fields_left_out_of_ros(columns: Columns) -> list[str]:
     """Names of the fields of a channel copied field by field that the ROS message does not have."""
     message = ROS_CONVERSIONS[columns.schema_name]
     if message.make_fields is not _copy_fields_of_same_name:

@@ -278,7 +278,7 @@ class _Compiler:
         """Count the fields of a message.
 
         Raises:
-            SchemaError: There are more than `MAX_FIELDS`.
+            SchemaError: There are more than `MAX_SCHEMA_FIELDS`.
         """
         self.n_fields += len(descriptor.fields) + 1
         if self.n_fields > MAX_SCHEMA_FIELDS:

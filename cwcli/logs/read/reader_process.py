@@ -14,7 +14,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import IO, Any
 
-from cwcli.bounded_process import BYTES_PER_MEGABYTE, Limits, cpu_limit_s, run_bounded
+from cwcli.bounded_process import BYTES_PER_MEGABYTE, Limits, cpu_limit_for_file_size_s, run_bounded
 from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.logs.read.read_bounds import ReadBounds
@@ -52,7 +52,9 @@ def convert_in_process(
     # a private copy of a database with its journals, and a log of what is in them
     most_bytes = max(bounds.max_input_bytes, sum(map(len, (file, *(journals or ()))))) + BYTES_PER_MEGABYTE
     limits = Limits(
-        cpu_limit_s(len(file)), most_bytes, address_bytes=MEMORY_BEYOND_START_AND_CHUNK_BYTES + bounds.max_chunk_bytes
+        cpu_limit_for_file_size_s(len(file)),
+        most_bytes,
+        address_bytes=MEMORY_BEYOND_START_AND_CHUNK_BYTES + bounds.max_chunk_bytes,
     )
     request: dict[str, Any] = {
         "format": source.name,

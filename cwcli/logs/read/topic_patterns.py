@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
-from cwcli.errors import UsageError, hint_at_known_names
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 
 
 def topics_matching_patterns(text: str, known: Sequence[str], where: str) -> frozenset[str]:
@@ -23,7 +23,9 @@ def topics_matching_patterns(text: str, known: Sequence[str], where: str) -> fro
         own = {pattern} if pattern in known else {topic for topic in known if _does_topic_match_pattern(topic, pattern)}
         if not own:
             raise UsageError(
-                f"no topic is called {pattern}", where=where, hint=hint_at_known_names(pattern, known, "topics")
+                f"no topic is called {pattern}",
+                where=where,
+                hint=hint_at_closest_or_all_known_names(pattern, known, "topics"),
             )
         found |= own
     return frozenset(found)

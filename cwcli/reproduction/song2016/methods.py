@@ -12,7 +12,7 @@ from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import SAMPLING_TIME_S, filtered_states_and_covariances_of_matrix, trailing_slope
 from cwcli.estimation.track import estimate_track
 from cwcli.lazy_dataclass import dataclass
-from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
+from cwcli.pipeline.paths import PATH_TIME_BEYOND_HORIZON_S
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.outcome_history import PathStarts, measure_acting_time_s
 from cwcli.prediction.paths import Paths
@@ -152,7 +152,9 @@ def online_acting_durations_s(track: Track, log_time_ns: Int64Array | None = Non
 def vehicle_known_without_delay(run: MeasuredRun, name: str) -> KnownVehicle:
     """Return a vehicle whose filtered state the host knows at once, as the paper assumes; the filter is ours."""
     track = estimate_our_track(run)
-    return KnownVehicle(name, track, track.stamp_ns, PREDICTION_HORIZON_S + MAX_MESSAGE_AGE_S, math.nan, math.nan)
+    return KnownVehicle(
+        name, track, track.stamp_ns, PREDICTION_HORIZON_S + PATH_TIME_BEYOND_HORIZON_S, math.nan, math.nan
+    )
 
 
 def host_and_received_vehicles(drive: SimulatedDrive) -> tuple[KnownVehicle, list[KnownVehicle]]:
@@ -180,7 +182,7 @@ def host_and_received_vehicles(drive: SimulatedDrive) -> tuple[KnownVehicle, lis
                 received.station_id,
                 estimate_track(said, config, stamp_ns),
                 received.log_time_ns[rows],
-                PREDICTION_HORIZON_S + MAX_MESSAGE_AGE_S,
+                PREDICTION_HORIZON_S + PATH_TIME_BEYOND_HORIZON_S,
                 received.length_m,
                 received.width_m,
             )

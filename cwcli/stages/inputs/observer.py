@@ -101,7 +101,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     }
     samples = LaneSamples(
         *(stamp_ns[rows], values[:, 0], values[:, 1], values[:, 2], sigma[:, 0], sigma[:, 1], sigma[:, 2]),
-        yaw_sigma_rad=lanes.least_camera_yaw_sigma_rad(),
+        yaw_sigma_rad=lanes.least_camera_yaw_sigma_rad_or_zero(),
         lines=lines,
         curvature_change_1pm2=lanes.curvature_change_1pm2[rows],
     )

@@ -11,7 +11,7 @@ from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.call import Selection, replace_selection
+from cwcli.pipeline.call import Selection, config_with_selection
 from cwcli.pipeline.result import InputMessageCount
 from cwcli.pipeline.stations import add_stations_to_error
 from cwcli.signals.build import build_bound_signal, require_usable_rows
@@ -93,7 +93,7 @@ def read_sensor_signals(
         DataError: Every message of a required role was rejected.
         InputError: The log is damaged.
     """
-    how = config if isinstance(config, SourceConfig) else replace_selection(SourceConfig(), config)
+    how = config if isinstance(config, SourceConfig) else config_with_selection(SourceConfig(), config)
     try:
         bound = bind_roles(
             log.channels,

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.channels.predicted_path import AnyPaths, LazyPaths
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
-from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
+from cwcli.pipeline.paths import PATH_TIME_BEYOND_HORIZON_S
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.plan import PathPlan, SelectedPaths
 from cwcli.prediction.rollout import RolloutSettings
@@ -85,7 +85,7 @@ def predict_paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> 
     if like.model not in MODELS:
         raise DataError(f"the paths' motion model {like.model!r} is not known", where=where, hint="predict again")
     time_s = like.time_s
-    horizon_s = float(time_s[-1]) + MAX_MESSAGE_AGE_S
+    horizon_s = float(time_s[-1]) + PATH_TIME_BEYOND_HORIZON_S
     return LazyPaths.from_states(
         states,
         PathPlan(like.model, RolloutSettings(horizon_s, float(time_s[1] - time_s[0])), states.state, states.covariance),

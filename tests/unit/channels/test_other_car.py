@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cwcli.channels.other_car import (
-    clock_difference_text,
     estimate_recorder_clock,
     merge_states_by_log_time,
     move_states_to_our_map_and_clock,
+    recorder_clock_difference_text,
 )
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.signals.geodesy import LocalMap
@@ -80,7 +80,7 @@ def test_whether_stamps_are_epochs(period_ms: int, phase_ms: float, on_epochs: b
 def test_the_clocks_are_told() -> None:
     ours = estimate_recorder_clock(np.array([0, 10, 20]), np.array([100, 110, 120]))
     theirs = estimate_recorder_clock(np.array([0, 10]), np.array([100, 110]))
-    told = clock_difference_text(-1_500_000_000, ours, theirs)
+    told = recorder_clock_difference_text(-1_500_000_000, ours, theirs)
     assert told.startswith("the other car's recorder is 1.500 s behind this one's")
     assert told.endswith("by the stamps of 3 and 2 positions")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.output import first_row_of_each_vehicle_and_period
+from cwcli.channels.output import first_rows_of_each_vehicle_and_period
 from cwcli.channels.predicted_path import LazyPaths, make_lazy_path_channel, read_predicted_paths
 from cwcli.channels.published import REMOTE_PATH
 from cwcli.logs.read.reader import Log
@@ -27,15 +27,15 @@ def test_the_first_row_of_each_vehicle_in_each_period() -> None:
     """Two vehicles every 50 ms, one of them 20 ms later; periods of 200 ms from time 0."""
     stamp_ns = np.array([100, 120, 150, 170, 200, 220, 250, 270, 450, 470]) * MS
     codes = np.array([0, 1] * 5)
-    assert first_row_of_each_vehicle_and_period(codes, stamp_ns, 5.0).tolist() == [0, 1, 4, 5, 8, 9]
+    assert first_rows_of_each_vehicle_and_period(codes, stamp_ns, 5.0).tolist() == [0, 1, 4, 5, 8, 9]
 
 
 def test_rows_out_of_order_and_a_rate_above_the_paths_own() -> None:
     stamp_ns = np.array([250, 50, 100]) * MS
     codes = np.zeros(3, np.int32)
-    assert first_row_of_each_vehicle_and_period(codes, stamp_ns, 5.0).tolist() == [0, 1]
-    assert first_row_of_each_vehicle_and_period(codes, stamp_ns, 1e12).tolist() == [0, 1, 2]
-    assert first_row_of_each_vehicle_and_period(codes[:0], stamp_ns[:0], 5.0).tolist() == []
+    assert first_rows_of_each_vehicle_and_period(codes, stamp_ns, 5.0).tolist() == [0, 1]
+    assert first_rows_of_each_vehicle_and_period(codes, stamp_ns, 1e12).tolist() == [0, 1, 2]
+    assert first_rows_of_each_vehicle_and_period(codes[:0], stamp_ns[:0], 5.0).tolist() == []
 
 
 def planned(n: int) -> LazyPaths:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.warning import WarningEvent, read_warnings, warning_events
+from cwcli.channels.warning import WarningEvent, read_warnings, warning_events_with_known_start
 from cwcli.signals.columns import Columns, Strings
 
 RAISED, HELD, CLEARED = 1, 2, 3
@@ -33,7 +33,7 @@ def channel(*rows: tuple[int, int, int, str, str]) -> Columns:
 
 
 def events_of(columns: Columns) -> list[WarningEvent]:
-    return warning_events(read_warnings(columns))
+    return warning_events_with_known_start(read_warnings(columns))
 
 
 def test_events_of_several_rules_in_order_of_time() -> None:

@@ -9,7 +9,7 @@ import pytest
 from cwcli.digest.digest import Digest
 from cwcli.digest.fleet import LogLine, digest_to_entry, format_fleet_lines
 from cwcli.evaluation.doubts.base import Doubt
-from cwcli.text import display_width
+from cwcli.text import terminal_cells_of_text
 
 NEXT = "cwcli report out -o report.html"
 
@@ -59,7 +59,7 @@ def test_long_names_of_logs_leave_the_last_lines_whole() -> None:
 @pytest.mark.parametrize("text", ["x" * 999, "日本" * 200, "\x1b[2J"])
 def test_names_and_texts_of_others_fit_the_line(text: str) -> None:
     for shown in format_fleet_lines([line(text, text)], next_step=NEXT):
-        assert display_width(shown) <= 80
+        assert terminal_cells_of_text(shown) <= 80
         assert shown.isprintable()
 
 

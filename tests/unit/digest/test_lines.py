@@ -8,7 +8,7 @@ import pytest
 
 from cwcli.digest.lines import LABEL_WIDTH, Block, doubt_block, format_blocks, shorten_path
 from cwcli.evaluation.doubts.base import Doubt
-from cwcli.text import display_width
+from cwcli.text import terminal_cells_of_text
 
 
 def doubt(name: str, sentence: str) -> Doubt:
@@ -53,7 +53,7 @@ def test_no_line_is_wider_than_the_terminal_and_none_is_forged(sentence: str, wi
     blocks = [Block("what", (sentence, sentence), 4), Block("doubt", (sentence,), 4), Block("made", (sentence,))]
     lines = format_blocks(blocks, width=width)
     assert len(lines) <= 12
-    assert all(display_width(line) <= min(max(width, 24), 80) for line in lines)
+    assert all(terminal_cells_of_text(line) <= min(max(width, 24), 80) for line in lines)
     assert all(line.isprintable() or line == "" for line in lines)
 
 
@@ -83,4 +83,4 @@ def test_without_a_doubt_the_errors_are_said() -> None:
 def test_path_keeps_the_name_of_the_file() -> None:
     assert shorten_path("a/b.mcap", 20) == "a/b.mcap"
     assert shorten_path("/a/very/long/way/to/drive.mcap", 15) == "...o/drive.mcap"
-    assert display_width(shorten_path("日" * 50, 21)) <= 21
+    assert terminal_cells_of_text(shorten_path("日" * 50, 21)) <= 21

@@ -20,7 +20,7 @@ from cwcli.fleet.local import WorkerDied
 from cwcli.fleet.plan import FleetPlan, LogTask
 from cwcli.fleet.run import run_fleet
 from cwcli.fleet.worker import process_log
-from cwcli.pipeline.call import Selection, StageCall, replace_selection
+from cwcli.pipeline.call import Selection, StageCall, config_with_selection
 from cwcli.stages import STAGES
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
@@ -60,7 +60,7 @@ def test_a_wider_bound_reruns_no_log_that_was_read_whole(plan: FleetPlan) -> Non
 def test_every_configuration_takes_a_selection(plan: FleetPlan) -> None:
     selection = Selection(topics={"imu": "/imu"}, start_ns=1, end_ns=2)
     for call in plan.stages:
-        config: Any = replace_selection(call.config, selection)
+        config: Any = config_with_selection(call.config, selection)
         chosen = getattr(config, "sources", config)
         assert (chosen.topics, chosen.start_ns, chosen.end_ns) == ({"imu": "/imu"}, 1, 2)
 

@@ -195,7 +195,7 @@ def test_error_of_background_writing_is_reported(tmp_path: Path, monkeypatch: py
         real(descriptor)
 
     monkeypatch.setattr(os, "fsync", fail_first)
-    monkeypatch.setattr(cwcli.output_stream, "WRITEBACK_BYTES", MEGABYTE)
+    monkeypatch.setattr(cwcli.output_stream, "BYTES_BETWEEN_BACKGROUND_SYNCS", MEGABYTE)
     with pytest.raises(OutputError, match="Input/output error"):
         write_file(tmp_path / "out.bin", bytes(2 * MEGABYTE))
     monkeypatch.undo()
@@ -324,7 +324,7 @@ def test_of_files_written_together_none_appears_where_one_name_is_taken_meanwhil
 @pytest.fixture
 def no_nameless_files(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a file system or a system without them."""
-    monkeypatch.setattr(cwcli.temporary, "_open_unnamed_file", lambda folder: None)
+    monkeypatch.setattr(cwcli.temporary, "_open_unnamed_file_or_none", lambda folder: None)
 
 
 @pytest.mark.usefixtures("no_nameless_files")

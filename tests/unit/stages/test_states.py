@@ -9,7 +9,7 @@ import pytest
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE, Channel
 from cwcli.errors import MissingSignalError
-from cwcli.pipeline.states import States, StatesSelection, bind_state_channels, note_on_path_start_states
+from cwcli.pipeline.states import States, StatesSelection, bind_state_channels, note_if_paths_start_from_other_states
 from tests.unit.channels.test_binding import Channel as LogChannel
 
 ROLES = (EGO_STATE.role, REMOTE_STATE.role)
@@ -63,7 +63,9 @@ def test_paths_of_other_states_than_those_that_are_read_are_noted() -> None:
     def record(**used: str) -> dict[str, str]:
         return {"configuration": json.dumps(used)}
 
-    assert note_on_path_start_states(StatesSelection(), record(states="online")) == ()
-    assert note_on_path_start_states(StatesSelection(), {}) == ()
+    assert note_if_paths_start_from_other_states(StatesSelection(), record(states="online")) == ()
+    assert note_if_paths_start_from_other_states(StatesSelection(), {}) == ()
     for of_paths in (record(states="hindsight"), record()):  # an older version knew no others
-        assert any("--states hindsight" in note for note in note_on_path_start_states(StatesSelection(), of_paths))
+        assert any(
+            "--states hindsight" in note for note in note_if_paths_start_from_other_states(StatesSelection(), of_paths)
+        )
