@@ -58,7 +58,7 @@ class ComparedRuns:
     messages: RunDifference | None = None
 
 
-def _judged_changes(comparison: RunComparison, *, everything: bool) -> list[MetricChange]:
+def _changes_with_verdict_or_all(comparison: RunComparison, *, everything: bool) -> list[MetricChange]:
     return [change for change in comparison.changes if everything or change.verdict.value != "-"]
 
 
@@ -69,7 +69,7 @@ def print_comparison(console: Console, compared: ComparedRuns, *, everything: bo
     )
     rows: list[tuple[Cell, ...]] = [
         (change.verdict.value, change.metric, change.baseline, change.candidate, *_change_cells(change))
-        for change in _judged_changes(comparison, everything=everything)
+        for change in _changes_with_verdict_or_all(comparison, everything=everything)
     ]
     console.print_summary(
         format_table(*_drop_empty_columns(TABLE_HEADINGS, rows)) if rows else "  no metric is in both"
@@ -212,7 +212,7 @@ def join_first_names(names: Sequence[str]) -> str:
 def format_markdown_summary(compared: ComparedRuns) -> str:
     """Format the summary for a CI job's page: changed metrics first, the others folded."""
     comparison, differing = compared.comparison, compared.differing
-    judged = _judged_changes(comparison, everything=False)
+    judged = _changes_with_verdict_or_all(comparison, everything=False)
     told = [change for change in judged if change.verdict.value not in {"same", "new"}]
     counts = {
         verdict: sum(c.verdict.value == verdict for c in judged)

@@ -79,7 +79,7 @@ def write_line(stream: TextIO | None, text: str) -> None:
         stream.write(text + "\n")
 
 
-def normalise_stdout_name(target: str | None) -> str | None:
+def replace_stdout_path_by_dash(target: str | None) -> str | None:
     """Replace any name of standard output (`/dev/stdout`, `/dev/fd/1`) by `-`; other names are returned unchanged."""
     if target is None or target == "-":
         return target

@@ -21,7 +21,7 @@ MAX_NAMED_FILES = 3
 """Greatest number of written files that are named; chosen by hand."""
 MAX_NAME_WIDTH = 40
 """Widest name of a log in the first line, in cells; chosen: the names of the stages go beside it."""
-MAX_FREE_NAMES = 100
+MAX_TRIED_FILE_NAMES = 100
 """Greatest number of names that are tried for a suggested file; chosen by hand."""
 NEXT_STAGE = {"estimate": "predict", "predict": "warn", "lanes": "observe", "observe": "predict-lane"}
 """Stage -> the stage that is suggested after it."""
@@ -33,13 +33,13 @@ def print_digest(console: Console, command: str, digest: Digest, run: RunOutcome
     Args:
         next_step: A command line, "" for none.
     """
-    from cwcli.digest.lines import MAX_LINES, Block, doubt_block, format_blocks
+    from cwcli.digest.lines import MAX_LINES, Block, format_blocks, trust_or_doubt_block
 
     n_notes = len(run.left_out) + sum(len(result.summary.notes) for result in run.results)
     notes = f" and {format_count(n_notes, 'note')}" if n_notes else ""
     blocks = (
         Block("what", digest.happened, 4),
-        doubt_block(digest.doubts, digest.confidence),
+        trust_or_doubt_block(digest.doubts, digest.confidence),
         Block("wrote", (_written_files_sentence(run.written),), 2),
         Block("next", (*filter(None, (next_step,)), f"(--details: tables{notes})")),
     )
@@ -79,19 +79,19 @@ def suggest_next_step(command: str, output: str | None, *, following: str = "") 
     if output == "-":
         return ""
     if output is None:
-        target = find_free_name("annotated.mcap")
+        target = append_number_if_file_exists("annotated.mcap")
         repeated = repeat_command_with("-o", target)
         return repeated if _can_be_pasted(repeated) else f"the same command with -o {target} added"
     words = (following, "-o", f"{following}.mcap") if following else ("report", "-o", "report.html")
-    name, option, target = words[0], words[1], find_free_name(words[2])
+    name, option, target = words[0], words[1], append_number_if_file_exists(words[2])
     line = shlex.join(("cwcli", name, output, option, target))
     return line if _can_be_pasted(line) else f"cwcli {name} FILE {option} {target}, where FILE is the file above"
 
 
-def find_free_name(name: str) -> str:
+def append_number_if_file_exists(name: str) -> str:
     """Return the name, or `NAME-2`, `NAME-3` and so on, if a file of that name exists in the working folder."""
     path = Path(name)
-    for k in range(2, MAX_FREE_NAMES):
+    for k in range(2, MAX_TRIED_FILE_NAMES):
         if not path.exists():
             break
         path = Path(f"{Path(name).stem}-{k}{Path(name).suffix}")

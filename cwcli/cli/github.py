@@ -67,7 +67,9 @@ def annotations_of_gates(run: RunMetrics, results: Sequence[GateResult]) -> list
             lines.append(f"and {len(checks) - MAX_LISTED_CHECKS} more")
         file = next((sources.get(check.log, "") for check in checks if check.log), "")
         commands.append(
-            format_error_command("\n".join(lines), title=f"gate failed: {result.gate}", file=path_in_repository(file))
+            format_error_command(
+                "\n".join(lines), title=f"gate failed: {result.gate}", file=path_in_repository_or_empty(file)
+            )
         )
     more = failed[len(commands) :]
     if more:
@@ -83,7 +85,7 @@ def annotations_of_changes(failed: Sequence[str]) -> list[str]:
     return [format_error_command(line, title="cwcli compare") for line in (*alone, *together)]
 
 
-def path_in_repository(name: str) -> str:
+def path_in_repository_or_empty(name: str) -> str:
     """Return a file's path as GitHub takes it, relative to the checkout; "" for a URL or a file outside of it."""
     if not name or name == "-" or "://" in name:
         return ""

@@ -10,7 +10,7 @@ from cwcli.cli.text import format_count, join_names
 from cwcli.signals.units import NS_PER_S
 
 Document = dict[str, Any]
-MAX_NAME_CHARACTERS = 120
+MAX_TOPIC_CHARACTERS = 120
 """Greatest length of a topic's name in the line on health, in characters; chosen by hand: no recorder writes longer
 ones."""
 MAX_NAMED_TOPICS = 3
@@ -40,7 +40,7 @@ def health_verdict(document: Document) -> str:
 
 def _shorten_topic_name(name: str) -> str:
     """Return a topic's name, of a very long one its beginning and its length: a file can hold names of megabytes."""
-    return name if len(name) <= MAX_NAME_CHARACTERS else f"{name[:MAX_NAME_CHARACTERS]}... ({len(name):,} characters)"
+    return name if len(name) <= MAX_TOPIC_CHARACTERS else f"{name[:MAX_TOPIC_CHARACTERS]}... ({len(name):,} characters)"
 
 
 def _troubles_text(health: Document) -> str:

@@ -60,7 +60,7 @@ def _add_test_case(
     )
     detail = escape_control_characters(check.detail)[:MAX_DETAIL_CHARS]
     if check.status.value == "failed":
-        links = [] if addresses is None else addresses.links_of_check(gate, check)
+        links = [] if addresses is None else addresses.warning_and_conflict_links_of_check(gate, check)
         lines = (detail, *(f"{escape_control_characters(link.words)}: {link.address}" for link in links))
         ET.SubElement(case, "failure", message=detail, type="gate").text = "\n".join(lines)
     elif check.status.value == "skipped":

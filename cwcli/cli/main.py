@@ -57,7 +57,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
         _flush_stdout()
     except CwcliError as error:
         code = error.exit_code
-        _report_known_error(_redact_error(error, arguments))
+        _print_known_error(_redact_error(error, arguments))
     except KeyboardInterrupt:
         code = EXIT_INTERRUPTED
         _print_to_stderr("interrupted")
@@ -66,7 +66,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
     except SystemExit:
         raise
     except BaseException as error:  # one that is no Exception would end Python with 1, the code of a failed gate
-        code = _report_unexpected_error(error, arguments)
+        code = _print_unexpected_error_and_exit_code(error, arguments)
     try:
         _flush_stdout()
     except BrokenPipeError:
@@ -76,7 +76,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
         _discard_stdout()
         if not code:
             code = error.exit_code
-            _report_known_error(error)
+            _print_known_error(error)
     return code
 
 
@@ -148,7 +148,7 @@ def _discard_stdout() -> None:
         os.close(nowhere)
 
 
-def _report_known_error(error: CwcliError) -> None:
+def _print_known_error(error: CwcliError) -> None:
     from cwcli.cli.console import print_error
 
     print_error(error)
@@ -159,15 +159,15 @@ def _print_to_stderr(text: str) -> None:
         print(text, file=sys.stderr)
 
 
-def _report_unexpected_error(error: BaseException, arguments: Sequence[str]) -> int:
+def _print_unexpected_error_and_exit_code(error: BaseException, arguments: Sequence[str]) -> int:
     if isinstance(error, OSError) and error.errno in DISK_FULL_ERRNOS:  # on the way to standard output
-        _report_known_error(_output_error_from(error))
+        _print_known_error(_output_error_from(error))
         return EXIT_OUTPUT
-    _report_bug(arguments)
+    _print_bug_report(arguments)
     return EXIT_BUG
 
 
-def _report_bug(arguments: Sequence[str]) -> None:
+def _print_bug_report(arguments: Sequence[str]) -> None:
     import traceback
 
     from cwcli.cli.text import shorten_and_escape

@@ -16,7 +16,7 @@ MAX_VALUE_CHARS = 60
 """Longest value, in characters, that a sentence shows; chosen by hand."""
 MAX_LINES_PER_KIND = 10
 """Settings, warnings and further channels of a log that are listed; chosen by hand."""
-MAX_LOGS = 20
+MAX_LISTED_LOGS = 20
 """Logs that are listed; chosen by hand, the others are in --json."""
 
 
@@ -33,11 +33,11 @@ def describe_identical(messages: RunDifference) -> str:
 def describe_differences(messages: RunDifference) -> list[str]:
     """The lines about what differs, log by log."""
     lines = [f"messages: {len(messages.differing)} of {format_count(messages.n_logs, 'log')} differ"]
-    for name, found in list(messages.differing.items())[:MAX_LOGS]:
+    for name, found in list(messages.differing.items())[:MAX_LISTED_LOGS]:
         lines.append(shorten_and_escape(name))
         lines += [f"  {line}" for line in describe_difference_of_log(found)]
-    if len(messages.differing) > MAX_LOGS:
-        lines.append(f"{len(messages.differing) - MAX_LOGS} more logs differ (--json lists them)")
+    if len(messages.differing) > MAX_LISTED_LOGS:
+        lines.append(f"{len(messages.differing) - MAX_LISTED_LOGS} more logs differ (--json lists them)")
     lines += [f"{shorten_and_escape(name)} was not compared: {why}" for name, why in messages.unread.items()]
     return lines
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.digest import NEXT_STAGE, print_digest, suggest_next_step
 from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions, source_names
@@ -77,7 +77,7 @@ def run_write_and_print(job: Job) -> None:
     Raises:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
     """
-    job = replace(job, writing=replace(job.writing, output=normalise_stdout_name(job.writing.output)))
+    job = replace(job, writing=replace(job.writing, output=replace_stdout_path_by_dash(job.writing.output)))
     console = _console_for_job(job)
     outcome = run_and_write(job)
     if job.talk.json:
@@ -101,7 +101,7 @@ def run_and_write(job: Job) -> JobOutcome:
     with Progress(quiet=job.talk.quiet) as progress:
         progress.begin_step(f"reading {', '.join(source_names(job.source))}")
         span = (reading.start, reading.end)
-        source = _imported_source(job.source) if job.command == "run" else job.source
+        source = _source_or_imported_log(job.source) if job.command == "run" else job.source
         with open_log_with_choices_and_span(
             source, reading.topics_and_mappings, span, recover=reading.recover, limits=reading.resource_limits
         ) as log:
@@ -111,7 +111,7 @@ def run_and_write(job: Job) -> JobOutcome:
             is_silent = job.talk.quiet or job.talk.json
             # Before the writing, which ends with a last look at whether the input is as it was.
             digest = None if job.talk.quiet and not job.talk.json else _build_digest(job, result.annotated, outcome)
-            following = "" if is_silent else _find_following_stage(job.command, result.annotated)
+            following = "" if is_silent else _following_stage_or_empty(job.command, result.annotated)
             written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
     outcome.written.extend(written.names)
     outcome.left_profile = written.dropped_profile
@@ -120,7 +120,7 @@ def run_and_write(job: Job) -> JobOutcome:
     return JobOutcome(outcome, digest, following, notes)
 
 
-def _find_following_stage(command: str, annotated: Log) -> str:
+def _following_stage_or_empty(command: str, annotated: Log) -> str:
     """Return the stage after a stage's own command, if it finds its signals in the annotated log without an option."""
     from cwcli.pipeline.call import Selection
     from cwcli.pipeline.missing import SignalCheck
@@ -142,7 +142,7 @@ def _build_digest(job: Job, log: Log, outcome: RunOutcome) -> Digest:
     return build_digest(log, stages, outcome.left_out, outcome.tables_by_name(), is_run=job.skip.lenient)
 
 
-def _imported_source(source: Source) -> Source | InputFile:
+def _source_or_imported_log(source: Source) -> Source | InputFile:
     """The source; a file that is no log is imported, if nothing about it is ambiguous."""
     if not isinstance(source, str) or source == "-" or "://" in source:
         return source

@@ -63,7 +63,7 @@ def parse_plain_arguments(function: Callable[..., Any], arguments: Sequence[str]
         for flags in declaration.flags:
             on, _, off = flags.partition("/")
             by_flag |= {on: (name, True)} | ({off: (name, False)} if off else {})
-    given = _split_arguments(parameters, by_flag, arguments)
+    given = _split_options_and_words_or_none(parameters, by_flag, arguments)
     if given is None or len(positional) != 1:
         return None
     texts, words = given
@@ -79,7 +79,7 @@ def parse_plain_arguments(function: Callable[..., Any], arguments: Sequence[str]
     return None if any(value is NOT_PLAIN for value in values.values()) else values
 
 
-def _split_arguments(
+def _split_options_and_words_or_none(
     parameters: Any, by_flag: dict[str, tuple[str, bool]], arguments: Sequence[str]
 ) -> tuple[dict[str, Any], list[str]] | None:
     """What is given by parameter, and the words that belong to no option; None if they are not plain."""
@@ -118,7 +118,7 @@ def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
     kind = get_args(parameter.annotation)[0]
     if given is parameter.empty or declaration is None:
         return NOT_PLAIN
-    if given is not None and declaration.known_settings.get("callback"):  # `--config` reads a file
+    if given is not None and declaration.settings_or_empty_if_deferred.get("callback"):  # `--config` reads a file
         return NOT_PLAIN
     if given is None:
         return () if list[str] in get_args(kind) else None  # as Typer has it
@@ -128,7 +128,7 @@ def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
     if type(None) in get_args(kind) and len(several) == 1:
         kind = several[0]
     value = coerce_plain_value(kind, given)
-    limits = declaration.known_settings
+    limits = declaration.settings_or_empty_if_deferred
     if value is NOT_PLAIN or is_infinite(value) or not is_within_bounds(value, limits.get("min"), limits.get("max")):
         return NOT_PLAIN
     return value

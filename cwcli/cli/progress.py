@@ -11,9 +11,9 @@ from types import TracebackType
 from cwcli.cli.text import DEFAULT_WIDTH, escape_control_characters, terminal_cells_of_text
 from cwcli.url import redact_urls
 
-SHOW_AFTER_S = 1.0
+PROGRESS_DELAY_S = 1.0
 """Time after which the line is shown, s; chosen by hand."""
-REFRESH_S = 0.2
+PROGRESS_REFRESH_S = 0.2
 """Time between two updates of the line, s; chosen by hand."""
 
 
@@ -76,9 +76,9 @@ class Progress:
 
     def _redraw_until_stopped(self) -> None:
         drawn = False
-        while not self._stop.wait(REFRESH_S):
+        while not self._stop.wait(PROGRESS_REFRESH_S):
             elapsed_s = time.monotonic() - self._begin
-            if elapsed_s >= SHOW_AFTER_S and self._what:
+            if elapsed_s >= PROGRESS_DELAY_S and self._what:
                 sys.stderr.write(f"\r{self.format_line(elapsed_s, _stderr_width())}\x1b[K")
                 sys.stderr.flush()
                 drawn = True

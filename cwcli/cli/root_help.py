@@ -30,13 +30,13 @@ OPTIONS = {
     "-h, --help": "Show this message and exit.",
 }
 """The options of the whole command line, most of them Typer's."""
-WIDTH = 78
+MAX_HELP_WIDTH = 78
 """Width of help in columns where the terminal is not narrower: Typer's 80 less a margin of 2."""
 
 
 def format_root_help() -> str | None:
     """The help, with a line feed at its end; None where a narrow terminal needs Typer's own."""
-    if _terminal_columns() < WIDTH + 2:
+    if _terminal_columns() < MAX_HELP_WIDTH + 2:
         return None
     lines = ["Usage: cwcli [OPTIONS] COMMAND [ARGS]...", "", *_wrap_with_indent(ABOUT, "  "), ""]
     for heading, rows in {"Options": OPTIONS, "Commands": COMMANDS}.items():
@@ -49,13 +49,13 @@ def format_root_help() -> str | None:
 def _terminal_columns() -> int:
     """Columns of the terminal as `shutil.get_terminal_size` finds them."""
     try:
-        return int(os.environ["COLUMNS"]) or WIDTH + 2
+        return int(os.environ["COLUMNS"]) or MAX_HELP_WIDTH + 2
     except (KeyError, ValueError):
         pass
     try:
-        return os.get_terminal_size(1).columns or WIDTH + 2
+        return os.get_terminal_size(1).columns or MAX_HELP_WIDTH + 2
     except (OSError, ValueError):
-        return WIDTH + 2
+        return MAX_HELP_WIDTH + 2
 
 
 def _format_name_and_help_lines(rows: Mapping[str, str]) -> Sequence[str]:
@@ -72,7 +72,7 @@ def _wrap_with_indent(text: str, indent: str) -> list[str]:
     lines = [""]
     for word in text.split():
         line = f"{lines[-1]} {word}".lstrip()
-        if len(indent) + len(line) <= WIDTH:
+        if len(indent) + len(line) <= MAX_HELP_WIDTH:
             lines[-1] = line
         else:
             lines.append(word)

@@ -41,7 +41,7 @@ def format_table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, widt
     heads = [escape_control_characters(column) for column in columns]
     cells = [[_cell_text(value) for value in row] for row in rows]
     right = [bool(cells) and all(_NUMBER_PATTERN.fullmatch(row[i]) for row in cells) for i in range(len(heads))]
-    least = [keeps_topics * max((_width_if_topic(row[i]) for row in cells), default=0) for i in range(len(heads))]
+    least = [keeps_topics * max((_topic_width_or_zero(row[i]) for row in cells), default=0) for i in range(len(heads))]
     narrowest = [
         max(least[i], _narrowest_column_width(head, [row[i] for row in cells], right[i]))
         for i, head in enumerate(heads)
@@ -64,7 +64,7 @@ def _cell_text(value: Cell) -> str:
     return shorten_and_escape(str(value), MAX_CELL_CHARS)
 
 
-def _width_if_topic(cell: str) -> int:
+def _topic_width_or_zero(cell: str) -> int:
     return terminal_cells_of_text(cell) if cell.startswith("/") and " " not in cell else 0
 
 

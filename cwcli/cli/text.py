@@ -39,7 +39,7 @@ __all__ = [
 
 DEFAULT_WIDTH = 80
 """Width of the output in columns when it is no terminal."""
-MIN_WIDTH = 20
+MIN_OUTPUT_WIDTH = 20
 """Least width in columns that is used; chosen by hand."""
 
 
@@ -51,7 +51,7 @@ def terminal_width() -> int | None:
         columns = os.get_terminal_size(sys.stdout.fileno()).columns
     except (OSError, ValueError):
         return DEFAULT_WIDTH
-    return max(columns or DEFAULT_WIDTH, MIN_WIDTH)  # some terminals report 0
+    return max(columns or DEFAULT_WIDTH, MIN_OUTPUT_WIDTH)  # some terminals report 0
 
 
 def wrap_paragraph(text: str, *, first: str = "", rest: str = "", width: int | None = None) -> str:

@@ -29,7 +29,7 @@ MAX_FILE_BYTES = 512 * 2**20
 
 
 @functools.cache
-def code_version() -> str:
+def code_and_numpy_hash() -> str:
     """Hash of the package's files and of NumPy's version."""
     folder = Path(cwcli.__file__).parent
     found = hashlib.sha256(np.__version__.encode())
@@ -53,7 +53,7 @@ class RepetitionCache:
         Raises:
             UsageError: It can't be made or read.
         """
-        self.path = Path(folder) / f"conform-{code_version()}.jsonl"
+        self.path = Path(folder) / f"conform-{code_and_numpy_hash()}.jsonl"
         self._lines: dict[str, Repetition] = {}
         try:
             Path(folder).mkdir(parents=True, exist_ok=True)
@@ -71,11 +71,11 @@ class RepetitionCache:
             if repetition is not None:
                 self._lines[key] = repetition
 
-    def get(self, key: str) -> Repetition | None:
+    def get_repetition(self, key: str) -> Repetition | None:
         """The repetition of a key; None where it was not run."""
         return self._lines.get(key)
 
-    def add(self, found: Iterable[tuple[str, Repetition]]) -> None:
+    def add_repetitions(self, found: Iterable[tuple[str, Repetition]]) -> None:
         """Keep repetitions.
 
         Raises:

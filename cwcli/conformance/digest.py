@@ -13,7 +13,7 @@ MAX_COLUMNS = 80
 """Largest number of characters of a line."""
 NAME_COLUMNS = 40
 """Width of the column of names, characters."""
-KEPT_COLUMNS = 22
+KEPT_NAME_END_COLUMNS = 22
 """Width of the end of a long name that is kept, characters."""
 PUBLISHED_WORDS = "numbers as published"
 """Words of every output about the clauses: their numbers are the published ones, and nothing is certified."""
@@ -90,5 +90,5 @@ def _shorten_to_column(name: str) -> str:
     """A name that fits its column."""
     if len(name) <= NAME_COLUMNS:
         return name
-    last = name.rpartition(", ")[2][-KEPT_COLUMNS:]  # the numbers, which tell the trials apart
+    last = name.rpartition(", ")[2][-KEPT_NAME_END_COLUMNS:]  # the numbers, which tell the trials apart
     return f"{name[: NAME_COLUMNS - len(last) - 3]}...{last}"

@@ -18,7 +18,7 @@ TRUTH_STEP_S = 0.01
 0.4 m in it, and interpolation errs by less than a millimetre."""
 CONTACT_SEARCH_STEP_S = 0.001
 """Time step to which the moment of contact is refined, s. Chosen by hand."""
-MAX_TEXT_GAP_M = 500.0
+MAX_GAP_FOR_TTC_TEXT_M = 500.0
 """Gap up to which a text states the time to collision, m. Chosen by hand."""
 
 
@@ -45,7 +45,7 @@ class Encounter:
     @cached_property
     def gap_m(self) -> FloatArray:
         """Gap between the outlines along the host's heading, (k,); negative once they overlap in that direction."""
-        dx, dy = self._offset_m
+        dx, dy = self._offset_east_and_north_m
         cosine, sine = np.cos(self.host[:, HEADING]), np.sin(self.host[:, HEADING])
         turn = self.other[:, HEADING] - self.host[:, HEADING]
         extent = self.other_size[0] * np.abs(np.cos(turn)) + self.other_size[1] * np.abs(np.sin(turn))
@@ -54,7 +54,7 @@ class Encounter:
     @cached_property
     def lateral_offset_m(self) -> FloatArray:
         """Offset of the other's centre to the left of the host's heading, (k,)."""
-        dx, dy = self._offset_m
+        dx, dy = self._offset_east_and_north_m
         return np.asarray(dy * np.cos(self.host[:, HEADING]) - dx * np.sin(self.host[:, HEADING]))
 
     @cached_property
@@ -95,7 +95,7 @@ class Encounter:
     @cached_property
     def separation_m(self) -> FloatArray:
         """Least distance by which the outlines are apart on the separating axes, (k,); 0 or less: they touch."""
-        dx, dy = self._offset_m
+        dx, dy = self._offset_east_and_north_m
         headings = self.host[:, HEADING], self.other[:, HEADING]
         return outline_separation_m(dx, dy, *headings, self.host_size, self.other_size)
 
@@ -123,7 +123,7 @@ class Encounter:
     def warning_text(self, values: Mapping[str, float]) -> str:
         """When a warning came, in words."""
         ttc_s = min(values["ttc_s"], values["ttc_with_accelerations_s"])
-        if math.isfinite(ttc_s) and abs(values["gap_m"]) < MAX_TEXT_GAP_M:
+        if math.isfinite(ttc_s) and abs(values["gap_m"]) < MAX_GAP_FOR_TTC_TEXT_M:
             return f"warned at TTC {ttc_s:.2f} s"
         return "warned"
 
@@ -155,7 +155,7 @@ class Encounter:
         return float(self.time_s[k] + share * (self.time_s[k + 1] - self.time_s[k]))
 
     @property
-    def _offset_m(self) -> tuple[FloatArray, FloatArray]:
+    def _offset_east_and_north_m(self) -> tuple[FloatArray, FloatArray]:
         """The other's centre relative to the host's, map frame, (k,) each."""
         return self.other[:, X] - self.host[:, X], self.other[:, Y] - self.host[:, Y]
 
@@ -175,7 +175,10 @@ def time_to_close_gap_s(
     """
     if gap_m <= 0.0:
         return 0.0
-    own_stop, other_stop = _stop_s(own_mps, own_accel_mps2), _stop_s(other_mps, other_accel_mps2)
+    own_stop, other_stop = (
+        _time_to_standstill_s(own_mps, own_accel_mps2),
+        _time_to_standstill_s(other_mps, other_accel_mps2),
+    )
     start = 0.0
     own, theirs = own_mps, other_mps
     for end in sorted({own_stop, other_stop, math.inf}):
@@ -183,7 +186,7 @@ def time_to_close_gap_s(
         a_other = 0.0 if start >= other_stop else other_accel_mps2
         own = 0.0 if start >= own_stop else own
         theirs = 0.0 if start >= other_stop else theirs
-        root = _first_root(gap_m, theirs - own, a_other - a_own)
+        root = _time_to_zero_gap_s(gap_m, theirs - own, a_other - a_own)
         if start + root <= end:
             return start + root
         if not math.isfinite(end):
@@ -194,14 +197,14 @@ def time_to_close_gap_s(
     return math.inf
 
 
-def _stop_s(speed_mps: float, accel_mps2: float) -> float:
+def _time_to_standstill_s(speed_mps: float, accel_mps2: float) -> float:
     """When a vehicle comes to standstill, s; infinity if it does not."""
     if speed_mps == 0.0:
         return 0.0 if accel_mps2 < 0.0 else math.inf
     return -speed_mps / accel_mps2 if speed_mps * accel_mps2 < 0.0 else math.inf
 
 
-def _first_root(gap_m: float, rate_mps: float, rate_change_mps2: float) -> float:
+def _time_to_zero_gap_s(gap_m: float, rate_mps: float, rate_change_mps2: float) -> float:
     """First t >= 0 with gap + rate t + rate_change t^2 / 2 = 0; infinity without one."""
     discriminant = rate_mps**2 - 2.0 * rate_change_mps2 * gap_m
     if discriminant < 0.0:

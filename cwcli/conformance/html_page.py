@@ -16,7 +16,7 @@ COLOURS = {PASSED: "#1c6fb8", FAILED: "#c02f2f", NOT_VALID: "#8a6d1a", NOT_JUDGE
 """Outcome -> its colour; blue and red stay apart for the colour-blind, and marks differ in shape, too."""
 ROW_PX, NAME_PX, PLOT_PX, VALUE_PX, HEAD_PX = 19, 300, 400, 200, 22
 """Size of the picture of margins, pixels: height of a row, widths of its three columns, height of the axis."""
-SPARE_SHARE = 0.06
+AXIS_MARGIN_SHARE = 0.06
 """Share of the axis' range that is left free at each end."""
 TICK_STEPS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 """Steps of the axis' labels, s; the least that gives at most seven labels is taken."""
@@ -103,7 +103,7 @@ def _format_rows(columns: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
 
 
-def _margins_s(trial: TrialResult) -> list[tuple[float, str]]:
+def _margins_s_and_outcomes(trial: TrialResult) -> list[tuple[float, str]]:
     """Margin in seconds and outcome of each repetition that has such a margin."""
     verdicts = [(each.verdict, each.outcome) for each in trial.repetitions if each.verdict is not None]
     return [(v.margin, outcome) for v, outcome in verdicts if v.unit == "s" and math.isfinite(v.margin)]
@@ -111,12 +111,12 @@ def _margins_s(trial: TrialResult) -> list[tuple[float, str]]:
 
 def _margin_picture(trials: Sequence[TrialResult]) -> str:
     """A row for each trial, with a mark for each repetition on an axis of margins; "" where none has seconds."""
-    found = {trial.trial.name: _margins_s(trial) for trial in trials}
+    found = {trial.trial.name: _margins_s_and_outcomes(trial) for trial in trials}
     margins = [margin for each in found.values() for margin, _ in each]
     if not margins:
         return ""
     low, high = min(0.0, *margins), max(0.0, *margins)
-    spare = SPARE_SHARE * max(high - low, TICK_STEPS_S[0])
+    spare = AXIS_MARGIN_SHARE * max(high - low, TICK_STEPS_S[0])
     low, high = low - spare, high + spare
 
     def place(margin: float) -> float:

@@ -104,7 +104,7 @@ def open_in_memory(drive: SimulatedDrive) -> Iterator[Log]:
             yield log
 
 
-def pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
+def make_pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
     """Return cwcli itself as a system that warns: `estimate`, `predict` and `warn` with online states.
 
     Args:

@@ -62,11 +62,11 @@ def drive_with_policy(encounter: Encounter, policy: str, braking_from_s: float) 
     """Drive a trial again: the host as it was until `braking_from_s`, then by the policy; NaN: it never brakes."""
     is_braked = POLICIES[policy] is not None and not math.isnan(braking_from_s)
     from_s = np.array([braking_from_s if is_braked else math.inf])
-    impact_mps = drive_with_policies(encounter, policy if is_braked else "full", from_s)
+    impact_mps = impact_speeds_with_policy_mps(encounter, policy if is_braked else "full", from_s)
     return BrakedTrial(float(impact_mps[0]))
 
 
-def drive_with_policies(encounter: Encounter, policy: str, braking_from_s: FloatArray) -> FloatArray:
+def impact_speeds_with_policy_mps(encounter: Encounter, policy: str, braking_from_s: FloatArray) -> FloatArray:
     """Impact speeds (n,), m/s, of drives that brake by a policy from each time (n,); 0 where there is no contact."""
     pedals = POLICIES[policy]
     assert pedals is not None  # "none" never brakes

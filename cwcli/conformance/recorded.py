@@ -18,7 +18,12 @@ from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.online import run_missing_stages
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.run import ConformConfig, judge_driven_trial
-from cwcli.conformance.validity import RECORDED_SCENES, find_breaches, how_far_from_trial, validity_span_s
+from cwcli.conformance.validity import (
+    RECORDED_SCENES,
+    checked_start_and_end_s,
+    find_tolerance_breaches,
+    match_encounter_with_trial,
+)
 from cwcli.conformance.verdict import DrivenTrial, RaisedWarning
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes
@@ -31,15 +36,15 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, X, Y
 
-MAX_TRIAL_DISTANCE = 4.0
+MAX_TRIAL_DISTANCE_IN_TOLERANCES = 4.0
 """A recorded drive is a trial of the clause if its speeds are within this many tolerances of the trial's. Chosen by
 hand: the trials of the clauses differ by more."""
-CONTINUED_S = 12.0
+CONTINUED_MOTION_S = 12.0
 """Time, s, for which the host's motion is continued from its reaction on, as if it had not reacted. Chosen by
 hand: longer than every time to collision."""
 UNREACTED_MOTION_STEP_S = 0.02
 """Time step, s, of the host's motion as if it had not reacted. Chosen by hand."""
-REACTION_MPS2 = 0.15 * 9.80665
+DEFAULT_REACTION_DECELERATION_MPS2 = 0.15 * 9.80665
 """Deceleration from which on the host reacts, m/s^2, where the clause gives none (49 CFR 571.127: 0.15 g)."""
 
 
@@ -85,9 +90,11 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
                 where=log.name,
                 hint="check that the log covers the whole trial",
             )
-        warnings = _warnings_of_system(with_states, place) if place.system else _own_warnings(with_states, config.rule)
+        warnings = (
+            _warnings_of_system(with_states, place) if place.system else _warnings_of_own_rule(with_states, config.rule)
+        )
         encounters = _encounter_by_other_vehicle(real, place, log.start_ns)
-        trial, encounter = _find_trial(clause, encounters, place)
+        trial, encounter = _find_driven_trial_and_encounter(clause, encounters, place)
         result = _check_and_judge_recorded_trial(clause, trial, encounter, warnings, config, place)
     return ClauseResult(
         clause,
@@ -97,7 +104,7 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
     )
 
 
-def _own_warnings(log: Log, rule: str) -> tuple[RaisedWarning, ...]:
+def _warnings_of_own_rule(log: Log, rule: str) -> tuple[RaisedWarning, ...]:
     """The warnings of cwcli's rule in a log, when they could be known."""
     if WARNINGS.topic not in {channel.topic for channel in log.channels}:
         return ()
@@ -146,7 +153,9 @@ def _encounter_of_pair(pair: Pair, vehicle: str, place: LogTrial, start_ns: int)
     return Encounter(np.asarray(time_s[rows]), host, other, pair.host_size, pair.other_size, vehicle)
 
 
-def _find_trial(clause: Clause, encounters: Mapping[str, Encounter], place: LogTrial) -> tuple[Trial, Encounter]:
+def _find_driven_trial_and_encounter(
+    clause: Clause, encounters: Mapping[str, Encounter], place: LogTrial
+) -> tuple[Trial, Encounter]:
     """Find which trial of the clause was driven, and with which vehicle.
 
     Raises:
@@ -159,9 +168,9 @@ def _find_trial(clause: Clause, encounters: Mapping[str, Encounter], place: LogT
         for trial in clause.trials:
             if trial.scene not in RECORDED_SCENES:
                 continue
-            match = how_far_from_trial(clause, trial, encounter)
+            match = match_encounter_with_trial(clause, trial, encounter)
             seen.append(f"{vehicle} as {trial.name}: {match.text}")
-            if match.distance <= MAX_TRIAL_DISTANCE:
+            if match.distance <= MAX_TRIAL_DISTANCE_IN_TOLERANCES:
                 near.append((match.distance, trial, match.encounter))
     if not near:
         raise DataError(
@@ -196,18 +205,20 @@ def _check_and_judge_recorded_trial(
     place: LogTrial,
 ) -> Repetition:
     """Check a recorded trial's tolerances, and judge its warnings."""
-    onset = clause.tolerance("subject-onset") or REACTION_MPS2
+    onset = clause.tolerance("subject-onset") or DEFAULT_REACTION_DECELERATION_MPS2
     begin_s, end_s = encounter.time_s[0], encounter.time_s[-1]
     inside = tuple(each for each in warnings if begin_s <= each.raised_s <= end_s)
-    reaction_s = host_reaction_s(encounter, onset)
+    reaction_s = host_braking_onset_or_end_s(encounter, onset)
     whole = continue_without_reaction(encounter, reaction_s)
     driven = DrivenTrial(whole, inside, trial.demands, config.policy or clause.policy)
     verdict = judge_driven_trial(trial, driven, clause.name)
-    breaches = find_breaches(clause, trial, encounter, validity_span_s(trial, whole, driven.warned_s, verdict))
+    breaches = find_tolerance_breaches(
+        clause, trial, encounter, checked_start_and_end_s(trial, whole, driven.warned_s, verdict)
+    )
     return Repetition(place.name, verdict, tuple(breaches))
 
 
-def host_reaction_s(encounter: Encounter, onset_mps2: float) -> float:
+def host_braking_onset_or_end_s(encounter: Encounter, onset_mps2: float) -> float:
     """When the host first brakes harder than an onset after the event began; the end of the data if it never does."""
     brakes = (encounter.host[:, ACCEL] < -onset_mps2) & (encounter.time_s >= encounter.event_s)
     rows = np.flatnonzero(brakes)
@@ -218,10 +229,12 @@ def continue_without_reaction(encounter: Encounter, from_s: float) -> Encounter:
     """Return the encounter with both going on from a time: the host at its speed, the other at its acceleration."""
     keep = encounter.time_s <= from_s
     last = int(np.flatnonzero(keep)[-1])
-    n = int(CONTINUED_S / UNREACTED_MOTION_STEP_S)
+    n = int(CONTINUED_MOTION_S / UNREACTED_MOTION_STEP_S)
     ahead_s: FloatArray = np.arange(1, n + 1, dtype=np.float64) * UNREACTED_MOTION_STEP_S
-    host = _carry_on(np.asarray(encounter.host[last]), ahead_s, 0.0)
-    other = _carry_on(np.asarray(encounter.other[last]), ahead_s, min(float(encounter.other[last, ACCEL]), 0.0))
+    host = _straight_motion_states(np.asarray(encounter.host[last]), ahead_s, 0.0)
+    other = _straight_motion_states(
+        np.asarray(encounter.other[last]), ahead_s, min(float(encounter.other[last, ACCEL]), 0.0)
+    )
     return Encounter(
         np.concatenate([encounter.time_s[: last + 1], encounter.time_s[last] + ahead_s]),
         np.concatenate([encounter.host[: last + 1], host]),
@@ -233,7 +246,7 @@ def continue_without_reaction(encounter: Encounter, from_s: float) -> Encounter:
     )
 
 
-def _carry_on(state: FloatArray, ahead_s: FloatArray, accel_mps2: float) -> FloatArray:
+def _straight_motion_states(state: FloatArray, ahead_s: FloatArray, accel_mps2: float) -> FloatArray:
     """The states (k, 8) of a vehicle that goes straight on at an acceleration until it stands."""
     speed = float(state[SPEED])
     moving_s = np.minimum(ahead_s, -speed / accel_mps2) if accel_mps2 < 0.0 else ahead_s

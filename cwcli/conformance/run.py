@@ -13,7 +13,7 @@ from cwcli.conformance.online import (
     SimulatedTrial,
     Warner,
     build_trial_scenario,
-    pipeline_warner,
+    make_pipeline_warner,
     simulate_trial,
     true_encounter,
 )
@@ -99,8 +99,8 @@ def run_clauses(
     missing = {task: [seed for seed in seeds[task[0]] if seed not in known[task]] for task in tasks}
     for n_done, ((name, k), found) in enumerate(_run_missing(missing, config), start=1):
         if cache is not None and _is_cacheable(config):
-            parts = _key_parts(clauses[name], k, config)
-            cache.add((repetition_key(parts, int(each.label)), each) for each in found)
+            parts = _cache_key_parts(clauses[name], k, config)
+            cache.add_repetitions((repetition_key(parts, int(each.label)), each) for each in found)
         known[name, k] |= {int(each.label): each for each in found}
         tick(f"{name}: {clauses[name].trials[k].name}", n_done, len(tasks))
     return [
@@ -148,8 +148,8 @@ def _known_repetitions(
     """The repetitions of a trial that were run before, by seed."""
     if cache is None or not _is_cacheable(config):
         return {}
-    parts = _key_parts(clause, index, config)
-    found = {seed: cache.get(repetition_key(parts, seed)) for seed in seeds}
+    parts = _cache_key_parts(clause, index, config)
+    found = {seed: cache.get_repetition(repetition_key(parts, seed)) for seed in seeds}
     return {seed: each for seed, each in found.items() if each is not None}
 
 
@@ -158,7 +158,7 @@ def _is_cacheable(config: ConformConfig) -> bool:
     return config.rule in BUILTIN_RULES
 
 
-def _key_parts(clause: Clause, index: int, config: ConformConfig) -> dict[str, Any]:
+def _cache_key_parts(clause: Clause, index: int, config: ConformConfig) -> dict[str, Any]:
     """What the repetitions of a trial depend on, besides the seed and the code."""
     trial = clause.trials[index]
     return {
@@ -205,7 +205,7 @@ def run_trial(
     scene = build(trial.given)
     scenario = build_trial_scenario(scene, config.grade or clause.grade, name="trial")
     encounter = true_encounter(scenario, scene)
-    own = pipeline_warner(trial.rule or config.rule, config.horizon_s)
+    own = make_pipeline_warner(trial.rule or config.rule, config.horizon_s)
     found = []
     for seed in seeds:
         if warner is None:

@@ -13,21 +13,21 @@ from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.scenario import HOST_NAME
 
-CAR_SIZE = (4.5, 1.8)
+CAR_LENGTH_AND_WIDTH_M = (4.5, 1.8)
 """Length and width of the cars of the trials, m. Chosen: a mid-size passenger car."""
 LANE_WIDTH_M = 3.5
 """Width of a lane, m. Chosen by hand: the usual one of European rural roads and of test tracks."""
 OTHER_NAME = "other"
 """Name of the principal other vehicle in a scene."""
-STEADY_S = 5.0
+STEADY_TIME_BEFORE_EVENT_S = 5.0
 """Time of steady driving before the event, s, in which the filters settle. Chosen by hand: their start takes 1 s."""
-APPROACH_S = 7.0
+APPROACH_START_TTC_S = 7.0
 """Time to collision at which an approach begins, s. Chosen by hand: longer than every published time to collision."""
-AFTER_CONTACT_S = 1.0
+TIME_AFTER_CONTACT_S = 1.0
 """Time that a scene goes on after the contact, s. Chosen by hand."""
-BRAKE_RAMP_S = 0.5
+DEFAULT_BRAKE_RAMP_S = 0.5
 """Time in which a lead builds up its deceleration, s, where a clause gives none. Chosen by hand."""
-LANE_CHANGE_S = 3.0
+DEFAULT_LANE_CHANGE_S = 3.0
 """Duration of a lane change, s, where a clause gives none. Chosen by hand."""
 YAW_RAMP_S = 0.3
 """Time in which a vehicle builds up its yaw rate, s. Chosen by hand."""
@@ -83,9 +83,9 @@ def _document_of_vehicles(duration_s: float, **vehicles: Mapping[str, Any]) -> d
     return {"duration_s": duration_s, "friction": 1.2, "vehicles": dict(vehicles)}
 
 
-def _centre_distance_m(gap_m: float, length_m: float = CAR_SIZE[0]) -> float:
+def _centre_distance_m(gap_m: float, length_m: float = CAR_LENGTH_AND_WIDTH_M[0]) -> float:
     """Distance of the centres of two vehicles on one line with a gap between their outlines."""
-    return gap_m + 0.5 * (CAR_SIZE[0] + length_m)
+    return gap_m + 0.5 * (CAR_LENGTH_AND_WIDTH_M[0] + length_m)
 
 
 def _impossible_scene_error(text: str) -> UsageError:
@@ -100,8 +100,8 @@ def build_approach(given: Mapping[str, float]) -> BuiltScene:
     host, other = given["host_speed"], given.get("other_speed", 0.0)
     if not host > other:
         raise _impossible_scene_error(f"the host ({host:.2f} m/s) does not close in on the other ({other:.2f} m/s)")
-    approach_s = given.get("approach_time", APPROACH_S)
-    length_m = given.get("other_length", CAR_SIZE[0])
+    approach_s = given.get("approach_time", APPROACH_START_TTC_S)
+    length_m = given.get("other_length", CAR_LENGTH_AND_WIDTH_M[0])
     gap_m = (host - other) * approach_s
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": host},
@@ -110,10 +110,10 @@ def build_approach(given: Mapping[str, float]) -> BuiltScene:
             "x_m": _centre_distance_m(gap_m, length_m),
             "y_m": given.get("lateral_offset", 0.0),
             "length_m": length_m,
-            "width_m": given.get("other_width", CAR_SIZE[1]),
+            "width_m": given.get("other_width", CAR_LENGTH_AND_WIDTH_M[1]),
         },
     }
-    return BuiltScene(_document_of_vehicles(approach_s + AFTER_CONTACT_S, **vehicles), 0.0)
+    return BuiltScene(_document_of_vehicles(approach_s + TIME_AFTER_CONTACT_S, **vehicles), 0.0)
 
 
 def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
@@ -123,22 +123,27 @@ def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
         raise _impossible_scene_error(
             f"a gap of {gap_m:g} m and a deceleration of {deceleration:g} m/s^2 must be positive"
         )
-    ramp_s = given.get("ramp_time", BRAKE_RAMP_S)
+    ramp_s = given.get("ramp_time", DEFAULT_BRAKE_RAMP_S)
     # contact: the sum of the gap and the lead's way is the host's way; the ramp delays the braking by half of itself
     until_s = 0.5 * ramp_s + math.sqrt(2.0 * gap_m / deceleration)
     stop_s = 0.5 * ramp_s + speed / deceleration
     if until_s > stop_s:  # the lead stands before
         until_s = 0.5 * ramp_s + (gap_m + 0.5 * speed**2 / deceleration) / speed
-    end_s = STEADY_S + max(until_s, stop_s + ramp_s) + AFTER_CONTACT_S
+    end_s = STEADY_TIME_BEFORE_EVENT_S + max(until_s, stop_s + ramp_s) + TIME_AFTER_CONTACT_S
     braking = [
         {"from_s": 0, "accel_mps2": 0},
-        {"from_s": STEADY_S, "speed_mps": 0, "limit_mps2": deceleration, "jerk_mps3": deceleration / ramp_s},
+        {
+            "from_s": STEADY_TIME_BEFORE_EVENT_S,
+            "speed_mps": 0,
+            "limit_mps2": deceleration,
+            "jerk_mps3": deceleration / ramp_s,
+        },
     ]
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": speed},
         OTHER_NAME: {"speed_mps": speed, "x_m": _centre_distance_m(gap_m), "longitudinal": braking},
     }
-    return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_S)
+    return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_TIME_BEFORE_EVENT_S)
 
 
 def build_convoy(given: Mapping[str, float]) -> BuiltScene:
@@ -146,18 +151,23 @@ def build_convoy(given: Mapping[str, float]) -> BuiltScene:
     built = build_braking_lead(given)
     speed, gap_m, deceleration = given["host_speed"], given["gap"], given["deceleration"]
     reaction_s = given.get("reaction_time", 1.0)
-    jerk = deceleration / given.get("ramp_time", BRAKE_RAMP_S)
+    jerk = deceleration / given.get("ramp_time", DEFAULT_BRAKE_RAMP_S)
     vehicles = {name: dict(table) for name, table in built.document["vehicles"].items()}
     first = {**vehicles[OTHER_NAME], "x_m": 2.0 * vehicles[OTHER_NAME]["x_m"]}
     vehicles["first"] = first
     vehicles[OTHER_NAME]["longitudinal"] = [
         {"from_s": 0, "accel_mps2": 0},
-        {"from_s": STEADY_S + reaction_s, "speed_mps": 0, "limit_mps2": deceleration, "jerk_mps3": jerk},
+        {
+            "from_s": STEADY_TIME_BEFORE_EVENT_S + reaction_s,
+            "speed_mps": 0,
+            "limit_mps2": deceleration,
+            "jerk_mps3": jerk,
+        },
     ]
     if gap_m + 0.5 * speed * reaction_s <= 0.0:
         raise _impossible_scene_error("the convoy has no gap")
     document = _document_of_vehicles(float(built.document["duration_s"]) + reaction_s, **vehicles)
-    return BuiltScene(document, STEADY_S)
+    return BuiltScene(document, STEADY_TIME_BEFORE_EVENT_S)
 
 
 def lane_change_yaw_rate_dps(speed_mps: float, offset_m: float, duration_s: float) -> float:
@@ -199,8 +209,8 @@ def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
         raise _impossible_scene_error(
             f"the host ({host:.2f} m/s) must be faster than the one that cuts in ({other:.2f} m/s)"
         )
-    duration_s = given.get("lane_change_time", LANE_CHANGE_S)
-    start_s = STEADY_S
+    duration_s = given.get("lane_change_time", DEFAULT_LANE_CHANGE_S)
+    start_s = STEADY_TIME_BEFORE_EVENT_S
     middle_s = start_s + 0.5 * duration_s
     gap_m = (host - other) * (ttc_s + middle_s)
     cutter = {
@@ -209,7 +219,7 @@ def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
         "y_m": LANE_WIDTH_M,
         "lateral": lane_change_segments(other, -LANE_WIDTH_M, start_s, duration_s),
     }
-    end_s = max(middle_s + ttc_s, start_s + duration_s + YAW_RAMP_S) + AFTER_CONTACT_S
+    end_s = max(middle_s + ttc_s, start_s + duration_s + YAW_RAMP_S) + TIME_AFTER_CONTACT_S
     vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host}, OTHER_NAME: cutter}
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), start_s)
 
@@ -221,7 +231,7 @@ def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
     """
     speed, gap_m, reveal_s = given["host_speed"], given["gap"], given["reveal_ttc"]
     lead_m = _centre_distance_m(gap_m)
-    if lead_m + CAR_SIZE[0] >= speed * reveal_s:
+    if lead_m + CAR_LENGTH_AND_WIDTH_M[0] >= speed * reveal_s:
         raise _impossible_scene_error(
             f"the lead, {gap_m:g} m ahead, is beyond the standing vehicle when it leaves the lane"
         )
@@ -229,10 +239,10 @@ def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
     lead = {
         "speed_mps": speed,
         "x_m": lead_m,
-        "lateral": lane_change_segments(speed, LANE_WIDTH_M, STEADY_S, duration_s),
+        "lateral": lane_change_segments(speed, LANE_WIDTH_M, STEADY_TIME_BEFORE_EVENT_S, duration_s),
     }
-    standing = {"speed_mps": 0, "x_m": _centre_distance_m(speed * (STEADY_S + reveal_s))}
-    end_s = STEADY_S + max(reveal_s, duration_s + YAW_RAMP_S) + AFTER_CONTACT_S
+    standing = {"speed_mps": 0, "x_m": _centre_distance_m(speed * (STEADY_TIME_BEFORE_EVENT_S + reveal_s))}
+    end_s = STEADY_TIME_BEFORE_EVENT_S + max(reveal_s, duration_s + YAW_RAMP_S) + TIME_AFTER_CONTACT_S
     vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": speed}, "lead": lead, OTHER_NAME: standing}
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
 
@@ -245,24 +255,26 @@ def build_crossing(given: Mapping[str, float]) -> BuiltScene:
     host, other = given["host_speed"], given["other_speed"]
     if not (host > 0.0 and other > 0.0):
         raise _impossible_scene_error("both must move")
-    meet_s = given.get("approach_time", APPROACH_S)
+    meet_s = given.get("approach_time", APPROACH_START_TTC_S)
     crosser = {
         "speed_mps": other,
         "heading_deg": 90.0,
         "x_m": host * meet_s,
         "y_m": -other * meet_s,
-        "length_m": given.get("other_length", CAR_SIZE[0]),
-        "width_m": given.get("other_width", CAR_SIZE[1]),
+        "length_m": given.get("other_length", CAR_LENGTH_AND_WIDTH_M[0]),
+        "width_m": given.get("other_width", CAR_LENGTH_AND_WIDTH_M[1]),
         "turning_radius_m": 1.0,
     }
-    document = _document_of_vehicles(meet_s + AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: crosser})
+    document = _document_of_vehicles(
+        meet_s + TIME_AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: crosser}
+    )
     return BuiltScene(document, 0.0)
 
 
 def build_oncoming(given: Mapping[str, float]) -> BuiltScene:
     """A vehicle comes towards the host; `lateral_offset` 0 is head on, a lane's width is a pass."""
     host, other = given["host_speed"], given["other_speed"]
-    approach_s = given.get("approach_time", APPROACH_S)
+    approach_s = given.get("approach_time", APPROACH_START_TTC_S)
     oncoming = {
         "speed_mps": other,
         "heading_deg": 180.0,
@@ -270,7 +282,7 @@ def build_oncoming(given: Mapping[str, float]) -> BuiltScene:
         "y_m": given.get("lateral_offset", 0.0),
     }
     document = _document_of_vehicles(
-        approach_s + AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: oncoming}
+        approach_s + TIME_AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: oncoming}
     )
     return BuiltScene(document, 0.0)
 
@@ -289,9 +301,9 @@ def build_turn_across(given: Mapping[str, float]) -> BuiltScene:
     host, other, radius_m = given["host_speed"], given["other_speed"], given.get("radius", 14.0)
     lateral = [
         {"from_s": 0, "curvature_1pm": 0},
-        {"from_s": STEADY_S, "curvature_1pm": 1.0 / radius_m, "curvature_rate_1pmps": 1.0 / radius_m},
+        {"from_s": STEADY_TIME_BEFORE_EVENT_S, "curvature_1pm": 1.0 / radius_m, "curvature_rate_1pmps": 1.0 / radius_m},
     ]
-    end_s = STEADY_S + 1.0 + math.pi / 2.0 * radius_m / host
+    end_s = STEADY_TIME_BEFORE_EVENT_S + 1.0 + math.pi / 2.0 * radius_m / host
     profile = read_motion_profile(None, lateral, speed_mps=host, end_s=end_s, path="host", source="turn-across")
     time_s = np.arange(0.0, end_s, 0.001)
     states = TrueMotion(profile, x_m=0.0, y_m=0.0, heading_rad=0.0).states_at(time_s)
@@ -302,38 +314,38 @@ def build_turn_across(given: Mapping[str, float]) -> BuiltScene:
     meet_s, meet_x_m = float(time_s[k]), float(states[k, 0])
     oncoming = {"speed_mps": other, "heading_deg": 180.0, "x_m": meet_x_m + other * meet_s, "y_m": LANE_WIDTH_M}
     vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host, "lateral": lateral}, OTHER_NAME: oncoming}
-    return BuiltScene(_document_of_vehicles(meet_s + AFTER_CONTACT_S, **vehicles), STEADY_S)
+    return BuiltScene(_document_of_vehicles(meet_s + TIME_AFTER_CONTACT_S, **vehicles), STEADY_TIME_BEFORE_EVENT_S)
 
 
 def build_parked_on_both_sides(given: Mapping[str, float]) -> BuiltScene:
     """The host drives straight between two parked vehicles, whose inner sides are `clearance` apart."""
     speed, clearance_m = given["host_speed"], given["clearance"]
-    if clearance_m <= CAR_SIZE[1]:
+    if clearance_m <= CAR_LENGTH_AND_WIDTH_M[1]:
         raise _impossible_scene_error(f"the host does not fit between vehicles {clearance_m:g} m apart")
-    side_m = 0.5 * (clearance_m + CAR_SIZE[1])
-    x_m = _centre_distance_m(speed * APPROACH_S)
+    side_m = 0.5 * (clearance_m + CAR_LENGTH_AND_WIDTH_M[1])
+    x_m = _centre_distance_m(speed * APPROACH_START_TTC_S)
     parked = {"speed_mps": 0, "x_m": x_m}
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": speed},
         OTHER_NAME: {**parked, "y_m": side_m},
         "right": {**parked, "y_m": -side_m},
     }
-    return BuiltScene(_document_of_vehicles(APPROACH_S + 2.0 * AFTER_CONTACT_S, **vehicles), 0.0)
+    return BuiltScene(_document_of_vehicles(APPROACH_START_TTC_S + 2.0 * TIME_AFTER_CONTACT_S, **vehicles), 0.0)
 
 
 def build_parked_in_curve(given: Mapping[str, float]) -> BuiltScene:
     """The host drives into a left curve; a car is parked straight ahead of the curve's begin, outside the lane."""
     speed, radius_m = given["host_speed"], given["radius"]
-    beside_m = 0.5 * LANE_WIDTH_M + CAR_SIZE[1]
+    beside_m = 0.5 * LANE_WIDTH_M + CAR_LENGTH_AND_WIDTH_M[1]
     ahead_m = math.sqrt(2.0 * radius_m * beside_m)  # where the curve has left the straight line by that much
-    begin_s = APPROACH_S
+    begin_s = APPROACH_START_TTC_S
     lateral = [
         {"from_s": 0, "curvature_1pm": 0},
         {"from_s": begin_s, "curvature_1pm": 1.0 / radius_m, "curvature_rate_1pmps": 2.0 / radius_m},
     ]
     lag_m = 0.25 * speed  # the transition of 0.5 s delays the curve by half of itself
-    parked = {"speed_mps": 0, "x_m": speed * begin_s + lag_m + ahead_m + 0.5 * CAR_SIZE[0], "y_m": 0.0}
-    end_s = begin_s + 2.0 * ahead_m / speed + AFTER_CONTACT_S
+    parked = {"speed_mps": 0, "x_m": speed * begin_s + lag_m + ahead_m + 0.5 * CAR_LENGTH_AND_WIDTH_M[0], "y_m": 0.0}
+    end_s = begin_s + 2.0 * ahead_m / speed + TIME_AFTER_CONTACT_S
     vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": speed, "lateral": lateral}, OTHER_NAME: parked}
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
 
@@ -348,17 +360,21 @@ def build_following(given: Mapping[str, float]) -> BuiltScene:
     reaction_s = given.get("reaction_time", 0.0)
 
     def braking(begin_s: float) -> list[dict[str, Any]]:
-        change = {"speed_mps": lower, "limit_mps2": deceleration, "jerk_mps3": deceleration / BRAKE_RAMP_S}
+        change = {"speed_mps": lower, "limit_mps2": deceleration, "jerk_mps3": deceleration / DEFAULT_BRAKE_RAMP_S}
         return [{"from_s": 0, "accel_mps2": 0}, {"from_s": begin_s, **change}]
 
     if gap_m <= (speed - lower) * reaction_s:
         raise _impossible_scene_error(f"the host runs into the lead within its reaction time of {reaction_s:g} s")
-    end_s = STEADY_S + reaction_s + (speed - lower) / deceleration + 2.0 * BRAKE_RAMP_S + 3.0
+    end_s = STEADY_TIME_BEFORE_EVENT_S + reaction_s + (speed - lower) / deceleration + 2.0 * DEFAULT_BRAKE_RAMP_S + 3.0
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": speed, "longitudinal": braking(STEADY_S + reaction_s)},
-        OTHER_NAME: {"speed_mps": speed, "x_m": _centre_distance_m(gap_m), "longitudinal": braking(STEADY_S)},
+        HOST_NAME: {"speed_mps": speed, "longitudinal": braking(STEADY_TIME_BEFORE_EVENT_S + reaction_s)},
+        OTHER_NAME: {
+            "speed_mps": speed,
+            "x_m": _centre_distance_m(gap_m),
+            "longitudinal": braking(STEADY_TIME_BEFORE_EVENT_S),
+        },
     }
-    return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_S)
+    return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_TIME_BEFORE_EVENT_S)
 
 
 _SHAPE = ("other_length", "other_width")

@@ -21,13 +21,13 @@ from cwcli.signals.vehicle_state import ACCEL, SPEED
 
 RECORDED_SCENES = ("approach", "braking-lead")
 """Scenes that are found in logs: their numbers can be read off the motion of two vehicles."""
-BEFORE_BRAKING_S = 3.0
+CHECKED_TIME_BEFORE_BRAKING_S = 3.0
 """Time before the lead's braking from which on a trial is checked, s (NHTSA's confirmation test, as commonly stated,
 not checked)."""
 CHECKED_TTC_S = 5.0
 """Time to collision from which on an approach is checked, s (NHTSA's confirmation test, as commonly stated, not
 checked)."""
-BUILD_UP_S = 1.5
+BRAKING_BUILD_UP_S = 1.5
 """Time after its onset from which on the lead's deceleration is checked, s (NHTSA's confirmation test, as commonly
 stated, not checked)."""
 DEFAULT_SPEED_TOLERANCE_MPS = 0.56
@@ -53,7 +53,7 @@ class TrialMatch:
     encounter: Encounter
 
 
-def how_far_from_trial(clause: Clause, trial: Trial, encounter: Encounter) -> TrialMatch:
+def match_encounter_with_trial(clause: Clause, trial: Trial, encounter: Encounter) -> TrialMatch:
     """Compare the speeds (and the gap) of a recorded drive with those of a trial."""
     beside = float(np.median(np.abs(encounter.lateral_offset_m)))
     if beside > MAX_LATERAL_OFFSET_M or float(encounter.gap_m[0]) < 0.0:
@@ -61,7 +61,7 @@ def how_far_from_trial(clause: Clause, trial: Trial, encounter: Encounter) -> Tr
     tolerance = clause.tolerance("subject-speed") or DEFAULT_SPEED_TOLERANCE_MPS
     other_tolerance = clause.tolerance("other-speed") or DEFAULT_SPEED_TOLERANCE_MPS
     host_mps = trial.given["host_speed"]
-    onset_s = lead_onset_s(clause, trial, encounter)
+    onset_s = lead_braking_onset_s(clause, trial, encounter)
     if trial.scene == "braking-lead":
         if math.isnan(onset_s):
             return TrialMatch(math.inf, "the other does not brake", encounter)
@@ -88,7 +88,7 @@ def how_far_from_trial(clause: Clause, trial: Trial, encounter: Encounter) -> Tr
     return TrialMatch(far, f"{text}; the trial has {host_mps:.1f} and {other_mps:.1f} m/s", encounter)
 
 
-def lead_onset_s(clause: Clause, trial: Trial, encounter: Encounter) -> float:
+def lead_braking_onset_s(clause: Clause, trial: Trial, encounter: Encounter) -> float:
     """When the lead begins to brake: the last time below the onset before its deceleration is half of the trial's.
 
     NaN where it never brakes so hard. For a trial without a deceleration 0.1 g counts.
@@ -102,17 +102,19 @@ def lead_onset_s(clause: Clause, trial: Trial, encounter: Encounter) -> float:
     return float(encounter.time_s[calm[-1]]) if len(calm) else float(encounter.time_s[0])
 
 
-def validity_span_s(trial: Trial, whole: Encounter, warned_s: float, verdict: Verdict) -> tuple[float, float]:
+def checked_start_and_end_s(trial: Trial, whole: Encounter, warned_s: float, verdict: Verdict) -> tuple[float, float]:
     """From when to when a trial is checked: until the warning, or until it had to come."""
     latest_s = verdict.values.get("latest_s", float(whole.time_s[-1]))
     until_s = latest_s if math.isnan(warned_s) else min(warned_s, latest_s)
     if trial.scene == "braking-lead":
-        return whole.event_s - BEFORE_BRAKING_S, until_s
+        return whole.event_s - CHECKED_TIME_BEFORE_BRAKING_S, until_s
     near = np.flatnonzero(whole.ttc_s <= CHECKED_TTC_S)
     return (float(whole.time_s[near[0]]) if len(near) else float(whole.time_s[0])), until_s
 
 
-def find_breaches(clause: Clause, trial: Trial, encounter: Encounter, span_s: tuple[float, float]) -> list[str]:
+def find_tolerance_breaches(
+    clause: Clause, trial: Trial, encounter: Encounter, span_s: tuple[float, float]
+) -> list[str]:
     """Find the tolerances that a recorded trial breaks, each with its number, its time and what is permitted."""
     rows = np.flatnonzero((encounter.time_s >= span_s[0]) & (encounter.time_s <= span_s[1]))
     if not len(rows):
@@ -128,7 +130,7 @@ def find_breaches(clause: Clause, trial: Trial, encounter: Encounter, span_s: tu
         ("subject-onset", np.minimum(encounter.host[:, ACCEL], 0.0), rows, 0.0, "m/s^2"),
     ]
     if lead:
-        steady = rows[encounter.time_s[rows] >= encounter.event_s + BUILD_UP_S]
+        steady = rows[encounter.time_s[rows] >= encounter.event_s + BRAKING_BUILD_UP_S]
         steady = steady[encounter.other[steady, SPEED] > 1.0]
         checks += [
             ("gap", encounter.gap_m, before, trial.given["gap"], "m"),

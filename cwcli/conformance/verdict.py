@@ -63,7 +63,7 @@ class DrivenTrial:
         return math.nan
 
     @property
-    def n_early(self) -> int:
+    def n_warnings_before_event(self) -> int:
         """Number of warnings before the event began, which are about nothing."""
         return sum(warning.raised_s < self.encounter.event_s for warning in self.warnings)
 
@@ -122,7 +122,7 @@ def judge_by_window(driven: DrivenTrial, window: WarningWindow) -> Verdict:
     values = {"earliest_s": window.earliest_s, "latest_s": window.latest_s, "warned_s": warned_s}
     if math.isnan(warned_s):
         end_s = encounter.contact_s if math.isfinite(encounter.contact_s) else float(encounter.time_s[-1])
-        before = f" ({driven.n_early} before the event began)" if driven.n_early else ""
+        before = f" ({driven.n_warnings_before_event} before the event began)" if driven.n_warnings_before_event else ""
         return Verdict(-max(end_s - window.latest_s, 0.0), "s", f"no warning{before}", values, has_failed=True)
     values |= encounter.values_at(warned_s)
     late, early = window.latest_s - warned_s, warned_s - window.earliest_s

@@ -187,7 +187,7 @@ def _build_encounter(
         verdict = judge_warning(alert.raised_ns, alert.last_ns, conflicts[id(other)], pair, drive.warning_config)
         conflict = conflicts[id(other)][verdict.conflict_index] if verdict.conflict_index >= 0 else None
         gap = _least_gap_m(pair, alert.raised_ns, alert.raised_ns + round(drive.warning_config.max_lead_s * NS_PER_S))
-        direction = _direction_phrase(host, other, alert.raised_ns, drive.warning_config.max_gap_s)
+        direction = _direction_phrase_or_empty(host, other, alert.raised_ns, drive.warning_config.max_gap_s)
     alone = _encounter_from_channel(drive, alert)
     return replace(
         alone, other=other, pair=pair, verdict=verdict, conflict=conflict, least_gap_m=gap, direction=direction
@@ -225,7 +225,7 @@ def _least_gap_m(pair: Pair, begin_ns: int, end_ns: int) -> float:
     return float(known.min()) if len(known) else math.nan
 
 
-def _direction_phrase(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: float) -> str:
+def _direction_phrase_or_empty(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: float) -> str:
     """Describe where the other vehicle comes from, seen from the driver's seat, when the warning is given."""
     stamps = np.array([at_ns], np.int64)
     own = interpolate_x_y_speed_heading(host, stamps, max_gap_s)[0]

@@ -17,7 +17,7 @@ MAX_CHARACTERS = 200
 """Longest text of a log that is laid out, in characters; chosen: more than a line."""
 N_OTHER_LINES = 4
 """Lines beside those of the logs: the heading, how many more logs there are, all of them, and what to do next."""
-LABEL_COLUMN = 6
+COLUMN_AFTER_LABELS = 6
 """Column at which the last two lines begin behind their labels, in cells: `next` and two spaces."""
 ENTRY_KEY = "digest"
 """Key of a log's entry in the manifest that holds its digest."""
@@ -95,7 +95,7 @@ def format_fleet_lines(logs: Sequence[LogLine], *, next_step: str, width: int = 
     if len(shown) < len(ordered):
         rows.append(("", f"and {format_count(len(ordered) - len(shown), 'more log')}", column))
     # long names of logs leave too little room for these two
-    rows += [("all", _fleet_totals_sentence(logs), LABEL_COLUMN), ("next", next_step, LABEL_COLUMN)]
+    rows += [("all", _fleet_totals_sentence(logs), COLUMN_AFTER_LABELS), ("next", next_step, COLUMN_AFTER_LABELS)]
     return [
         f"{name}{' ' * (at - terminal_cells_of_text(name))}{_cut_to_cell_width(text, width - at)}"
         for name, text, at in rows

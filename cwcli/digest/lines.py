@@ -15,7 +15,7 @@ MAX_WIDTH = 80
 """Greatest width of a line in cells of the terminal; chosen: the usual width of a terminal."""
 LABEL_WIDTH = 7
 """Width of the labels in cells: the longest, `doubt`, and two spaces."""
-MIN_WIDTH = 24
+MIN_LINE_WIDTH = 24
 """Least width that is used, in cells; chosen by hand: the labels and a word."""
 MAX_SENTENCE_CHARACTERS = 600
 """Longest part of a sentence that is laid out, in characters; chosen: more than twelve lines hold of one block."""
@@ -40,7 +40,7 @@ class Block:
     least_lines: int = 1
 
 
-def doubt_block(doubts: Sequence[Doubt], confidence: Sequence[str]) -> Block:
+def trust_or_doubt_block(doubts: Sequence[Doubt], confidence: Sequence[str]) -> Block:
     """Return the block that says how far to trust a result: the doubts, or what is known of its errors."""
     if not doubts:
         return Block("trust", (NO_DOUBT_TEXT, *confidence), 3)
@@ -66,7 +66,7 @@ def format_blocks(blocks: Sequence[Block], *, width: int = MAX_WIDTH, max_lines:
         width: Width of the terminal in cells.
         max_lines: Greatest number of lines together.
     """
-    width = max(min(width, MAX_WIDTH), MIN_WIDTH)
+    width = max(min(width, MAX_WIDTH), MIN_LINE_WIDTH)
     shown = [block for block in blocks if block.sentences]
     wrapped = [_wrap_sentences(block.sentences, width - LABEL_WIDTH) for block in shown]
     needed = [lines[-1] if lines else 0 for lines in ([count for _, count in each] for each in wrapped)]

@@ -17,7 +17,7 @@ from cwcli.text import join_names, shorten_and_escape
 
 MAX_NAME_CHARACTERS = 40
 """Greatest length of a name in a sentence, in characters; chosen by hand."""
-MAX_NAMED = 4
+MAX_NAMES_IN_SENTENCE = 4
 """Greatest number of things that a sentence names one by one; chosen by hand."""
 
 
@@ -41,7 +41,7 @@ def stage_sentence(stage: str, records: Mapping[str, Record], tables: Tables) ->
 def _estimate_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Name the sources of the ego's states."""
     names = dict.fromkeys(str(source) for (source,) in summary.rows_of_table_columns_or_empty("sources", "source"))
-    return f"The car's motion was estimated from {_join_few(list(names))}." if names else ""
+    return f"The car's motion was estimated from {_join_first_names(list(names))}." if names else ""
 
 
 def _track_sentence(summary: RecordedSummary, tables: Tables) -> str:
@@ -155,8 +155,8 @@ def _cell_to_name(cell: Cell) -> str:
     return shorten_and_escape(str(cell), MAX_NAME_CHARACTERS)
 
 
-def _join_few(names: list[str]) -> str:
-    """Join names, at most `MAX_NAMED` of them."""
-    shown = [_cell_to_name(name) for name in names[:MAX_NAMED]]
-    more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
+def _join_first_names(names: list[str]) -> str:
+    """Join names, at most `MAX_NAMES_IN_SENTENCE` of them."""
+    shown = [_cell_to_name(name) for name in names[:MAX_NAMES_IN_SENTENCE]]
+    more = [f"{len(names) - MAX_NAMES_IN_SENTENCE} more"] if len(names) > MAX_NAMES_IN_SENTENCE else []
     return join_names([*shown, *more])

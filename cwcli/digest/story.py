@@ -100,7 +100,7 @@ def build_story(
         with_careful_driver: Say what a careful driver would have done, which is simulated.
     """
     story = _build_story_without_doubts(drive, drive_encounters, why_no_warnings, with_careful_driver)
-    story = replace(story, knowledge=_state_knowledge_sentence(drive))
+    story = replace(story, knowledge=_state_knowledge_sentence_or_empty(drive))
     if not doubts:
         return replace(story, more=(*confidence, *story.more))
     is_repaired = all(doubt.is_repaired for doubt in doubts)
@@ -320,7 +320,7 @@ def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str
     return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away, centre to centre, at {at}."
 
 
-def _state_knowledge_sentence(drive: Drive) -> str:
+def _state_knowledge_sentence_or_empty(drive: Drive) -> str:
     """Say which states the warnings started from; "" if there are none or the record does not say."""
     record, _ = find_collision_warning_record_and_is_of_targets(drive.records)
     states = read_configuration(record).get("states")

@@ -68,12 +68,12 @@ def find_real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]
         found += [
             replace(each, part_text=part.conflict_text)
             for each in more
-            if not any(_are_within(each, known, hold_off_ns) for known in found)
+            if not any(_are_conflicts_nearer_than(each, known, hold_off_ns) for known in found)
         ]
     return sorted(found, key=lambda each: each.onset_ns)
 
 
-def _are_within(one: RealConflict, other: RealConflict, gap_ns: float) -> bool:
+def _are_conflicts_nearer_than(one: RealConflict, other: RealConflict, gap_ns: float) -> bool:
     """Whether less than a gap (ns) lies between two conflicts."""
     return one.onset_ns - other.end_ns < gap_ns and other.onset_ns - one.end_ns < gap_ns
 

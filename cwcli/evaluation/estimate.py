@@ -16,7 +16,7 @@ from cwcli.estimation.summary import summarise_track
 from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.evaluation.evaluation_context import TRUTH_AUTO, EgoStatesAndTruth, EgoTruth, EvaluationContext
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry
-from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states
+from cwcli.evaluation.knowledge import TRUTH, comparison_label, online_or_hindsight_of_ego_states
 from cwcli.evaluation.link import RadioLinkSummary, add_link_metrics
 from cwcli.evaluation.records import source_config_from_record
 from cwcli.evaluation.truth import (
@@ -24,7 +24,7 @@ from cwcli.evaluation.truth import (
     build_truth_errors_section,
     compare_track_with_truth,
     notes_on_truth_mounting,
-    place_truth_in_map,
+    place_truth_in_map_with_notes,
     truth_error_metric_rows,
 )
 from cwcli.lazy_dataclass import replace
@@ -93,7 +93,9 @@ def add_metrics(context: EvaluationContext) -> None:
     sources = read.by_role
     local_map = local_map_from_estimate_record(record)
     fixes = _stamps_and_positions_of_latency_corrected_fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
-    with headline.label_rows_with_states(comparison_label(knowledge_of_estimated_states(read_run_records(log)), TRUTH)):
+    with headline.label_rows_with_states(
+        comparison_label(online_or_hindsight_of_ego_states(read_run_records(log)), TRUTH)
+    ):
         found = _add_errors_against_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
     if fixes is not None:
         stamp_ns, fix_xy = fixes
@@ -194,7 +196,7 @@ def _truth_in_map_with_signal_and_row_mask(
         measured_xy = resample(*stamps_and_positions_of_fixes, stamp_ns, max_gap_s=MAX_FIX_GAP_S)
     origin = parse_json_entry_or_empty(record, "configuration", dict).get("truth_origin")
     given = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
-    true_xy, _ = place_truth_in_map(signal, inside, local_map, given, measured_xy)
+    true_xy, _ = place_truth_in_map_with_notes(signal, inside, local_map, given, measured_xy)
     if isinstance(signal, PositionSignal):
         return EgoTruth(signal.source, stamp_ns, true_xy), signal, inside
     motion = (each[inside] for each in (signal.speed_mps, signal.travel_rad, signal.yaw_rate_radps))

@@ -9,7 +9,12 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.evaluation.doubts.fixes import LASTING_S, MAX_SIGMAS, MIN_DOUBTED_OFFSET_M, RECORD_KEY
+from cwcli.evaluation.doubts.fixes import (
+    MAX_UNDOUBTED_OFFSET_SIGMAS,
+    MIN_DOUBTED_OFFSET_M,
+    MIN_LASTING_OFFSET_S,
+    RECORD_KEY,
+)
 from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
@@ -18,7 +23,7 @@ MAX_STATE_GAP_S = 0.5
 """Longest gap between states that is interpolated, s. Chosen by hand; not fitted."""
 MAD_TO_SIGMA = 1.0 / 0.6745
 """Standard deviation per median absolute deviation of a normal distribution."""
-SECOND_DIFFERENCE_SIGMA = 6.0**0.5
+SECOND_DIFFERENCE_SIGMA_RATIO = 6.0**0.5
 """Standard deviation of the second difference of white noise (1, -2, 1) per its own."""
 
 
@@ -52,11 +57,11 @@ def _largest_lasting_offset_as_document(
     if len(stamp_ns) < 3:
         return []
     distance_m = least_value_in_window_from_each_row(
-        stamp_ns / NS_PER_S - stamp_ns[0] / NS_PER_S, np.hypot(*offset.T), LASTING_S
+        stamp_ns / NS_PER_S - stamp_ns[0] / NS_PER_S, np.hypot(*offset.T), MIN_LASTING_OFFSET_S
     )
-    scatter_m = MAD_TO_SIGMA * median_of_values(np.abs(np.diff(offset, 2, axis=0))) / SECOND_DIFFERENCE_SIGMA
+    scatter_m = MAD_TO_SIGMA * median_of_values(np.abs(np.diff(offset, 2, axis=0))) / SECOND_DIFFERENCE_SIGMA_RATIO
     sigma_m = np.sqrt(np.maximum(variance, 0.0) + scatter_m**2)
-    doubted = (distance_m > MIN_DOUBTED_OFFSET_M) & (distance_m > MAX_SIGMAS * sigma_m)
+    doubted = (distance_m > MIN_DOUBTED_OFFSET_M) & (distance_m > MAX_UNDOUBTED_OFFSET_SIGMAS * sigma_m)
     at = int(np.where(doubted, distance_m, -1.0).argmax() if doubted.any() else distance_m.argmax())
     return [
         {

@@ -18,12 +18,12 @@ def comparison_label(states: str, reference: str) -> str:
     return f"{states} vs {reference}"
 
 
-def knowledge_of_estimated_states(records: Mapping[str, Record]) -> str:
+def online_or_hindsight_of_ego_states(records: Mapping[str, Record]) -> str:
     """Return the knowledge behind the states of `/cwcli/ego/state`: online after a causal run, else hindsight."""
-    return knowledge_of_stage_output(records.get("estimate", {}))
+    return online_or_hindsight_of_stage_output(records.get("estimate", {}))
 
 
-def knowledge_of_stage_output(record: Record) -> str:
+def online_or_hindsight_of_stage_output(record: Record) -> str:
     """Return the knowledge behind the states that a stage wrote: online with `--causal`, else hindsight."""
     configuration = read_configuration(record)
     parts = (configuration, *configuration.values())
@@ -34,4 +34,4 @@ def online_or_hindsight_of_stage_input(records: Mapping[str, Record], record: Re
     """Return the knowledge behind the states that a stage read, by the topics in its record."""
     topics = {str(entry.get("topic")) for entry in read_input_counts(record) if entry.get("role") in STATE_ROLES}
     own = {topic for topic in topics if topic.startswith(OWN_TOPIC_PREFIX)} or {EGO_STATE.topic}
-    return ONLINE if all(topic.endswith("/online") for topic in own) else knowledge_of_estimated_states(records)
+    return ONLINE if all(topic.endswith("/online") for topic in own) else online_or_hindsight_of_ego_states(records)

@@ -22,7 +22,7 @@ from cwcli.signals.radio_link import ReceptionByDistance, StationLink, informati
 from cwcli.signals.remotes import join_remote_signals, perceived_rows_mask, select_remote_rows
 from cwcli.signals.resample import resample
 
-AGE_QUANTILE = 0.95
+REPORTED_AGE_QUANTILE = 0.95
 """Quantile of the age of the newest message that is reported."""
 MAX_EGO_GAP_S = 0.5
 """Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
@@ -76,7 +76,9 @@ class RadioLinkSummary:
         signal = join_remote_signals(remotes) if remotes else None
         if signal is not None:
             signal = select_remote_rows(signal, np.flatnonzero(~perceived_rows_mask(signal)))
-            self.stations, self.reception = measure_station_links(signal, _distance_to_ego_m(signal, ego, local_map))
+            self.stations, self.reception = measure_station_links(
+                signal, _sender_distance_to_ego_m(signal, ego, local_map)
+            )
 
     def build_sections(self) -> tuple[SummaryTable, ...]:
         """Return sections on the stations and on the reception by distance; none without remote vehicles."""
@@ -131,9 +133,9 @@ class RadioLinkSummary:
             "stations": len(self.stations),
             "sent": sum(each.n_sent for each in counted),
             "lost": sum(each.n_sent - each.n_received for each in counted),
-            "age_p95_s": information_age_quantile_s([each.age for each in self.stations], AGE_QUANTILE),
-            "latency_p95_s": _greatest_finite(each.latency_p95_s for each in self.stations),
-            "range_m": _greatest_finite(each.range_m for each in self.stations),
+            "age_p95_s": information_age_quantile_s([each.age for each in self.stations], REPORTED_AGE_QUANTILE),
+            "latency_p95_s": _greatest_finite_or_nan(each.latency_p95_s for each in self.stations),
+            "range_m": _greatest_finite_or_nan(each.range_m for each in self.stations),
         }
         known = {name: value for name, value in sums.items() if math.isfinite(value)}
         return {"link": json.dumps(known)}
@@ -170,7 +172,7 @@ def _station_row(link: StationLink) -> tuple[str | float | int, ...]:
         link.rate_hz,
         link.latency_median_s,
         link.latency_p95_s,
-        information_age_quantile_s([link.age], AGE_QUANTILE),
+        information_age_quantile_s([link.age], REPORTED_AGE_QUANTILE),
         link.n_gaps,
         link.longest_gap_s,
         link.n_absences,
@@ -178,7 +180,7 @@ def _station_row(link: StationLink) -> tuple[str | float | int, ...]:
     )
 
 
-def _distance_to_ego_m(signal: RemoteSignal, ego: Track, local_map: LocalMap | None) -> FloatArray:
+def _sender_distance_to_ego_m(signal: RemoteSignal, ego: Track, local_map: LocalMap | None) -> FloatArray:
     """Return the distance (n,), m, of each sender from the ego at reception; NaN where a position is unknown."""
     if local_map is None:
         return np.full(len(signal.stamp_ns), np.nan)
@@ -189,5 +191,5 @@ def _distance_to_ego_m(signal: RemoteSignal, ego: Track, local_map: LocalMap | N
     return distance_m
 
 
-def _greatest_finite(values: Any) -> float:
+def _greatest_finite_or_nan(values: Any) -> float:
     return max((value for value in values if math.isfinite(value)), default=float("nan"))

@@ -26,7 +26,7 @@ from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged
 from cwcli.signals.inputs import normalise_schema_name
 from cwcli.signals.units import NS_PER_S
 
-SAME_WARNING_S = 3.0
+MAX_SAME_WARNING_DIFFERENCE_S = 3.0
 """Warnings of one rule about one vehicle that were raised so near each other are the same one, s. Chosen by hand:
 the hold-off of the rules is 1 s."""
 BoolArray = npt.NDArray[np.bool_]
@@ -161,8 +161,8 @@ def _compare_topic(before: Log, after: Log, topic: str, tolerances: Mapping[str,
         return None
     at_ns, name, row = first
     values = (
-        _field_text_of_row(early.fields.get(name), int(rows[row])),
-        _field_text_of_row(late.fields.get(name), other_rows[row]),
+        _field_text_or_empty(early.fields.get(name), int(rows[row])),
+        _field_text_or_empty(late.fields.get(name), other_rows[row]),
     )
     largest = _largest_number_difference(early.fields.get(name), late.fields.get(name), rows, other_rows)
     return ChannelChange(topic, name, at_ns, *values, n_different, n_before, largest)
@@ -239,7 +239,8 @@ def _field_difference_mask(
     if isinstance(one, Ragged) and isinstance(other, Ragged):
         return _sequence_difference_mask(one, other, early_rows, late_rows, tolerances.get(field_name, 0.0))
     texts = [
-        [_field_text_of_row(each, int(row)) for row in those] for each, those in ((one, early_rows), (other, late_rows))
+        [_field_text_or_empty(each, int(row)) for row in those]
+        for each, those in ((one, early_rows), (other, late_rows))
     ]
     return np.array([left != right for left, right in zip(*texts, strict=True)], np.bool_)
 
@@ -267,7 +268,7 @@ def _number_difference_mask(early_numbers: FloatArray, late_numbers: FloatArray,
     return np.asarray(~is_equal & ~(np.isnan(early_numbers) & np.isnan(late_numbers)))
 
 
-def _field_text_of_row(field: Field | None, row: int) -> str:
+def _field_text_or_empty(field: Field | None, row: int) -> str:
     """Return the value of a message as text, "" where there is none."""
     if field is None:
         return ""
@@ -297,13 +298,13 @@ def _largest_number_difference(
 
 def _compare_warnings(before: Log, after: Log) -> list[WarningChange]:
     """Return the warnings that appeared, vanished or moved, in order of time."""
-    early, late = _read_events(before), _read_events(after)
+    early, late = _read_warning_events_or_empty(before), _read_warning_events_or_empty(after)
     left = list(late)
     changes = []
     for event in early:
         same = [each for each in left if (each.rule, each.other_id) == (event.rule, event.other_id)]
         near = min(same, key=lambda each: abs(each.raised_ns - event.raised_ns), default=None)
-        if near is None or abs(near.raised_ns - event.raised_ns) > SAME_WARNING_S * NS_PER_S:
+        if near is None or abs(near.raised_ns - event.raised_ns) > MAX_SAME_WARNING_DIFFERENCE_S * NS_PER_S:
             changes.append(WarningChange("vanished", event.rule, event.other_id, event.raised_ns, math.nan))
             continue
         left.remove(near)
@@ -314,7 +315,7 @@ def _compare_warnings(before: Log, after: Log) -> list[WarningChange]:
     return sorted(changes, key=lambda change: change.raised_ns)
 
 
-def _read_events(log: Log) -> Sequence[WarningEvent]:
+def _read_warning_events_or_empty(log: Log) -> Sequence[WarningEvent]:
     """Return the warnings of a log; none where no rule has run."""
     if all(channel.topic != WARNINGS.topic for channel in log.channels):
         return ()

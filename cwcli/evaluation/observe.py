@@ -28,7 +28,7 @@ MAX_TRUTH_GAP_S = 0.5
 """Longest gap of the truth that is interpolated, s. Chosen by hand; not fitted."""
 SETTLING_TIME_S = 2.0
 """Time in s after each start of the observer whose frames are not evaluated. Chosen by hand; not fitted."""
-Z_90 = 1.6448536269514722
+HALF_WIDTH_90_PERCENT_SIGMAS = 1.6448536269514722
 """Half-width of the central 90 % of a normal distribution, in sigmas."""
 METRIC_OF_STATE: dict[str, tuple[str, float]] = {
     "lateral_speed_mps": ("observer.lateral_speed_rmse_mps", 1.0),
@@ -158,6 +158,6 @@ def _count_rms_mean_p95_max_and_share_inside_90(
         nan = float("nan")
         return 0, nan, nan, nan, nan, nan
     size = np.abs(error)
-    inside = float(np.mean(size <= Z_90 * sigma)) if np.isfinite(sigma).all() else float("nan")
+    inside = float(np.mean(size <= HALF_WIDTH_90_PERCENT_SIGMAS * sigma)) if np.isfinite(sigma).all() else float("nan")
     rms = float(np.sqrt(np.mean(error**2)))
     return len(error), rms, float(error.mean()), float(np.percentile(size, 95)), float(size.max()), inside

@@ -16,7 +16,7 @@ from cwcli.evaluation.evaluation_context import EvaluationContext
 from cwcli.evaluation.knowledge import (
     TRUTH,
     comparison_label,
-    knowledge_of_estimated_states,
+    online_or_hindsight_of_ego_states,
     online_or_hindsight_of_stage_input,
 )
 from cwcli.lazy_dataclass import dataclass
@@ -78,7 +78,7 @@ def add_metrics(context: EvaluationContext) -> None:
     records = read_run_records(log)
     knows, outcome = (
         online_or_hindsight_of_stage_input(records, records.get("predict", {})),
-        knowledge_of_estimated_states(records),
+        online_or_hindsight_of_ego_states(records),
     )
     topics = {channel.topic for channel in log.channels}
     if EGO_PATH.topic not in topics or ego.states is None:

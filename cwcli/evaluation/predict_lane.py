@@ -32,13 +32,13 @@ COURSE_SCHEMA = EGO_STATE.schema
 def judge_result(log: Log, config: PredictLaneConfig, result: StageResult) -> StageResult:
     """Add the errors of every path model to the result: against the truth, else against the track."""
     made: LanePathEvidence = result.evaluation_inputs
-    reference = _truth_poses(made.truths, log, made.lateral, made.body.observed) or made.poses
+    reference = _truth_poses_at_frames(made.truths, log, made.lateral, made.body.observed) or made.poses
     table = _build_path_model_error_table(made.body, reference, config)
     section = _build_prediction_section(table, config.horizon_s, reference.source)
     return result.with_evaluation(sections=(section,), tables={table.name: table})
 
 
-def _truth_poses(
+def _truth_poses_at_frames(
     truths: tuple[Signal, ...], log: Log, lateral: Columns | None, observed: ObservedDrive
 ) -> VehiclePoses | None:
     """Return the true track and the true pose at each frame; None without a truth that has a yaw."""

@@ -65,7 +65,9 @@ class WarningScores:
         return self.n_true + self.n_late + self.n_false + self.n_undecided
 
 
-def count_verdicts(pairs: Iterable[Sequence[WarningVerdict]], *, n_conflicts: int, host_hours: float) -> WarningScores:
+def score_warning_verdicts(
+    pairs: Iterable[Sequence[WarningVerdict]], *, n_conflicts: int, host_hours: float
+) -> WarningScores:
     """Count the verdicts on the warnings of each pair, in order of time, and the outcomes of all conflicts."""
     kinds: list[str] = []
     first: list[str] = []
@@ -146,13 +148,15 @@ def score_warnings(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | 
         for at, pair in enumerate(pairs)
         for k, verdict in enumerate(pair.verdicts)
     }
-    scores = count_verdicts(
+    scores = score_warning_verdicts(
         (pair.verdicts for pair in pairs), n_conflicts=sum(len(pair.conflicts) for pair in pairs), host_hours=hours
     )
     n_crashes = sum(gap_m <= 0.0 for pair in pairs for gap_m in pair.least_gaps_m)
     return ScoredWarnings(
         rows=found.rows,
-        events=_add_verdict_columns(found.events_table, [verdicts[number] for number in sorted(verdicts)]),
+        events=_add_verdict_and_least_gap_columns(
+            found.events_table, [verdicts[number] for number in sorted(verdicts)]
+        ),
         conflicts=_build_conflicts_table(pairs, ids, host_id=host.id),
         pairs=_build_pairs_table(pairs, host_id=host.id),
         series=found.evaluations_of_pairs_table,
@@ -183,7 +187,7 @@ def _least_gap_m(pair: Pair, conflict: RealConflict) -> float:
     return float(np.min(gap_m[np.isfinite(gap_m)], initial=math.inf)) if np.isfinite(gap_m).any() else math.nan
 
 
-def _add_verdict_columns(events: Table, verdicts: Sequence[tuple[WarningVerdict, float]]) -> Table:
+def _add_verdict_and_least_gap_columns(events: Table, verdicts: Sequence[tuple[WarningVerdict, float]]) -> Table:
     """Add the verdicts, with the least gaps (m) of their conflicts, to the events, which are in order of their ids."""
     records = [
         {

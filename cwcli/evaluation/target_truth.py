@@ -120,7 +120,7 @@ def format_score_record_json(result: TrackResult, errors: TargetTruthScores | No
     return json.dumps(entry)
 
 
-def score_metric_rows(errors: TargetTruthScores) -> list[MetricRow]:
+def target_score_metric_rows(errors: TargetTruthScores) -> list[MetricRow]:
     """Return the scores as rows of the stage's table."""
     rows: list[MetricRow] = []
     topic, names, scores = errors.topic, errors.names, errors.scores

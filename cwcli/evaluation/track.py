@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_stage_output
+from cwcli.evaluation.knowledge import TRUTH, comparison_label, online_or_hindsight_of_stage_output
 from cwcli.evaluation.target_truth import (
     build_score_sections,
     format_score_record_json,
-    score_metric_rows,
     score_tracks_against_truth,
+    target_score_metric_rows,
 )
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import append_metric_rows
@@ -35,7 +35,7 @@ def judge_result(log: Log, config: TrackConfig, result: StageResult) -> StageRes
         return result.with_evaluation(notes=notes, at=made.n_notes, entries=entries)
     return result.with_evaluation(
         sections=build_score_sections(errors, len(made.result.tracks)),
-        tables={"track": append_metric_rows(result.tables["track"], score_metric_rows(errors))},
+        tables={"track": append_metric_rows(result.tables["track"], target_score_metric_rows(errors))},
         notes=notes,
         at=made.n_notes,
         entries=entries,
@@ -57,7 +57,7 @@ def add_metrics(context: EvaluationContext) -> None:
     if not context.uses_truth or not isinstance(truth, dict):
         return
     tracked = read_finite_number_or_nan(truth, "tracked")
-    with headline.label_rows_with_states(comparison_label(knowledge_of_stage_output(record), TRUTH)):
+    with headline.label_rows_with_states(comparison_label(online_or_hindsight_of_stage_output(record), TRUTH)):
         headline.add_from_sums(
             "tracking.gospa_m",
             read_finite_number_or_nan(truth, "gospa_sum_m"),

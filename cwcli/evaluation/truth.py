@@ -133,7 +133,7 @@ def compare_track_with_truth(
         return None
     fixes = next(m for m in measurements if m.kind is Kind.POSITION)
     measured_xy = _interpolate_at_ns(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
-    xy, notes = place_truth_in_map(signal, inside, local_map, origin, measured_xy)
+    xy, notes = place_truth_in_map_with_notes(signal, inside, local_map, origin, measured_xy)
     truth: dict[str, FloatArray] = {"position": xy}
     estimated_xy = _interpolate_at_ns(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_STATE_GAP_S)
     estimated: dict[str, FloatArray] = {"position": estimated_xy}
@@ -196,7 +196,7 @@ def _first_measured_stamps_and_values(
     return None if imu is None or axis is None else (imu.stamp_ns, imu.values[:, axis])
 
 
-def place_truth_in_map(
+def place_truth_in_map_with_notes(
     signal: PoseSignal | PositionSignal,
     row_mask: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
     local_map: LocalMap | None,

@@ -13,12 +13,12 @@ from cwcli.evaluation.conflicts import judge_warning
 from cwcli.evaluation.evaluation_context import EvaluationContext
 from cwcli.evaluation.knowledge import (
     comparison_label,
-    knowledge_of_estimated_states,
+    online_or_hindsight_of_ego_states,
     online_or_hindsight_of_stage_input,
 )
 from cwcli.evaluation.preventable import add_preventable_share
 from cwcli.evaluation.records import find_collision_warning_record_and_is_of_targets
-from cwcli.evaluation.scored_warnings import WarningScores, count_verdicts, score_warnings
+from cwcli.evaluation.scored_warnings import WarningScores, score_warning_verdicts, score_warnings
 from cwcli.lazy_dataclass import replace
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
@@ -143,7 +143,7 @@ def add_metrics(context: EvaluationContext) -> None:
     for k, (rule, scores) in enumerate(judge_published_warnings(real, events, collision_rules).items()):
         with headline.label_rows_with_states(
             comparison_label(
-                online_or_hindsight_of_stage_input(records, record), knowledge_of_estimated_states(records)
+                online_or_hindsight_of_stage_input(records, record), online_or_hindsight_of_ego_states(records)
             )
         ):
             if k == 0:
@@ -158,7 +158,7 @@ def add_metrics(context: EvaluationContext) -> None:
         n_withheld = to_int_or_none(withheld.get(rule)) if k == 0 else None
         if n_withheld is not None:
             headline.add_count("warnings.withheld_count", n_withheld)
-    with headline.label_rows_with_states(knowledge_of_estimated_states(records)):
+    with headline.label_rows_with_states(online_or_hindsight_of_ego_states(records)):
         add_preventable_share(headline, real)
 
 
@@ -206,14 +206,14 @@ def judge_published_warnings(
     for rule in rules:
         verdicts = (
             [judge_warning(*span, real.conflicts[vehicle], real.pairs[vehicle], real.config) for span in spans]
-            for vehicle, spans in _warning_spans_by_vehicle(events, rule).items()
+            for vehicle, spans in _warning_spans_ns_by_vehicle(events, rule).items()
             if vehicle in real.pairs
         )
-        found[rule] = count_verdicts(verdicts, n_conflicts=real.n_conflicts, host_hours=real.host_hours)
+        found[rule] = score_warning_verdicts(verdicts, n_conflicts=real.n_conflicts, host_hours=real.host_hours)
     return found
 
 
-def _warning_spans_by_vehicle(events: Sequence[WarningEvent], rule: str) -> dict[str, list[tuple[int, int]]]:
+def _warning_spans_ns_by_vehicle(events: Sequence[WarningEvent], rule: str) -> dict[str, list[tuple[int, int]]]:
     """Return by vehicle when each warning of a rule was raised and last held, in order of time."""
     found: dict[str, list[tuple[int, int]]] = {}
     for event in events:

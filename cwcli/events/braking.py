@@ -15,9 +15,9 @@ HARD_BRAKE_MPS2 = 3.92
 """Deceleration from which on braking is hard, m/s^2: 0.4 g, the event flag eventHardBraking of SAE J2735."""
 MIN_BRAKE_S = 0.3
 """Shorter decelerations are shocks or errors of the state, s. Chosen by hand."""
-MAX_PAUSE_S = 0.5
+MAX_PAUSE_IN_BRAKING_S = 0.5
 """Decelerations with a shorter pause are one braking, s. Chosen by hand."""
-NEAR_M = 100.0
+MAX_OTHER_DISTANCE_M = 100.0
 """Another vehicle's braking counts within this distance of the ego, m. Chosen by hand."""
 
 
@@ -34,14 +34,14 @@ def find_other_braking(evidence: EventEvidence) -> Iterator[Moment]:
         actors = (evidence.ego_id, other_id)
         for moment in _find_braking(evidence.stamp_ns, pair.other_derivatives[:, 0], actors):
             first, last = np.searchsorted(evidence.stamp_ns, (moment.start_ns, moment.end_ns))
-            if (pair.distance_m[first : last + 1] < NEAR_M).any():
+            if (pair.distance_m[first : last + 1] < MAX_OTHER_DISTANCE_M).any():
                 yield moment
 
 
 def _find_braking(stamp_ns: Int64Array, accel_mps2: FloatArray, actors: tuple[str, ...]) -> Iterator[Moment]:
     """Yield the stretches of hard braking in an acceleration (n,)."""
     holds = np.nan_to_num(accel_mps2) <= -HARD_BRAKE_MPS2
-    for first, last in lasting_row_spans(holds, stamp_ns, min_s=MIN_BRAKE_S, max_pause_s=MAX_PAUSE_S):
+    for first, last in lasting_row_spans(holds, stamp_ns, min_s=MIN_BRAKE_S, max_pause_s=MAX_PAUSE_IN_BRAKING_S):
         peak_mps2 = -float(np.nanmin(accel_mps2[first : last + 1]))
         severity = severity_of(peak_mps2, HARD_BRAKE_MPS2, "high")
         span = int(stamp_ns[first]), int(stamp_ns[last])
@@ -57,7 +57,7 @@ EGO_EVENT = EventKind(
     find=find_ego_braking,
 )
 OTHER_EVENT = EventKind(
-    summary=f"another vehicle within {NEAR_M:g} m brakes hard",
+    summary=f"another vehicle within {MAX_OTHER_DISTANCE_M:g} m brakes hard",
     value_name="peak_deceleration_mps2",
     threshold=f"{HARD_BRAKE_MPS2:g} m/s^2 for {MIN_BRAKE_S:g} s",
     source="0.4 g, eventHardBraking of SAE J2735",

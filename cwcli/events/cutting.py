@@ -19,9 +19,9 @@ MAX_HEADWAY_S = 4.0
 """Farther ahead nobody cuts in, s of the ego's way. Chosen by hand: twice the recommended headway."""
 MIN_SPEED_MPS = 3.0
 """Below this speed of either it is a manoeuvre in a car park, m/s. Chosen by hand."""
-SAFE_HEADWAY_S = 2.0
+HEADWAY_OF_SEVERITY_1_S = 2.0
 """A cut-in has severity 1 at this time headway, s: the recommended headway."""
-MIN_BEFORE_S = 0.3
+MIN_TIME_IN_LANE_BEFORE_S = 0.3
 """The other must have been in the other lane for so long, s. Chosen by hand."""
 
 
@@ -40,7 +40,7 @@ def _find_cuts(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
     own_changes = [(each.start_ns, each.end_ns) for each in find_lane_changes(evidence)]
     for other_id, _ in evidence.iter_pairs():
         seen = project_on_own_path(evidence, other_id)
-        for first, last in _iter_crossings(seen, is_in=is_in):
+        for first, last in _iter_first_and_last_crossing_row(seen, is_in=is_in):
             place_ns = seen.passed_ns[first], seen.passed_ns[last]
             if any(place_ns[0] <= end and place_ns[1] >= start for start, end in own_changes):
                 continue  # the ego left the lane there, not the other
@@ -50,12 +50,12 @@ def _find_cuts(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
             slowest_mps = min(seen.ego_speed_mps[first : last + 1].min(), seen.speed_mps[first : last + 1].min())
             if is_near and slowest_mps > MIN_SPEED_MPS:
                 span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
-                severity = severity_of(headway_s, SAFE_HEADWAY_S, "low")
+                severity = severity_of(headway_s, HEADWAY_OF_SEVERITY_1_S, "low")
                 words = f"{'enters' if is_in else 'leaves'} the ego's lane {gap_m:.0f} m, {headway_s:.1f} s ahead of it"
                 yield Moment(*span, (evidence.ego_id, other_id), headway_s, severity, words=words)
 
 
-def _iter_crossings(seen: OnOwnPath, *, is_in: bool) -> Iterator[tuple[int, int]]:
+def _iter_first_and_last_crossing_row(seen: OnOwnPath, *, is_in: bool) -> Iterator[tuple[int, int]]:
     """Yield first and last row of each crossing of the lane's edge.
 
     It begins when the side nearest to the lane crosses the line, and ends when the far side does.
@@ -73,7 +73,7 @@ def _iter_crossings(seen: OnOwnPath, *, is_in: bool) -> Iterator[tuple[int, int]
         lasted_s = (seen.stamp_ns[before[2] - 1] - seen.stamp_ns[before[1]]) / NS_PER_S
         took_s = (seen.stamp_ns[after[1]] - seen.stamp_ns[between[1]]) / NS_PER_S
         is_one_side = np.sign(seen.left_m[between[1]]) == np.sign(seen.left_m[between[2] - 1])
-        if lasted_s >= MIN_BEFORE_S and took_s <= MAX_CUT_S and is_one_side:
+        if lasted_s >= MIN_TIME_IN_LANE_BEFORE_S and took_s <= MAX_CUT_S and is_one_side:
             yield between[1], after[1]
 
 

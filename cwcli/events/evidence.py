@@ -72,15 +72,15 @@ class EventEvidence:
         Raises:
             MissingSignalError: The log holds no states of the ego.
         """
-        bound = self._bind_states(OTHER_VEHICLE_ROLES)
+        bound = self._bind_state_channels(OTHER_VEHICLE_ROLES)
         return read_ego_and_other_tracks(self.log, bound, self._selection, ego=self._ego)[0]
 
     @cached_property
     def _ego(self) -> VehicleStates:
         """The states of the ego by stamp; the others', which are most of a log, are not read."""
-        return read_ego_and_other_tracks(self.log, self._bind_states(()), self._selection)[0].ego
+        return read_ego_and_other_tracks(self.log, self._bind_state_channels(()), self._selection)[0].ego
 
-    def _bind_states(self, others: tuple[str, ...]) -> Bindings:
+    def _bind_state_channels(self, others: tuple[str, ...]) -> Bindings:
         """Return the channels of the states of the ego, and of the others with these roles."""
         return bind_roles(
             self.log.channels,
@@ -187,7 +187,7 @@ class EventEvidence:
             )
 
 
-def row_spans(holds: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+def first_and_last_rows_of_runs(holds: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return first and last row of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
     return [(int(first), int(stop) - 1) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
@@ -205,7 +205,7 @@ def lasting_row_spans(
         max_pause_s: Stretches with a shorter pause between them are one, s.
     """
     joined: list[tuple[int, int]] = []
-    for first, last in row_spans(holds):
+    for first, last in first_and_last_rows_of_runs(holds):
         if joined and stamp_ns[first] - stamp_ns[joined[-1][1]] <= max_pause_s * NS_PER_S:
             joined[-1] = joined[-1][0], last
         else:

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, read_vehicle_states
 from cwcli.events.base import EventKind, Moment, severity_of
-from cwcli.events.evidence import SENSOR_ROLES, EventEvidence, row_spans
+from cwcli.events.evidence import SENSOR_ROLES, EventEvidence, first_and_last_rows_of_runs
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
@@ -19,11 +19,11 @@ MIN_OUTAGE_S = 2.0
 """Least time without a position that is an outage, s. Chosen by hand: an estimate bridges less without notice."""
 MIN_GAP_S = 0.5
 """Least time without a message that is a gap, s. Chosen by hand: longer than `estimate` interpolates."""
-MIN_INTERVALS = 5.0
+MIN_GAP_IN_USUAL_INTERVALS = 5.0
 """A gap is at least so many usual intervals of its topic. Chosen by hand."""
 MIN_MESSAGES = 20
 """Topics with fewer messages have no usual interval. Chosen by hand."""
-MAX_INTERVAL_S = 1.0
+MAX_USUAL_SENSOR_INTERVAL_S = 1.0
 """Topics with a longer usual interval are no sensors without pause, s. Chosen by hand."""
 
 
@@ -32,7 +32,7 @@ def find_outages(evidence: EventEvidence) -> Iterator[Moment]:
     found = []
     topics = evidence.topics_of_roles((Role.EGO_POSITION,))
     for topic in topics[:1]:
-        found += [(span, topic) for span in _gaps_ns(evidence.message_times_ns(topic), MIN_OUTAGE_S)]
+        found += [(span, topic) for span in _gap_spans_ns(evidence.message_times_ns(topic), MIN_OUTAGE_S)]
     for span in _bridged_spans_ns(evidence):
         if not any(span[0] <= end and span[1] >= start for (start, end), _ in found):
             found.append((span, topics[0] if topics else EGO_STATE.topic))
@@ -50,7 +50,10 @@ def _bridged_spans_ns(evidence: EventEvidence) -> list[tuple[int, int]]:
         return []
     states = read_vehicle_states(log.columns(EGO_STATE.topic, FLAGGED_KINEMATIC_FIELDS), with_covariance=False)
     is_bridged = states.flags & np.uint8(StateFlag.BRIDGED) != 0
-    spans = [(int(states.stamp_ns[first]), int(states.stamp_ns[last])) for first, last in row_spans(is_bridged)]
+    spans = [
+        (int(states.stamp_ns[first]), int(states.stamp_ns[last]))
+        for first, last in first_and_last_rows_of_runs(is_bridged)
+    ]
     return [span for span in spans if span[1] - span[0] >= MIN_OUTAGE_S * NS_PER_S]
 
 
@@ -60,21 +63,21 @@ def find_sensor_gaps(evidence: EventEvidence) -> Iterator[Moment]:
     for topic in evidence.topics_of_roles(SENSOR_ROLES):
         if topic in positions:
             continue
-        for start_ns, end_ns in _gaps_ns(evidence.message_times_ns(topic), MIN_GAP_S):
+        for start_ns, end_ns in _gap_spans_ns(evidence.message_times_ns(topic), MIN_GAP_S):
             lasted_s = (end_ns - start_ns) / NS_PER_S
             severity = severity_of(lasted_s, MIN_GAP_S, "high")
             yield Moment(start_ns, end_ns, (topic,), lasted_s, severity, words=f"no message for {lasted_s:.1f} s")
 
 
-def _gaps_ns(times_ns: Int64Array, min_s: float) -> list[tuple[int, int]]:
+def _gap_spans_ns(times_ns: Int64Array, min_s: float) -> list[tuple[int, int]]:
     """Return the times of the messages before and after each gap [ns]."""
     if len(times_ns) < MIN_MESSAGES:
         return []
     apart_ns = np.diff(times_ns)
     usual_ns = float(np.median(apart_ns))
-    if usual_ns > MAX_INTERVAL_S * NS_PER_S:
+    if usual_ns > MAX_USUAL_SENSOR_INTERVAL_S * NS_PER_S:
         return []
-    rows = np.flatnonzero(apart_ns >= max(min_s * NS_PER_S, MIN_INTERVALS * usual_ns))
+    rows = np.flatnonzero(apart_ns >= max(min_s * NS_PER_S, MIN_GAP_IN_USUAL_INTERVALS * usual_ns))
     return [(int(times_ns[row]), int(times_ns[row + 1])) for row in rows.tolist()]
 
 
@@ -89,7 +92,7 @@ OUTAGE_EVENT = EventKind(
 GAP_EVENT = EventKind(
     summary="a sensor of the ego sends nothing",
     value_name="duration_s",
-    threshold=f"{MIN_GAP_S:g} s, and {MIN_INTERVALS:g} usual intervals",
+    threshold=f"{MIN_GAP_S:g} s, and {MIN_GAP_IN_USUAL_INTERVALS:g} usual intervals",
     source="chosen",
     needs="sensors",
     find=find_sensor_gaps,

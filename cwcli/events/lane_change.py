@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.events.base import EventKind, Moment
 from cwcli.events.evidence import EventEvidence
-from cwcli.events.own_path import GRID_STEP_S, grid_rows
+from cwcli.events.own_path import GRID_STEP_S, rows_one_grid_step_apart
 from cwcli.signals.columns import FloatArray
 
 MIN_SHIFT_M, MAX_SHIFT_M = 2.4, 4.6
@@ -18,31 +18,31 @@ MIN_CHANGE_S, MAX_CHANGE_S = 1.5, 10.0
 """Least and greatest duration of a lane change, s (Toledo and Zohar 2007: 1 s to 13 s, mean 4.6 s)."""
 MIN_SPEED_MPS = 4.0
 """Slower than this a car parks or evades, m/s. Chosen by hand."""
-ROAD_WINDOW_S = 24.0
+ROAD_YAW_RATE_WINDOW_S = 24.0
 """The road's own yaw rate is the median over this time, s. Chosen by hand: more than twice the longest lane change."""
 MIN_LOBE_RAD = 0.006
 """Smaller changes of heading are noise, rad. Chosen by hand: a tenth of a usual lane change."""
-MAX_LEFT_OVER_SHARE = 0.35
+MAX_REMAINING_HEADING_SHARE = 0.35
 """Largest share of the change of heading that may be left over afterwards. Chosen by hand."""
 N_AROUND = 10
 """Rows before and after the change of heading that belong to the lane change: 1 s, in which the heading hardly turns.
 Chosen by hand."""
-EDGE_SHARE = 0.05
+LANE_CHANGE_EDGE_SHARE = 0.05
 """A lane change lasts from this share of its distance to the rest of it. Chosen by hand."""
-MAX_TURN_RAD = 0.35
+MAX_LANE_CHANGE_HEADING_RAD = 0.35
 """The heading changes by less than this within a lane change, rad. Chosen by hand: more is a turn."""
 
 
 def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the ego's lane changes."""
-    rows = grid_rows(evidence.stamp_ns)
+    rows = rows_one_grid_step_apart(evidence.stamp_ns)
     stamp_ns, state = evidence.stamp_ns[rows], evidence.ego_state[rows]
     if len(rows) < MIN_CHANGE_S / GRID_STEP_S:
         return
     speed_mps = state[:, 2]
     turned_rad = np.diff(np.unwrap(state[:, 3]))
     turned_rad = np.concatenate([turned_rad[:1], turned_rad])
-    turned_rad -= _running_median(turned_rad, round(ROAD_WINDOW_S / GRID_STEP_S))
+    turned_rad -= _running_median(turned_rad, round(ROAD_YAW_RATE_WINDOW_S / GRID_STEP_S))
     lobes = _split_into_lobes(turned_rad)
     last_end = -1
     for one, other in itertools.pairwise(lobes):
@@ -50,16 +50,19 @@ def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
         if first < last_end or left_rad * right_rad > 0.0:
             continue
         steepest_rad = max(abs(left_rad), abs(right_rad))
-        if abs(left_rad + right_rad) > MAX_LEFT_OVER_SHARE * steepest_rad or steepest_rad > MAX_TURN_RAD:
+        if (
+            abs(left_rad + right_rad) > MAX_REMAINING_HEADING_SHARE * steepest_rad
+            or steepest_rad > MAX_LANE_CHANGE_HEADING_RAD
+        ):
             continue
         first, last = max(first - N_AROUND, 0), min(last + N_AROUND, len(rows) - 1)
-        aside_m = _distance_aside_m(turned_rad[first : last + 1], speed_mps[first : last + 1])
+        aside_m = _lateral_displacement_m(turned_rad[first : last + 1], speed_mps[first : last + 1])
         shift_m = float(aside_m[-1])
         if not MIN_SHIFT_M <= abs(shift_m) <= MAX_SHIFT_M or speed_mps[first : last + 1].min() < MIN_SPEED_MPS:
             continue
         share = aside_m / shift_m
-        begin = first + int(np.argmax(share >= EDGE_SHARE))
-        end = last - int(np.argmax(share[::-1] <= 1.0 - EDGE_SHARE))
+        begin = first + int(np.argmax(share >= LANE_CHANGE_EDGE_SHARE))
+        end = last - int(np.argmax(share[::-1] <= 1.0 - LANE_CHANGE_EDGE_SHARE))
         duration_s = (end - begin) * GRID_STEP_S
         if MIN_CHANGE_S <= duration_s <= MAX_CHANGE_S:
             last_end = last
@@ -68,7 +71,7 @@ def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
             yield Moment(*span, (evidence.ego_id,), abs(shift_m), 1.0, side, f"{abs(shift_m):.1f} m {side}")
 
 
-def _distance_aside_m(turned_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
+def _lateral_displacement_m(turned_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
     """Return the distance to the left since the first row, from the changes of heading relative to the road, (m,).
 
     The direction before and after is that of the road: what differs there is taken away linearly.

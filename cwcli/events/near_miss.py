@@ -19,7 +19,7 @@ MAX_PET_S = 1.5
 the upper end of conflicts, 1 s to 1.5 s are serious)."""
 MIN_SPEED_MPS = 2.0
 """Slower meetings of both vehicles are manoeuvres in a car park, m/s. Chosen by hand."""
-MAX_PAUSE_S = 1.0
+MAX_PAUSE_IN_NEAR_MISS_S = 1.0
 """Moments with a shorter pause are one near miss, s. Chosen by hand."""
 MIN_NEAR_MISS_S = 0.1
 """Shorter ones are noise of the states, s. Chosen by hand."""
@@ -34,7 +34,7 @@ def find_near_misses(evidence: EventEvidence) -> Iterator[Moment]:
         speed_mps = np.fmax(evidence.ego_state[:, 2], pair.other_states[:, 2])
         ttc_s = np.asarray(pair.evaluate_measure(MEASURES["ttc"]))
         holds = (np.nan_to_num(ttc_s, nan=np.inf) < MAX_TTC_S) & (speed_mps > MIN_SPEED_MPS)
-        spans = lasting_row_spans(holds, pair.stamp_ns, min_s=MIN_NEAR_MISS_S, max_pause_s=MAX_PAUSE_S)
+        spans = lasting_row_spans(holds, pair.stamp_ns, min_s=MIN_NEAR_MISS_S, max_pause_s=MAX_PAUSE_IN_NEAR_MISS_S)
         for first, last in spans:
             least_s = float(np.nanmin(ttc_s[first : last + 1]))
             severity = severity_of(least_s, MAX_TTC_S, "low")
@@ -42,10 +42,10 @@ def find_near_misses(evidence: EventEvidence) -> Iterator[Moment]:
             words = f"time to collision down to {least_s:.1f} s" if least_s > 0.0 else "the outlines touch"
             yield Moment(start_ns, end_ns, actors, least_s, severity, "time to collision", words)
         if not spans:
-            yield from _find_encroachment(evidence, other_id, actors)
+            yield from _find_small_post_encroachment(evidence, other_id, actors)
 
 
-def _find_encroachment(evidence: EventEvidence, other_id: str, actors: tuple[str, ...]) -> Iterator[Moment]:
+def _find_small_post_encroachment(evidence: EventEvidence, other_id: str, actors: tuple[str, ...]) -> Iterator[Moment]:
     """Yield the crossing of two ways with a small post-encroachment time."""
     pair = evidence.pair_with_ego(other_id)
     closest = int(np.nanargmin(pair.distance_m))

@@ -20,7 +20,7 @@ BEHIND_M, AHEAD_M = 40.0, 100.0
 """How far behind and ahead of the ego others are projected on its way, m. Chosen by hand."""
 MAX_RANGE_M = 120.0
 """Others farther away than this are not projected, m. Chosen by hand."""
-MAX_BEYOND_M = 2.0
+MAX_BEYOND_PATH_ENDS_M = 2.0
 """How far beyond both ends of the driven way others are projected, m. Chosen by hand: nobody knows where it goes on."""
 HALF_LANE_M = 1.75
 """Half the width of a lane that is assumed, m: lanes are 3.0 m to 3.75 m wide (RAA 2008, AASHTO)."""
@@ -61,7 +61,7 @@ class OnOwnPath:
 def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
     """Project another vehicle on the ego's driven way, at times `GRID_STEP_S` apart."""
     pair = evidence.pair_with_ego(other_id)
-    rows = grid_rows(evidence.stamp_ns)
+    rows = rows_one_grid_step_apart(evidence.stamp_ns)
     stamp_ns = evidence.stamp_ns[rows]
     own, theirs = evidence.ego_state[rows], pair.other_states[rows]
     way = DrivenWay(evidence.stamp_ns, evidence.ego_state)
@@ -69,7 +69,9 @@ def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
     passed_ns = np.zeros(len(rows), np.int64)
     near = np.flatnonzero(pair.distance_m[rows] < MAX_RANGE_M)
     if len(near) and len(way.along_m) > 1:
-        out[:, near], passed_ns[near] = way.project(theirs[near], way.along_at(stamp_ns[near]))
+        out[:, near], passed_ns[near] = way.project_and_find_passing_ns(
+            theirs[near], way.driven_distance_at_m(stamp_ns[near])
+        )
     ahead_m, left_m, turn_rad = out
     return OnOwnPath(
         stamp_ns,
@@ -84,7 +86,7 @@ def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
     )
 
 
-def grid_rows(stamp_ns: Int64Array) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+def rows_one_grid_step_apart(stamp_ns: Int64Array) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
     """Return rows that are about `GRID_STEP_S` apart."""
     if not len(stamp_ns):
         return np.zeros(0, np.intp)
@@ -112,11 +114,11 @@ class DrivenWay:
         self._time_ns = np.interp(self.along_m, driven_m[moving], (stamp_ns[moving] - stamp_ns[0]).astype(float))
         self._heading_rad = np.arctan2(np.gradient(self._y_m), np.gradient(self._x_m)) if len(self.along_m) > 1 else 0.0
 
-    def along_at(self, at_ns: Int64Array) -> FloatArray:
+    def driven_distance_at_m(self, at_ns: Int64Array) -> FloatArray:
         """Return how far the ego had driven at some times, m."""
         return np.asarray(np.interp(at_ns, self._stamp_ns, self._driven_m))
 
-    def project(self, theirs: FloatArray, ego_along_m: FloatArray) -> tuple[FloatArray, Int64Array]:
+    def project_and_find_passing_ns(self, theirs: FloatArray, ego_along_m: FloatArray) -> tuple[FloatArray, Int64Array]:
         """Project states (m, 4) on the way near the ego: (ahead, left, turn), (3, m), and when the ego is there."""
         reach = np.arange(-round(BEHIND_M / PATH_STEP_M), round(AHEAD_M / PATH_STEP_M) + 1)
         points = np.clip(np.round(ego_along_m / PATH_STEP_M).astype(int)[:, None] + reach, 0, len(self.along_m) - 1)
@@ -126,7 +128,7 @@ class DrivenWay:
         heading_rad = np.asarray(self._heading_rad)[best]
         cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
         beyond_m = dx_m * cosine + dy_m * sine
-        is_known = ((best > 0) & (best < len(self.along_m) - 1)) | (np.abs(beyond_m) <= MAX_BEYOND_M)
+        is_known = ((best > 0) & (best < len(self.along_m) - 1)) | (np.abs(beyond_m) <= MAX_BEYOND_PATH_ENDS_M)
         ahead_m = np.where(is_known, self.along_m[best] + beyond_m - ego_along_m, np.nan)
         left_m = np.where(is_known, dy_m * cosine - dx_m * sine, np.nan)
         turn_rad = np.angle(np.exp(1j * (theirs[:, 3] - heading_rad)))

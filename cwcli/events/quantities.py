@@ -21,12 +21,12 @@ from cwcli.signals.vehicle_state import STATE_NAMES
 
 EGO_PREFIX, OTHER_PREFIX = "ego.", "other."
 """Beginnings of the names of the states of the ego and of the other vehicle."""
-MAX_HOLD_S = 1.0
+MAX_FIELD_VALUE_AGE_S = 1.0
 """The last value of a topic's field holds for so long, s. Chosen by hand."""
 
 
 @cache
-def measures_by_name() -> Mapping[str, str]:
+def measure_by_expression_name() -> Mapping[str, str]:
     """Return name in expressions -> measure: its column (`ttc_s`) and its own name (`ttc`)."""
     names: dict[str, str] = {}
     for name, measure in MEASURES.items():
@@ -42,16 +42,16 @@ def check_names_and_units(comparison: Comparison) -> None:
     Raises:
         UsageError: A quantity is unknown, or a unit does not fit the others.
     """
-    units = [(operand, _unit_of(operand)) for operand in comparison.operands]
+    units = [(operand, _unit_of_operand(operand)) for operand in comparison.operands]
     known = [(operand, unit) for operand, unit in units if unit is not None]
     for (one, unit), (other, other_unit) in itertools.pairwise(known):
         if unit != other_unit:
             raise UsageError(
-                f"{_operand_with_unit(one, unit)} can't be compared with {_operand_with_unit(other, other_unit)}"
+                f"{_operand_text_with_unit(one, unit)} can't be compared with {_operand_text_with_unit(other, other_unit)}"
             )
 
 
-def _unit_of(operand: Number | Series) -> str | None:
+def _unit_of_operand(operand: Number | Series) -> str | None:
     """Return the unit of an operand; None where it fits any."""
     if isinstance(operand, Number):
         return operand.unit
@@ -61,38 +61,38 @@ def _unit_of(operand: Number | Series) -> str | None:
     if name.startswith((EGO_PREFIX, OTHER_PREFIX)):
         if name.partition(".")[2] in STATE_NAMES:
             return unit_of_column(name)
-    elif name in measures_by_name():
-        return MEASURES[measures_by_name()[name]].unit
+    elif name in measure_by_expression_name():
+        return MEASURES[measure_by_expression_name()[name]].unit
     known = [*(f"{prefix}{state}" for prefix in (EGO_PREFIX, OTHER_PREFIX) for state in STATE_NAMES)]
-    hint = hint_at_closest_or_all_known_names(name, [*known, *measures_by_name()], "quantities")
+    hint = hint_at_closest_or_all_known_names(name, [*known, *measure_by_expression_name()], "quantities")
     raise UsageError(f"there is no quantity {name}", hint=hint)
 
 
-def _operand_with_unit(operand: Number | Series, unit: str | None) -> str:
+def _operand_text_with_unit(operand: Number | Series, unit: str | None) -> str:
     """Return an operand with its unit, for messages."""
     if isinstance(operand, Number):
         return f"a number in {unit}" if unit else "a plain number"
     return f"{operand.name} in {unit}" if unit else f"{operand.name}, which has no unit,"
 
 
-def is_of_pair(operand: Number | Series) -> bool:
+def needs_other_vehicle(operand: Number | Series) -> bool:
     """Tell whether an operand needs another vehicle."""
     return isinstance(operand, Series) and not operand.name.startswith((EGO_PREFIX, "/"))
 
 
-def field_of_topic(name: str) -> tuple[str, str]:
+def split_topic_and_field(name: str) -> tuple[str, str]:
     """Return topic and field of `/topic:field`."""
     topic, _, field = name.rpartition(":")
     return topic, field
 
 
-def read_field(evidence: EventEvidence, name: str) -> tuple[Int64Array, FloatArray]:
+def read_field_times_ns_and_values(evidence: EventEvidence, name: str) -> tuple[Int64Array, FloatArray]:
     """Return log times [ns] and values of `/topic:field`, (n,) each.
 
     Raises:
         MissingSignalError: The log has no such topic, or its messages no such field with numbers.
     """
-    topic, field = field_of_topic(name)
+    topic, field = split_topic_and_field(name)
     log = evidence.log
     topics = sorted({channel.topic for channel in log.channels})
     if topic not in topics:
@@ -109,16 +109,16 @@ def read_field(evidence: EventEvidence, name: str) -> tuple[Int64Array, FloatArr
     return columns.log_time_ns, read_numbers(columns, field)
 
 
-def hold_on_grid(times_ns: Int64Array, values: FloatArray, grid_ns: Int64Array) -> FloatArray:
-    """Return the last value before each time of a grid; NaN where it is older than `MAX_HOLD_S`."""
+def last_value_before_grid_times(times_ns: Int64Array, values: FloatArray, grid_ns: Int64Array) -> FloatArray:
+    """Return the last value before each time of a grid; NaN where it is older than `MAX_FIELD_VALUE_AGE_S`."""
     if not len(times_ns):
         return np.full(len(grid_ns), np.nan)
     rows = np.searchsorted(times_ns, grid_ns, side="right") - 1
-    is_fresh = (rows >= 0) & (grid_ns - times_ns[np.maximum(rows, 0)] <= MAX_HOLD_S * NS_PER_S)
+    is_fresh = (rows >= 0) & (grid_ns - times_ns[np.maximum(rows, 0)] <= MAX_FIELD_VALUE_AGE_S * NS_PER_S)
     return np.where(is_fresh, values[np.maximum(rows, 0)], np.nan)
 
 
-def window_values(values: FloatArray, grid_ns: Int64Array, function: str, window_s: float) -> FloatArray:
+def trailing_window_values(values: FloatArray, grid_ns: Int64Array, function: str, window_s: float) -> FloatArray:
     """Return the min, max or mean of the known values in the window that ends at each time; NaN without one."""
     first = np.searchsorted(grid_ns, grid_ns - round(window_s * NS_PER_S), side="left")
     known = np.isfinite(values)

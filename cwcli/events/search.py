@@ -12,16 +12,16 @@ from cwcli.errors import MissingSignalError
 from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.events import EVENTS
 from cwcli.events.base import Moment, severity_of
-from cwcli.events.evidence import EventEvidence, row_spans
+from cwcli.events.evidence import EventEvidence, first_and_last_rows_of_runs
 from cwcli.events.quantities import (
     EGO_PREFIX,
     OTHER_PREFIX,
     check_names_and_units,
-    hold_on_grid,
-    is_of_pair,
-    measures_by_name,
-    read_field,
-    window_values,
+    last_value_before_grid_times,
+    measure_by_expression_name,
+    needs_other_vehicle,
+    read_field_times_ns_and_values,
+    trailing_window_values,
 )
 from cwcli.events.syntax import (
     EventName,
@@ -136,7 +136,9 @@ def parse_query(text: str) -> Query:
     return Query(text, node, event_names(node))
 
 
-def find_in_log(log: Log, query: Query, other_system: OtherSystemTopics | None = None, name: str = "") -> LogSearch:
+def find_events_in_log(
+    log: Log, query: Query, other_system: OtherSystemTopics | None = None, name: str = ""
+) -> LogSearch:
     """Find what is looked for in one log, on disk or in memory.
 
     Raises:
@@ -145,7 +147,7 @@ def find_in_log(log: Log, query: Query, other_system: OtherSystemTopics | None =
         InputError: The log is damaged.
     """
     evidence = EventEvidence(log, other_system)
-    key, name = _log_key(log), name or log.name
+    key, name = _drive_key_or_empty(log), name or log.name
     found: list[FoundEvent] = []
     missing: dict[str, str] = {}
     if query.events is None:
@@ -201,7 +203,7 @@ def _found_event(key: str, name: str, log: Log, event: str, moment: Moment, valu
     return FoundEvent(digest, name, event, moment, (moment.start_ns - log.start_ns) / NS_PER_S, value_name)
 
 
-def _log_key(log: Log) -> str:
+def _drive_key_or_empty(log: Log) -> str:
     """Return what identifies a drive: the hash of the recorded log in the records of the runs; "" without one.
 
     A clip carries the same records, so that its events have the ids that they have in the whole log.
@@ -249,10 +251,12 @@ def _iter_moments_where_true(evidence: EventEvidence, query: Query) -> Iterator[
     """Yield the moments in which an expression holds, for each other vehicle if it is about one."""
     operands = [operand for each in _iter_comparisons(query.node) for operand in each.operands]
     moments = {name: list(EVENTS[name].find(evidence)) for name in set(_names_of_events(query.node))}
-    about_pairs = any(map(is_of_pair, operands))
+    about_pairs = any(map(needs_other_vehicle, operands))
     is_of_fields = operands and all(isinstance(each, Number) or each.name.startswith("/") for each in operands)
     if is_of_fields and not moments:
-        times = [read_field(evidence, each.name)[0] for each in operands if isinstance(each, Series)]
+        times = [
+            read_field_times_ns_and_values(evidence, each.name)[0] for each in operands if isinstance(each, Series)
+        ]
         evaluation = _Evaluation(evidence, moments, np.unique(np.concatenate(times)), None)
         yield from evaluation.iter_moments(query.node, ("ego",))
         return
@@ -273,7 +277,7 @@ class _Evaluation:
     def iter_moments(self, node: Node, actors: tuple[str, ...]) -> Iterator[Moment]:
         """Yield the moments in which the expression holds, with the extreme of its first comparison."""
         spans: list[tuple[int, int]] = []
-        for first, last in row_spans(self._mask_where_condition_holds(node)):
+        for first, last in first_and_last_rows_of_runs(self._mask_where_condition_holds(node)):
             if spans and self._grid_ns[first] - self._grid_ns[spans[-1][1]] < MAX_PAUSE_S * NS_PER_S:
                 spans[-1] = spans[-1][0], last
             else:
@@ -335,7 +339,7 @@ class _Evaluation:
     def _mask_of_long_stretches(self, holds: BoolArray, min_s: float) -> BoolArray:
         """Return the stretches that last long enough."""
         out = np.zeros(len(holds), np.bool_)
-        for first, last in row_spans(holds):
+        for first, last in first_and_last_rows_of_runs(holds):
             out[first : last + 1] = self._grid_ns[last] - self._grid_ns[first] >= min_s * NS_PER_S
         return out
 
@@ -355,14 +359,14 @@ class _Evaluation:
             return np.full(len(self._grid_ns), operand.value)
         values = self._quantity_on_grid(operand.name)
         if operand.function:
-            return window_values(values, self._grid_ns, operand.function, operand.window_s)
+            return trailing_window_values(values, self._grid_ns, operand.function, operand.window_s)
         return values
 
     def _quantity_on_grid(self, name: str) -> FloatArray:
         """Return the values of a quantity on the grid."""
         evidence = self._evidence
         if name.startswith("/"):
-            return hold_on_grid(*read_field(evidence, name), self._grid_ns)
+            return last_value_before_grid_times(*read_field_times_ns_and_values(evidence, name), self._grid_ns)
         if name.startswith(EGO_PREFIX):
             return np.asarray(evidence.ego_state[:, STATE_NAMES.index(name.removeprefix(EGO_PREFIX))])
         assert self._other_id is not None  # a quantity of a pair is evaluated for each other vehicle
@@ -373,4 +377,4 @@ class _Evaluation:
                 return np.asarray(pair.other_states[:, k])
             column = {"accel_mps2": 0, "yaw_rate_radps": 1, "jerk_mps3": 2}.get(STATE_NAMES[k])
             return np.full(len(self._grid_ns), np.nan) if column is None else pair.other_derivatives[:, column]
-        return np.asarray(pair.evaluate_measure(MEASURES[measures_by_name()[name]]))
+        return np.asarray(pair.evaluate_measure(MEASURES[measure_by_expression_name()[name]]))

@@ -14,9 +14,9 @@ STOPPED_MPS = 0.5
 """Below this speed a car stands, m/s. Chosen by hand: above the noise of estimated speeds."""
 MIN_STOP_S = 1.0
 """Shorter stops do not count, s. Chosen by hand."""
-MAX_BETWEEN_S = 60.0
+MAX_TIME_BETWEEN_STOPS_S = 60.0
 """Stops that are farther apart do not belong together, s. Chosen by hand."""
-MAX_BETWEEN_MPS = 12.0
+MAX_SPEED_BETWEEN_STOPS_MPS = 12.0
 """Faster driving between two stops is a road with traffic lights, m/s. Chosen by hand: about 43 km/h."""
 MIN_STOPS = 2
 """Least number of stops."""
@@ -32,7 +32,7 @@ def find_stop_and_go(evidence: EventEvidence) -> Iterator[Moment]:
         if group:
             between = slice(group[-1][1], stop[0] + 1)
             apart_s = (stamp_ns[stop[0]] - stamp_ns[group[-1][1]]) / NS_PER_S
-            if apart_s > MAX_BETWEEN_S or speed_mps[between].max() > MAX_BETWEEN_MPS:
+            if apart_s > MAX_TIME_BETWEEN_STOPS_S or speed_mps[between].max() > MAX_SPEED_BETWEEN_STOPS_MPS:
                 group = []
                 groups.append(group)
         group.append(stop)
@@ -46,7 +46,10 @@ def find_stop_and_go(evidence: EventEvidence) -> Iterator[Moment]:
 EVENT = EventKind(
     summary="the ego stops again and again",
     value_name="stops",
-    threshold=f"{MIN_STOPS} stops within {MAX_BETWEEN_S:g} s, slower than {MAX_BETWEEN_MPS:g} m/s between",
+    threshold=(
+        f"{MIN_STOPS} stops within {MAX_TIME_BETWEEN_STOPS_S:g} s, "
+        f"slower than {MAX_SPEED_BETWEEN_STOPS_MPS:g} m/s between"
+    ),
     source="chosen",
     needs="states",
     find=find_stop_and_go,

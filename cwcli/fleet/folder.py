@@ -84,7 +84,7 @@ class LogOutputs:
         """Register the entry as an input of this run, so that no output overwrites it."""
         remember_input_file(self.entry_path)
 
-    def is_done(self, entry: Document | None, key: str, *, has_tables: bool) -> bool:
+    def is_log_done_with_key(self, entry: Document | None, key: str, *, has_tables: bool) -> bool:
         """Whether the log was done with this key, its files have their sizes, and its rows are there.
 
         Args:
@@ -177,11 +177,11 @@ def read_output_folder(out: Path) -> RecordedRun | None:
     """
     remember_input_file(out / MANIFEST_NAME)
     manifest = read_json_object(out / MANIFEST_NAME) or {}
-    if what := format_mismatch_text(manifest):
+    if what := format_mismatch_text_or_empty(manifest):
         raise InputError(what, where=str(out / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
     listed = manifest.get("logs")
     if not isinstance(listed, list):
-        listed = [{"id": name} for name in iter_recorded_ids(out)]
+        listed = [{"id": name} for name in iter_recorded_log_ids(out)]
         if not listed:
             return None
     given = {each["id"]: each for each in listed if isinstance(each, dict) and isinstance(each.get("id"), str)}
@@ -200,7 +200,7 @@ def read_output_folder(out: Path) -> RecordedRun | None:
     return RecordedRun(tuple(logs), kept)
 
 
-def read_run_times(out: Path) -> dict[str, float]:
+def read_run_time_s_by_log(out: Path) -> dict[str, float]:
     """Read the seconds that the last run into a folder took for each log: id -> seconds; {} where no file says it."""
     logs = (read_json_object(out / RUN_TIMES_NAME) or {}).get("logs")
     entries = logs.items() if isinstance(logs, dict) else ()
@@ -212,7 +212,7 @@ def read_run_times(out: Path) -> dict[str, float]:
     }
 
 
-def format_mismatch_text(manifest: Mapping[str, Any]) -> str:
+def format_mismatch_text_or_empty(manifest: Mapping[str, Any]) -> str:
     """An error text for a manifest of cwcli in another format than this version's; "" for any other file.
 
     A folder of logs may hold a manifest.json of another tool, which is ignored.
@@ -302,7 +302,7 @@ def _to_json(value: Any) -> str:
     return json.dumps(value, allow_nan=False)
 
 
-def iter_recorded_ids(out: Path) -> Iterator[str]:
+def iter_recorded_log_ids(out: Path) -> Iterator[str]:
     """Yield the ids of the logs that have a folder, sorted."""
     logs = out / LOGS_FOLDER
     if logs.is_dir():

@@ -19,10 +19,10 @@ from cwcli.fleet.folder import (
     SHARD_KEY,
     Document,
     LogOutputs,
-    format_mismatch_text,
+    format_mismatch_text_or_empty,
     read_json_object,
 )
-from cwcli.fleet.input_states import FileState, read_file_state, states_from_document
+from cwcli.fleet.input_states import FileState, file_states_from_run_times, read_file_state
 from cwcli.fleet.plan import FleetPlan, LogTask, make_cache_key
 from cwcli.fleet.tables import DETAILS_FOLDER, TABLES_FOLDER, iter_table_names
 from cwcli.version import __version__
@@ -33,7 +33,7 @@ MAX_SHOWN_NAMES = 10
 """Largest number of names in an error; chosen by hand."""
 
 
-def manifest_head(plan: FleetPlan) -> Document:
+def manifest_without_logs(plan: FleetPlan) -> Document:
     """Make the part of the manifest that does not depend on the logs."""
     shard = {} if plan.shard is None else {SHARD_KEY: {"index": plan.shard.index, "count": plan.shard.count}}
     run = {"run_id": plan.run_id, "pipeline": dict(plan.pipeline)}
@@ -59,7 +59,7 @@ def read_index(out: Path, *, force: bool) -> Index:
         OutputError: The folder holds the results of another version, or something else.
     """
     manifest = read_json_object(out / MANIFEST_NAME)
-    if what := format_mismatch_text(manifest or {}):
+    if what := format_mismatch_text_or_empty(manifest or {}):
         raise OutputError(what, where=str(out / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
     ours = [*(name for name in FOLDERS_WITH_RESULTS if (out / name).exists()), *iter_table_names(out)]
     if ours and (manifest is None or manifest.get("format") != MANIFEST_FORMAT):
@@ -79,14 +79,14 @@ def read_index(out: Path, *, force: bool) -> Index:
     return Index(manifest, entries)
 
 
-def split_by_file_state(
+def split_in_unchanged_and_to_read(
     tasks: Sequence[LogTask], plan: FleetPlan, index: Index
 ) -> tuple[list[tuple[LogTask, FileState]], list[LogTask]]:
     """Split the logs in those that need no reading, with the state of their files, and the others."""
     if plan.rehash or not tasks:
         return [], list(tasks)
     out = Path(tasks[0].out)
-    known = states_from_document(read_json_object(out / RUN_TIMES_NAME))
+    known = file_states_from_run_times(read_json_object(out / RUN_TIMES_NAME))
     settings_hash = plan.settings_hash()
     current, to_read = [], []
     for task in tasks:
@@ -106,15 +106,15 @@ def _is_up_to_date(task: LogTask, entry: Document, settings_hash: str) -> bool:
     if entry.get("source") != task.source or not isinstance(entry.get("sha256"), str):
         return False
     key = make_cache_key(settings_hash, entry["sha256"])
-    return LogOutputs(Path(task.out), task.id).is_done(entry, key, has_tables=task.has_tables)
+    return LogOutputs(Path(task.out), task.id).is_log_done_with_key(entry, key, has_tables=task.has_tables)
 
 
-def is_complete(manifest: Document, plan: FleetPlan, ids: Sequence[str], out: Path) -> bool:
+def is_run_done_and_tables_written(manifest: Document, plan: FleetPlan, ids: Sequence[str], out: Path) -> bool:
     """Whether a manifest is that of a whole run over these logs with this plan, whose tables are written."""
     listed = manifest.get("logs")
     if not isinstance(listed, list) or [each["id"] for each in listed if each.get("status") == "done"] != list(ids):
         return False
-    head = json.loads(json.dumps(manifest_head(plan)))
+    head = json.loads(json.dumps(manifest_without_logs(plan)))
     if len(listed) != len(ids) or any(manifest.get(key) != value for key, value in head.items()):
         return False
     return not any(os.path.exists(LogOutputs(out, id).staged_tables_path) for id in ids)  # noqa: PTH110

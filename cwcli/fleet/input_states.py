@@ -44,7 +44,7 @@ def read_file_state(file: str | int) -> FileState | None:
     return FileState(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
 
 
-def states_from_document(run_times: Mapping[str, Any] | None) -> dict[str, FileState]:
+def file_states_from_run_times(run_times: Mapping[str, Any] | None) -> dict[str, FileState]:
     """Take the states from the content of `run_times.json`, by id of the log; what is no state is left out."""
     recorded = (run_times or {}).get(INPUTS_KEY)
     states = {}
@@ -55,6 +55,6 @@ def states_from_document(run_times: Mapping[str, Any] | None) -> dict[str, FileS
     return states
 
 
-def states_to_document(states: Mapping[str, FileState]) -> dict[str, dict[str, int]]:
+def file_states_to_document(states: Mapping[str, FileState]) -> dict[str, dict[str, int]]:
     """Convert the states to the form of `run_times.json`, sorted by id."""
     return {id: state._asdict() for id, state in sorted(states.items())}

@@ -54,7 +54,7 @@ def run_on_local_processes(
         waiting = iter(tasks)
         while True:
             for task in waiting:
-                running[threads.submit(workers.run_task, task)] = task
+                running[threads.submit(workers.run_task_with_retries, task)] = task
                 if len(running) >= 2 * jobs:
                     break
             if not running:
@@ -81,7 +81,7 @@ class _WorkerPool:
         self._mine = threading.local()
         self._is_stopping = False
 
-    def run_task(self, task: LogTask) -> TaskResult:
+    def run_task_with_retries(self, task: LogTask) -> TaskResult:
         """Process one log in this thread's worker.
 
         Raises:

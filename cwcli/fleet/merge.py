@@ -19,7 +19,7 @@ from cwcli.fleet.folder import (
     TABLES_KEY,
     Document,
     LogOutputs,
-    format_mismatch_text,
+    format_mismatch_text_or_empty,
     read_json_object,
     write_json_object,
 )
@@ -136,7 +136,7 @@ def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int,
         write_json_object({**manifest, TABLES_KEY: [], "logs": pending}, target / MANIFEST_NAME)
         n_copied = 0
         for k, (name, (source, entry)) in enumerate(entries.items()):
-            n_copied += _merge_log(LogOutputs(source, name), LogOutputs(target, name), entry)
+            n_copied += _merge_log_and_tell_if_new(LogOutputs(source, name), LogOutputs(target, name), entry)
             report(k + 1, len(entries))
         rows = {each.path: MergedRows(each.path) for each in shards}
         done = {name: rows[path] for name, (path, entry) in entries.items() if entry["status"] == "done"}
@@ -153,7 +153,7 @@ def _read_shard(path: Path) -> _ShardFolder:
     manifest = read_json_object(path / MANIFEST_NAME)
     if manifest is None or not isinstance(manifest.get("logs"), list) or not set(COMMON_KEYS) <= set(manifest):
         raise InputError(f"the folder holds no run (no {MANIFEST_NAME})", where=str(path))
-    if what := format_mismatch_text(manifest):
+    if what := format_mismatch_text_or_empty(manifest):
         raise InputError(what, where=str(path / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
     return _ShardFolder(path, manifest)
 
@@ -217,7 +217,9 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Do
             entry = listed
             if entry.get("status") not in ENDED:
                 raise InputError(f"the log {name} is not done", where=str(path), hint=RUN_AGAIN_HINT)
-            if entry["status"] == "done" and not folder.is_done(entry, str(entry.get("key")), has_tables=True):
+            if entry["status"] == "done" and not folder.is_log_done_with_key(
+                entry, str(entry.get("key")), has_tables=True
+            ):
                 raise InputError(
                     f"files of the log {name} are missing or changed", where=str(path), hint=RUN_AGAIN_HINT
                 )
@@ -241,9 +243,9 @@ def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> 
         raise OutputError(f"the folder holds {len(others)} logs that no shard has", where=str(target), hint=hint)
 
 
-def _merge_log(source: LogOutputs, target: LogOutputs, entry: Document) -> bool:
+def _merge_log_and_tell_if_new(source: LogOutputs, target: LogOutputs, entry: Document) -> bool:
     """Bring one log's files into the merged folder, its entry last; return whether it was not there yet."""
-    is_done = entry["status"] == "failed" or target.is_done(entry, str(entry.get("key")), has_tables=True)
+    is_done = entry["status"] == "failed" or target.is_log_done_with_key(entry, str(entry.get("key")), has_tables=True)
     if target.read_entry() == entry and is_done:
         return False
     target.remove_all_outputs()
@@ -267,12 +269,12 @@ def _link_or_copy(source: Path, target: Path) -> None:
         try:
             os.link(source, target)
         except OSError:  # another file system, or one without links
-            _copy_whole(source, target)
+            _copy_atomically(source, target)
     except OSError as error:
         raise OutputError(f"it can't be written: {error.strerror}", where=str(target)) from error
 
 
-def _copy_whole(source: Path, target: Path) -> None:
+def _copy_atomically(source: Path, target: Path) -> None:
     """Copy a file, which appears when it is whole; a copy that fails leaves nothing.
 
     Raises:

@@ -47,7 +47,7 @@ def compare_logs_of_runs(
         if source == "-" or source.lower().endswith(".parquet"):
             raise UsageError("--messages compares annotated logs", where=source, hint="name a log or a run's folder")
         runs.append(logs_to_search([source]))
-    pairs = _pair_logs(*runs)
+    pairs = _names_and_paths_of_common_logs(*runs)
     if not pairs:
         raise UsageError(f"{baseline} and {candidate} have no log in common, so nothing can be compared")
     differing: dict[str, LogDifference] = {}
@@ -67,7 +67,7 @@ def compare_logs_of_runs(
     return RunDifference(differing, len(pairs) - len(unread), unread, paths)
 
 
-def _pair_logs(early: list[SearchedLog], late: list[SearchedLog]) -> list[tuple[str, str, str]]:
+def _names_and_paths_of_common_logs(early: list[SearchedLog], late: list[SearchedLog]) -> list[tuple[str, str, str]]:
     """Return name and both paths of each log that is in both runs."""
     if len(early) == len(late) == 1:
         return [(PurePosixPath(late[0].name).name, early[0].path, late[0].path)]

@@ -113,7 +113,7 @@ class StoreFolder:
             what = f"no working folder can be made: {error.strerror}"
             raise OutputError(what, where=tempfile.gettempdir(), hint="set TMPDIR to a folder with space") from error
         try:
-            self._fetch()
+            self._fetch_earlier_run()
         except BaseException as error:
             shutil.rmtree(self.path, ignore_errors=True)
             if isinstance(error, InputError):  # the store is where the results go, not an input
@@ -126,14 +126,14 @@ class StoreFolder:
     ) -> None:
         shutil.rmtree(self.path, ignore_errors=True)
 
-    def _fetch(self) -> None:
+    def _fetch_earlier_run(self) -> None:
         """Fetch the files of an earlier run."""
         for name in _iter_names_below(self._system, self._base, self._url):
             if not FILE_OF_RUN.fullmatch(name):
                 continue
             own = self.path / name
             if own.name == ANNOTATED_LOG_NAME:
-                self._make_stand_in(name, self._size_in_store(name))
+                self._make_empty_file_of_size(name, self._size_in_store(name))
             else:
                 _copy_remote_file(self._system, self._base + name, own)
             self._states[name] = _file_state(own)
@@ -145,7 +145,7 @@ class StoreFolder:
         except Exception as error:  # each store has its own errors
             raise unreadable_url_error(self._url, error) from error
 
-    def _make_stand_in(self, name: str, n_bytes: int) -> None:
+    def _make_empty_file_of_size(self, name: str, n_bytes: int) -> None:
         """Put an empty file of a size in the place of a file, sparse where the file system can."""
         own = self.path / name
         make_folder(own.parent, parents=True)
@@ -171,7 +171,7 @@ class StoreFolder:
             self._remove(name)
         annotated = folder + ANNOTATED_LOG_NAME
         if annotated in changed:
-            self._make_stand_in(annotated, self._states[annotated].n_bytes)
+            self._make_empty_file_of_size(annotated, self._states[annotated].n_bytes)
             self._states[annotated] = _file_state(self.path / annotated)
 
     def send_manifest(self) -> None:

@@ -18,7 +18,7 @@ from cwcli.fleet.folder import (
     RecordedLog,
     RecordedRun,
     read_output_folder,
-    read_run_times,
+    read_run_time_s_by_log,
 )
 from cwcli.fleet.staged_tables import iter_staged_tables, list_staged_tables
 from cwcli.fleet.table_schemas import LOG_COLUMN
@@ -141,13 +141,13 @@ def _iter_metrics_of_output_folder(
     path: Path, run: RecordedRun, how: _ScoringOptions, step: Callable[[str], None]
 ) -> Iterator[LogMetrics]:
     """Yield the metrics of each log of an output folder."""
-    times = read_run_times(path)
+    times = read_run_time_s_by_log(path)
     metrics = MetricsOfRun(path)
     for log in run.logs:
         if log.folder is None:
             raise InputError(f"the log id {log.id!r} is not the name of a file", where=str(path / MANIFEST_NAME))
         if log.entry.get("status") != "done":
-            found = LogMetrics(log.id, error=_error_text_of_entry(log.entry))
+            found = LogMetrics(log.id, error=_error_or_not_done_text(log.entry))
         else:
             found = replace(
                 _metrics_of_log(log, log.folder, metrics, how, step), sha256=str(log.entry.get("sha256") or "")
@@ -191,7 +191,7 @@ class MetricsOfRun:
         self._error: InputError | None = None
         self._rows: Mapping[str, Mapping[str, MetricRow]] | None = None
 
-    def has_table(self, folder: LogOutputs) -> bool:
+    def may_hold_rows_of_log(self, folder: LogOutputs) -> bool:
         """Whether there is a file that can hold rows of a log."""
         return self._path.is_file() or folder.staged_tables_path.is_file()
 
@@ -205,7 +205,7 @@ class MetricsOfRun:
         if staged.is_file():
             wanted = [each for each in list_staged_tables(staged) if each.name == METRICS_TABLE]
             for _, table in iter_staged_tables(staged, wanted):
-                return _checked_rows(_table_from_arrow(table, staged), staged)
+                return _checked_metric_rows_by_name(_table_from_arrow(table, staged), staged)
         if self._rows is None and self._error is None:
             try:
                 self._rows = _metric_rows_by_log(self._path, self._is_needed)
@@ -216,7 +216,7 @@ class MetricsOfRun:
         return (self._rows or {}).get(folder.id, {})
 
 
-def _checked_rows(table: Table, path: Path) -> dict[str, MetricRow]:
+def _checked_metric_rows_by_name(table: Table, path: Path) -> dict[str, MetricRow]:
     """Return the rows of a table by metric; raise `InputError` if it does not hold what it should."""
     try:
         return metric_rows_by_name(table)
@@ -262,20 +262,20 @@ def _add_metric_rows(rows: dict[str, dict[str, MetricRow]], table: Table, path: 
     if not isinstance(ids, list):
         raise InputError("the table has no column log", where=str(path))
     names = [field.name for field in fields(MetricRow) if field.name in table.columns]
-    columns = [_plain_values(table.columns[name]) for name in names]
+    columns = [_column_values_as_list(table.columns[name]) for name in names]
     for id, *values in zip(ids, *columns, strict=True):
         row = MetricRow(*values)
         rows.setdefault(id, {})[row.metric] = row
 
 
-def _plain_values(column: TableColumn) -> list[Any]:
+def _column_values_as_list(column: TableColumn) -> list[Any]:
     """Return the values of a column of numbers or texts as a list."""
     if isinstance(column, np.ndarray):
         return list(column.tolist())
     return column if isinstance(column, list) else []
 
 
-def _tables_by_log(path: Path) -> Iterator[tuple[str, Table]]:
+def _iter_log_ids_and_tables(path: Path) -> Iterator[tuple[str, Table]]:
     """Yield each id in the column `log` of a table of metrics, with its rows.
 
     Raises:
@@ -292,7 +292,7 @@ def _tables_by_log(path: Path) -> Iterator[tuple[str, Table]]:
         yield name, _select_table_rows(table, selected)
 
 
-def _error_text_of_entry(entry: dict[str, Any]) -> str:
+def _error_or_not_done_text(entry: dict[str, Any]) -> str:
     error = entry.get("error")
     if not isinstance(error, dict):
         return NOT_DONE_TEXT
@@ -321,7 +321,11 @@ def _input_sha256(log: Log) -> str:
 
 def _metrics_of_table(path: Path) -> list[LogMetrics]:
     """Read the metrics of each log from a table with a column `log`."""
-    return [LogMetrics(name, metric_rows_by_name(table)) for name, table in _tables_by_log(path) if name != POOLED_ID]
+    return [
+        LogMetrics(name, metric_rows_by_name(table))
+        for name, table in _iter_log_ids_and_tables(path)
+        if name != POOLED_ID
+    ]
 
 
 def _select_table_rows(table: Table, rows: list[int]) -> Table:

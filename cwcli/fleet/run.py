@@ -21,7 +21,7 @@ from cwcli.fleet.folder import (
     TABLES_KEY,
     Document,
     LogOutputs,
-    iter_recorded_ids,
+    iter_recorded_log_ids,
     new_log_entry,
     write_json_object,
 )
@@ -29,15 +29,15 @@ from cwcli.fleet.index import (
     FOLDERS_WITH_RESULTS,
     MAX_SHOWN_NAMES,
     Index,
-    is_complete,
-    manifest_head,
+    is_run_done_and_tables_written,
+    manifest_without_logs,
     read_index,
-    split_by_file_state,
+    split_in_unchanged_and_to_read,
 )
 from cwcli.fleet.input_states import (
     INPUTS_KEY,
     FileState,
-    states_to_document,
+    file_states_to_document,
 )
 from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
@@ -63,7 +63,7 @@ Report = Callable[[LogTask, str, int, int], None]
 TaskRunner = Callable[
     [list[tuple[LogTask, FileState]], list[LogTask]], Generator[tuple[LogTask, "TaskResult | WorkerDied"]]
 ]
-"""Yields each task with its result; the arguments of `_run_tasks` that are not settings."""
+"""Yields each task with its result; the arguments of `_iter_task_results` that are not settings."""
 RUN_FOLDERS = (*FOLDERS_WITH_RESULTS, SCRATCH_FOLDER)
 """Subfolders of the output folder that a run writes and may empty."""
 
@@ -112,7 +112,7 @@ def run_fleet(
         InputError: A folder can't be listed, or a remote store does not answer.
         OutputError: The folder is something else, is in use, or can't be written.
     """
-    run_tasks = partial(_run_tasks, plan=plan, jobs=jobs, ray=ray)
+    run_tasks = partial(_iter_task_results, plan=plan, jobs=jobs, ray=ray)
     if not is_remote_url(str(out)):
         return _run_into_folder(sources, plan, _absolute_output_folder(out), run_tasks, force, report)
     if ray is not None:
@@ -155,15 +155,17 @@ def _run_into_folder(
     tasks = [LogTask(i, source, path, str(folder)) for i, (source, path) in zip(ids, found, strict=True)]
     tasks.sort(key=lambda task: task.id)
     if plan.shard is not None:  # the ids are those that the whole run gives
-        tasks = plan.shard.select_own(tasks)
+        tasks = plan.shard.select_shard_items(tasks)
     with remember_inputs(), lock_folder(folder):
         _refuse_inputs_in_output_folder(folder, tasks)
         index = read_index(folder, force=force)
         _prepare_output_folder(folder, tasks, index, force=force)
         has_tables = are_tables_whole(folder, index.manifest.get(TABLES_KEY))
         tasks = [replace(task, has_tables=has_tables) for task in tasks]
-        current, to_read = split_by_file_state(tasks, plan, index)
-        if not to_read and is_complete(index.manifest, plan, [task.id for task, _ in current], folder):
+        current, to_read = split_in_unchanged_and_to_read(tasks, plan, index)
+        if not to_read and is_run_done_and_tables_written(
+            index.manifest, plan, [task.id for task, _ in current], folder
+        ):
             for task, _ in current:
                 statuses[task.id] = "unchanged"
                 report(task, "unchanged", len(statuses), len(tasks))
@@ -177,7 +179,7 @@ def _run_into_folder(
         try:
             with closing(run_tasks(current, to_read)) as ended:
                 for task, answer in ended:
-                    done = _record_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
+                    done = _record_failed_log_of_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
                     statuses[task.id] = done.status
                     entry = index.entries.get(task.id) if not done.attempts else None
                     entry = entry or LogOutputs(folder, task.id).read_entry()
@@ -185,7 +187,7 @@ def _run_into_folder(
                         entries[task.id] = entry
                     if done.input_state is not None:
                         states[task.id] = done.input_state
-                    times[task.id] = _times_document(done)
+                    times[task.id] = _run_time_document(done)
                     report(task, done.status, len(statuses), len(tasks))
             tables = _write_tables_of_run(folder, entries, plan)
         finally:
@@ -194,7 +196,7 @@ def _run_into_folder(
             write_json_object(manifest, folder / MANIFEST_NAME, durable=True)
         _remove_staged_tables(folder, entries)
         took = {"began": began, "wall_s": round(time.monotonic() - begin, 3), "logs": dict(sorted(times.items()))}
-        write_json_object({**took, INPUTS_KEY: states_to_document(states)}, folder / RUN_TIMES_NAME)
+        write_json_object({**took, INPUTS_KEY: file_states_to_document(states)}, folder / RUN_TIMES_NAME)
     return FleetResult(folder, manifest, statuses)
 
 
@@ -205,7 +207,7 @@ def _absolute_output_folder(out: str | Path) -> Path:
     return Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
 
 
-def _times_document(done: TaskResult) -> Document:
+def _run_time_document(done: TaskResult) -> Document:
     """Make a log's part of `run_times.json`."""
     return {
         "status": done.status,
@@ -237,7 +239,7 @@ def _remove_staged_tables(out: Path, ids: Iterable[str]) -> None:
             LogOutputs(out, id).staged_tables_path.unlink(missing_ok=True)
 
 
-def _run_tasks(
+def _iter_task_results(
     current: Iterable[tuple[LogTask, FileState]],
     to_read: list[LogTask],
     plan: FleetPlan,
@@ -285,7 +287,7 @@ def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], index: Index, *,
     ids = {task.id for task in tasks}
     sources = {task.source for task in tasks}
     others = []
-    for known in sorted(({*iter_recorded_ids(out)} | index.entries.keys()) - ids):
+    for known in sorted(({*iter_recorded_log_ids(out)} | index.entries.keys()) - ids):
         entry = index.entries.get(known) or LogOutputs(out, known).read_entry()
         if (
             entry is None or display_name_of_url(str(entry.get("source"))) in sources
@@ -310,10 +312,10 @@ def _make_manifest(
         entries.get(task.id) or {"id": task.id, "source": task.source, "status": "pending", "error": None}
         for task in tasks
     ]
-    return {**manifest_head(plan), TABLES_KEY: list(tables), "logs": logs}
+    return {**manifest_without_logs(plan), TABLES_KEY: list(tables), "logs": logs}
 
 
-def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
+def _record_failed_log_of_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
     """Record a log whose worker died at every attempt as failed."""
     from cwcli.fleet.worker import write_log_entry
 

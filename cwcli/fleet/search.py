@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.evaluation.system_topics import OtherSystemTopics
-from cwcli.events.search import FoundEvent, Query, find_in_log
+from cwcli.events.search import FoundEvent, Query, find_events_in_log
 from cwcli.fleet.folder import MANIFEST_NAME, read_output_folder
 from cwcli.fleet.inputs import expand_sources
 from cwcli.lazy_dataclass import dataclass
@@ -110,7 +110,7 @@ def find_in_logs(
         step(k, each.name)
         try:
             with open_log(each.path) as log:
-                searched = find_in_log(log, query, other_system, each.name)
+                searched = find_events_in_log(log, query, other_system, each.name)
         except UsageError:
             raise
         except CwcliError as error:

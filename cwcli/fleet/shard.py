@@ -20,7 +20,7 @@ INDEX_VARIABLES = {"JOB_COMPLETION_INDEX": 0, "AWS_BATCH_JOB_ARRAY_INDEX": 0, "S
 """Environment variable with a job's number -> the first number; None: `SLURM_ARRAY_TASK_MIN` says it.
 
 Sources: indexed jobs of Kubernetes, array jobs of AWS Batch, sbatch of Slurm."""
-HINT = "for example 3/8, or auto/8 in an array job"
+SHARD_FORM_HINT = "for example 3/8, or auto/8 in an array job"
 """Advice on the form of a shard."""
 
 
@@ -31,7 +31,7 @@ class Shard:
     index: int
     count: int
 
-    def select_own(self, every: Sequence[T]) -> list[T]:
+    def select_shard_items(self, every: Sequence[T]) -> list[T]:
         """Return this shard's part of what is shared out: each `count`-th one."""
         return list(every[self.index - 1 :: self.count])
 
@@ -44,18 +44,18 @@ def parse_shard(text: str, environment: Mapping[str, str] = os.environ) -> Shard
     """
     index_text, sign, count_text = text.partition("/")
     if not sign or not re.fullmatch(r"[0-9]{1,6}", count_text):
-        raise UsageError(f"--shard {text} is not a shard", hint=HINT)
+        raise UsageError(f"--shard {text} is not a shard", hint=SHARD_FORM_HINT)
     count = int(count_text)
     if not 1 <= count <= MAX_SHARDS:
-        raise UsageError(f"--shard {text}: the number of shards is not from 1 to {MAX_SHARDS}", hint=HINT)
+        raise UsageError(f"--shard {text}: the number of shards is not from 1 to {MAX_SHARDS}", hint=SHARD_FORM_HINT)
     if index_text == FROM_ENVIRONMENT:
         index = _index_from_environment(text, environment)
     elif re.fullmatch(r"[0-9]{1,6}", index_text):
         index = int(index_text)
     else:
-        raise UsageError(f"--shard {text} is not a shard", hint=HINT)
+        raise UsageError(f"--shard {text} is not a shard", hint=SHARD_FORM_HINT)
     if not 1 <= index <= count:
-        raise UsageError(f"--shard {text}: shard {index} is not from 1 to {count}", hint=HINT)
+        raise UsageError(f"--shard {text}: shard {index} is not from 1 to {count}", hint=SHARD_FORM_HINT)
     return Shard(index, count)
 
 

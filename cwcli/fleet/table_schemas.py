@@ -34,11 +34,14 @@ def unify_schemas(schemas: Sequence[pa.Schema]) -> pa.Schema:
     if len(distinct) == 1:
         return distinct[0]
     names = sorted({name for schema in distinct for name in schema.names})
-    fields = [_unify_fields([each.field(name) for each in distinct if name in each.names]) for name in names]
-    return pa.schema(fields, metadata=_equal_items([each.metadata or {} for each in distinct]))
+    fields = [
+        _unify_fields_or_fall_back_to_text([each.field(name) for each in distinct if name in each.names])
+        for name in names
+    ]
+    return pa.schema(fields, metadata=_items_equal_in_all([each.metadata or {} for each in distinct]))
 
 
-def _unify_fields(fields: Sequence[pa.Field]) -> pa.Field:
+def _unify_fields_or_fall_back_to_text(fields: Sequence[pa.Field]) -> pa.Field:
     """Return the field that holds the values of all fields, which have one name."""
     import pyarrow as pa
 
@@ -48,7 +51,7 @@ def _unify_fields(fields: Sequence[pa.Field]) -> pa.Field:
     except (pa.ArrowInvalid, pa.ArrowTypeError):
         unified = pa.field(fields[0].name, pa.string())
     unified = unified.with_type(_canonical_type(unified.type))
-    return unified.with_metadata(_equal_items([each.metadata or {} for each in fields]))
+    return unified.with_metadata(_items_equal_in_all([each.metadata or {} for each in fields]))
 
 
 def _canonical_type(kind: pa.DataType) -> pa.DataType:
@@ -61,13 +64,13 @@ def _canonical_type(kind: pa.DataType) -> pa.DataType:
     return pa.list_(value, kind.list_size) if pa.types.is_fixed_size_list(kind) else pa.list_(value)
 
 
-def _equal_items(mappings: Sequence[dict[bytes, bytes]]) -> dict[bytes, bytes]:
+def _items_equal_in_all(mappings: Sequence[dict[bytes, bytes]]) -> dict[bytes, bytes]:
     """Return what all mappings hold alike."""
     first, *others = mappings
     return {key: value for key, value in sorted(first.items()) if all(each.get(key) == value for each in others)}
 
 
-def conform_columns(table: pa.Table, schema: pa.Schema) -> list[pa.ChunkedArray]:
+def columns_in_types_of_schema(table: pa.Table, schema: pa.Schema) -> list[pa.ChunkedArray]:
     """Return a table's columns in the types of a schema; a column that it lacks is null."""
     import pyarrow as pa
 
@@ -78,12 +81,12 @@ def conform_columns(table: pa.Table, schema: pa.Schema) -> list[pa.ChunkedArray]
             continue
         column = table.column(field.name)
         if column.type != field.type:
-            column = _to_text(column) if pa.types.is_string(field.type) else column.cast(field.type)
+            column = _column_as_json_text(column) if pa.types.is_string(field.type) else column.cast(field.type)
         columns.append(column)
     return columns
 
 
-def _to_text(column: Iterable[pa.Scalar]) -> pa.ChunkedArray:
+def _column_as_json_text(column: Iterable[pa.Scalar]) -> pa.ChunkedArray:
     """Return values as JSON, for a column that holds text in other logs."""
     import pyarrow as pa
 
@@ -91,7 +94,7 @@ def _to_text(column: Iterable[pa.Scalar]) -> pa.ChunkedArray:
     return pa.chunked_array([[None if each is None else json.dumps(each, default=str) for each in values]], pa.string())
 
 
-def is_nested(schema: pa.Schema) -> bool:
+def has_nested_column(schema: pa.Schema) -> bool:
     """Whether a column holds several values a row."""
     import pyarrow as pa
 

@@ -28,8 +28,8 @@ from cwcli.fleet.table_schemas import (
     RUN_ID_COLUMN,
     SCHEMA_VERSION_COLUMN,
     TABLES_SCHEMA_VERSION,
-    conform_columns,
-    is_nested,
+    columns_in_types_of_schema,
+    has_nested_column,
     unify_schemas,
 )
 from cwcli.metrics.table import ArrowSink
@@ -217,7 +217,7 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
         if name not in schemas:
             _remove_table(out, name)
     with open_output(out / VIEWS_NAME, force=True, durable=False) as output:
-        output.write(views_text(names).encode())
+        output.write(duckdb_views_sql(names).encode())
     return names
 
 
@@ -233,7 +233,7 @@ class _TableWriter:
         path = out / f"{name}{SUFFIX}"
         make_folder(path.parent, parents=True)
         self._own, self._run_id = schema, run_id
-        self._n_rows = ROWS_PER_NESTED_GROUP if is_nested(schema) else ROWS_PER_GROUP
+        self._n_rows = ROWS_PER_NESTED_GROUP if has_nested_column(schema) else ROWS_PER_GROUP
         common = {RUN_ID_COLUMN: run_id, SCHEMA_VERSION_COLUMN: str(TABLES_SCHEMA_VERSION)}
         self._schema = pa.schema(
             [
@@ -258,7 +258,7 @@ class _TableWriter:
         n = len(rows)
         common = [pa.repeat(pa.scalar(id), n), pa.repeat(pa.scalar(self._run_id), n)]
         version = pa.repeat(pa.scalar(TABLES_SCHEMA_VERSION, pa.int32()), n)
-        columns = conform_columns(decode_dictionaries(rows), self._own)
+        columns = columns_in_types_of_schema(decode_dictionaries(rows), self._own)
         self._pieces.append(pa.Table.from_arrays([common[0], *columns, common[1], version], schema=self._schema))
         self._n_pending += n
         if len(self._pieces) >= PIECES_PER_BLOCK:
@@ -317,10 +317,10 @@ def are_tables_whole(out: Path, names: object) -> bool:
     """Whether all tables that a manifest names are there with their beginning and their end."""
     if not isinstance(names, list):
         return False
-    return all(isinstance(name, str) and _is_whole(out / f"{name}{SUFFIX}") for name in names)
+    return all(isinstance(name, str) and _is_parquet_file_whole(out / f"{name}{SUFFIX}") for name in names)
 
 
-def _is_whole(path: Path) -> bool:
+def _is_parquet_file_whole(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             begin = file.read(len(PARQUET_MAGIC))
@@ -330,7 +330,7 @@ def _is_whole(path: Path) -> bool:
         return False
 
 
-def views_text(names: Iterable[str]) -> str:
+def duckdb_views_sql(names: Iterable[str]) -> str:
     """Return the views of DuckDB on the tables; their paths are relative to the output folder."""
     lines = ["-- in the output folder: duckdb -init views.sql"]
     lines += [f"create schema if not exists {folder};" for folder in (DETAILS_FOLDER, TABLES_FOLDER)]

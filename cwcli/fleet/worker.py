@@ -87,7 +87,7 @@ def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState 
             state = read_file_state(file.descriptor) if is_plain else None
             entry["sha256"] = file.begin_sha256().result()
             entry["key"] = plan.cache_key(entry["sha256"])
-            if before is not None and folder.is_done(before, entry["key"], has_tables=task.has_tables):
+            if before is not None and folder.is_log_done_with_key(before, entry["key"], has_tables=task.has_tables):
                 if before["source"] != task.source:
                     folder.write_entry(
                         {**before, "source": task.source}, [folder.out / name for name in before["outputs"]]

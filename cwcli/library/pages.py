@@ -99,7 +99,7 @@ def write_report_page_and_get_size(
     """
     from cwcli.array_memory import bounded_array_memory
     from cwcli.report.build import build_report
-    from cwcli.report.pdf import find_browser, print_pdf
+    from cwcli.report.pdf import find_browser, print_html_to_pdf
 
     say = progress or (lambda text: None)
     browser = find_browser() if content.is_pdf else None
@@ -115,6 +115,6 @@ def write_report_page_and_get_size(
         )
         if browser is not None:
             say("printing")
-        page = report.html if browser is None else print_pdf(report.html, browser)
+        page = report.html if browser is None else print_html_to_pdf(report.html, browser)
         write_file(target, page, force=force)
     return report, len(page)

@@ -100,7 +100,7 @@ class PageAddresses:
         self._page = quote(page.strip(), safe=UNESCAPED_URL_CHARACTERS)
         self._known: dict[str, list[PageLink]] = {}
 
-    def links_of_check(self, gate: str, check: GateCheck) -> list[PageLink]:
+    def warning_and_conflict_links_of_check(self, gate: str, check: GateCheck) -> list[PageLink]:
         """Return links to the warnings and conflicts that a gate asks about, of its log or of all logs."""
         if WARNING_METRIC_PREFIX not in gate and WARNING_METRIC_PREFIX not in check.detail:
             return []

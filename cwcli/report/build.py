@@ -41,8 +41,8 @@ from cwcli.report.pooled import SourceInLog, is_pooled_metric, read_ego_sources
 from cwcli.report.section import DetailLevel, SectionOptions, build_log_view
 from cwcli.report.sensors import sensor_remarks_sentence
 from cwcli.report.source import LogEntry, ReportedRun, read_reported_run
-from cwcli.report.system import judge_other_system, other_system_sentences
-from cwcli.report.thumbnail import read_track_path
+from cwcli.report.system import judge_warnings_of_other_system, other_system_sentences
+from cwcli.report.thumbnail import read_ego_track_svg_path
 from cwcli.report.tiles import TileServer
 from cwcli.report.views import LogView
 from cwcli.text import format_count
@@ -107,7 +107,7 @@ def build_report(
     """
     say = progress or (lambda text: None)
     renderer = PageRenderer(tiles)
-    run = read_reported_run(source, _select_metrics_of_page(gates))
+    run = read_reported_run(source, _page_metric_filter(gates))
     if system is not None and run.is_folder:
         run = _replace_metrics_with_system(run, source, system, say)
     gates = [*run.gates, *gates]
@@ -197,7 +197,7 @@ def _build_report_of_one_log(
     return Report(html, n_logs=1, n_detailed=1, n_failed=n_failed, left_out=())
 
 
-def _select_metrics_of_page(gates: Sequence[str]) -> Callable[[str], bool]:
+def _page_metric_filter(gates: Sequence[str]) -> Callable[[str], bool]:
     """Return a function that tells whether the page of many logs needs a metric."""
     patterns = [name for gate in gates for name in metric_names_in_gate(gate)]
     columns = {name for name, _ in METRIC_COLUMNS}
@@ -265,7 +265,7 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult],
             with Log.open(str(entry.log)) as log:
                 n_warnings = _count_raised_warnings(log)
                 sources = read_ego_sources(entry.id, read_run_records(log).get("estimate", {}))
-                track = read_track_path(log)
+                track = read_ego_track_svg_path(log)
         except CwcliError as error:
             story, rank = story or f"{error.what}", 0
             badges.append(Badge("the annotated log can't be read", "bad"))
@@ -311,7 +311,7 @@ def _render_section_and_complete_candidate(
                 if len(made.encode()) <= budget:
                     candidate.badges += view.story.badges
                     candidate.links = view.links
-                    candidate.track = candidate.track or read_track_path(log)
+                    candidate.track = candidate.track or read_ego_track_svg_path(log)
                     return made
     except CwcliError as error:
         candidate.story = candidate.story or error.what
@@ -323,7 +323,7 @@ def _read_and_build_log_view(
     log: Log, entry: LogEntry, options: SectionOptions, system: OtherSystemTopics | None
 ) -> LogView:
     """Read an annotated log and collect everything that its section shows."""
-    drive = replace(read_drive(log), other_system=judge_other_system(log, system))
+    drive = replace(read_drive(log), other_system=judge_warnings_of_other_system(log, system))
     drive_encounters = find_encounters(drive)
     story: Story = build_story(
         drive,

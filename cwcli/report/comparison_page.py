@@ -73,7 +73,7 @@ def build_comparison_page(
     for k, log in enumerate(logs):
         step(k, log.name)
         lines = "".join(f"<p>{escape_for_html(line)}</p>" for line in log.sentences)
-        figures = _draw_both(log, open_log) if k < MAX_DRAWN_LOGS else ""
+        figures = _map_and_strips_or_reason_html(log, open_log) if k < MAX_DRAWN_LOGS else ""
         name = escape_for_html(log.name)
         cards.append(f'<article><h2>{name}</h2>{lines}<div class="figures">{figures}</div></article>\n')
     head = f"{len(logs)} of {format_count(n_compared, 'compared log')} differ."
@@ -87,11 +87,11 @@ def build_comparison_page(
     return html_page("cwcli compare", title, head, legend, "".join(cards))
 
 
-def _draw_both(log: DifferingLog, open_log: Callable[[str], Log]) -> str:
+def _map_and_strips_or_reason_html(log: DifferingLog, open_log: Callable[[str], Log]) -> str:
     """Return map and strips of a log; a sentence where there is nothing to draw."""
     try:
         with open_log(log.early_path) as early, open_log(log.late_path) as late:
-            motions = _read_both_motions(EventEvidence(early), EventEvidence(late), log.difference.start_ns)
+            motions = _read_ego_motions_of_both_runs(EventEvidence(early), EventEvidence(late), log.difference.start_ns)
     except CwcliError as error:
         return f"<p><small>Not drawn: {escape_for_html(error.what)}.</small></p>"
     marks = []
@@ -113,7 +113,7 @@ def _draw_both(log: DifferingLog, open_log: Callable[[str], Log]) -> str:
     return f"{map_svg(tracks, 'both tracks of the ego; dots are their ends')}<div>{strips}</div>"
 
 
-def _read_both_motions(early: EventEvidence, late: EventEvidence, start_ns: int) -> _BothMotions:
+def _read_ego_motions_of_both_runs(early: EventEvidence, late: EventEvidence, start_ns: int) -> _BothMotions:
     """Read the motion of the ego in both runs.
 
     Raises:

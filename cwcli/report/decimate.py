@@ -41,7 +41,9 @@ def min_max_row_indices(values: FloatArray, n_pieces: int) -> Rows:
     return np.unique(chosen[chosen < n])
 
 
-def decimate_band(lower: FloatArray, upper: FloatArray, n_pieces: int) -> tuple[Rows, FloatArray, FloatArray]:
+def reduce_band_to_rows_and_bounds(
+    lower: FloatArray, upper: FloatArray, n_pieces: int
+) -> tuple[Rows, FloatArray, FloatArray]:
     """Reduce a band to one pair of values per piece that covers every sample's band.
 
     Args:

@@ -29,7 +29,7 @@ from cwcli.report.drawing import (
     rounded_json_numbers,
     vertical_line_with_label,
 )
-from cwcli.report.map_figure import escaped_vehicle_name, insert_line_breaks
+from cwcli.report.map_figure import escaped_vehicle_name, insert_nan_rows_in_time_gaps
 from cwcli.report.signal_figures import other_system_warning_lines
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
@@ -122,13 +122,13 @@ class _DriverView:
         forward = np.array([math.cos(own[3]), math.sin(own[3])])
         self._right_ahead = np.array([[forward[1], forward[0]], [-forward[0], forward[1]]])
 
-    def from_map(self, xy: FloatArray) -> FloatArray:
+    def map_points_in_view_m(self, xy: FloatArray) -> FloatArray:
         """Transform points of the map, shape (n, 2), in m."""
         return np.asarray((xy - self._origin) @ self._right_ahead, np.float64)
 
-    def plotly_coordinates(self, xy: FloatArray) -> tuple[list[float | None], list[float | None]]:
+    def plotly_x_and_y_lists(self, xy: FloatArray) -> tuple[list[float | None], list[float | None]]:
         """Transform points of the map, shape (n, 2), into Plotly's lists of x and y."""
-        seen = self.from_map(xy)
+        seen = self.map_points_in_view_m(xy)
         return rounded_json_numbers(seen[:, 0], 2), rounded_json_numbers(seen[:, 1], 2)
 
 
@@ -136,15 +136,15 @@ def _predicted_path_traces(view: _DriverView, path: Paths, colour: str, name: st
     """Return the traces of a predicted path and of its ellipses."""
     keep = path.time_s <= horizon_s + 1e-6
     xy_m = np.stack([path.x_m[0], path.y_m[0]], axis=1)
-    x, y = view.plotly_coordinates(xy_m[keep])
+    x, y = view.plotly_x_and_y_lists(xy_m[keep])
     every = np.arange(ELLIPSE_SPACING_S, horizon_s + 1e-6, max(ELLIPSE_SPACING_S, horizon_s / MAX_ELLIPSES_PER_PATH))
     rows = np.unique(np.clip(np.searchsorted(path.time_s, every - 1e-6), 0, int(keep.sum()) - 1))
     edges_x: list[float | None] = []
     edges_y: list[float | None] = []
     for row in rows.tolist():
-        ellipse = _covariance_ellipse_points(xy_m[row], path.position_covariance_m2[0, row])
+        ellipse = _one_sigma_ellipse_points_or_none(xy_m[row], path.position_covariance_m2[0, row])
         if ellipse is not None:
-            ex, ey = view.plotly_coordinates(ellipse)
+            ex, ey = view.plotly_x_and_y_lists(ellipse)
             edges_x += [*ex, None]
             edges_y += [*ey, None]
     return [
@@ -161,7 +161,7 @@ def _predicted_path_traces(view: _DriverView, path: Paths, colour: str, name: st
     ]
 
 
-def _covariance_ellipse_points(centre: FloatArray, packed: FloatArray) -> FloatArray | None:
+def _one_sigma_ellipse_points_or_none(centre: FloatArray, packed: FloatArray) -> FloatArray | None:
     """Return points of the 1-sigma ellipse, shape (n, 2), or None if the covariance is not finite."""
     xx, xy, yy = packed.tolist()
     covariance = np.array([[xx, xy], [xy, yy]])
@@ -185,9 +185,9 @@ def _driven_path_traces(
     """Return the traces of the driven path and of the outlines at the warning and at the nearest approach."""
     first = np.searchsorted(track.stamp_ns, encounter.raised_ns - round(PATH_FIGURE_BEFORE_S * NS_PER_S))
     last = np.searchsorted(track.stamp_ns, _driven_path_end_ns(encounter), side="right")
-    stamps, states = insert_line_breaks(track.stamp_ns[first:last], track.state[first:last, :2])
+    stamps, states = insert_nan_rows_in_time_gaps(track.stamp_ns[first:last], track.state[first:last, :2])
     rows = simplified_track_row_indices(states, 0.05)
-    x, y = view.plotly_coordinates(states[rows])
+    x, y = view.plotly_x_and_y_lists(states[rows])
     seconds = rounded_json_numbers(drive.seconds_since_start(stamps[rows]), 2)
     hover = {"customdata": seconds, "hovertemplate": "%{customdata} s"}
     traces = [line_trace(x, y, f"{name}: driven", colour, dash="dot", width=2, **hover)]
@@ -197,7 +197,7 @@ def _driven_path_traces(
     for at_ns, when, alpha in moments:
         state = interpolate_x_y_speed_heading(track, np.array([at_ns], np.int64), drive.warning_config.max_gap_s)[0]
         if np.isfinite(state).all():
-            x, y = view.plotly_coordinates(_outline_corners(state, size_m))
+            x, y = view.plotly_x_and_y_lists(_closed_outline_corners_m(state, size_m))
             shape = polygon_trace(x, y, f"{name} {when}", colour, alpha=alpha)
             traces.append({**shape, "line": {"width": 1.5, "color": colour}, "showlegend": False})
     return traces
@@ -211,7 +211,7 @@ def _driven_path_end_ns(encounter: Encounter) -> int:
     return max(end_ns, encounter.raised_ns + NS_PER_S)
 
 
-def _outline_corners(state: FloatArray, size_m: tuple[float, float]) -> FloatArray:
+def _closed_outline_corners_m(state: FloatArray, size_m: tuple[float, float]) -> FloatArray:
     """Return the corners of a vehicle's outline in the map, closed, shape (5, 2)."""
     length, width = size_m
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]]) * np.array([length, width]) / 2.0
@@ -252,7 +252,7 @@ def _distance_figure_of_pair(
     columns = np.column_stack([pair.evaluate_measure(measure)[part] for measure in (DISTANCE, GAP, TTC, DRAC)])
     columns[columns[:, 2] > MAX_SHOWN_TTC_S, 2] = np.nan
     columns[:, 3] = np.minimum(columns[:, 3], MAX_SHOWN_DRAC_MPS2)
-    stamps, columns = insert_line_breaks(pair.stamp_ns[part], columns, drive.warning_config.max_gap_s)
+    stamps, columns = insert_nan_rows_in_time_gaps(pair.stamp_ns[part], columns, drive.warning_config.max_gap_s)
     seconds = drive.seconds_since_start(stamps)
 
     def trace_column(column: int, name: str, colour: str, unit: str, **style: Any) -> Trace:

@@ -61,7 +61,7 @@ def make_thumbnails_and_explain_gaps(
     found: dict[int, Thumbnail] = {}
     rejected = ""
     try:
-        for wanted, decoded in _iter_nearest_frames(log, drive.camera_topic, sorted(set(wanted_ns))):
+        for wanted, decoded in _iter_wanted_ns_and_nearest_frame(log, drive.camera_topic, sorted(set(wanted_ns))):
             if decoded.image is None:
                 rejected = f"some camera frames could not be decoded: {decoded.rejection_reason}"
             else:
@@ -71,29 +71,29 @@ def make_thumbnails_and_explain_gaps(
     return found, rejected
 
 
-def _iter_nearest_frames(log: Log, topic: str, wanted_ns: list[int]) -> Iterator[tuple[int, DecodedFrame]]:
+def _iter_wanted_ns_and_nearest_frame(log: Log, topic: str, wanted_ns: list[int]) -> Iterator[tuple[int, DecodedFrame]]:
     """Yield each wanted time with its nearest frame, decoded, in one pass; a video is decoded along the way."""
     frames = log.frames(topic)
     first = next(frames, None)
     if first is None:
         return
     if first.format.lower() in CODEC_OF_VIDEO_FORMAT:
-        decoded = decode_frames(_iter_with_first(first, frames), wanted_size_of=None, where=f"{log.name}: {topic}")
-        for wanted, picture in _iter_nearest_items(((each.stamp_ns, each) for each in decoded), wanted_ns):
+        decoded = decode_frames(_chain_first_and_rest(first, frames), wanted_size_of=None, where=f"{log.name}: {topic}")
+        for wanted, picture in _iter_wanted_ns_and_nearest_item(((each.stamp_ns, each) for each in decoded), wanted_ns):
             yield wanted, picture
         return
-    stamped = ((_frame_stamp_ns(each), each) for each in _iter_with_first(first, frames))
-    for wanted, frame in _iter_nearest_items(stamped, wanted_ns):
+    stamped = ((_frame_stamp_ns(each), each) for each in _chain_first_and_rest(first, frames))
+    for wanted, frame in _iter_wanted_ns_and_nearest_item(stamped, wanted_ns):
         yield wanted, decode_frame(0, frame, None)
 
 
-def _iter_with_first(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+def _chain_first_and_rest(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
     """Yield the first frame, then the rest."""
     yield first
     yield from rest
 
 
-def _iter_nearest_items(items: Iterator[tuple[int, T]], wanted_ns: list[int]) -> Iterator[tuple[int, T]]:
+def _iter_wanted_ns_and_nearest_item(items: Iterator[tuple[int, T]], wanted_ns: list[int]) -> Iterator[tuple[int, T]]:
     """Yield each wanted time with the item of the nearest stamp, if near enough; items come in order of time."""
     waiting = list(wanted_ns)
     before: tuple[int, T] | None = None
@@ -116,7 +116,9 @@ def _frame_stamp_ns(frame: Frame) -> int:
     return frame.log_time_ns if frame.stamp_ns is None else frame.stamp_ns
 
 
-def _boundary_lines_px(lanes: LaneRows | None, stamp_ns: int, size: tuple[int, int]) -> list[FloatArray] | None:
+def _left_and_right_boundary_px(
+    lanes: LaneRows | None, stamp_ns: int, size: tuple[int, int]
+) -> list[FloatArray] | None:
     """Return the left and the right boundary in the pixels of an image; None if the frame was not searched."""
     if lanes is None:
         return None
@@ -132,7 +134,7 @@ def _make_thumbnail(image: Image, stamp_ns: int, lanes: LaneRows | None) -> Thum
     small = np.asarray(cv2.resize(image, (THUMBNAIL_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA), np.uint8)
     if small.ndim == 2:
         small = np.repeat(small[..., None], 3, axis=2)
-    lines = _boundary_lines_px(lanes, stamp_ns, (THUMBNAIL_WIDTH_PX, height_px))
+    lines = _left_and_right_boundary_px(lanes, stamp_ns, (THUMBNAIL_WIDTH_PX, height_px))
     drawn = small if lines is None else draw_boundaries(small, lines)
     done, data = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     if not done:

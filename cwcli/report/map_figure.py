@@ -60,7 +60,7 @@ def build_map_figure(drive: Drive, drive_encounters: DriveEncounters) -> tuple[F
     """Build the map and the notes on what it leaves out; None if there is no position to draw."""
     if drive.ego is None and not drive.others:
         return None
-    shown = others_on_map(drive, drive_encounters)
+    shown = select_other_tracks_for_map(drive, drive_encounters)
     data, own = [{**trace, "legendrank": 1} for trace in _fix_traces(drive)], list[Trace]()
     tolerance = MIN_TRACK_TOLERANCE_M
     if drive.ego is not None:
@@ -91,7 +91,7 @@ def build_map_figure(drive: Drive, drive_encounters: DriveEncounters) -> tuple[F
         x, y = (rounded_json_numbers(drive.ego.state[:1, column], 2) for column in (0, 1))
         data.append(marker_trace(x, y, "start", EGO_COLOUR, symbol="circle-open", size=11))
         data += _warning_traces(drive, drive_encounters, ActualTrack(drive.ego.stamp_ns, drive.ego.state))
-    across, up = _axis_range(data, "x"), _axis_range(data, "y")
+    across, up = _axis_range_with_margin_m(data, "x"), _axis_range_with_margin_m(data, "y")
     if across is None or up is None:
         return None
     layout: dict[str, Any] = equalise_axis_scales(
@@ -115,7 +115,7 @@ def build_map_figure(drive: Drive, drive_encounters: DriveEncounters) -> tuple[F
     return {"data": data, "layout": layout}, tuple(left_out)
 
 
-def others_on_map(drive: Drive, drive_encounters: DriveEncounters) -> list[OtherTrack]:
+def select_other_tracks_for_map(drive: Drive, drive_encounters: DriveEncounters) -> list[OtherTrack]:
     """Return the others on the map: those warned of, missed or nearest, then the longest tracks."""
     first: dict[int, OtherTrack] = {}
     for other in (
@@ -134,7 +134,7 @@ def escaped_vehicle_name(other: OtherTrack) -> str:
     return f"{other.kind} {escape_figure_text(other.id)}"
 
 
-def insert_line_breaks(
+def insert_nan_rows_in_time_gaps(
     stamp_ns: Int64Array, values: FloatArray, break_s: float = LINE_BREAK_S
 ) -> tuple[Int64Array, FloatArray]:
     """Insert a row of NaN in each gap longer than `break_s`, so that no line is drawn there."""
@@ -144,7 +144,7 @@ def insert_line_breaks(
     return np.insert(stamp_ns, after, stamp_ns[after - 1]), np.insert(values, after, np.nan, axis=0)
 
 
-def _axis_range(data: list[Trace], name: str) -> list[float | None] | None:
+def _axis_range_with_margin_m(data: list[Trace], name: str) -> list[float | None] | None:
     """Return the range of an axis: all that is drawn and a margin; None if nothing is drawn."""
     numbers = np.array([value for trace in data for value in trace[name] if value is not None], np.float64)
     if not len(numbers):
@@ -180,7 +180,7 @@ def _track_trace(
     drive: Drive, stamp_ns: Int64Array, xy: FloatArray, tolerance: float, name: str, style: LineStyle
 ) -> Trace:
     """Return the simplified line of a track."""
-    stamp_ns, xy = insert_line_breaks(stamp_ns, xy)
+    stamp_ns, xy = insert_nan_rows_in_time_gaps(stamp_ns, xy)
     rows = simplified_track_row_indices(xy, tolerance)
     return line_trace(
         rounded_json_numbers(xy[rows, 0], 2),

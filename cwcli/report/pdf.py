@@ -49,7 +49,7 @@ def find_browser() -> str:
     return found
 
 
-def print_pdf(html: bytes, browser: str) -> bytes:
+def print_html_to_pdf(html: bytes, browser: str) -> bytes:
     """Print the page as a PDF, every log unfolded.
 
     Raises:

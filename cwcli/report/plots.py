@@ -15,7 +15,7 @@ from cwcli.errors import MissingSignalError, UsageError, install_hint
 from cwcli.estimation.measurements import Kind
 from cwcli.evaluation.evaluation_context import EgoTruth
 from cwcli.lazy_dataclass import dataclass
-from cwcli.report.map_figure import insert_line_breaks
+from cwcli.report.map_figure import insert_nan_rows_in_time_gaps
 from cwcli.report.sensors import MAX_INTERPOLATION_GAP_S, truth_error_curves
 from cwcli.report.signal_figures import SignalCurve, lane_curves, motion_curves
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -34,7 +34,7 @@ PANEL_HEIGHT_IN = 2.1
 """Height of a panel over time, in inches. Chosen by hand; not fitted."""
 MAP_HEIGHT_IN = 6.5
 """Height of a map, in inches. Chosen by hand; not fitted."""
-DPI = 110
+PNG_DOTS_PER_INCH = 110
 """Resolution of PNG files, in dots per inch. Chosen by hand; not fitted."""
 ESTIMATE_COLOUR = "#0072b2"
 """Colour of estimates. From Okabe and Ito's palette."""
@@ -105,12 +105,12 @@ def relative_position_error_panels(drive: Drive) -> list[Panel]:
     return [
         _error_panel_with_statistics(
             f"RPE over {RELATIVE_ERROR_SPAN_S:.0f} s, translation",
-            *relative_position_errors_m(_states_at_truth_stamps(drive, truth), truth),
+            *displacement_end_ns_and_error_m(_states_at_truth_stamps(drive, truth), truth),
         )
     ]
 
 
-def relative_position_errors_m(state: FloatArray, truth: EgoTruth) -> tuple[Int64Array, FloatArray]:
+def displacement_end_ns_and_error_m(state: FloatArray, truth: EgoTruth) -> tuple[Int64Array, FloatArray]:
     """Compute the errors of the displacements over `RELATIVE_ERROR_SPAN_S` from each of the truth's stamps.
 
     Args:
@@ -232,7 +232,7 @@ def draw_plot(drive: Drive, plot_name: str, file_format: str) -> bytes:
         name = shorten_and_escape(PurePath(drive.name).name)
         figure.suptitle(name, fontsize="medium", parse_math=False)
         metadata = {"Title": name, **({"Date": None} if file_format == "svg" else {"Software": "cwcli"})}
-        figure.savefig(sink, format=file_format, dpi=DPI, metadata=metadata)
+        figure.savefig(sink, format=file_format, dpi=PNG_DOTS_PER_INCH, metadata=metadata)
     return sink.getvalue()
 
 
@@ -242,7 +242,7 @@ def _draw_panels(figure: Any, drive: Drive, panels: Sequence[Panel]) -> None:
     handles: dict[str, Any] = {}
     for axes, panel in zip(all_axes, panels, strict=True):
         curve = panel.curve
-        stamp_ns, both = insert_line_breaks(curve.stamp_ns, np.column_stack([curve.values, curve.sigma]))
+        stamp_ns, both = insert_nan_rows_in_time_gaps(curve.stamp_ns, np.column_stack([curve.values, curve.sigma]))
         seconds, (values, sigma) = drive.seconds_since_start(stamp_ns), both.T
         if curve.measured is not None:
             at = drive.seconds_since_start(curve.measured[0])
@@ -289,9 +289,9 @@ def _draw_map(figure: Any, drive: Drive) -> None:
     axes = figure.add_subplot()
     assert drive.ego is not None
     states = drive.ego.sort_by_stamp_without_repeats()
-    _, xy = insert_line_breaks(states.stamp_ns, states.state[:, :2])
+    _, xy = insert_nan_rows_in_time_gaps(states.stamp_ns, states.state[:, :2])
     for k, other in enumerate(drive.others):
-        _, theirs = insert_line_breaks(other.track.stamp_ns, other.track.state[:, :2])
+        _, theirs = insert_nan_rows_in_time_gaps(other.track.stamp_ns, other.track.state[:, :2])
         label = f"{other.kind} {other.id}" if k < len(OTHER_VEHICLE_COLOURS) else None
         axes.plot(
             *theirs.T,

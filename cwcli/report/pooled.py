@@ -169,7 +169,7 @@ def _build_pooled_metric(row: MetricRow, values: Mapping[str, float], anchors: M
     """Build the row of a metric over all logs."""
     metric = find_metric(row.metric)
     drawable = _clip_to_drawable(values.values())
-    spread, low, high = build_histogram(drawable, row.metric)
+    spread, low, high = build_histogram_and_axis_ends(drawable, row.metric)
     return PooledMetric(
         name=row.metric,
         unit=row.unit,
@@ -191,7 +191,7 @@ def _clip_to_drawable(values: Iterable[float]) -> FloatArray:
     return np.clip(np.array(list(values), np.float64), -MAX_DRAWN_MAGNITUDE, MAX_DRAWN_MAGNITUDE)
 
 
-def build_histogram(values: FloatArray, metric_name: str) -> tuple[Histogram, float, float]:
+def build_histogram_and_axis_ends(values: FloatArray, metric_name: str) -> tuple[Histogram, float, float]:
     """Build the histogram of at least one finite value (n,), and return it with the ends of its axis."""
     ends = format_metric_value(metric_name, float(values.min())), format_metric_value(metric_name, float(values.max()))
     values = _clip_to_drawable(values)

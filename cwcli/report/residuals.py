@@ -33,8 +33,8 @@ from cwcli.report.drawing import (
     polygon_trace,
     rounded_json_numbers,
 )
-from cwcli.report.sensors import INTERVAL_95_SIGMAS, parse_leading_number
-from cwcli.report.signal_figures import gated_mask
+from cwcli.report.sensors import INTERVAL_95_SIGMAS, leading_number_or_nan
+from cwcli.report.signal_figures import gated_measurement_mask
 from cwcli.report.views import Plot
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -51,7 +51,7 @@ N_DOT_GRID_ROWS = 60
 """Cells of the grid over the height; of dots in one cell the first is drawn. Chosen by hand; not fitted."""
 PANEL_HEIGHT_PX = 130
 """Height of one component's panel, in pixels. Chosen by hand; not fitted."""
-MARGIN_HEIGHT_PX = 110
+AXIS_AND_LEGEND_HEIGHT_PX = 110
 """Height of the axis and legend around the panels, in pixels. Chosen by hand; not fitted."""
 MIN_AXIS_SIGMAS = 2.2
 """Least half height of the axis, in sigmas of the noise; it also covers 99.8 % of the residuals that were not gated.
@@ -100,7 +100,7 @@ def build_residual_plots(drive: Drive, anchor: str, n_pieces: int) -> tuple[list
     found = list(iter_source_residuals(drive))
     for index, each in enumerate(found[:MAX_RESIDUAL_FIGURES]):
         title = f"Residuals of {each.source}: {each.kind.name.lower().replace('_', ' ')}"
-        height_px = MARGIN_HEIGHT_PX + PANEL_HEIGHT_PX * each.values.shape[1]
+        height_px = AXIS_AND_LEGEND_HEIGHT_PX + PANEL_HEIGHT_PX * each.values.shape[1]
         figure = residual_figure(drive, each, n_pieces)
         plots.append(
             Plot(f"{anchor}-residuals-{index + 1}", "residuals", title, each.hint, figure, height_px=height_px)
@@ -146,13 +146,13 @@ def iter_source_residuals(drive: Drive) -> Iterator[SourceResiduals]:
         values = _compute_residuals(
             rows,
             estimated,
-            bias=_used_parameter_value(parameters, "bias", 0.0),
-            factor=_used_parameter_value(parameters, "scale", 1.0),
+            bias=_used_parameter_value_or_default(parameters, "bias", 0.0),
+            factor=_used_parameter_value_or_default(parameters, "scale", 1.0),
         )
         if not np.isfinite(values).any():
             continue
-        sigma = math.nan if noise is None else parse_leading_number(noise[2])
-        gated = gated_mask(source, kind.name.lower(), rows.stamp_ns, drive.gated)
+        sigma = math.nan if noise is None else leading_number_or_nan(noise[2])
+        gated = gated_measurement_mask(source, kind.name.lower(), rows.stamp_ns, drive.gated)
         yield SourceResiduals(
             source,
             kind,
@@ -218,15 +218,15 @@ def _compute_residuals(measured: Measurements, estimated: FloatArray, *, bias: f
     return np.column_stack([np.einsum("ni,ni->n", off, along), np.einsum("ni,ni->n", off, left)])
 
 
-def _used_parameter_value(parameters: list[tuple[Any, ...]], parameter: str, default: float) -> float:
+def _used_parameter_value_or_default(parameters: list[tuple[Any, ...]], parameter: str, default: float) -> float:
     """Return the value of a parameter that the estimator used, else the default."""
     for _, _, name, value, _, status in parameters:
         if (
             name == parameter
             and (status in (ParameterStatus.USED, ParameterStatus.GIVEN) or name == "bias")  # which is always a state
-            and math.isfinite(parse_leading_number(value))
+            and math.isfinite(leading_number_or_nan(value))
         ):
-            return parse_leading_number(value)
+            return leading_number_or_nan(value)
     return default
 
 

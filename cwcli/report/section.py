@@ -201,7 +201,7 @@ def _build_event_view(
     suffix = f"-{encounter.event_id}"
     plots = []
     has_paths = drive.ego is not None and not encounter.is_lane_departure
-    paths = _paths_known_at_warning(log, drive, encounter, notes) if has_paths else (None, None)
+    paths = _ego_and_other_paths_known_at_warning(log, drive, encounter, notes) if has_paths else (None, None)
     fan = predicted_paths_figure(drive, encounter, paths)
     if fan is not None:
         at = f"{(encounter.raised_ns - drive.start_ns) / NS_PER_S:.1f}"
@@ -230,7 +230,7 @@ def _build_event_view(
     )
 
 
-def _paths_known_at_warning(
+def _ego_and_other_paths_known_at_warning(
     log: Log, drive: Drive, encounter: Encounter, notes: list[str]
 ) -> tuple[Paths | None, Paths | None]:
     """Return the predicted paths of both vehicles as known at the warning; targets have none."""

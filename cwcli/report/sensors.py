@@ -85,7 +85,7 @@ def _iter_late_sources(results: RecordedSummary) -> Iterator[tuple[str, str, flo
     for source, quantity, found, status in results.rows_of_table_columns_or_empty(
         "sources", "source", "quantity", "latency [ms]", "latency status"
     ):
-        latency_ms = parse_leading_number(found)
+        latency_ms = leading_number_or_nan(found)
         if status == "applied" and MIN_REMARKED_LATENCY_MS <= abs(latency_ms) < math.inf:
             yield str(source), str(quantity), latency_ms / 1000.0
 
@@ -95,14 +95,14 @@ def _iter_pitched_imus(results: RecordedSummary) -> Iterator[tuple[str, float, f
     for source, quantity, parameter, value in results.rows_of_table_columns_or_empty(
         "parameters", "source", "quantity", "parameter", "value"
     ):
-        bias = parse_leading_number(value)
+        bias = leading_number_or_nan(value)
         if (quantity, parameter) == ("accel", "bias") and abs(bias) < STANDARD_GRAVITY_MPS2:
             pitch_deg = math.degrees(math.asin(abs(bias) / STANDARD_GRAVITY_MPS2))
             if pitch_deg >= MIN_REMARKED_PITCH_DEG:
                 yield str(source), bias, pitch_deg
 
 
-def parse_leading_number(cell: Cell) -> float:
+def leading_number_or_nan(cell: Cell) -> float:
     """Parse the number at the beginning of `1013 +- 88`; NaN if there is none."""
     try:
         return float(str(cell).partition(" ")[0])

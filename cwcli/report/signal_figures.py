@@ -12,7 +12,7 @@ from cwcli.digest.encounters import DriveEncounters
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import GatedMeasurements
 from cwcli.lazy_dataclass import dataclass
-from cwcli.report.decimate import decimate_band, first_row_per_grid_cell, min_max_row_indices
+from cwcli.report.decimate import first_row_per_grid_cell, min_max_row_indices, reduce_band_to_rows_and_bounds
 from cwcli.report.drawing import (
     EGO_COLOUR,
     MEASURED_COLOUR,
@@ -27,7 +27,7 @@ from cwcli.report.drawing import (
     rounded_json_numbers,
     vertical_line_with_label,
 )
-from cwcli.report.map_figure import insert_line_breaks
+from cwcli.report.map_figure import insert_nan_rows_in_time_gaps
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.packed_covariances import variances_of_states
 from cwcli.signals.quality import BoolArray
@@ -80,7 +80,11 @@ def motion_curves(drive: Drive) -> list[SignalCurve]:
             )
         scaled = None if raw is None else (raw.stamp_ns, raw.values * scale)
         values, spread = ego.state[:, state] * scale, sigma[:, state] * scale
-        gated = None if raw is None else gated_mask(raw.topic, raw.quantity.name.lower(), raw.stamp_ns, drive.gated)
+        gated = (
+            None
+            if raw is None
+            else gated_measurement_mask(raw.topic, raw.quantity.name.lower(), raw.stamp_ns, drive.gated)
+        )
         curves.append(SignalCurve(title, unit, decimals, ego.stamp_ns, values, spread, scaled, gated))
     return curves
 
@@ -131,7 +135,7 @@ def _first_measured_signal(measured: tuple[Measurements, ...], kind: Kind) -> _M
     return None
 
 
-def gated_mask(topic: str, quantity: str, stamp_ns: Int64Array, gated: GatedMeasurements) -> BoolArray:
+def gated_measurement_mask(topic: str, quantity: str, stamp_ns: Int64Array, gated: GatedMeasurements) -> BoolArray:
     """Return which of a source's measurements the estimator gated, by their stamps (n,), shape (n,)."""
     is_own = np.zeros(len(gated), bool)
     if topic in gated.topic.values and quantity in gated.quantity.values:
@@ -213,7 +217,7 @@ def _curve_traces(
 ) -> list[Trace]:
     """Return the traces of one curve: measurements, gated ones, band and line."""
     both = np.column_stack([curve.values, curve.sigma])
-    stamp_ns, both = insert_line_breaks(curve.stamp_ns, both)
+    stamp_ns, both = insert_nan_rows_in_time_gaps(curve.stamp_ns, both)
     values, sigma = both.T
     seconds = drive.seconds_since_start(stamp_ns)
     traces: list[Trace] = []
@@ -236,7 +240,7 @@ def _curve_traces(
             traces.append(marker_trace(x, y, "gated", WARNING_COLOUR, **{**crosses, "showlegend": with_gated}))
     if np.isfinite(sigma).any():
         middle = np.zeros_like(values) if around_zero else values
-        x, y = _band_outline(seconds, middle - sigma, middle + sigma, curve.decimals, n_pieces // 2)
+        x, y = _closed_band_outline_x_and_y(seconds, middle - sigma, middle + sigma, curve.decimals, n_pieces // 2)
         said = "95 % band" if around_zero else "1-sigma band"
         traces.append(polygon_trace(x, y, said, EGO_COLOUR, alpha=0.25, legendgroup="band", **more))
     rows = min_max_row_indices(values, n_pieces)
@@ -247,11 +251,11 @@ def _curve_traces(
     return traces
 
 
-def _band_outline(
+def _closed_band_outline_x_and_y(
     seconds: FloatArray, lower: FloatArray, upper: FloatArray, decimals: int, n_pieces: int
 ) -> tuple[list[float | None], list[float | None]]:
     """Return the band as closed outlines, one for each stretch without a gap."""
-    rows, lower, upper = decimate_band(lower, upper, n_pieces)
+    rows, lower, upper = reduce_band_to_rows_and_bounds(lower, upper, n_pieces)
     known = np.isfinite(lower) & np.isfinite(upper)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
     x: list[float | None] = []

@@ -90,13 +90,13 @@ def read_reported_run(source: str, is_metric_needed: Callable[[str], bool] | Non
         raise InputError("the folder holds no log", where=source, hint="fill it with `cwcli run logs/*.mcap -d out/`")
     is_needed = None
     if is_metric_needed is not None and len(run.logs) > MAX_LOGS_WITH_ALL_METRICS:
-        is_needed = _select_metrics_of_gates(run.gates, is_metric_needed)
+        is_needed = _gate_metric_filter(run.gates, is_metric_needed)
     metrics = MetricsOfRun(path, is_needed)
     entries = tuple(_build_log_entry(log, metrics) for log in run.logs)
     return ReportedRun(path.resolve().name, entries, run.gates, is_folder=True)
 
 
-def _select_metrics_of_gates(gates: Sequence[str], others: Callable[[str], bool]) -> Callable[[str], bool]:
+def _gate_metric_filter(gates: Sequence[str], others: Callable[[str], bool]) -> Callable[[str], bool]:
     """Return a function that tells whether a metric is one of some gates, or of others."""
     patterns = [name for gate in gates for name in metric_names_in_gate(gate)]
     return lambda metric: others(metric) or any(matches_pattern(pattern, metric) for pattern in patterns)
@@ -111,7 +111,7 @@ def _build_log_entry(log: RecordedLog, metrics_of_run: MetricsOfRun) -> LogEntry
         error = {"what": NOT_DONE_TEXT}
     metrics: Mapping[str, MetricRow] = {}
     try:
-        has_metrics = log.folder is not None and not has_failed and metrics_of_run.has_table(log.folder)
+        has_metrics = log.folder is not None and not has_failed and metrics_of_run.may_hold_rows_of_log(log.folder)
         metrics = {} if log.folder is None or not has_metrics else metrics_of_run.rows_of_log(log.folder)
     except InputError as damage:
         if not has_failed:

@@ -140,13 +140,13 @@ def strip_svg(
         parts.append(_line_svg(np.column_stack([x_of(axis.time_s), y]), colour, 2.0))
     parts.append(f'<text x="{left}" y="12">{title}; {axis.label}</text>')
     for y_px, value in ((top + 8, high), (bottom, low)):
-        parts.append(f'<text x="{left - 4}" y="{y_px}" text-anchor="end">{_axis_number(value, high - low)}</text>')
+        parts.append(f'<text x="{left - 4}" y="{y_px}" text-anchor="end">{_axis_number_text(value, high - low)}</text>')
     parts.append(f'<text x="{left}" y="{STRIP_HEIGHT_PX - 3}">{begin:.1f}</text>')
     parts.append(f'<text x="{right}" y="{STRIP_HEIGHT_PX - 3}" text-anchor="end">{end:.1f}</text>')
     return _drawing_svg(STRIP_WIDTH_PX, STRIP_HEIGHT_PX, f"{title} over time", "".join(parts))
 
 
-def _axis_number(value: float, span: float) -> str:
+def _axis_number_text(value: float, span: float) -> str:
     """Return a number at an axis, without decimals where the axis spans more than a few units."""
     return f"{value:.0f}" if span >= 3.0 or value == 0.0 else f"{value:.2g}"
 

@@ -21,7 +21,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.text import escape_control_characters, format_count, join_names
 
 
-def judge_other_system(log: Log, system: OtherSystemTopics | None) -> OtherSystemVerdicts | None:
+def judge_warnings_of_other_system(log: Log, system: OtherSystemTopics | None) -> OtherSystemVerdicts | None:
     """Judge another system's warnings; None if none are named or nothing can judge them.
 
     Raises:

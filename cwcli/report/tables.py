@@ -106,9 +106,11 @@ def build_log_tables(drive: Drive, entry: LogEntry, *, has_all_metrics: bool) ->
             reasons = [
                 f"{n} {reason} ({kind.replace('_', ' ')})"
                 for kind in ("rejected", "repaired", "set_aside")
-                for reason, n in _nonzero_counts(given.get(kind)).items()
+                for reason, n in _positive_counts_by_reason(given.get(kind)).items()
             ]
-            totals = [str(sum(_nonzero_counts(given.get(kind)).values())) for kind in ("rejected", "repaired")]
+            totals = [
+                str(sum(_positive_counts_by_reason(given.get(kind)).values())) for kind in ("rejected", "repaired")
+            ]
             topic, role = str(given.get("topic", "")), str(given.get("role", "")).replace("_", " ")
             read, used = str(given.get("read", "")), str(given.get("used", ""))
             rows.append((stage, topic, role, read, used, *totals, "; ".join(reasons)))
@@ -164,7 +166,7 @@ def format_metric_value(name: str, value: float) -> str:
     return f"{value:.0f}" if is_count else format_number(value)
 
 
-def _nonzero_counts(value: Any) -> dict[str, int]:
+def _positive_counts_by_reason(value: Any) -> dict[str, int]:
     """Return the positive counts by reason; {} if the value is no mapping."""
     if not isinstance(value, dict):
         return {}

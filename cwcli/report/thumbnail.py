@@ -11,7 +11,7 @@ from cwcli.signals.leaf_fields import read_numbers
 
 WIDTH_PX, HEIGHT_PX = 56, 36
 """Size of a thumbnail, px. Chosen by hand: two lines of the table high."""
-MARGIN_PX = 2
+THUMBNAIL_MARGIN_PX = 2
 """Least distance of the track from the edge, px: half of the line's width and of the dot at the start."""
 MAX_POINTS = 32
 """Greatest number of points of a thumbnail. Chosen by hand: a path of them takes at most 6 bytes each."""
@@ -19,7 +19,7 @@ MIN_LENGTH_M = 1.0
 """Least length of the way of which a thumbnail is drawn, m. Chosen by hand: less is the noise of the positions."""
 
 
-def read_track_path(log: Log) -> str:
+def read_ego_track_svg_path(log: Log) -> str:
     """Read the ego's track of an annotated log as the path of a thumbnail; "" where there is none.
 
     Raises:
@@ -29,10 +29,10 @@ def read_track_path(log: Log) -> str:
         return ""
     columns = log.columns(EGO_STATE.topic, ["stamp_ns", "x_m", "y_m"])
     order = np.argsort(read_numbers(columns, "stamp_ns"), kind="stable")
-    return build_track_path(*(read_numbers(columns, name)[order] for name in ("x_m", "y_m")))
+    return build_track_svg_path(*(read_numbers(columns, name)[order] for name in ("x_m", "y_m")))
 
 
-def build_track_path(x_m: FloatArray, y_m: FloatArray) -> str:
+def build_track_svg_path(x_m: FloatArray, y_m: FloatArray) -> str:
     """Build the SVG path of a track: points at equal distances along the way, in whole pixels, the start first.
 
     Args:
@@ -47,7 +47,10 @@ def build_track_path(x_m: FloatArray, y_m: FloatArray) -> str:
     if not (max(extent) >= MIN_LENGTH_M and np.isfinite(way[-1])):
         return ""
     at = np.linspace(0.0, way[-1], MAX_POINTS)
-    scale = min((WIDTH_PX - 2 * MARGIN_PX) / max(extent[0], 1e-9), (HEIGHT_PX - 2 * MARGIN_PX) / max(extent[1], 1e-9))
+    scale = min(
+        (WIDTH_PX - 2 * THUMBNAIL_MARGIN_PX) / max(extent[0], 1e-9),
+        (HEIGHT_PX - 2 * THUMBNAIL_MARGIN_PX) / max(extent[1], 1e-9),
+    )
     right = WIDTH_PX / 2 + scale * (np.interp(at, way, x) - (x.min() + extent[0] / 2))
     down = HEIGHT_PX / 2 - scale * (np.interp(at, way, y) - (y.min() + extent[1] / 2))
     points = np.rint(np.stack([right, down], axis=1)).astype(int)

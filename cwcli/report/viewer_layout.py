@@ -118,7 +118,9 @@ def find_log_topics(log: Log) -> LogTopics:
     own = [channel for channel in others if not channel.topic.startswith(OWN_TOPIC_PREFIX)]
     return LogTopics(
         fixes=_topics_matching(own, lambda channel: channel.schema_name in MAP_PANEL_SCHEMAS),
-        cameras=tuple(CameraTopics(topic, _calibration_topic(topic, infos)) for topic in images[:MAX_CAMERAS]),
+        cameras=tuple(
+            CameraTopics(topic, _calibration_topic_of_camera(topic, infos)) for topic in images[:MAX_CAMERAS]
+        ),
         scene_topics=_topics_matching(own, lambda channel: channel.schema_name in SCENE_PANEL_SCHEMAS),
         truth=_topics_matching(own, lambda channel: channel.schema_name == EGO_STATE.schema),
         speed=_measured_message_paths(own, Role.EGO_SPEED, MEASURED_SPEED_FIELDS),
@@ -155,7 +157,7 @@ class _LayoutBuilder:
     def build_drive_tab(self) -> Mosaic:
         """Build the tab of all vehicles from above, on the map and in the camera, and of the warnings."""
         below = place_in_row(
-            self.panels.add_log("log", "Warnings", WARNING_LOG.topic),
+            self.panels.add_log_line_panel("log", "Warnings", WARNING_LOG.topic),
             self.panels.add_state_transitions("drive", "Warnings", [_series_of_field(WARNINGS, "state")]),
         )
         beside = place_in_column(self._add_map_panel(), self._add_image_panel("front", self.log.cameras[:1]))
@@ -355,7 +357,7 @@ def _topics_matching(channels: Sequence[ChannelLike], is_one: Callable[[ChannelL
     return tuple(dict.fromkeys(channel.topic for channel in channels if is_one(channel)))
 
 
-def _calibration_topic(topic: str, infos: Sequence[str]) -> str | None:
+def _calibration_topic_of_camera(topic: str, infos: Sequence[str]) -> str | None:
     """Return the calibration topic in the camera's namespace, else the only one, else None."""
     beside = [info for info in infos if info.rpartition("/")[0] == topic.rpartition("/")[0]]
     return beside[0] if beside else infos[0] if len(infos) == 1 else None

@@ -78,7 +78,7 @@ class PanelCollection:
         """Add a panel of a topic's messages as they are."""
         return self.add_panel("RawMessages", name, topic, topicPath=quote_topic(topic), diffEnabled=False)
 
-    def add_log(self, name: str, title: str, topic: str) -> str:
+    def add_log_line_panel(self, name: str, title: str, topic: str) -> str:
         """Add a panel of log lines from level INFO on."""
         return self.add_panel("RosOut", name, title, topicToRender=topic, minLogLevel=LOG_LEVEL_INFO, searchTerms=[])
 

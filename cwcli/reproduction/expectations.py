@@ -109,7 +109,7 @@ def load_expectations(paper: str) -> PaperExpectations:
     return parse_expectations(tomllib.loads(text))
 
 
-def printed_number(paper: str, figure: str, what: str) -> float:
+def printed_number_or_nan(paper: str, figure: str, what: str) -> float:
     """Return the number that a paper prints, NaN where it prints none or a range."""
     row = load_expectations(paper).figures[figure].expectation_by_number[what]
     if row.paper_range is None or row.paper_range[0] != row.paper_range[1]:
@@ -205,12 +205,12 @@ def _parse_expectation(figure: str, fields: Mapping[str, Any]) -> Expectation:
         is_comparable=fields.get("comparable", True),
         group=fields.get("group", ""),
     )
-    if fault := fault_in_claim(row, has_tolerance="tolerance" in fields):
+    if fault := fault_in_claim_or_empty(row, has_tolerance="tolerance" in fields):
         raise ValueError(f"{where}: {fault}")
     return row
 
 
-def fault_in_claim(row: Expectation, *, has_tolerance: bool) -> str:
+def fault_in_claim_or_empty(row: Expectation, *, has_tolerance: bool) -> str:
     """Describe what is wrong with a row's claim; "" if nothing is."""
     claim = row.claimed_class
     has_number = row.paper_range is not None and row.is_comparable

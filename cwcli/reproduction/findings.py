@@ -72,7 +72,7 @@ class StudyPart:
     plots: tuple[Plot, ...] = ()
 
 
-def median_with_interval(values: FloatArray) -> tuple[float, float, float]:
+def median_and_interval_bounds(values: FloatArray) -> tuple[float, float, float]:
     """Return the median and its 95 % bootstrap interval; all NaN without values."""
     known = values[np.isfinite(values)]
     if not len(known):

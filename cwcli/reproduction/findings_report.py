@@ -79,7 +79,7 @@ def assemble_reproduction(
     summary = StageSummary(
         f"reproduce {paper}",
         (
-            *(_figure_section(expected, name, paper_findings(findings, name)) for name in names),
+            *(_figure_section(expected, name, findings_of_papers_own_method(findings, name)) for name in names),
             *group_sections(findings),
             *sections,
             *_fits_and_reasons_sections(expected, findings),
@@ -122,7 +122,7 @@ def unclaimed_class_notes(findings: Sequence[Finding]) -> tuple[str, ...]:
     )
 
 
-def paper_findings(findings: Sequence[Finding], figure: str) -> list[Finding]:
+def findings_of_papers_own_method(findings: Sequence[Finding], figure: str) -> list[Finding]:
     """Return the findings of a figure that the paper's own method gives."""
     return [f for f in findings if f.expected.figure == figure and f.expected.group == PAPER_GROUP]
 

@@ -14,7 +14,7 @@ from cwcli.reproduction.findings_report import (
     Reproduction,
     class_counts_table,
     finding_cells,
-    paper_findings,
+    findings_of_papers_own_method,
 )
 
 PICTURE_FOLDER_NAME = "figures"
@@ -42,13 +42,13 @@ def format_markdown_page(reproduction: Reproduction) -> str:
         "\n## Figures and tables",
     ]
     for name, figure in expected.figures.items():
-        findings = paper_findings(reproduction.findings, name)
+        findings = findings_of_papers_own_method(reproduction.findings, name)
         parts += _format_figure(name, figure, findings, reproduction)
     parts += _format_groups(reproduction)
     for key in ("fits", "assumptions", "reasons"):
         if ours[key].rows:
             parts += [f"\n## {ours[key].title}\n", ours[key].to_markdown()]
-    for section in sections_of_page(reproduction):
+    for section in sections_at_page_end(reproduction):
         parts += [f"\n## {section.title}\n", section.to_markdown()]
     return "\n".join(parts) + "\n"
 
@@ -66,7 +66,7 @@ def _format_groups(reproduction: Reproduction) -> list[str]:
     return parts
 
 
-def sections_of_page(reproduction: Reproduction) -> list[SummaryTable]:
+def sections_at_page_end(reproduction: Reproduction) -> list[SummaryTable]:
     """Return the tables at the end of the page: what a study adds to its findings, without this machine's times."""
     figures = {name.replace(" ", "_") for name in reproduction.expectations.figures}
     elsewhere = {"fits", "assumptions", "reasons", "classes", TIMES_KEY, *figures}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.cli.console import Console, closest_names_hint, format_bold, normalise_stdout_name
+from cwcli.cli.console import Console, closest_names_hint, format_bold, replace_stdout_path_by_dash
 from cwcli.cli.report import format_input_table, print_stage_summary
 from cwcli.pipeline.result import InputMessageCount, StageSummary, SummaryTable
 
@@ -31,7 +31,7 @@ def test_bold_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_stdout_or_file(tmp_path: Path) -> None:
     new = str(tmp_path / "new.mcap")
-    assert [normalise_stdout_name(target) for target in (None, "-", new, __file__)] == [None, "-", new, __file__]
+    assert [replace_stdout_path_by_dash(target) for target in (None, "-", new, __file__)] == [None, "-", new, __file__]
 
 
 def test_closest() -> None:

@@ -22,7 +22,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.report.encounter_figures import distance_and_ttc_figure_around_warning
 from cwcli.report.signal_figures import motion_figure
-from cwcli.report.system import judge_other_system, other_system_sentences, other_system_tables
+from cwcli.report.system import judge_warnings_of_other_system, other_system_sentences, other_system_tables
 from tests.cli.rewritten_logs import Logged, read, write
 
 ROOT = Path(__file__).parents[2]
@@ -184,7 +184,7 @@ def test_the_figures_mark_the_other_systems_warnings(drive: Path) -> None:
     system = parse_other_system_options(["warning=/adas/fcw:data==true"])
     with Log.open(drive / "annotated.mcap") as log:
         found = read_drive(log)
-        judged = replace(found, other_system=judge_other_system(log, system))
+        judged = replace(found, other_system=judge_warnings_of_other_system(log, system))
     meetings = find_encounters(judged)
     for figure in (
         motion_figure(judged, meetings, 100),

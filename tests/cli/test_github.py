@@ -16,7 +16,7 @@ from cwcli.cli.github import (
     annotations_of_changes,
     annotations_of_gates,
     format_error_command,
-    path_in_repository,
+    path_in_repository_or_empty,
 )
 from cwcli.cli.junit import format_junit_xml
 from cwcli.cli.main import run_command_line
@@ -96,9 +96,9 @@ def test_more_annotations_than_github_shows_are_put_into_the_last() -> None:
 
 def test_only_files_of_the_checkout_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GITHUB_WORKSPACE", str(tmp_path))
-    assert path_in_repository(str(tmp_path / "logs" / "a.mcap")) == "logs/a.mcap"
+    assert path_in_repository_or_empty(str(tmp_path / "logs" / "a.mcap")) == "logs/a.mcap"
     for name in ("", "-", "/elsewhere/a.mcap", "s3://key:secret@bucket/a.mcap"):
-        assert path_in_repository(name) == ""
+        assert path_in_repository_or_empty(name) == ""
 
 
 def test_the_commands_print_annotations_on_stderr(
@@ -173,11 +173,11 @@ def test_the_times_of_all_test_cases_are_those_of_the_run() -> None:
 
 
 def test_the_times_come_from_the_run_and_damage_is_ignored(tmp_path: Path) -> None:
-    from cwcli.fleet.folder import RUN_TIMES_NAME, read_run_times
+    from cwcli.fleet.folder import RUN_TIMES_NAME, read_run_time_s_by_log
 
-    assert read_run_times(tmp_path) == {}
+    assert read_run_time_s_by_log(tmp_path) == {}
     times = {"a": {"wall_s": 1.5}, "b": {"wall_s": "x"}, "c": 3, "d": {"wall_s": -1}, "e": {"wall_s": True}}
     (tmp_path / RUN_TIMES_NAME).write_text(json.dumps({"logs": times}))
-    assert read_run_times(tmp_path) == {"a": 1.5}
+    assert read_run_time_s_by_log(tmp_path) == {"a": 1.5}
     (tmp_path / RUN_TIMES_NAME).write_text('{"logs": [')
-    assert read_run_times(tmp_path) == {}
+    assert read_run_time_s_by_log(tmp_path) == {}

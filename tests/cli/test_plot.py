@@ -68,14 +68,14 @@ def test_the_relative_error_is_that_of_the_way_seen_from_its_beginning() -> None
     truth = EgoTruth("/truth", np.round(stamp_s * 1e9).astype(np.int64), xy, heading_rad=heading)
     state = np.zeros((len(stamp_s), 8))
     state[:, :2], state[:, 3] = xy + np.array([3.0, -4.0]), heading + 0.1  # an offset is no relative error
-    stamp_ns, found = plots.relative_position_errors_m(state, truth)
+    stamp_ns, found = plots.displacement_end_ns_and_error_m(state, truth)
     assert (stamp_ns - truth.stamp_ns[: len(stamp_ns)] == 1_000_000_000).all() and len(found) == 190
     chord = 2.0 * 50.0 * math.sin(0.1)
     np.testing.assert_allclose(found, 2.0 * chord * math.sin(0.05), rtol=1e-9)
     no_heading = EgoTruth("/truth", truth.stamp_ns, xy)
-    np.testing.assert_allclose(plots.relative_position_errors_m(state, no_heading)[1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(plots.displacement_end_ns_and_error_m(state, no_heading)[1], 0.0, atol=1e-12)
     state[:, 0] *= 1.02  # the way's own length counts in the map, too
-    scaled = plots.relative_position_errors_m(state, no_heading)[1]
+    scaled = plots.displacement_end_ns_and_error_m(state, no_heading)[1]
     np.testing.assert_allclose(scaled, 0.02 * np.abs(xy[10:, 0] - xy[:-10, 0]), atol=1e-9)
 
 

@@ -61,8 +61,8 @@ def test_a_long_name_is_no_more_work_than_a_short_one() -> None:
 
 
 def test_nothing_is_drawn_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress_module, "SHOW_AFTER_S", 0.0)
-    monkeypatch.setattr(progress_module, "REFRESH_S", 0.01)
+    monkeypatch.setattr(progress_module, "PROGRESS_DELAY_S", 0.0)
+    monkeypatch.setattr(progress_module, "PROGRESS_REFRESH_S", 0.01)
     drawn = io.StringIO()
     monkeypatch.setattr(sys, "stderr", drawn)
     with Progress() as progress:
@@ -75,8 +75,8 @@ def drawn_on_a_terminal(
     monkeypatch: pytest.MonkeyPatch, *, show_after_s: float, quiet: bool = False, n_columns: int = 0
 ) -> str:
     """What a terminal gets from a step of 0.2 s; one of 0 columns does not know how many it has."""
-    monkeypatch.setattr(progress_module, "SHOW_AFTER_S", show_after_s)
-    monkeypatch.setattr(progress_module, "REFRESH_S", 0.02)
+    monkeypatch.setattr(progress_module, "PROGRESS_DELAY_S", show_after_s)
+    monkeypatch.setattr(progress_module, "PROGRESS_REFRESH_S", 0.02)
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, n_columns, 0, 0))
     with os.fdopen(slave, "w") as terminal:

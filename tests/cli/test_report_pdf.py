@@ -16,7 +16,7 @@ import pytest
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE, OutputError
 from cwcli.report import pdf as pdf_module
-from cwcli.report.pdf import print_pdf
+from cwcli.report.pdf import print_html_to_pdf
 from tests.cli.browser import browser
 from tests.cli.conftest import SAMPLES
 
@@ -50,7 +50,7 @@ def test_the_printed_page_holds_its_figures(annotated: Path, tmp_path: Path) -> 
     assert pdf.startswith(b"%PDF-") and len(re.findall(rb"/Type\s*/Page\b", pdf)) >= 2
     assert run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
     inert = re.sub(rb"<script\b.*?</script>", b"", (tmp_path / "r.html").read_bytes(), flags=re.DOTALL)
-    assert longest_line(print_pdf(inert, browser())) < 20
+    assert longest_line(print_html_to_pdf(inert, browser())) < 20
     assert longest_line(pdf) >= 200  # 201 states a signal
 
 
@@ -59,7 +59,7 @@ def test_what_a_reader_would_use_is_not_printed() -> None:
     style = files("cwcli.report").joinpath("assets", "report.css").read_text(encoding="utf-8")
     page, field = f"<!doctype html><style>{style}</style><p>x</p>", '<input value="y">'
     alone, found, other = (
-        page_contents(print_pdf((page + field).encode(), browser()))
+        page_contents(print_html_to_pdf((page + field).encode(), browser()))
         for field in ("", f'<div class="filters">{field}</div>', f"<div>{field}</div>")
     )
     assert found == alone != other
@@ -85,7 +85,7 @@ def test_children_that_outlive_the_browser_end_with_it(tmp_path: Path) -> None:
         echo '%PDF-' > "$target"
         """,
     )
-    assert print_pdf(b"<p>x</p>", browser) == b"%PDF-\n"  # a wait for the children would end with an error
+    assert print_html_to_pdf(b"<p>x</p>", browser) == b"%PDF-\n"  # a wait for the children would end with an error
     (tmp_path / "alive").unlink()
     time.sleep(0.3)
     assert not (tmp_path / "alive").exists()
@@ -97,7 +97,7 @@ def test_a_browser_that_hangs_is_one_line(tmp_path: Path, monkeypatch: pytest.Mo
     figures = b'<script type="text/plain" id="log-0-map"></script>' * 2
     path = fake_browser(tmp_path, "sleep 1000\n")
     with pytest.raises(OutputError) as caught:
-        print_pdf(figures, path)
+        print_html_to_pdf(figures, path)
     assert str(caught.value) == f"{path} did not print the page: it took longer than 1 s"
 
 
@@ -106,7 +106,7 @@ def test_the_browser_has_limits_and_no_network(tmp_path: Path) -> None:
     browser = fake_browser(
         tmp_path, "(ulimit -c; ulimit -n; ulimit -t; ulimit -f; tail -n +3 /proc/net/dev | cut -d: -f1) > $target\n"
     )
-    n_core, n_files, cpu_s, file_kb, *networks = print_pdf(b"<p>x</p>", browser).decode().split()
+    n_core, n_files, cpu_s, file_kb, *networks = print_html_to_pdf(b"<p>x</p>", browser).decode().split()
     assert (n_core, int(n_files), int(cpu_s)) == ("0", 4096, 960)
     assert int(file_kb) == 2_000_000_000 // 1024
     if os.geteuid() == 0:
@@ -117,7 +117,7 @@ def test_a_browser_that_takes_more_than_its_limits_is_one_line(tmp_path: Path, m
     monkeypatch.setattr(pdf_module, "MAX_BROWSER_FILE_BYTES", 100_000)
     path = fake_browser(tmp_path, 'head -c 300000 /dev/zero > "$target"\n')
     with pytest.raises(OutputError, match="did not print the page") as caught:
-        print_pdf(b"<p>x</p>", path)
+        print_html_to_pdf(b"<p>x</p>", path)
     assert "\n" not in str(caught.value)
 
 
@@ -126,7 +126,7 @@ def test_a_file_that_cannot_be_written_is_an_error_of_the_output(
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
     with pytest.raises(OutputError, match="did not print the page"):
-        print_pdf(b"<p>x</p>", fake_browser(tmp_path, "true\n"))
+        print_html_to_pdf(b"<p>x</p>", fake_browser(tmp_path, "true\n"))
 
 
 def test_without_a_browser_one_line_says_so(
@@ -167,7 +167,7 @@ def test_a_name_in_pdf_is_printed_without_being_asked(
     annotated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pdf_module, "find_browser", lambda: "chromium")
-    monkeypatch.setattr(pdf_module, "print_pdf", lambda html, browser: b"%PDF- of the page")
+    monkeypatch.setattr(pdf_module, "print_html_to_pdf", lambda html, browser: b"%PDF- of the page")
     assert run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.PDF"), "--quiet"]) == 0
     assert (tmp_path / "r.PDF").read_bytes() == b"%PDF- of the page"
 

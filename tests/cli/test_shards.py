@@ -237,7 +237,7 @@ def test_environment_without_a_number_is_refused() -> None:
 
 def test_shards_are_all_logs_each_once() -> None:
     for count in (1, 3, 8, 20):
-        parts = [Shard(k, count).select_own(range(10)) for k in range(1, count + 1)]
+        parts = [Shard(k, count).select_shard_items(range(10)) for k in range(1, count + 1)]
         assert sorted(each for part in parts for each in part) == list(range(10))
 
 

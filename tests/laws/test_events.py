@@ -11,7 +11,7 @@ from cwcli.errors import MissingSignalError, UsageError
 from cwcli.events import EVENTS
 from cwcli.events.base import MAX_SEVERITY
 from cwcli.events.evidence import EventEvidence
-from cwcli.events.search import find_in_log, parse_query
+from cwcli.events.search import find_events_in_log, parse_query
 from cwcli.logs.read.reader import Log
 from tests.laws.planted_drives import planted_drive, quiet_drive, write_drive
 
@@ -56,7 +56,7 @@ def test_the_same_log_gives_the_same_ids(drives: list[Path], name: str) -> None:
     for _ in range(2):
         with Log.open(drives[0]) as log:
             try:
-                runs.append([each.id for each in find_in_log(log, parse_query(name)).found])
+                runs.append([each.id for each in find_events_in_log(log, parse_query(name)).found])
             except (MissingSignalError, UsageError):
                 runs.append([])
     assert runs[0] == runs[1]

@@ -15,7 +15,7 @@ from cwcli.control.closed_loop import fuzzy_controller_throttle_and_pressure, re
 from cwcli.reproduction.song2016.control import true_recorded_motion
 from cwcli.reproduction.song2016.estimation import table1_part
 from cwcli.reproduction.song2016.methods import measure_vehicle
-from cwcli.reproduction.song2016.prediction import WARM_UP_S, compute_prediction_errors
+from cwcli.reproduction.song2016.prediction import MIN_PREDICTION_START_S, compute_prediction_errors
 from cwcli.reproduction.song2016.sensitivity import paper_warning_times_s
 from cwcli.reproduction.song2016.warning import collision_time_s
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
@@ -92,7 +92,7 @@ def test_prediction_errors_of_figures_3_and_7() -> None:
     states = own.filtered(run.vectors, run.sigma)
     cases = [(family, 2.5, errors.example_m[family]) for family in ("speed", "acceleration", "jerk")]
     for family, horizon_s, theirs in [*cases, ("jerk", 2.9, errors.horizon_example_m[2.9][1])]:
-        rows = (run.time_s >= WARM_UP_S) & (run.time_s + horizon_s <= 22.0 + 1e-9)
+        rows = (run.time_s >= MIN_PREDICTION_START_S) & (run.time_s + horizon_s <= 22.0 + 1e-9)
         later = motion.states_at(run.time_s[rows] + horizon_s)[:, :2]
         ours = np.linalg.norm(own.predicted(states, family, round(horizon_s / own.DT))[rows] - later, axis=1)
         moves = states[rows, 2] > 1.0

@@ -13,12 +13,12 @@ from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.findings import StudyPart, is_strictly_increasing
 from cwcli.reproduction.request import ReproductionRequest
 from cwcli.reproduction.song2016 import reproduce
-from cwcli.reproduction.song2016.control import control_part
+from cwcli.reproduction.song2016.control import braking_control_part
 from cwcli.reproduction.song2016.prediction import (
     PredictionErrors,
     compute_prediction_errors,
-    horizon_part,
-    prediction_part,
+    prediction_errors_part,
+    prediction_horizons_part,
 )
 from cwcli.reproduction.song2016.reproduce import (
     FIGURES_BY_TASK,
@@ -31,9 +31,9 @@ from cwcli.reproduction.song2016.warning import (
     TRAP_SCENARIOS,
     WarningMoments,
     count_false_warnings,
+    false_warning_trap_part,
     first_time_below_s,
     simulate_warning_moments,
-    trap_part,
     warning_moments_part,
 )
 from cwcli.simulation.scenario import load_scenario
@@ -105,14 +105,14 @@ def test_the_seed_that_is_shown_warns_in_every_family(moments: tuple[str, Warnin
 
 
 def test_control_comes_out_as_in_the_paper(moments: tuple[str, WarningMoments]) -> None:
-    part = control_part(*moments)
+    part = braking_control_part(*moments)
     assert failed(part) == []
     assert sum(each.reached_class == FITTED for each in findings(part)) == (4 if moments[0] == "rear-end" else 1)
 
 
 @pytest.mark.parametrize("name", ["straight", "curve"])
 def test_order_of_the_families_in_figures_3_and_5(name: str) -> None:
-    part = prediction_part(name, compute_prediction_errors(name, SEEDS, nothing))
+    part = prediction_errors_part(name, compute_prediction_errors(name, SEEDS, nothing))
     assert failed(part) == []
     assert sum(each.reached_class == FITTED for each in findings(part)) == 2  # mean and maximum
 
@@ -124,7 +124,7 @@ def test_default_rule_is_silent_in_the_traps(name: str) -> None:
 
 @pytest.mark.parametrize(("ours", "reached"), [(0, WITHIN_OWN_BOUND), (1, DIFFERS)])
 def test_class_of_a_trap_follows_from_the_count(ours: int, reached: str) -> None:
-    part = trap_part("following", {"cwcli": ours, "song2016": 3}, 20)
+    part = false_warning_trap_part("following", {"cwcli": ours, "song2016": 3}, 20)
     finding = finding_of(part, "following: warnings in a hundred runs, our default")
     assert finding.measured.ours == 5.0 * ours
     assert (finding.reached_class, finding.has_failed) == (reached, ours > 0)
@@ -163,7 +163,7 @@ def test_class_of_our_warning_follows_from_the_distance_to_the_ideal(
 )
 def test_class_of_figure_7_follows_from_its_number(largest_m: float, reached: str) -> None:
     horizons = {2.1: np.ones(3), 2.5: np.ones(3), 2.9: np.full(3, largest_m)}
-    part = horizon_part(PredictionErrors(np.zeros(0), {}, {}, {}, horizons, {}))
+    part = prediction_horizons_part(PredictionErrors(np.zeros(0), {}, {}, {}, horizons, {}))
     finding = finding_of(part, "straight: largest error of constant jerk, 2.9 s ahead")
     assert (finding.reached_class, finding.has_failed) == (reached, False)  # it is claimed to differ
 

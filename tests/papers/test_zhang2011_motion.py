@@ -11,7 +11,7 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.reproduction.classes import DIFFERS, FITTED, FOLLOWS, NOT_IN_PAPER, REPRODUCED, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.findings import StudyPart
-from cwcli.reproduction.zhang2011.drives import DRIVE_BY_FIGURE, drive_part
+from cwcli.reproduction.zhang2011.drives import DRIVE_BY_FIGURE, drive_errors_part
 from cwcli.reproduction.zhang2011.example import STATE_NAMES, printed_tables_part, worked_example_part
 from cwcli.reproduction.zhang2011.motion import (
     compute_observer_errors,
@@ -130,7 +130,7 @@ def test_the_linear_runs_are_exact() -> None:
 
 @pytest.mark.parametrize("figure", DRIVE_BY_FIGURE)
 def test_drives(figure: str) -> None:
-    assert {each.reached_class for each in findings(drive_part(figure, 3)).values()} == {
+    assert {each.reached_class for each in findings(drive_errors_part(figure, 3)).values()} == {
         "within own bound",
         NOT_IN_PAPER,
     }
@@ -140,7 +140,7 @@ def test_the_path_is_drawn_into_a_rendered_frame(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setitem(
         DRIVE_BY_FIGURE, "fig 17", replace(DRIVE_BY_FIGURE["fig 17"], duration_s=17.5)
     )  # a little past the frame shown
-    plots = {plot.figure: plot for plot in drive_part("fig 17", 1, lane_method="zhang2011").plots}
+    plots = {plot.figure: plot for plot in drive_errors_part("fig 17", 1, lane_method="zhang2011").plots}
     assert set(plots) == {"fig 17 rendered", "fig 17b"}
     shown = plots["fig 17b"]
     assert shown.image is not None

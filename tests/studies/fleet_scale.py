@@ -22,7 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cwcli.fleet.folder import ANNOTATED_LOG_NAME, write_json_object
-from cwcli.fleet.input_states import INPUTS_KEY, read_file_state, states_to_document
+from cwcli.fleet.input_states import INPUTS_KEY, read_file_state, file_states_to_document
 from tests.cli.fleet_logs import cut
 
 ROOT = Path(__file__).parents[2]
@@ -58,7 +58,7 @@ def multiply_run(folder: Path, n_logs: int, options: tuple[str, ...]) -> None:
         pq.write_table(pa.concat_tables(copies), out / f"{name}.parquet", compression="zstd", row_group_size=65_536)
     write_json_object(manifest, out / "manifest.json")
     times = {id: {"status": "done", "wall_s": 1.0, "cpu_s": 1.0, "peak_mb": 1.0, "attempts": 1} for id in ids}
-    write_json_object({"logs": times, INPUTS_KEY: states_to_document(states)}, out / "run_times.json")
+    write_json_object({"logs": times, INPUTS_KEY: file_states_to_document(states)}, out / "run_times.json")
 
 
 def measure(folder: Path, *arguments: str) -> None:

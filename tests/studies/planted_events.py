@@ -17,7 +17,7 @@ import numpy as np
 
 from cwcli.events import EVENTS
 from cwcli.evaluation.system_topics import parse_other_system_options
-from cwcli.events.search import FoundEvent, find_in_log, parse_query
+from cwcli.events.search import FoundEvent, find_events_in_log, parse_query
 from cwcli.logs.read.reader import Log
 from tests.laws.planted_drives import PLANTS, Planted, planted_drive, quiet_drive, write_drive
 
@@ -31,9 +31,9 @@ def find_all(drive: Planted, folder: Path, seed: int) -> tuple[FoundEvent, ...]:
     path = write_drive(drive, folder / f"{seed}.mcap", seed)
     other = parse_other_system_options([OTHER_SYSTEM])
     with Log.open(path) as log:
-        found = find_in_log(log, parse_query("all"), other).found
+        found = find_events_in_log(log, parse_query("all"), other).found
         if drive.warnings_s:
-            found += find_in_log(log, parse_query("warning-false"), other).found
+            found += find_events_in_log(log, parse_query("warning-false"), other).found
     path.unlink()
     return found
 

@@ -9,7 +9,7 @@ from cwcli.pipeline.result import SummaryTable
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Plot, StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
-from cwcli.reproduction.page import format_markdown_page, sections_of_page
+from cwcli.reproduction.page import format_markdown_page, sections_at_page_end
 from tools.results.result_file import ResultFile
 
 KEY_SEPARATOR = "/"
@@ -28,7 +28,7 @@ def more_of_reproduction(made: Reproduction, note: str) -> dict[str, Any]:
     """Return what the page of a reproduction needs besides its numbers: tables, titles of pictures, notes."""
     sections = [
         {"key": each.key, "title": each.title, "columns": list(each.columns), "rows": [list(row) for row in each.rows]}
-        for each in sections_of_page(made)
+        for each in sections_at_page_end(made)
     ]
     return {"note": note, "plots": {plot.figure: plot.title for plot in made.plots}, "sections": sections}
 

@@ -15,7 +15,7 @@ from cwcli.cli.comparison_texts import (
     join_first_names,
     print_comparison,
 )
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.message_texts import describe_difference_of_log, describe_identical, is_identical
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
@@ -189,8 +189,8 @@ def command(
     differing: WarningDifferences | None = None
     if output.report is not None and not output.messages:
         raise UsageError("--report needs --messages", hint="--report-at links to a page of `cwcli report`")
-    summary_file = normalise_stdout_name(output.markdown_file)
-    comment_file = normalise_stdout_name(output.comment)
+    summary_file = replace_stdout_path_by_dash(output.markdown_file)
+    comment_file = replace_stdout_path_by_dash(output.comment)
     targets = check_outputs_and_list_file_names(
         [baseline, candidate],
         talk,

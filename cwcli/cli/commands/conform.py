@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import MarkdownOption
@@ -169,12 +169,12 @@ def command(
     judged; a trial outside its tolerances is not valid. This is no certification. The exit code is 1 if a clause fails,
     or if no trial of the log is valid.
     """
-    console = Console(quiet=talk.quiet, summary_to_stderr=normalise_stdout_name(output.markdown_file) == "-")
+    console = Console(quiet=talk.quiet, summary_to_stderr=replace_stdout_path_by_dash(output.markdown_file) == "-")
     if output.show_list:
         return _list_clauses(console, as_json=talk.json)
     if not clauses:
         raise UsageError("conform needs the name of a clause", hint="cwcli conform --list")
-    markdown_file = normalise_stdout_name(output.markdown_file)
+    markdown_file = replace_stdout_path_by_dash(output.markdown_file)
     inputs = [recorded.log] if recorded.log else []
     targets = check_outputs_and_list_file_names(
         inputs, talk, metrics=None, texts=(output.junit, markdown_file, output.html), force=output.force

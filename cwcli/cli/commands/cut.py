@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import (
@@ -106,7 +106,7 @@ def command(
     from cwcli.logs.write.cut import cut_log
     from cwcli.output import refuse_unwritable_targets
 
-    target = str(normalise_stdout_name(output))
+    target = str(replace_stdout_path_by_dash(output))
     if target == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     source = source_of_logs(log, as_one)

@@ -51,7 +51,7 @@ def command(
         )
         outcome = run_and_write(add_all_stages(job, gather_default_options()))
     page = Path(directory) / f"{SAMPLE_LOG_NAME}.html"
-    if _write_page(annotated, page):
+    if _write_page_unless_packages_missing(annotated, page):
         outcome.run.written.insert(0, str(page))
     if talk.json:
         console.print_document("demo", {"runs": [job_document(job, outcome)]})
@@ -59,7 +59,7 @@ def command(
         print_outcome(job, console, outcome, NEXT_STEP)
 
 
-def _write_page(annotated: Path, page: Path) -> bool:
+def _write_page_unless_packages_missing(annotated: Path, page: Path) -> bool:
     """Write the page of the annotated log; False where the packages that it needs are not installed."""
     from importlib.util import find_spec
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cwcli.cli import markdown
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import (
@@ -109,7 +109,7 @@ def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, o
     for gate in judging.gates or ():
         parse_gate(gate)
     system = parse_other_system_options(judging.topics) if judging.topics else None
-    summary_file = normalise_stdout_name(output.markdown_file)
+    summary_file = replace_stdout_path_by_dash(output.markdown_file)
     addresses = None
     if output.report_at is not None:
         from cwcli.report.addresses import PageAddresses
@@ -210,7 +210,7 @@ def _system_metric_rows(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
     from cwcli.metrics.system_pairs import pair_with_own
 
     return [
-        (name, row.value, "" if own is None else own.value, _abbreviate_states(row.states), row.n)
+        (name, row.value, "" if own is None else own.value, _replace_vs_by_slash(row.states), row.n)
         for name, row, own in pair_with_own(pooled)
     ]
 
@@ -225,10 +225,10 @@ def _log_ids_by_note(run: RunMetrics) -> dict[str, list[str]]:
 
 
 def _metric_cells(row: MetricRow) -> tuple[Cell, ...]:
-    return row.metric, row.value, _abbreviate_states(row.states), format_interval(row.low, row.high, 2), row.n
+    return row.metric, row.value, _replace_vs_by_slash(row.states), format_interval(row.low, row.high, 2), row.n
 
 
-def _abbreviate_states(states: str) -> str:
+def _replace_vs_by_slash(states: str) -> str:
     """Shorten `online vs truth` to `online/truth`, so that names of metrics are not wrapped."""
     return states.replace(" vs ", "/")
 
@@ -352,5 +352,5 @@ def _format_markdown_summary(
 
 
 def _warning_links(addresses: PageAddresses | None, gate: str, check: GateCheck) -> list[str]:
-    links = [] if addresses is None else addresses.links_of_check(gate, check)
+    links = [] if addresses is None else addresses.warning_and_conflict_links_of_check(gate, check)
     return [f"[{markdown.format_code(link.words)}]({link.address})" for link in links]

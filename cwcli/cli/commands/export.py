@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cwcli.cli.console import Console, is_terminal, normalise_stdout_name
+from cwcli.cli.console import Console, is_terminal, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, source_of_logs
@@ -97,7 +97,7 @@ def command(
     from cwcli.logs.read.reader import Log
     from cwcli.output import refuse_unwritable_targets, write_file
 
-    output = "-" if output is None else str(normalise_stdout_name(output))
+    output = "-" if output is None else str(replace_stdout_path_by_dash(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the file with -o FILE")
     names = [] if content.what is None else content.what.split(",")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption
@@ -26,7 +26,7 @@ EXAMPLES = (
     "cwcli import trace.asc --dbc car.dbc -o log.mcap",
 )
 """Command lines at the end of the command's `--help`."""
-MAX_UNUSED = 8
+MAX_NAMED_UNUSED_COLUMNS = 8
 """Largest number of columns that a note names; chosen by hand."""
 
 
@@ -113,7 +113,7 @@ def command(
 
     if output is None and not preview:
         raise UsageError("no output is named", hint="-o log.mcap, or --preview")
-    target = str(normalise_stdout_name(output or "-"))
+    target = str(replace_stdout_path_by_dash(output or "-"))
     if target == "-" and talk.json and not preview:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     beside = mapping_file_name(target) if target != "-" else None
@@ -207,5 +207,11 @@ def _print_report(console: Console, report: ImportReport) -> None:
             console.print_note(f"{table}: {note}")
     for table, columns in report.unused.items():
         if columns:
-            more = f" and {len(columns) - MAX_UNUSED} more" if len(columns) > MAX_UNUSED else ""
-            console.print_note(f"{shorten_and_escape(table)}: not read: {', '.join(columns[:MAX_UNUSED])}{more}")
+            more = (
+                f" and {len(columns) - MAX_NAMED_UNUSED_COLUMNS} more"
+                if len(columns) > MAX_NAMED_UNUSED_COLUMNS
+                else ""
+            )
+            console.print_note(
+                f"{shorten_and_escape(table)}: not read: {', '.join(columns[:MAX_NAMED_UNUSED_COLUMNS])}{more}"
+            )

@@ -80,7 +80,7 @@ def command(
     with reading.open_log(source_of_logs(log, reading.as_one)) as opened:
         document = describe_log(opened, reading, sensors)
         if doctor or reading.map or contract:
-            document["health"] = _health_of_topics(opened)
+            document["health"] = _topic_health_documents(opened)
         if doctor or reading.map:
             document["inputs"] = _count_usable_messages(opened, document, reading, sensors)
         if contract:
@@ -113,14 +113,14 @@ def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> D
             roles.setdefault(binding.topic, []).append(str(role))
     why = unbound_reasons_by_topic(log.channels, bindings)
     if reading.dbc:
-        _explain_can_channels(log, why, reading.dbc)
+        _add_dbc_signals_to_reasons(log, why, reading.dbc)
     if any(reason.why in READABLE_REASONS for reason in why.values()):
         from cwcli.pipeline.message_fields import explain_unknown_channels
 
         explain_unknown_channels(log, why)
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
     container = _container_document(log)
-    station_notes = _name_stations(log, why, bindings)
+    station_notes = _suggest_ego_stations_and_list_notes(log, why, bindings)
     return {
         "name": log.name,
         "size_bytes": sum(map(len, log.file.disk_files)),
@@ -165,7 +165,7 @@ def _container_document(log: Log) -> Document:
     }
 
 
-def _explain_can_channels(log: Log, why: dict[str, UnboundReason], files: list[str]) -> None:
+def _add_dbc_signals_to_reasons(log: Log, why: dict[str, UnboundReason], files: list[str]) -> None:
     """Say of each channel of CAN frames without a role which signals of the DBC files a role could take."""
     from cwcli.channels.reasons import explain_can_frames
     from cwcli.signals.can import list_dbc_signal_names
@@ -182,7 +182,7 @@ def _explain_can_channels(log: Log, why: dict[str, UnboundReason], files: list[s
             why[channel.topic] = explain_can_frames(channel.topic, signals, files)
 
 
-def _name_stations(log: Log, why: dict[str, UnboundReason], bindings: Bindings) -> list[str]:
+def _suggest_ego_stations_and_list_notes(log: Log, why: dict[str, UnboundReason], bindings: Bindings) -> list[str]:
     """Put a heard station's ID into the suggestions `--ego-station ID`; return notes on stations that may be the ego.
 
     Messages are read only where the log lacks the ego's position and has V2X messages.
@@ -235,7 +235,7 @@ def _channel_document(channel: Any, duration_s: float, roles: list[str], reason:
     }
 
 
-def _health_of_topics(log: Log) -> list[Document]:
+def _topic_health_documents(log: Log) -> list[Document]:
     """Examine each topic with messages except cwcli's own; unknown numbers are None."""
     from cwcli.channels.published import OWN_TOPIC_PREFIX
     from cwcli.pipeline.health import measure_topic_health

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import (
@@ -81,7 +81,7 @@ def command(
     from cwcli.output import refuse_unwritable_targets
     from cwcli.pipeline.join import join_logs
 
-    target = str(normalise_stdout_name(output))
+    target = str(replace_stdout_path_by_dash(output))
     if target == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     refuse_unwritable_targets([target], force=overwriting.force, inputs=[log, other])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Annotated
 
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption
@@ -38,7 +38,7 @@ def command(
 
     The file is JSON, as Foxglove exports it: import it there, or in Lichtblick, with "Import from file".
     """
-    output = "-" if output is None else str(normalise_stdout_name(output))
+    output = "-" if output is None else str(replace_stdout_path_by_dash(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the layout to a file")
     from cwcli.output import refuse_unwritable_targets, write_file

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import GatesOption, SystemOption
@@ -86,7 +86,7 @@ def command(
     from cwcli.output import refuse_unwritable_targets
     from cwcli.report.tiles import parse_tile_server
 
-    target = str(normalise_stdout_name(output))
+    target = str(replace_stdout_path_by_dash(output))
     pdf = content.pdf or (target != "-" and Path(target).suffix.lower() == PDF_SUFFIX)
     suffixes, what = ([PDF_SUFFIX], "a PDF") if pdf else (PAGE_SUFFIXES, "a page")
     wanted = PageContent(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.console import Console, replace_stdout_path_by_dash
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption
@@ -72,7 +72,7 @@ def command(
 
     The same scenario and seed give the same bytes.
     """
-    output = normalise_stdout_name(output)
+    output = replace_stdout_path_by_dash(output)
     if output is None:
         raise UsageError("simulate needs a file to write", hint="name it with -o; - is standard output")
     if output == "-" and talk.json:

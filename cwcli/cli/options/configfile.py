@@ -79,7 +79,7 @@ def apply_config_file(ctx: typer.Context, value: str | None) -> str | None:
                 raise _unknown_key_error(value, f"{table}.{key}", known)
             defaults[option] = _check_entry(ctx, value, f"{table}.{key}", entry, options[option])
             origins[options[option].opts[0]] = f"{table}.{key} in {value}"
-    _check_selection(value, defaults)
+    _check_topic_and_time_syntax(value, defaults)
     if is_found and defaults:
         from cwcli.cli.console import Console
 
@@ -154,7 +154,7 @@ def _check_key_names_no_output(path: str, key: str) -> None:
         raise UsageError(what, where=path, hint="leave it out here, and give it there")
 
 
-def _check_selection(path: str, defaults: dict[str, Any]) -> None:
+def _check_topic_and_time_syntax(path: str, defaults: dict[str, Any]) -> None:
     """Check the syntax of topic choices and times, without a log."""
     named = {key: defaults[key] for key in ("topic", "map", "start", "end") if key in defaults}
     if not named:

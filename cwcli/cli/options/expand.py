@@ -51,7 +51,9 @@ def expand_dataclass_parameters(
             default = inspect.signature(function).parameters[name].default
             parameters.append(
                 _keyword_parameter(
-                    name, _change_option(hint, [_add_environment_variable(ENVIRONMENT_PREFIX, name)]), default
+                    name,
+                    _hint_with_changed_option(hint, [_hint_with_environment_variable(ENVIRONMENT_PREFIX, name)]),
+                    default,
                 )
             )
             plain.append(name)
@@ -89,17 +91,17 @@ def _fields_as_parameters(kind: type[Any], command: str) -> list[tuple[str, insp
         changes: list[_OptionChange] = []
         if stage is None:
             if hasattr(kind, "heading"):
-                changes.append(_set_help_heading(kind.heading))
+                changes.append(_hint_with_help_heading(kind.heading))
             name = field.name
-            changes.append(_add_environment_variable(ENVIRONMENT_PREFIX, field.name))
+            changes.append(_hint_with_environment_variable(ENVIRONMENT_PREFIX, field.name))
         else:
-            changes.append(_set_help_heading("Options" if stage == command else f"Stage {stage}"))
+            changes.append(_hint_with_help_heading("Options" if stage == command else f"Stage {stage}"))
             prefix = stage.replace("-", "_")
-            changes.append(_add_environment_variable(f"{ENVIRONMENT_PREFIX}_{prefix}", field.name))
+            changes.append(_hint_with_environment_variable(f"{ENVIRONMENT_PREFIX}_{prefix}", field.name))
             name = field.name if stage == command else f"{prefix}{STAGE_SEPARATOR}{field.name}"
             if stage != command:
-                changes.append(_add_stage_to_flags(stage))
-        hint = _change_option(hint, changes)
+                changes.append(_hint_with_stage_in_flags(stage))
+        hint = _hint_with_changed_option(hint, changes)
         found.append((field.name, _keyword_parameter(name, hint, default)))
     return found
 
@@ -110,17 +112,17 @@ def _keyword_parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint)
 
 
-def _add_environment_variable(prefix: str, name: str) -> _OptionChange:
+def _hint_with_environment_variable(prefix: str, name: str) -> _OptionChange:
     """Return the change that gives an option its environment variable: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
     return lambda option: option.change(envvar=f"{prefix}_{name}".upper(), show_envvar=False)
 
 
-def _set_help_heading(heading: str | None) -> _OptionChange:
+def _hint_with_help_heading(heading: str | None) -> _OptionChange:
     """Return the change that puts an option under a heading of the help."""
     return lambda option: option.change(rich_help_panel=heading)
 
 
-def _add_stage_to_flags(stage: str) -> _OptionChange:
+def _hint_with_stage_in_flags(stage: str) -> _OptionChange:
     """Return the change that adds the stage's name to an option's flags."""
 
     def change(option: Declaration) -> Declaration:
@@ -131,7 +133,7 @@ def _add_stage_to_flags(stage: str) -> _OptionChange:
     return change
 
 
-def _change_option(hint: Any, changes: Sequence[_OptionChange]) -> Any:
+def _hint_with_changed_option(hint: Any, changes: Sequence[_OptionChange]) -> Any:
     """Change the option in a type hint, once, because `typing` takes long for each hint; an argument stays."""
 
     def change_all(found: Declaration) -> Declaration:

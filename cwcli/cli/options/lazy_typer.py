@@ -52,7 +52,7 @@ class Declaration:
         self.settings = settings
 
     @property
-    def known_settings(self) -> Mapping[str, Any]:
+    def settings_or_empty_if_deferred(self) -> Mapping[str, Any]:
         """The keyword arguments; of those that a function returns, none."""
         return {} if callable(self.settings) else self.settings
 

@@ -27,7 +27,7 @@ DEFAULT_MAX_CHUNK_MB, DEFAULT_MAX_RATIO, DEFAULT_MAX_INPUT_GB = 256, 64, 64
 """Defaults of `--max-chunk` in MB, `--max-ratio` as a factor, and `--max-input` in GB; chosen by hand."""
 DEFAULT_TIMEOUT_S = 60.0
 """Default of `--timeout` in seconds; chosen by hand."""
-LARGEST_LIMIT = 1_000_000
+LARGEST_LIMIT_OPTION_VALUE = 1_000_000
 """Largest value of these options; chosen: larger ones bound nothing and their bytes could overflow."""
 _INPUT_HEADING, _OUTPUT_HEADING = "Input", "Output"
 """Headings of groups of options in the help."""
@@ -66,7 +66,7 @@ MaxChunkOption = Annotated[
         "--max-chunk",
         metavar="MB",
         min=1,
-        max=LARGEST_LIMIT,
+        max=LARGEST_LIMIT_OPTION_VALUE,
         help="Refuse a chunk of the log that unpacks to more than this many megabytes.",
     ),
 ]
@@ -76,7 +76,7 @@ MaxRatioOption = Annotated[
         "--max-ratio",
         metavar="TIMES",
         min=0,
-        max=LARGEST_LIMIT,
+        max=LARGEST_LIMIT_OPTION_VALUE,
         help="Refuse chunks beyond a total of --max-chunk plus this many times the log's size, unpacked.",
     ),
 ]
@@ -86,7 +86,7 @@ MaxInputOption = Annotated[
         "--max-input",
         metavar="GB",
         min=0,
-        max=LARGEST_LIMIT,
+        max=LARGEST_LIMIT_OPTION_VALUE,
         help="Largest content of a pipe, a URL or a compressed file, which is first copied to a temporary file.",
     ),
 ]
@@ -96,7 +96,7 @@ TimeoutOption = Annotated[
         "--timeout",
         metavar="S",
         min=0.1,
-        max=LARGEST_LIMIT,
+        max=LARGEST_LIMIT_OPTION_VALUE,
         help="Give up a URL that sends nothing for this many seconds.",
     ),
 ]

@@ -40,7 +40,7 @@ class StageOptions:
 def make_stage_options_class(name: str) -> type[StageOptions]:
     """Make a dataclass of a stage's options; its instances are not validated."""
     fields: list[Any] = [
-        (entry.key, Annotated[entry.kind, _make_typer_option(entry)], _field_default(entry.default))
+        (entry.key, Annotated[entry.kind, _make_typer_option(entry)], _copying_field_if_list(entry.default))
         for entry in option_entries_of_stage(STAGES[name])
     ]
     return dataclasses.make_dataclass(
@@ -57,7 +57,7 @@ def make_all_stage_options_classes() -> tuple[type[StageOptions], ...]:
     return tuple(map(make_stage_options_class, STAGES))
 
 
-def _field_default(default: Any) -> Any:
+def _copying_field_if_list(default: Any) -> Any:
     return dataclasses.field(default_factory=default.copy) if isinstance(default, list) else default
 
 

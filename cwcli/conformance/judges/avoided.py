@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from cwcli.conformance.encounter import Encounter
-from cwcli.conformance.policies import NO_BRAKING, drive_with_policies, drive_with_policy
+from cwcli.conformance.policies import NO_BRAKING, drive_with_policy, impact_speeds_with_policy_mps
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.control.driver_models import R157_DRIVER, BoolArray, CasePoses, EgoCases, simulate_driver_cases
 from cwcli.errors import UsageError
@@ -35,7 +35,9 @@ def warning_window(encounter: Encounter, demands: dict[str, float], policy: str 
     latest_s = math.nan
     for step_s in (COARSE_STEP_S, SEARCH_STEP_S):  # a later warning never lessens the impact
         times_s = np.arange(begin_s, end_s, step_s)
-        too_late = np.flatnonzero(drive_with_policies(encounter, policy, times_s) > demands["impact_speed"] + 1e-9)
+        too_late = np.flatnonzero(
+            impact_speeds_with_policy_mps(encounter, policy, times_s) > demands["impact_speed"] + 1e-9
+        )
         last = int(too_late[0]) - 1 if len(too_late) else len(times_s) - 1
         if last < 0:
             return WarningWindow(-math.inf, math.nan)

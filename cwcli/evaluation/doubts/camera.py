@@ -8,7 +8,7 @@ from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 
-MAX_ASSUMPTIONS = 1
+MIN_ASSUMPTIONS_FOR_DOUBT = 1
 """Number of assumed properties from which the lanes are doubted. Chosen by hand: each changes every distance."""
 PROPERTIES = {"lens": ASSUMED_LENS_TEXT, "mounting": ASSUMED_MOUNTING_TEXT}
 """Property of a camera that may be assumed -> the beginning of the note of `lanes` that says so."""
@@ -30,7 +30,7 @@ def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:
 RULE = DoubtRule(
     summary="a camera whose lens or mounting is assumed",
     short_name="assumed camera",
-    threshold=MAX_ASSUMPTIONS,
+    threshold=MIN_ASSUMPTIONS_FOR_DOUBT,
     unit="",
     source="chosen: each changes every distance",
     advice="Give --camera-fov, --camera-height and --camera-pitch, or record calibration and transforms.",

@@ -23,7 +23,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.text import shorten_and_escape
 
-MAX_NAME_CHARACTERS = 60
+MAX_TOPIC_CHARACTERS = 60
 """Greatest length of a topic's name in a sentence, in characters; chosen by hand."""
 
 
@@ -95,5 +95,5 @@ def name_sources_in_words(sentence: str) -> str:
 
 def source_name(entry: Mapping[str, Any]) -> str:
     """Return `/gps/fix position` for the diagnostics of a source."""
-    topic = shorten_and_escape(str(entry.get("source", "")), MAX_NAME_CHARACTERS)
+    topic = shorten_and_escape(str(entry.get("source", "")), MAX_TOPIC_CHARACTERS)
     return f"{topic} {str(entry.get('quantity', '')).replace('_', ' ')}".strip()

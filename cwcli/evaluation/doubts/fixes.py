@@ -10,24 +10,24 @@ from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, source_name
 from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_finite_number_or_nan
 
-MAX_SIGMAS = 4.0
+MAX_UNDOUBTED_OFFSET_SIGMAS = 4.0
 """Greatest offset, in sigmas, that is not doubted. Chosen: by chance one in 3,000 two-dimensional errors is larger."""
 MIN_DOUBTED_OFFSET_M = 2.0
 """Least offset from the fixes, m, that is doubted. Chosen: a car 2 m beside its place would be in another lane."""
-LASTING_S = 2.0
+MIN_LASTING_OFFSET_S = 2.0
 """Least duration in s of an offset that counts. Chosen: longer than an outlier, shorter than the doubted stretches."""
 RECORD_KEY = "fix_offsets"
 """Entry of the record of `estimate` that holds the offsets as JSON."""
 
 
-def find_offsets(evidence: DoubtEvidence) -> Iterator[Finding]:
+def find_track_offsets_from_fixes(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source of positions beside which the track lies."""
     record: Record = evidence.records.get("estimate", {})
     for each in parse_json_entry_or_empty(record, RECORD_KEY, list):
         if not isinstance(each, dict):
             continue
         offset_m, sigma_m, at_ns = (read_finite_number_or_nan(each, key) for key in ("offset_m", "sigma_m", "stamp_ns"))
-        if not (offset_m > MIN_DOUBTED_OFFSET_M and sigma_m > 0.0 and offset_m > MAX_SIGMAS * sigma_m):
+        if not (offset_m > MIN_DOUBTED_OFFSET_M and sigma_m > 0.0 and offset_m > MAX_UNDOUBTED_OFFSET_SIGMAS * sigma_m):
             continue
         at = f" at {max(evidence.seconds_since_start(at_ns), 0.0):.0f} s" if np.isfinite(at_ns) else ""
         yield Finding(
@@ -38,11 +38,13 @@ def find_offsets(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 
 RULE = DoubtRule(
-    summary=f"a track that is away from the fixes for {LASTING_S:g} s, by more than {MIN_DOUBTED_OFFSET_M:g} m",
+    summary=(
+        f"a track that is away from the fixes for {MIN_LASTING_OFFSET_S:g} s, by more than {MIN_DOUBTED_OFFSET_M:g} m"
+    ),
     short_name="track away from the positions",
-    threshold=MAX_SIGMAS,
+    threshold=MAX_UNDOUBTED_OFFSET_SIGMAS,
     unit="sigma",
     source="chosen: chance gives one in 3,000",
     advice="Check the time stamps of these positions, and the other sensors against them.",
-    find=find_offsets,
+    find=find_track_offsets_from_fixes,
 )

@@ -10,12 +10,12 @@ import numpy as np
 from cwcli.channels.published import EGO_ONLINE, OWN_TOPIC_PREFIX
 from cwcli.estimation.tolerances import MAX_UNREPORTED_DELAY_S
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
-from cwcli.evaluation.doubts.evidence import MAX_NAME_CHARACTERS, DoubtEvidence
+from cwcli.evaluation.doubts.evidence import MAX_TOPIC_CHARACTERS, DoubtEvidence
 from cwcli.pipeline.records import read_finite_number_or_nan, read_input_counts, to_float_or_nan
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_duration, shorten_and_escape
 
-MAX_HOLE_H = 24.0
+MAX_UNDOUBTED_HOLE_H = 24.0
 """Longest time in h within a log without a state of the car. Chosen by hand: a drive is shorter than a day."""
 
 
@@ -27,7 +27,7 @@ def find_holes_in_log_times(evidence: DoubtEvidence) -> Iterator[Finding]:
     inner = evidence.ego.stamp_ns[(evidence.ego.stamp_ns >= first_ns) & (evidence.ego.stamp_ns <= last_ns)]
     stamps_s = np.concatenate([[0.0], np.sort(inner - first_ns) / NS_PER_S, [(last_ns - first_ns) / NS_PER_S]])
     hole_s = float(np.diff(stamps_s).max())
-    if hole_s > MAX_HOLE_H * 3600.0:
+    if hole_s > MAX_UNDOUBTED_HOLE_H * 3600.0:
         length = format_duration((last_ns - first_ns) / NS_PER_S)
         yield Finding(
             hole_s / 3600.0,
@@ -38,7 +38,7 @@ def find_holes_in_log_times(evidence: DoubtEvidence) -> Iterator[Finding]:
 TIMES = DoubtRule(
     summary="log times far from the states",
     short_name="log times",
-    threshold=MAX_HOLE_H,
+    threshold=MAX_UNDOUBTED_HOLE_H,
     unit="h",
     source="chosen: a drive is shorter than a day",
     advice="Look at the log times with `cwcli info --doctor`, and leave the wrong ones out with --start and --end.",
@@ -68,7 +68,7 @@ LATE_STATES = DoubtRule(
 )
 
 
-MAX_REJECTED_SHARE = 0.05
+MAX_UNDOUBTED_REJECTED_SHARE = 0.05
 """Share of rejected messages of a topic above which it is doubted. Chosen: as for gated measurements."""
 
 
@@ -89,16 +89,16 @@ def _iter_finding_if_too_many_rejected(topic: str, entry: Mapping[str, Any]) -> 
         return
     counts = {str(reason): read_finite_number_or_nan(reasons, reason) for reason in reasons}
     n, n_rejected = read_finite_number_or_nan(entry, "read"), sum(counts.values())
-    if n > 0 and n_rejected > MAX_REJECTED_SHARE * n:
+    if n > 0 and n_rejected > MAX_UNDOUBTED_REJECTED_SHARE * n:
         share, most = n_rejected / n, max(counts, key=lambda reason: counts[reason])
-        name, why = (shorten_and_escape(text, MAX_NAME_CHARACTERS) for text in (topic, most))
+        name, why = (shorten_and_escape(text, MAX_TOPIC_CHARACTERS) for text in (topic, most))
         yield Finding(share, f"{100 * share:.0f} % of the messages of {name} could not be used (most: {why}).")
 
 
 REJECTED_MESSAGES = DoubtRule(
     summary="messages of an input that were rejected",
     short_name="rejected messages",
-    threshold=MAX_REJECTED_SHARE,
+    threshold=MAX_UNDOUBTED_REJECTED_SHARE,
     unit="share",
     source="chosen: as for gated measurements",
     advice="Look at the sensor, or at --map; --details lists the reasons.",
@@ -106,11 +106,11 @@ REJECTED_MESSAGES = DoubtRule(
 )
 
 
-MAX_FAULTS = 1
+MIN_FAULTS_FOR_DOUBT = 1
 """Number of faults of the file from which its results are doubted. Chosen by hand: nobody knows what one has lost."""
 
 
-def find_faults(evidence: DoubtEvidence) -> Iterator[Finding]:
+def find_file_faults(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield what is wrong with the file."""
     faults = {reason: n for reason, n in evidence.faults.items() if n > 0}
     if faults:
@@ -123,9 +123,9 @@ def find_faults(evidence: DoubtEvidence) -> Iterator[Finding]:
 DAMAGED_FILE = DoubtRule(
     summary="a damaged file",
     short_name="damaged file",
-    threshold=MAX_FAULTS,
+    threshold=MIN_FAULTS_FOR_DOUBT,
     unit="",
     source="chosen: the lost part is not known",
     advice="Copy or record it again; the intact parts were used.",
-    find=find_faults,
+    find=find_file_faults,
 )

@@ -12,7 +12,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence, name_sources_in_word
 from cwcli.pipeline.records import read_finite_number_or_nan, to_float_or_nan
 from cwcli.text import format_count, shorten_and_escape
 
-MAX_CONTRADICTIONS = 1
+MIN_CONTRADICTIONS_FOR_DOUBT = 1
 """Number of contradictions from which the estimate is doubted. Chosen by hand: one is enough to spoil it."""
 
 
@@ -26,7 +26,7 @@ def find_contradictions(evidence: DoubtEvidence) -> Iterator[Finding]:
 CONTRADICTION = DoubtRule(
     summary="sources that contradict each other",
     short_name="contradicting sources",
-    threshold=MAX_CONTRADICTIONS,
+    threshold=MIN_CONTRADICTIONS_FOR_DOUBT,
     unit="",
     source="chosen: one spoils the estimate",
     advice="Find out which of them is wrong, and leave it out or correct it with --topic or --map.",
@@ -34,7 +34,7 @@ CONTRADICTION = DoubtRule(
 )
 
 
-MAX_UNDOUBTED_CORRECTIONS = 1
+MIN_CORRECTIONS_FOR_DOUBT = 1
 """Number of corrected sources from which the estimate is doubted. Chosen by hand: the user should see every one."""
 ADVICE_WITH_AN_OPTION = "Check that sensor, or mend the recording; {}."
 """The advice where the recorded sentence names the option that undoes the correction."""
@@ -44,7 +44,7 @@ RATIO_PATTERN = r"^log-likelihood ratio \S+ by "
 """The beginning of the evidence where other sources show the fault: its number is for `--details` alone."""
 
 
-def find_corrections(evidence: DoubtEvidence) -> Iterator[Finding]:
+def find_corrected_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source that the estimator corrected by itself."""
     found = evidence.estimate_summary.corrections
     for sentence in found:
@@ -63,11 +63,11 @@ def find_corrections(evidence: DoubtEvidence) -> Iterator[Finding]:
 CORRECTION = DoubtRule(
     summary="sources that were corrected",
     short_name="corrected sources",
-    threshold=MAX_UNDOUBTED_CORRECTIONS,
+    threshold=MIN_CORRECTIONS_FOR_DOUBT,
     unit="",
     source="chosen: each is shown",
     advice="Mend the recording, or confirm it with --as.",
-    find=find_corrections,
+    find=find_corrected_sources,
     is_repaired=True,
 )
 

@@ -27,7 +27,7 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
     ]
     for nees, name in sorted(found, reverse=True):
         if TOLERATED_VARIANCE_FACTOR < nees < math.inf:
-            size = _error_text(evidence, name)
+            size = _truth_error_text_or_empty(evidence, name)
             yield Finding(
                 nees,
                 f"Compared with the true motion in the log, the {shorten_and_escape(name, 40)} is off by {size}"
@@ -36,7 +36,7 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
             )
 
 
-def _error_text(evidence: DoubtEvidence, quantity: str) -> str:
+def _truth_error_text_or_empty(evidence: DoubtEvidence, quantity: str) -> str:
     """Format `0.52 deg, `, the error of a quantity against the truth; "" where the record does not say it."""
     for name, unit, sigma in evidence.estimate_summary.rows_of_table_columns_or_empty(
         "errors", "error of", "unit", "estimated"
@@ -62,7 +62,7 @@ MAX_TOTAL_STANDSTILL_S = 5.0
 hand: one or two stops at a sign take less."""
 STANDSTILL_MPS = 0.3
 """Speed in m/s below which a car stands. Chosen: fixes that scatter by 0.1 m look as fast."""
-MAX_STEP_S = 1.0
+MAX_STANDSTILL_STEP_S = 1.0
 """Longest step between two states, s, that counts as standing. Chosen by hand; not fitted."""
 HEADING_QUANTITIES = frozenset({"heading", "yaw_rate"})
 """Quantities that tell the heading, or keep it, at standstill."""
@@ -75,7 +75,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
         return
     ego = evidence.ego.sort_by_stamp_without_repeats()
     step_s = np.diff(ego.stamp_ns) / NS_PER_S
-    counted = step_s <= MAX_STEP_S
+    counted = step_s <= MAX_STANDSTILL_STEP_S
     stands = np.abs(ego.state[:-1, SPEED]) < STANDSTILL_MPS
     standing_s, all_s = float(step_s[stands & counted].sum()), float(step_s[counted].sum())
     if standing_s > MAX_TOTAL_STANDSTILL_S:

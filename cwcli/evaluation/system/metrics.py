@@ -5,10 +5,10 @@ from __future__ import annotations
 from cwcli.errors import MissingSignalError
 from cwcli.evaluation.actual_outcomes import find_actual_outcomes
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import SYSTEM, comparison_label, knowledge_of_estimated_states
+from cwcli.evaluation.knowledge import SYSTEM, comparison_label, online_or_hindsight_of_ego_states
 from cwcli.evaluation.system.flag import read_flag_from_topic
 from cwcli.evaluation.system.path import add_path_errors
-from cwcli.evaluation.system.state import add_state_errors
+from cwcli.evaluation.system.state import add_ego_state_errors_and_place_frame
 from cwcli.evaluation.system.warnings import judge_flag_warnings
 from cwcli.evaluation.warn import add_warning_scores
 from cwcli.pipeline.records import read_run_records
@@ -25,7 +25,7 @@ def add_metrics_of_other_system(context: EvaluationContext) -> None:
     system = context.system
     if system.condition is not None:
         _add_warning_metrics(context)
-    placed = add_state_errors(context, system.ego_state) if system.ego_state else None
+    placed = add_ego_state_errors_and_place_frame(context, system.ego_state) if system.ego_state else None
     if system.ego_path:
         add_path_errors(context, system.ego_path, placed)
 
@@ -43,7 +43,7 @@ def _add_warning_metrics(context: EvaluationContext) -> None:
     flag = read_flag_from_topic(log, system.warning, system.condition)
     context.notes.extend(flag.notes)
     with context.headline.label_rows_with_states(
-        comparison_label(SYSTEM, knowledge_of_estimated_states(read_run_records(log)))
+        comparison_label(SYSTEM, online_or_hindsight_of_ego_states(read_run_records(log)))
     ):
         add_warning_scores(
             context.headline, "system.warnings", judge_flag_warnings(flag.warning_spans_ns(), real).scores

@@ -29,7 +29,7 @@ PATH_STEP_S = 0.1
 """Step of the resampled paths, s. Chosen by hand; not fitted."""
 VEHICLE_FRAMES = frozenset({"base_link", "base_footprint", "ego_vehicle", "vehicle"})
 """Frames whose origin is the car and whose x axis points ahead."""
-MIN_SPEED_MPS = 0.1
+MIN_PATH_SPEED_MPS = 0.1
 """Least speed along a path, m/s, so that its duration stays finite; below it the car stands at the path's end. Chosen
 by hand; not fitted."""
 
@@ -61,9 +61,9 @@ def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, Fr
         points = _path_point_slice(signal, k)
         own = np.column_stack([signal.x_m[points], signal.y_m[points]])
         if placing is None:
-            placed = FramePlacement(float(ego.heading_rad[k]), np.zeros(2), ego.xy_m[k]).points_in_map(own)
+            placed = FramePlacement(float(ego.heading_rad[k]), np.zeros(2), ego.xy_m[k]).points_in_map_m(own)
         else:
-            placed = placing.points_in_map(own)
+            placed = placing.points_in_map_m(own)
         speed_mps = signal.speed_mps[points]
         at_s = signal.time_s[points]
         if np.isnan(at_s).any():
@@ -71,7 +71,7 @@ def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, Fr
             at_s = _times_along_path_s(
                 placed, np.where(np.isfinite(speed_mps), speed_mps, ego.speed_mps[k]), ego.xy_m[k]
             )
-        xy_m[at] = _interpolate_path_points(time_s, at_s, placed, stands=bool(speed_mps[-1] < MIN_SPEED_MPS))
+        xy_m[at] = _interpolate_path_points(time_s, at_s, placed, stands=bool(speed_mps[-1] < MIN_PATH_SPEED_MPS))
     if n_timeless:
         how = "the car's own speed" if n_slow else "the speeds they give"
         context.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: computed from {how}")
@@ -115,7 +115,7 @@ def _find_frame_placement(
 def _times_along_path_s(xy_m: EastNorthRows, speed_mps: FloatArray, ego_m: FloatArray) -> FloatArray:
     """Return the times (s) at which a car that follows a path reaches its points; 0 at the point nearest to the car."""
     step_m = np.hypot(*np.diff(xy_m, axis=0).T)
-    mean_mps = np.maximum(0.5 * (speed_mps[1:] + speed_mps[:-1]), MIN_SPEED_MPS)
+    mean_mps = np.maximum(0.5 * (speed_mps[1:] + speed_mps[:-1]), MIN_PATH_SPEED_MPS)
     at_s = np.concatenate([[0.0], np.cumsum(step_m / mean_mps)])
     begin, way = xy_m[:-1], np.diff(xy_m, axis=0)
     length2 = np.maximum((way**2).sum(axis=1), np.finfo(np.float64).tiny)

@@ -10,9 +10,9 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import EastNorthRows, FloatArray
 
-MIN_EXTENT_M = 5.0
+MIN_RMS_EXTENT_FOR_ROTATION_M = 5.0
 """Least RMS distance of the points from their mean, m, for which a rotation is fitted. Chosen by hand; not fitted."""
-MIN_POINTS = 3
+MIN_POINTS_FOR_PLACEMENT = 3
 """Least number of points for a fit."""
 
 
@@ -30,18 +30,18 @@ class FramePlacement:
     pivot_m: FloatArray
     place_m: FloatArray
 
-    def points_in_map(self, xy_m: EastNorthRows) -> FloatArray:
+    def points_in_map_m(self, xy_m: EastNorthRows) -> FloatArray:
         """Transform points (n, 2), m, to the map."""
         cosine, sine = math.cos(self.turn_rad), math.sin(self.turn_rad)
         return np.asarray((xy_m - self.pivot_m) @ np.array([[cosine, sine], [-sine, cosine]]) + self.place_m)
 
-    def headings_in_map(self, yaw_rad: FloatArray) -> FloatArray:
+    def headings_in_map_rad(self, yaw_rad: FloatArray) -> FloatArray:
         """Transform yaw angles (n,) to headings in the map."""
         return np.asarray(wrap_angle(yaw_rad + self.turn_rad))
 
     def placement_note(self, topic: str, frame: str) -> str:
         """Return a note for the user on the fitted rotation and shift."""
-        origin = self.points_in_map(np.zeros((1, 2)))[0]
+        origin = self.points_in_map_m(np.zeros((1, 2)))[0]
         named = f"its frame {frame}" if frame else "its frame"
         return (
             f"{topic}: {named} was aligned with the track by a rotation of {math.degrees(self.turn_rad):.2f} deg and "
@@ -56,14 +56,14 @@ def fit_frame_placement(xy_m: EastNorthRows, onto_m: EastNorthRows) -> FramePlac
     median, which a jump does not affect.
     """
     known = np.isfinite(xy_m).all(axis=1) & np.isfinite(onto_m).all(axis=1)
-    if int(known.sum()) < MIN_POINTS:
+    if int(known.sum()) < MIN_POINTS_FOR_PLACEMENT:
         return None
     own, theirs = xy_m[known], onto_m[known]
     middle = own.mean(axis=0)
     apart, target = own - middle, theirs - theirs.mean(axis=0)
     turn_rad = 0.0
-    if math.sqrt(float((apart**2).sum(axis=1).mean())) >= MIN_EXTENT_M:
+    if math.sqrt(float((apart**2).sum(axis=1).mean())) >= MIN_RMS_EXTENT_FOR_ROTATION_M:
         cross = float((apart[:, 0] * target[:, 1] - apart[:, 1] * target[:, 0]).sum())
         turn_rad = math.atan2(cross, float((apart * target).sum()))
-    turned = FramePlacement(turn_rad, middle, np.zeros(2)).points_in_map(own)
+    turned = FramePlacement(turn_rad, middle, np.zeros(2)).points_in_map_m(own)
     return FramePlacement(turn_rad, middle, np.median(theirs - turned, axis=0))

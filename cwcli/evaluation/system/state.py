@@ -21,7 +21,7 @@ MIN_COMPARED_ROWS = 10
 """Least number of compared states. Chosen by hand; not fitted."""
 
 
-def add_state_errors(context: EvaluationContext, topic: str) -> tuple[str, FramePlacement]:
+def add_ego_state_errors_and_place_frame(context: EvaluationContext, topic: str) -> tuple[str, FramePlacement]:
     """Add the errors of another system's state of the ego, at the stamps of the reference.
 
     Returns:
@@ -50,7 +50,7 @@ def add_state_errors(context: EvaluationContext, topic: str) -> tuple[str, Frame
         frame, placing = signal.frame_id, found
         context.notes.append(placing.placement_note(topic, frame))
     placed = replace(
-        motion, xy_m=placing.points_in_map(motion.xy_m), heading_rad=placing.headings_in_map(motion.heading_rad)
+        motion, xy_m=placing.points_in_map_m(motion.xy_m), heading_rad=placing.headings_in_map_rad(motion.heading_rad)
     )
     with context.headline.label_rows_with_states(comparison_label(SYSTEM, reference.knowledge)):
         add_motion_errors(context, "system.ego.", placed, reference.motion)

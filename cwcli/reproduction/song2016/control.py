@@ -13,9 +13,9 @@ from cwcli.control.closed_loop import (
     replay_with_policy,
 )
 from cwcli.reproduction.classes import MeasuredNumber
-from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_with_interval
+from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_and_interval_bounds
 from cwcli.reproduction.song2016.methods import MODEL_BY_FAMILY
-from cwcli.reproduction.song2016.warning import OUR_METHOD, WarningMoments, typical_seed
+from cwcli.reproduction.song2016.warning import OUR_METHOD, WarningMoments, most_typical_seed_or_zero
 from cwcli.simulation.scenario import HOST_NAME, Scenario
 
 MOTION_GRID_STEP_S = 0.01
@@ -36,7 +36,7 @@ METHOD_LABELS = {family: f"constant {family}" for family in MODEL_BY_FAMILY} | {
 """Method -> its label in plots."""
 
 
-def control_part(name: str, moments: WarningMoments) -> StudyPart:
+def braking_control_part(name: str, moments: WarningMoments) -> StudyPart:
     """Replay one scenario under control, for each family's warning moments over all seeds."""
     host = true_recorded_motion(moments.scenario, HOST_NAME)
     other = true_recorded_motion(moments.scenario, moments.other)
@@ -66,7 +66,7 @@ def control_part(name: str, moments: WarningMoments) -> StudyPart:
         "driver brakes 1.5 s after the jerk model's warning": driver.min_distance_m,
     }
     measured += [
-        MeasuredNumber(figure, f"{name}: {what}, least distance, median", *median_with_interval(values))
+        MeasuredNumber(figure, f"{name}: {what}, least distance, median", *median_and_interval_bounds(values))
         for what, values in least.items()
     ]
     medians = {family: float(np.median(outcomes[family].min_distance_m)) for family in MODEL_BY_FAMILY}
@@ -101,7 +101,7 @@ def true_recorded_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
 def _control_plots(name: str, outcomes: dict[str, ReplayedRuns], moments: WarningMoments) -> tuple[Plot, ...]:
     """Plot distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
     distance, speed = FIGURES_BY_SCENARIO[name]
-    seed = typical_seed(moments)
+    seed = most_typical_seed_or_zero(moments)
     shown = (moments.ideal_s - 1.0, moments.ideal_s + 6.0)
     first = next(iter(outcomes.values()))
     rows = (first.time_s >= shown[0]) & (first.time_s <= shown[1])

@@ -14,7 +14,7 @@ from cwcli.dynamics.riccati import steady_predicted_covariance
 from cwcli.estimation.song2016 import SAMPLING_TIME_S, filtered_states_and_covariances_of_matrix, trailing_slope
 from cwcli.metrics.intervals import normal_interval
 from cwcli.reproduction.classes import MeasuredNumber
-from cwcli.reproduction.findings import StudyPart, median_with_interval
+from cwcli.reproduction.findings import StudyPart, median_and_interval_bounds
 from cwcli.reproduction.song2016.estimation import (
     PERCENT_OF_G_PER_MPS2,
     QUANTITY_LABELS,
@@ -49,7 +49,7 @@ PRINTED_HORIZON_S = 2.9
 """Horizon of figure 7's printed error, in s."""
 
 
-def stationary_sigmas(step_sigmas: FloatArray) -> FloatArray:
+def stationary_filter_sigmas(step_sigmas: FloatArray) -> FloatArray:
     """Return the sigmas (5,) of the paper's filter at rest on a straight, for a diagonal Q.
 
     Args:
@@ -64,21 +64,23 @@ def stationary_sigmas(step_sigmas: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt([(variance[0] + variance[1]) / 2, *variance[2:]]))
 
 
-def fit_diagonal_noise() -> FloatArray:
-    """Return the roots of Q's diagonal, shape (5,), for which `stationary_sigmas` are the printed ones (Newton)."""
+def fit_diagonal_noise_sigmas() -> FloatArray:
+    """Return the roots of Q's diagonal, (5,), for which `stationary_filter_sigmas` are the printed ones (Newton)."""
     logs = np.log(FIRST_GUESS)
     for _ in range(MAX_FIT_STEPS):
-        error = np.log(stationary_sigmas(np.exp(logs)) / PRINTED_SIGMAS)
+        error = np.log(stationary_filter_sigmas(np.exp(logs)) / PRINTED_SIGMAS)
         if np.abs(error).max() < 1e-10:
             break
-        moved = [np.log(stationary_sigmas(np.exp(logs + step)) / PRINTED_SIGMAS) - error for step in 1e-5 * np.eye(5)]
+        moved = [
+            np.log(stationary_filter_sigmas(np.exp(logs + step)) / PRINTED_SIGMAS) - error for step in 1e-5 * np.eye(5)
+        ]
         logs = logs - np.linalg.solve(np.array(moved).T / 1e-5, error)
     return np.asarray(np.exp(logs))
 
 
 def fitted_noise_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
     """Compute the fitted Q, its covariance at rest, and the errors of the paper's filter with it on both drives."""
-    fitted = fit_diagonal_noise()
+    fitted = fit_diagonal_noise_sigmas()
     scales = (1.0, 1.0, np.degrees(1.0), PERCENT_OF_G_PER_MPS2, np.degrees(1.0))
     measured = [
         MeasuredNumber(FIGURE, f"fitted Q: {label} a step", float(value))
@@ -86,7 +88,7 @@ def fitted_noise_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
     ]
     measured += [
         MeasuredNumber(FIGURE, f"fitted Q: sigma of the {label} at rest", float(scale * value))
-        for label, scale, value in zip(QUANTITY_LABELS.values(), scales, stationary_sigmas(fitted), strict=True)
+        for label, scale, value in zip(QUANTITY_LABELS.values(), scales, stationary_filter_sigmas(fitted), strict=True)
     ]
     for name in ("straight", "curve"):
         scenario = load_scenario(name)
@@ -125,7 +127,7 @@ def slope_window_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
     measured = []
     for window in SLOPE_WINDOWS:
         what = f"straight: largest error of constant jerk, {PRINTED_HORIZON_S:g} s ahead, slope over {window} samples"
-        measured.append(MeasuredNumber("fig 7", what, *median_with_interval(np.array(largest[window]))))
+        measured.append(MeasuredNumber("fig 7", what, *median_and_interval_bounds(np.array(largest[window]))))
         what = f"straight: mean error of constant jerk, {PREDICTION_HORIZON_S:g} s ahead, slope over {window} samples"
-        measured.append(MeasuredNumber("fig 7", what, *median_with_interval(np.array(means[window]))))
+        measured.append(MeasuredNumber("fig 7", what, *median_and_interval_bounds(np.array(means[window]))))
     return StudyPart(tuple(measured))

@@ -12,8 +12,8 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.reproduction.classes import MeasuredNumber
-from cwcli.reproduction.expectations import printed_number
-from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_with_interval
+from cwcli.reproduction.expectations import printed_number_or_nan
+from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_and_interval_bounds
 from cwcli.reproduction.song2016.methods import (
     MODEL_BY_FAMILY,
     PREDICTION_HORIZON_S,
@@ -32,7 +32,7 @@ FIGURE_BY_SCENARIO = {"straight": "fig 3", "curve": "fig 5"}
 """Scenario -> the paper's figure."""
 OUR_METHOD = "cwcli"
 """Key of our default model among the methods."""
-WARM_UP_S = 2.0
+MIN_PREDICTION_START_S = 2.0
 """Earlier starts are left out, in s, because the filters have not settled. Chosen by hand; not fitted."""
 
 
@@ -97,7 +97,7 @@ def compute_prediction_errors(name: str, n_seeds: int, tick: Callable[[], None])
     )
 
 
-def prediction_part(name: str, errors: PredictionErrors) -> StudyPart:
+def prediction_errors_part(name: str, errors: PredictionErrors) -> StudyPart:
     """Compute figure 3 or 5: the order of the families, in the mean and in the maximum, and our default."""
     figure = FIGURE_BY_SCENARIO[name]
     measured: list[MeasuredNumber] = []
@@ -105,7 +105,7 @@ def prediction_part(name: str, errors: PredictionErrors) -> StudyPart:
     for method in ("jerk", "acceleration", "speed", OUR_METHOD):
         label = "our default" if method == OUR_METHOD else f"constant {method}"
         for kind, values in (("mean", errors.mean_m[method]), ("largest", errors.max_m[method])):
-            found = median_with_interval(values)
+            found = median_and_interval_bounds(values)
             measured.append(MeasuredNumber(figure, f"{name}: {kind} error, {label}", *found))
             if method != OUR_METHOD:
                 medians[kind].append(found[0])
@@ -116,7 +116,9 @@ def prediction_part(name: str, errors: PredictionErrors) -> StudyPart:
     marks = {}
     if name == "curve":
         marks = {
-            f"curve {label}, printed": printed_number("song2016", "fig 4", f"curve: half of its curvature is {what} at")
+            f"curve {label}, printed": printed_number_or_nan(
+                "song2016", "fig 4", f"curve: half of its curvature is {what} at"
+            )
             for label, what in (("begins", "reached"), ("ends", "left"))
         }
     plot = Plot(
@@ -130,17 +132,19 @@ def prediction_part(name: str, errors: PredictionErrors) -> StudyPart:
     return StudyPart(tuple(measured), (plot,))
 
 
-def horizon_part(errors: PredictionErrors) -> StudyPart:
+def prediction_horizons_part(errors: PredictionErrors) -> StudyPart:
     """Compute figure 7: the jerk model at three horizons on the straight scenario."""
     measured = [
         MeasuredNumber(
-            "fig 7", f"straight: largest error of constant jerk, {horizon:g} s ahead", *median_with_interval(values)
+            "fig 7",
+            f"straight: largest error of constant jerk, {horizon:g} s ahead",
+            *median_and_interval_bounds(values),
         )
         for horizon, values in errors.horizon_max_m.items()
     ]
     growth = errors.horizon_max_m[COMPARED_HORIZONS_S[-1]] / errors.horizon_max_m[PREDICTION_HORIZON_S]
     what = f"straight: largest error {COMPARED_HORIZONS_S[-1]:g} s ahead over that {PREDICTION_HORIZON_S:g} s ahead"
-    measured.append(MeasuredNumber("fig 7", what, *median_with_interval(growth)))
+    measured.append(MeasuredNumber("fig 7", what, *median_and_interval_bounds(growth)))
     plot = Plot(
         "fig 7",
         "straight: position error of constant jerk at three horizons (first seed)",
@@ -149,7 +153,7 @@ def horizon_part(errors: PredictionErrors) -> StudyPart:
         [Curve(f"{h:g} s", time_s, error_m) for h, (time_s, error_m) in errors.horizon_example_m.items()],
         level=(
             "printed maximum, 2.9 s",
-            printed_number("song2016", "fig 7", "straight: largest error of constant jerk, 2.9 s ahead"),
+            printed_number_or_nan("song2016", "fig 7", "straight: largest error of constant jerk, 2.9 s ahead"),
         ),
     )
     return StudyPart(tuple(measured), (plot,))
@@ -179,7 +183,7 @@ def filtered_path_part() -> StudyPart:
 
 def _printed_circle_curve(state: FloatArray) -> Curve:
     """Return the circle of the printed radius that touches the car's way, to its left, at a state (6,)."""
-    radius_m = printed_number("song2016", "fig 4", "curve: radius")
+    radius_m = printed_number_or_nan("song2016", "fig 4", "curve: radius")
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     x_m = state[0] + radius_m * (np.cos(angle) - np.sin(state[3]))
     y_m = state[1] + radius_m * (np.sin(angle) + np.cos(state[3]))
@@ -190,7 +194,7 @@ def starts_and_error_function(
     time_s: FloatArray, end_s: float, horizon_s: float, true_state: Callable[[FloatArray], FloatArray]
 ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
     """Return the starts whose outcome is known, and a function from points (n, 2) of all starts to errors."""
-    rows = np.flatnonzero((time_s >= WARM_UP_S) & (time_s + horizon_s <= end_s + 1e-9))
+    rows = np.flatnonzero((time_s >= MIN_PREDICTION_START_S) & (time_s + horizon_s <= end_s + 1e-9))
     actual = true_state(time_s[rows] + horizon_s)[:, :2]
     return time_s[rows], lambda points: np.asarray(np.hypot(*(points[rows] - actual).T))
 

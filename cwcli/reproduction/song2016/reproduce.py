@@ -9,22 +9,22 @@ from cwcli.process_pool import process_pool
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
 from cwcli.reproduction.request import ReproductionRequest
-from cwcli.reproduction.song2016.control import control_part
+from cwcli.reproduction.song2016.control import braking_control_part
 from cwcli.reproduction.song2016.estimation import table1_part
 from cwcli.reproduction.song2016.fitted_noise import fitted_noise_part, slope_window_part
 from cwcli.reproduction.song2016.prediction import (
     compute_prediction_errors,
     filtered_path_part,
-    horizon_part,
-    prediction_part,
+    prediction_errors_part,
+    prediction_horizons_part,
 )
 from cwcli.reproduction.song2016.sensitivity import MAX_SENSITIVITY_SEEDS as MAX_SEEDS_OF_CHOICES
 from cwcli.reproduction.song2016.sensitivity import sensitivity_part
 from cwcli.reproduction.song2016.warning import (
     TRAP_SCENARIOS,
     count_false_warnings,
+    false_warning_trap_part,
     simulate_warning_moments,
-    trap_part,
     warning_moments_part,
 )
 
@@ -107,16 +107,16 @@ def _run_task(kind: str, name: str, n_seeds: int) -> tuple[list[StudyPart], list
         case "prediction":
             errors = compute_prediction_errors(name, n_seeds, ignore_tick)
             return [
-                prediction_part(name, errors),
-                horizon_part(errors) if name == "straight" else filtered_path_part(),
+                prediction_errors_part(name, errors),
+                prediction_horizons_part(errors) if name == "straight" else filtered_path_part(),
             ], []
         case "fitted":
             return [fitted_noise_part(n_seeds, ignore_tick), slope_window_part(n_seeds, ignore_tick)], []
         case "warnings":
             moments = simulate_warning_moments(name, n_seeds, ignore_tick)
-            return [warning_moments_part(name, moments), control_part(name, moments)], []
+            return [warning_moments_part(name, moments), braking_control_part(name, moments)], []
         case "sensitivity":
             part, section = sensitivity_part(name, n_seeds)
             return [part], [section]
         case _:
-            return [trap_part(name, count_false_warnings(name, n_seeds, ignore_tick), n_seeds)], []
+            return [false_warning_trap_part(name, count_false_warnings(name, n_seeds, ignore_tick), n_seeds)], []

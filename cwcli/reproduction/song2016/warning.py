@@ -12,8 +12,8 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.intervals import poisson_interval
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.reproduction.classes import MeasuredNumber
-from cwcli.reproduction.expectations import printed_number
-from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_with_interval
+from cwcli.reproduction.expectations import printed_number_or_nan
+from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_and_interval_bounds
 from cwcli.reproduction.song2016.methods import (
     MODEL_BY_FAMILY,
     PREDICTION_HORIZON_S,
@@ -138,22 +138,22 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
     measured = [MeasuredNumber(figure, "ideal moment", moments.ideal_s)]
     medians: dict[str, float] = {}
     for family in MODEL_BY_FAMILY:
-        found = median_with_interval(moments.warned_s_by_method[family])
+        found = median_and_interval_bounds(moments.warned_s_by_method[family])
         medians[family] = found[0]
         measured.append(MeasuredNumber(figure, f"{name}: warning, constant {family}, median", *found))
         silent = 100.0 * float(np.isnan(moments.warned_s_by_method[family]).mean())
         measured.append(MeasuredNumber(figure, f"{name}: runs without a warning, constant {family}", silent))
     in_order = is_strictly_increasing([medians[family] for family in ("jerk", "acceleration", "speed")])
     measured.append(MeasuredNumber(figure, f"{name}: jerk before acceleration before speed", float(in_order)))
-    found = median_with_interval(moments.warned_s_by_method[OUR_METHOD])
+    found = median_and_interval_bounds(moments.warned_s_by_method[OUR_METHOD])
     measured.append(MeasuredNumber(figure, f"{name}: warning, our default, median", *found))
     farther_s = abs(found[0] - moments.ideal_s) - abs(medians["jerk"] - moments.ideal_s)
     measured.append(
         MeasuredNumber(figure, f"{name}: our default farther from the ideal moment than jerk by", farther_s)
     )
-    found = median_with_interval(moments.warned_s_by_method[OUR_METHOD_ON_V2X])
+    found = median_and_interval_bounds(moments.warned_s_by_method[OUR_METHOD_ON_V2X])
     measured.append(MeasuredNumber(figure, f"{name}: warning, our default over the V2X link, median", *found))
-    seed = typical_seed(moments)
+    seed = most_typical_seed_or_zero(moments)
     half_s = HALF_WINDOW_S_BY_SCENARIO[name]
     plot = Plot(
         figure,
@@ -166,13 +166,13 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
                 moments.time_s,
                 values[seed],
                 float(moments.warned_s_by_method[family][seed]),
-                printed_number("song2016", figure, f"{name}: warning, constant {family}, median"),
+                printed_number_or_nan("song2016", figure, f"{name}: warning, constant {family}, median"),
             )
             for family, values in moments.distance_m.items()
         ],
         {
             "ideal moment": moments.ideal_s,
-            "ideal moment, printed": printed_number("song2016", figure, "ideal moment"),
+            "ideal moment, printed": printed_number_or_nan("song2016", figure, "ideal moment"),
         },
         ("collision", COLLISION_CENTRE_DISTANCE_M),
         x_range=(moments.ideal_s - half_s, moments.ideal_s + half_s),
@@ -181,7 +181,7 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
     return StudyPart(tuple(measured), (plot, _paths_from_above_plot(name, moments)))
 
 
-def typical_seed(moments: WarningMoments) -> int:
+def most_typical_seed_or_zero(moments: WarningMoments) -> int:
     """Return the seed in which all families and our default warn and are nearest to their medians; else 0."""
     when_s = np.column_stack([moments.warned_s_by_method[method] for method in (*MODEL_BY_FAMILY, OUR_METHOD)])
     everywhere = np.isfinite(when_s).all(axis=1)
@@ -214,7 +214,7 @@ def _closed_outline_m(state: FloatArray, length_m: float, width_m: float) -> Flo
     return np.concatenate([turned, np.full((1, 2), np.nan)])
 
 
-def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> StudyPart:
+def false_warning_trap_part(name: str, counts: dict[str, int], n_seeds: int) -> StudyPart:
     """Report the warnings in a trap of our default, which must stay silent, and of the paper's rule."""
     labels = {OUR_METHOD: "our default", "song2016": "the paper's rule"}
     return StudyPart(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.reproduction.classes import MeasuredNumber
-from cwcli.reproduction.expectations import load_expectations, printed_number
+from cwcli.reproduction.expectations import load_expectations, printed_number_or_nan
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.reproduction.xiang2019.reproduce import (
     N_LOOKS_PER_SENSOR,
@@ -106,7 +106,7 @@ def _numbers_of_radar_scenes(table: Table) -> list[MeasuredNumber]:
     ]
 
 
-def _numbers_of_looks(table: Table) -> list[MeasuredNumber]:
+def _numbers_by_look_count(table: Table) -> list[MeasuredNumber]:
     """Return the combined error by number of looks."""
     value, low, high = (_table_column(table, name) for name in ("error_m", "low_m", "high_m"))
     return [
@@ -136,7 +136,7 @@ NUMBER_EXTRACTORS = {
     "figure_6": _numbers_of_figure_6,
     "table_1": _numbers_of_table_1,
     "where": _numbers_of_radar_scenes,
-    "looks": _numbers_of_looks,
+    "looks": _numbers_by_look_count,
     "settings": _numbers_of_process_noises,
 }
 """Table -> the function that takes its numbers."""
@@ -168,7 +168,7 @@ def distance_errors_plot(table: Table) -> Plot:
     together = expected["error of both together, largest of the five distances"].paper_range
     assert together is not None
     for sensor in SENSOR_NAMES:
-        worse_percent = printed_number(
+        worse_percent = printed_number_or_nan(
             "xiang2019", "fig 6", f"{sensor} alone is worse by, four looks averaged, largest"
         )
         most_m = together[1] * (1.0 + 0.01 * worse_percent)

@@ -77,7 +77,7 @@ def _append_row(table: Table, **cells: float | str) -> None:
         table.setdefault(name, []).append(value)  # type: ignore[arg-type]
 
 
-def _mean_with_interval(values: FloatArray) -> tuple[float, float, float]:
+def _mean_and_interval_bounds(values: FloatArray) -> tuple[float, float, float]:
     """Return the mean of values and its 95 % interval."""
     low, high = normal_interval(values)
     return float(np.mean(values)), low, high
@@ -106,7 +106,7 @@ def distance_error_table(n_seeds: int) -> Table:
                 np.abs(radar_m).mean(),
                 abs(np.hypot(state[0], state[1]) - true_m),
             )
-        lidar, radar, one_lidar, one_radar, both = (_mean_with_interval(errors[:, k]) for k in range(5))
+        lidar, radar, one_lidar, one_radar, both = (_mean_and_interval_bounds(errors[:, k]) for k in range(5))
         _append_row(
             table, range_m=true_m,
             lidar_error_m=lidar[0], radar_error_m=radar[0],
@@ -130,7 +130,7 @@ def combined_error_by_looks_table(n_seeds: int) -> Table:
                 detection_rows_of_scene(scene, SCENE_NOISE), replace(config, noise=1e-4)
             ).state[-1]
             errors[seed] = abs(np.hypot(state[0], state[1]) - 4.90)
-        mean, low, high = _mean_with_interval(errors)
+        mean, low, high = _mean_and_interval_bounds(errors)
         _append_row(table, looks=float(n_looks), error_m=mean, low_m=low, high_m=high)
     return table
 
@@ -172,7 +172,7 @@ def segment_error_table(n_seeds: int) -> Table:
         )
         for axis, label in enumerate("xy"):
             ekf, ukf = (1e3 * errors[f][:, axis] for f in ("ekf", "ukf"))
-            mean, low, high = _mean_with_interval(ekf - ukf)
+            mean, low, high = _mean_and_interval_bounds(ekf - ukf)
             _append_row(
                 table, segment=name, axis=label, ekf=float(ekf.mean()), ukf=float(ukf.mean()),
                 difference=mean, difference_low=low, difference_high=high, better=_filter_with_smaller_error(low, high),
@@ -247,7 +247,7 @@ def _append_radar_scene(
         n_seeds, truth, noise, PAPER_FILTER_CONFIG, round(10 * range_m + azimuth_deg), lidar=False
     )
     ekf, ukf = (errors[name].sum(axis=1) for name in ("ekf", "ukf"))
-    _, low, high = _mean_with_interval(ekf - ukf)
+    _, low, high = _mean_and_interval_bounds(ekf - ukf)
     _append_row(
         table, scene=scene, azimuth_sigma_deg=azimuth_deg,
         bend=range_m * noise.azimuth_rad**2 / (2.0 * noise.range_m),

@@ -10,16 +10,16 @@ import numpy as np
 from cwcli.reproduction.xiang2019.reproduce import SCENE_NOISE, Table
 from cwcli.signals.columns import FloatArray
 
-PAPER_GAIN_PCT = {"lidar": (20.0, 150.0), "radar": (50.0, 400.0)}
+PAPER_SINGLE_SENSOR_EXCESS_PCT = {"lidar": (20.0, 150.0), "radar": (50.0, 400.0)}
 """Sensor -> least and largest per cent by which it alone is worse than both (xiang2019, figure 6)."""
 MIN_LARGE_GAIN_PCT = 5.0
 """Gains of the UKF above this, in per cent, are named. Chosen by hand; not fitted."""
 EQUAL_MSE_PCT = 1.0
 """Filters whose mean square errors differ by less, in per cent, are practically the same.
 Chosen by hand; not fitted."""
-FARTHEST_TARGET_M = 25.0
+MAX_SEGMENT_RANGE_M = 25.0
 """All of the four segments lie within this range, in m."""
-SMALL_BEND_SIGMAS = 0.1
+NEGLIGIBLE_BEND_SIGMAS = 0.1
 """Below this bend, in range sigmas, the linearisation error is negligible. Chosen by hand; not fitted."""
 
 
@@ -42,14 +42,14 @@ def _sentences_of_table_1(table: Table) -> list[str]:
 
 def _sentences_of_figure_6(table: Table) -> list[str]:
     """Say what combining both sensors gains."""
-    gains = {sensor: _table_column(table, f"{sensor}_gain_pct") for sensor in PAPER_GAIN_PCT}
+    gains = {sensor: _table_column(table, f"{sensor}_gain_pct") for sensor in PAPER_SINGLE_SENSOR_EXCESS_PCT}
     helps = min(float(gain.min()) for gain in gains.values()) > 0.0
     each = ", ".join(
         f"four looks of the {sensor} alone are {gain.min():.0f} to {gain.max():.0f} % worse "
-        f"(paper: {PAPER_GAIN_PCT[sensor][0]:g} to {PAPER_GAIN_PCT[sensor][1]:g} %)"
+        f"(paper: {PAPER_SINGLE_SENSOR_EXCESS_PCT[sensor][0]:g} to {PAPER_SINGLE_SENSOR_EXCESS_PCT[sensor][1]:g} %)"
         for sensor, gain in gains.items()
     )
-    singles = {sensor: _table_column(table, f"{sensor}_single_gain_pct") for sensor in PAPER_GAIN_PCT}
+    singles = {sensor: _table_column(table, f"{sensor}_single_gain_pct") for sensor in PAPER_SINGLE_SENSOR_EXCESS_PCT}
     one = ", ".join(f"{sensor} {gain.min():.0f} to {gain.max():.0f} %" for sensor, gain in singles.items())
     both, level = _table_column(table, "combined_error_m"), float(_table_column(table, "paper_combined_below_m").min())
     reached = int((both < level).sum())
@@ -82,8 +82,11 @@ def _sentences_of_radar_scenes(table: Table) -> list[str]:
 
 def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
     """Explain why both filters are alike in the paper's scene; [] if they are not."""
-    bend = FARTHEST_TARGET_M * SCENE_NOISE.azimuth_rad**2 / (2.0 * SCENE_NOISE.range_m)
-    if abs(_ukf_mse_reduction_relative_to_ekf_percent(tables["table_1"])) >= EQUAL_MSE_PCT or bend >= SMALL_BEND_SIGMAS:
+    bend = MAX_SEGMENT_RANGE_M * SCENE_NOISE.azimuth_rad**2 / (2.0 * SCENE_NOISE.range_m)
+    if (
+        abs(_ukf_mse_reduction_relative_to_ekf_percent(tables["table_1"])) >= EQUAL_MSE_PCT
+        or bend >= NEGLIGIBLE_BEND_SIGMAS
+    ):
         return []
     errors = _table_column(tables["settings"], "ekf")
     gap, reach = (
@@ -92,7 +95,7 @@ def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
     )
     return [
         "Why: the circle of equal range bends away from the tangent that the EKF uses by r a^2 / 2, at "
-        f"{FARTHEST_TARGET_M:g} m in the paper's scene {bend:.4f} range sigmas. Both filters compute nearly the same "
+        f"{MAX_SEGMENT_RANGE_M:g} m in the paper's scene {bend:.4f} range sigmas. Both filters compute nearly the same "
         "there; "
         "the paper's gap can't come from the unscented transform.",
         f"Why: another process noise alone moves the EKF's mean square error between {errors.min():.2f} and "

@@ -27,7 +27,7 @@ from cwcli.prediction.lateral import (
 from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.prediction.paths import Paths
 from cwcli.reproduction.classes import MeasuredNumber
-from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_with_interval
+from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_and_interval_bounds
 from cwcli.reproduction.zhang2011.pictures import frame_with_boundaries_plot
 from cwcli.reproduction.zhang2011.rendered import RenderedDrive, RenderSettings, sense_rendered_drive
 from cwcli.signals.columns import FloatArray
@@ -43,7 +43,7 @@ FRAMES_PER_TRACK = 20
 """Frames of one track: 2 s at 10 Hz, as in the paper."""
 N_SETTLING_FRAMES = 20
 """Earlier frames are not judged, because the observers have not settled. Chosen by hand; not fitted."""
-EXAMPLE_FRAME = 150
+FIRST_PLOTTED_FRAME = 150
 """The frame at which the plots begin. Chosen by hand; not fitted."""
 MAX_DRIVE_SEEDS = 20
 """The greatest number of seeds of a figure. Chosen by hand; not fitted."""
@@ -85,7 +85,7 @@ BAND_SHARE_NAME = "share of the truth in the 90 % band at 2 s"
 """The name of the band's share among the numbers."""
 
 
-def observer_methods() -> dict[str, tuple[ObserverConfig, str, bool]]:
+def observer_path_model_and_gyro_by_method() -> dict[str, tuple[ObserverConfig, str, bool]]:
     """Return name -> observer, path model, and whether the gyroscope is used.
 
     All are told half load, as the paper's is. The load is not estimated: that takes lanes without errors that last, and
@@ -98,7 +98,7 @@ def observer_methods() -> dict[str, tuple[ObserverConfig, str, bool]]:
     }
 
 
-def drive_part(
+def drive_errors_part(
     figure: str, n_seeds: int, tick: Callable[[], None] = lambda: None, *, lane_method: str | None = None
 ) -> StudyPart:
     """Compute one figure over seeds 0, 1, 2, ...: medians over the seeds.
@@ -114,7 +114,7 @@ def drive_part(
     start = np.full(n, drive.start_kmh * MPS_PER_KMH)
     runs = LaneRuns(start, np.zeros(n), np.full(n, np.inf), drive.accel_mps2, drive.duration_s)
     truth = simulate_lane_runs(WINDING_ROAD, half.with_load(drive.load), runs, seed=0)
-    values: dict[str, dict[str, list[float]]] = {name: {} for name in observer_methods()}
+    values: dict[str, dict[str, list[float]]] = {name: {} for name in observer_path_model_and_gyro_by_method()}
     curves: list[Curve] = []
     pictures: list[Plot] = []
     for run in range(n):
@@ -125,7 +125,7 @@ def drive_part(
             look = RenderSettings(rate_hz=FRAME_RATE_HZ)
             rendered = sense_rendered_drive(truth, run, WINDING_ROAD, half, settings=look, method=lane_method, seed=run)
             sensed = rendered.sensed
-        for name, (config, model, with_gyro) in observer_methods().items():
+        for name, (config, model, with_gyro) in observer_path_model_and_gyro_by_method().items():
             track = observe_lateral_motion(
                 sensed.lanes, sensed.speed, half, config, yaw_rate=sensed.yaw_rate if with_gyro else None
             )
@@ -145,7 +145,7 @@ def drive_part(
             curves[:0] = _road_and_track_curves(truth, sensed, run)
         tick()
     measured = [
-        MeasuredNumber(figure, f"{seen}{name}: {what}", *median_with_interval(np.array(found)))
+        MeasuredNumber(figure, f"{seen}{name}: {what}", *median_and_interval_bounds(np.array(found)))
         for name, each in values.items()
         for what, found in each.items()
     ]
@@ -183,7 +183,7 @@ def _boundary_from_parabola(abc: FloatArray) -> Boundary:
 
 def _predicted_path_plot(figure: str, rendered: RenderedDrive, paths: Paths) -> Plot:
     """Plot figure 17b, 18b or 19b: a frame with its boundaries and the path of the next 2 s."""
-    k = EXAMPLE_FRAME
+    k = FIRST_PLOTTED_FRAME
     camera = rendered.drive.camera
     x_m, y_m = paths.x_m[k] - load_vehicle().camera_forward_m, paths.y_m[k]
     u, v = camera.project_to_image_px(x_m, y_m, np.zeros(len(x_m)))
@@ -250,9 +250,9 @@ def _observed_track_curve(
     name: str, track: LateralTrack, truth: LaneDriveTruth, sensed: SensedDrive, run: int
 ) -> Curve:
     """Return the observed track of the example, placed at the true pose."""
-    rows = slice(EXAMPLE_FRAME, EXAMPLE_FRAME + FRAMES_PER_TRACK + 1)
+    rows = slice(FIRST_PLOTTED_FRAME, FIRST_PLOTTED_FRAME + FRAMES_PER_TRACK + 1)
     x, y, heading = (values[rows] for values in dead_reckon_x_y_m_and_heading_rad(track))
-    at = sensed.index[EXAMPLE_FRAME]
+    at = sensed.index[FIRST_PLOTTED_FRAME]
     turn = truth.yaw_rad[at, run] - heading[0]
     dx, dy = x - x[0], y - y[0]
     return Curve(
@@ -264,7 +264,7 @@ def _observed_track_curve(
 
 def _road_and_track_curves(truth: LaneDriveTruth, sensed: SensedDrive, run: int) -> list[Curve]:
     """Return the actual track of the example and both boundaries of the lane."""
-    index = sensed.index[EXAMPLE_FRAME : EXAMPLE_FRAME + FRAMES_PER_TRACK + 1]
+    index = sensed.index[FIRST_PLOTTED_FRAME : FIRST_PLOTTED_FRAME + FRAMES_PER_TRACK + 1]
     table, x, y, direction = WINDING_ROAD.centre_line_table(float(truth.station_m.max()) + 100.0)
     station = truth.station_m[index, run]
     centre_x, centre_y, along = (np.interp(station, table, values) for values in (x, y, direction))

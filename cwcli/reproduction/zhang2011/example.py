@@ -24,7 +24,7 @@ from cwcli.dynamics.single_track import preview_state_matrices, understeer_gradi
 from cwcli.dynamics.steering import dynamic_to_kinematic_steering_ratio
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.reproduction.classes import MeasuredNumber
-from cwcli.reproduction.expectations import printed_number
+from cwcli.reproduction.expectations import printed_number_or_nan
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
@@ -135,7 +135,7 @@ def worked_example_part() -> StudyPart:
     kmh = np.linspace(0.0, 160.0, 81)
     factor = np.array([float(dynamic_to_kinematic_steering_ratio(car, v)) for v in kmh * MPS_PER_KMH])
     printed_kmh = np.arange(0.0, 161.0, 10.0)
-    printed = 1.0 + printed_number("zhang2011", *CORRECTION_NUMBER) * (printed_kmh * MPS_PER_KMH) ** 2
+    printed = 1.0 + printed_number_or_nan("zhang2011", *CORRECTION_NUMBER) * (printed_kmh * MPS_PER_KMH) ** 2
     curves = [
         Curve("f(v)", kmh, factor),
         Curve("printed: 1 + 0.000843 v^2", printed_kmh, printed, is_points=True),
@@ -154,7 +154,10 @@ def _observer_gain_numbers() -> list[MeasuredNumber]:
     bank = design_observer_bank(load_vehicle(), ObserverConfig("zhang2011"), FRAME_PERIOD_S)
     measured, poles = [], []
     for kmh in OBSERVER_SPEEDS_KMH:
-        readings = {"": curvature_noise_gain(kmh), ", R1 on all states": bank.gain[_bank_index_of_speed(kmh)]}
+        readings = {
+            "": filter_gain_with_curvature_noise(kmh),
+            ", R1 on all states": bank.gain[_bank_index_of_speed(kmh)],
+        }
         measured += [
             MeasuredNumber(
                 "eq 17",
@@ -169,7 +172,7 @@ def _observer_gain_numbers() -> list[MeasuredNumber]:
             "printed": np.array(PRINTED_GAIN_BY_SPEED[kmh]),
             "with R1 on the curvature": predictor_gain(kmh)[2:],
         }.items():
-            of_lane = lane_transition(kmh) - gain
+            of_lane = lane_state_transition_matrix(kmh) - gain
             poles.append(
                 MeasuredNumber(
                     "eq 17",
@@ -180,7 +183,7 @@ def _observer_gain_numbers() -> list[MeasuredNumber]:
     return measured + poles
 
 
-def curvature_noise_gain(kmh: float) -> FloatArray:
+def filter_gain_with_curvature_noise(kmh: float) -> FloatArray:
     """Return the filter's gain (4, 2) at rest with R1 as one number, the variance of the curvature input alone.
 
     The car's states v_y and gamma do not depend on the curvature and are stable, so their rows are exactly zero.
@@ -191,12 +194,12 @@ def curvature_noise_gain(kmh: float) -> FloatArray:
 
 
 def predictor_gain(kmh: float) -> FloatArray:
-    """Return the gain (4, 2) of the predictor of the next state, Phi K, for `curvature_noise_gain`."""
+    """Return the gain (4, 2) of the predictor of the next state, Phi K, for `filter_gain_with_curvature_noise`."""
     phi, _ = _example_transition_and_input(kmh)
-    return np.asarray(phi @ curvature_noise_gain(kmh))
+    return np.asarray(phi @ filter_gain_with_curvature_noise(kmh))
 
 
-def lane_transition(kmh: float) -> FloatArray:
+def lane_state_transition_matrix(kmh: float) -> FloatArray:
     """Return the part (2, 2) of the transition matrix that leads from y_L and e_L to themselves."""
     return np.asarray(_example_transition_and_input(kmh)[0][2:, 2:])
 

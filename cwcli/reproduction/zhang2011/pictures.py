@@ -74,7 +74,7 @@ class PreparedFrame:
     responses: BlockResponses
 
 
-def search_rates_part() -> StudyPart:
+def crossover_and_mutation_rates_part() -> StudyPart:
     """Compute figures 3 to 8, and plot the objective over the generations for all of their rates."""
     drives = iter_set_drives(EXAMPLE_ROAD_SET, N_SEARCHED_FRAMES, seed=HELD_OUT_SEED, n_frames=2)
     seen = [

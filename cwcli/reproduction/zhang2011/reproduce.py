@@ -10,13 +10,17 @@ from cwcli.process_pool import process_pool
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
 from cwcli.reproduction.request import ReproductionRequest
-from cwcli.reproduction.zhang2011.drives import DRIVE_BY_FIGURE, MAX_DRIVE_SEEDS, drive_part
+from cwcli.reproduction.zhang2011.drives import DRIVE_BY_FIGURE, MAX_DRIVE_SEEDS, drive_errors_part
 from cwcli.reproduction.zhang2011.example import printed_tables_part, worked_example_part
 from cwcli.reproduction.zhang2011.labelled import LABELLED_FRAMES_FIGURE as LABELLED
 from cwcli.reproduction.zhang2011.labelled import labelled_frames_part
 from cwcli.reproduction.zhang2011.lanes import run_lane_study
 from cwcli.reproduction.zhang2011.motion import simulated_run_part
-from cwcli.reproduction.zhang2011.pictures import RATES_BY_FIGURE, bend_and_straight_part, search_rates_part
+from cwcli.reproduction.zhang2011.pictures import (
+    RATES_BY_FIGURE,
+    bend_and_straight_part,
+    crossover_and_mutation_rates_part,
+)
 from cwcli.simulation.single_track import PAPER_RUNS
 from cwcli.vision.methods import DEFAULT_METHOD
 
@@ -50,10 +54,10 @@ def _run_other_parts(request: ReproductionRequest, n_rendered_drives: int) -> li
     tasks: dict[str, tuple[tuple[str, ...], Callable[[], StudyPart]]] = {}
     for figure in DRIVE_BY_FIGURE:
         if n_rendered_drives:
-            rendered = partial(drive_part, figure, n_rendered_drives, lane_method=DEFAULT_METHOD)
+            rendered = partial(drive_errors_part, figure, n_rendered_drives, lane_method=DEFAULT_METHOD)
             tasks[f"{figure}, rendered"] = (figure,), rendered
-        tasks[figure] = (figure,), partial(drive_part, figure, request.seeds)
-    tasks["search"] = tuple(RATES_BY_FIGURE), search_rates_part
+        tasks[figure] = (figure,), partial(drive_errors_part, figure, request.seeds)
+    tasks["search"] = tuple(RATES_BY_FIGURE), crossover_and_mutation_rates_part
     tasks["roads"] = ("fig 9", "fig 10"), bend_and_straight_part
     tasks["tables"] = ("table 1", "table 2", "table 3", "table 4", "table 5", "eq 5"), printed_tables_part
     tasks["worked example"] = ("eq 13", "fig 13", "eq 17", "eq 22"), worked_example_part

@@ -72,7 +72,7 @@ def test_changed_code_uses_nothing_of_it(
     tmp_path: Path, driven: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     margins(tmp_path, ConformConfig(1, 1))
-    monkeypatch.setattr("cwcli.conformance.cache.code_version", lambda: "another")
+    monkeypatch.setattr("cwcli.conformance.cache.code_and_numpy_hash", lambda: "another")
     driven.clear()
     margins(tmp_path, ConformConfig(1, 1))
     assert len(driven) == N_TRIALS
@@ -83,7 +83,7 @@ def test_a_verdict_comes_back_as_it_was_and_a_cut_line_is_run_again(
 ) -> None:
     cache = RepetitionCache(str(tmp_path))
     kept = Repetition("7", Verdict(math.nan, "", "no warning", {"warned_s": math.nan, "latest_s": -math.inf}, True))
-    cache.add([("a", kept), ("b", replace(kept, label="8"))])
+    cache.add_repetitions([("a", kept), ("b", replace(kept, label="8"))])
     text = cache.path.read_text()
     cache.path.write_text(text[: text.rindex("label")])
     read = RepetitionCache(str(tmp_path))
@@ -105,7 +105,7 @@ def test_a_plug_in_s_rule_is_never_kept(
 def test_keys_differ_between_all_trials_and_seeds() -> None:
     clause = load_clause("un-r152")
     keys = {
-        repetition_key(run._key_parts(clause, k, ConformConfig()), seed)
+        repetition_key(run._cache_key_parts(clause, k, ConformConfig()), seed)
         for k in range(len(clause.trials))
         for seed in range(3)
     }

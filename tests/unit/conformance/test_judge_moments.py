@@ -11,7 +11,7 @@ from cwcli.conformance.clause import Clause, Trial, load_clause, require_judge_m
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.lane_trials import DRIFT_START_S, simulate_lane_trial
 from cwcli.conformance.online import build_trial_scenario, true_encounter
-from cwcli.conformance.scenes import APPROACH_S, SCENES
+from cwcli.conformance.scenes import APPROACH_START_TTC_S, SCENES
 from cwcli.conformance.verdict import DrivenTrial, JudgedMotion, RaisedWarning, Verdict
 
 TRUTH_STEP_S = 0.01
@@ -67,7 +67,7 @@ def test_an_approach_at_constant_speeds_has_the_published_moments(name: str) -> 
     trials = [trial for trial in clause.trials if trial.scene == "approach"]
     assert trials
     for trial in trials:
-        start_s = trial.given.get("approach_time", APPROACH_S)
+        start_s = trial.given.get("approach_time", APPROACH_START_TTC_S)
         closing_mps = trial.given["host_speed"] - trial.given.get("other_speed", 0.0)
         longest_s, shortest_s = needed_ttc_s(trial, closing_mps)
         assert_turns_at(trial, encounter_of(trial, clause), start_s - longest_s, start_s - shortest_s)
@@ -109,6 +109,6 @@ def test_full_braking_after_the_latest_warning_takes_the_distance_that_is_left(n
     encounter = encounter_of(trial, clause)
     speed_mps = trial.given["host_speed"]
     least_s = speed_mps / (2.0 * 9.81)  # with 1 g
-    contact_s = trial.given.get("approach_time", APPROACH_S)
+    contact_s = trial.given.get("approach_time", APPROACH_START_TTC_S)
     assert not verdict_at(trial, encounter, contact_s - least_s).is_pass
     assert verdict_at(trial, encounter, contact_s - speed_mps / (2.0 * 7.0) - 0.5).is_pass

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from cwcli.digest.lines import LABEL_WIDTH, Block, doubt_block, format_blocks, shorten_path
+from cwcli.digest.lines import LABEL_WIDTH, Block, format_blocks, shorten_path, trust_or_doubt_block
 from cwcli.evaluation.doubts.base import Doubt
 from cwcli.text import terminal_cells_of_text
 
@@ -58,7 +58,9 @@ def test_no_line_is_wider_than_the_terminal_and_none_is_forged(sentence: str, wi
 
 
 def test_worst_doubt_is_said_and_the_others_are_named() -> None:
-    block = doubt_block([doubt("fixes", "The track lies."), doubt("late", "X."), doubt("late", "Y.")], ("no truth",))
+    block = trust_or_doubt_block(
+        [doubt("fixes", "The track lies."), doubt("late", "X."), doubt("late", "Y.")], ("no truth",)
+    )
     assert block.label == "doubt"
     assert block.sentences == (
         "Do not trust this as it is: the track lies.",
@@ -69,14 +71,14 @@ def test_worst_doubt_is_said_and_the_others_are_named() -> None:
 
 def test_corrected_sensor_is_checked_and_not_distrusted() -> None:
     corrected = replace(doubt("correction", "The speed is in km/h: converted."), is_repaired=True)
-    block = doubt_block([corrected], ())
+    block = trust_or_doubt_block([corrected], ())
     assert block.label == "check"
     assert block.sentences[0] == "A wrong sensor was corrected: the speed is in km/h: converted."
-    assert doubt_block([corrected, doubt("fixes", "The track lies.")], ()).label == "doubt"
+    assert trust_or_doubt_block([corrected, doubt("fixes", "The track lies.")], ()).label == "doubt"
 
 
 def test_without_a_doubt_the_errors_are_said() -> None:
-    block = doubt_block([], ("It errs by 1 m.",))
+    block = trust_or_doubt_block([], ("It errs by 1 m.",))
     assert (block.label, block.sentences) == ("trust", ("No reason for doubt was found.", "It errs by 1 m."))
 
 

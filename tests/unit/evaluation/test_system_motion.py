@@ -298,7 +298,7 @@ def test_placing_finds_a_turn_and_a_shift_and_no_turn_of_a_parked_car() -> None:
     onto[3] = np.nan
     found = fit_frame_placement(points, onto)
     assert found is not None
-    np.testing.assert_allclose(found.points_in_map(points)[4:], onto[4:], atol=1e-9)
+    np.testing.assert_allclose(found.points_in_map_m(points)[4:], onto[4:], atol=1e-9)
     assert found.turn_rad == pytest.approx(2.5)
     parked = fit_frame_placement(0.01 * points, 0.01 * points[::-1] + 5.0)
     assert parked is not None

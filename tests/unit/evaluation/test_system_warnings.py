@@ -12,7 +12,7 @@ from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.evaluation.actual_outcomes import find_actual_outcomes
 from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_TRUE, VERDICT_UNDECIDED, judge_warning
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.evaluation.scored_warnings import count_verdicts
+from cwcli.evaluation.scored_warnings import score_warning_verdicts
 from cwcli.evaluation.system.flag import read_flag_from_topic
 from cwcli.evaluation.system.warnings import judge_flag_warnings
 from cwcli.evaluation.system_topics import parse_other_system_options
@@ -105,7 +105,7 @@ def test_with_one_vehicle_a_flag_is_judged_like_cwclis_own_warnings(tmp_path: Pa
     assert [(each.kind, each.conflict is not None) for each in found.judged] == [
         (each.kind, each.conflict_index >= 0) for each in verdicts
     ]
-    expected = count_verdicts([verdicts], n_conflicts=1, host_hours=real.host_hours)
+    expected = score_warning_verdicts([verdicts], n_conflicts=1, host_hours=real.host_hours)
     assert found.scores == expected
     assert {VERDICT_FALSE, VERDICT_TRUE, VERDICT_UNDECIDED} <= {each.kind for each in found.judged}
 

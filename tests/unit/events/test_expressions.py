@@ -12,8 +12,8 @@ import pytest
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.events.quantities import window_values
-from cwcli.events.search import find_in_log, parse_query
+from cwcli.events.quantities import trailing_window_values
+from cwcli.events.search import find_events_in_log, parse_query
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
 
@@ -61,13 +61,13 @@ def ramp(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 def test_spans_by_hand(ramp: Path, text: str, spans: list[tuple[float, float]]) -> None:
     with Log.open(ramp) as log:
-        found = find_in_log(log, parse_query(text)).found
+        found = find_events_in_log(log, parse_query(text)).found
     assert [(each.start_s, each.start_s + each.duration_s) for each in found] == [pytest.approx(each) for each in spans]
 
 
 def test_value_is_the_extreme_and_severity_its_ratio(ramp: Path) -> None:
     with Log.open(ramp) as log:
-        (found,) = find_in_log(log, parse_query("ego.speed_mps > 4.95")).found
+        (found,) = find_events_in_log(log, parse_query("ego.speed_mps > 4.95")).found
     assert found.moment.value == pytest.approx(9.9, abs=0.001)
     assert found.moment.severity == pytest.approx(2.0, abs=0.001)
 
@@ -116,7 +116,7 @@ def test_nonsense_is_refused(text: str, words: str) -> None:
 )
 def test_what_the_log_lacks_is_named(ramp: Path, text: str, words: str) -> None:
     with Log.open(ramp) as log, pytest.raises(MissingSignalError) as caught:
-        find_in_log(log, parse_query(text))
+        find_events_in_log(log, parse_query(text))
     assert words in f"{caught.value} {caught.value.hint}"
 
 
@@ -131,7 +131,7 @@ def test_windows_equal_the_plain_ones(function: str) -> None:
         inside = values[: k + 1][times_ns[: k + 1] >= now - 2_000_000_000]
         known = inside[np.isfinite(inside)]
         expected.append(plain(known) if len(known) else np.nan)
-    np.testing.assert_allclose(window_values(values, times_ns, function, 2.0), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(trailing_window_values(values, times_ns, function, 2.0), expected, rtol=1e-9, atol=1e-12)
 
 
 def test_only_the_topics_that_are_asked_for_are_read(ramp: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,5 +144,5 @@ def test_only_the_topics_that_are_asked_for_are_read(ramp: Path, monkeypatch: py
 
     monkeypatch.setattr(Log, "load_topics", noting)
     with Log.open(ramp) as log:
-        find_in_log(log, parse_query("/status:left < 50"))
+        find_events_in_log(log, parse_query("/status:left < 50"))
     assert asked == {"/status"}

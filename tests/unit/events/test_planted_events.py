@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.events import EVENTS
-from cwcli.events.search import FoundEvent, find_in_log, parse_query
+from cwcli.events.search import FoundEvent, find_events_in_log, parse_query
 from cwcli.logs.read.reader import Log
 from tests.laws.planted_drives import PLANTS, planted_drive, quiet_drive, write_drive
 
@@ -24,7 +24,7 @@ PARTS = ("warning-true", "warning-late", "warning-undecided")
 
 def found_in(path: Path, text: str) -> tuple[FoundEvent, ...]:
     with Log.open(path) as log:
-        return find_in_log(log, parse_query(text), OTHER_SYSTEM).found
+        return find_events_in_log(log, parse_query(text), OTHER_SYSTEM).found
 
 
 @pytest.mark.parametrize("kind", PLANTS)

@@ -18,7 +18,7 @@ from cwcli.cli.commands.run import gather_default_options
 from cwcli.fleet import folder
 from cwcli.fleet import index as fleet_index
 from cwcli.fleet import run as fleet_run
-from cwcli.fleet.input_states import FileState, read_file_state, states_from_document, states_to_document
+from cwcli.fleet.input_states import FileState, file_states_from_run_times, file_states_to_document, read_file_state
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
 from cwcli.fleet.results import read_run_metrics
 from cwcli.fleet.run import run_fleet
@@ -191,14 +191,14 @@ def test_without_the_run_times_all_logs_are_read(runs: Runs) -> None:
 
 
 def test_states_survive_the_file_and_nothing_else_is_one() -> None:
-    document = json.loads(json.dumps({"inputs": states_to_document({"a": STATE})}))
-    assert states_from_document(document) == {"a": STATE}
+    document = json.loads(json.dumps({"inputs": file_states_to_document({"a": STATE})}))
+    assert file_states_from_run_times(document) == {"a": STATE}
     whole = STATE._asdict()
     values: Any
     for values in ([], None, {**whole, "inode": True}, {**whole, "inode": "2"}, {**whole, "more": 1}, {"inode": 2}):
-        assert states_from_document({"inputs": {"a": values, "b": whole}}) == {"b": STATE}
+        assert file_states_from_run_times({"inputs": {"a": values, "b": whole}}) == {"b": STATE}
     for document in (None, {}, {"inputs": []}):
-        assert states_from_document(document) == {}
+        assert file_states_from_run_times(document) == {}
 
 
 def test_only_a_regular_file_has_a_state(tmp_path: Path) -> None:

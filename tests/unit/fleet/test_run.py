@@ -197,7 +197,7 @@ def test_a_log_whose_entry_was_tampered_with_is_done_again(
         "key": plan.cache_key(EMPTY_SHA256),
     }
     whole = folder.write_entry(entry, [folder.annotated_log_path])
-    assert folder.is_done(whole, plan.cache_key(EMPTY_SHA256), has_tables=True)
+    assert folder.is_log_done_with_key(whole, plan.cache_key(EMPTY_SHA256), has_tables=True)
     write_json_object({**whole, **damage}, folder.annotated_log_path.parent / "entry.json")
     assert (
         process_log(LogTask("log", str(log), str(log), str(tmp_path)), plan).status == "failed"

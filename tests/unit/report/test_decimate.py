@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cwcli.report.decimate import (
-    decimate_band,
     first_row_per_grid_cell,
     min_max_row_indices,
+    reduce_band_to_rows_and_bounds,
     simplified_track_row_indices,
 )
 
@@ -58,7 +58,7 @@ def test_envelope_keeps_a_gap() -> None:
 def test_band_covers_every_sample() -> None:
     rng = np.random.default_rng(4)
     middle, sigma = rng.normal(size=3_000), rng.uniform(0.1, 1.0, 3_000)
-    rows, lower, upper = decimate_band(middle - sigma, middle + sigma, 60)
+    rows, lower, upper = reduce_band_to_rows_and_bounds(middle - sigma, middle + sigma, 60)
     for piece, low, high, row in zip(np.split(np.arange(3_000), 60), lower, upper, rows, strict=True):
         assert low == (middle - sigma)[piece].min()
         assert high == (middle + sigma)[piece].max()

@@ -17,7 +17,7 @@ from cwcli.report.pooled import (
     HISTOGRAM_WIDTH_PX,
     N_HISTOGRAM_BINS,
     SourceInLog,
-    build_histogram,
+    build_histogram_and_axis_ends,
     find_outlier_logs,
     min_outlier_sigma,
     pool_metrics,
@@ -52,7 +52,7 @@ def test_one_log_and_failed_ones_are_not_pooled() -> None:
 
 def test_bars_hold_every_log_and_far_ones_stand_at_the_ends() -> None:
     values = np.array([1.0, 1.1, 1.2, 1.3, 1.4, 500.0])
-    spread, low, high = build_histogram(values, "ego.position_rmse_m")
+    spread, low, high = build_histogram_and_axis_ends(values, "ego.position_rmse_m")
     assert sum(bar.n for bar in spread.bars) == 6
     # Quartiles by linear interpolation at places 1.25 and 3.75: 1.125 and 1.375; the axis ends at 1.375 + 3 x 0.25
     assert low == 1.0
@@ -66,7 +66,7 @@ def test_bars_hold_every_log_and_far_ones_stand_at_the_ends() -> None:
 
 @pytest.mark.parametrize("values", [[2.0, 2.0, 2.0], [0.0, 0.0], [5.0], [1.0, 1.0, 1.0, 1.0, 9.0]])
 def test_values_that_agree_have_bars_too(values: list[float]) -> None:
-    spread, low, high = build_histogram(np.array(values), "ego.position_rmse_m")
+    spread, low, high = build_histogram_and_axis_ends(np.array(values), "ego.position_rmse_m")
     assert sum(bar.n for bar in spread.bars) == len(values) and low < high
 
 
@@ -160,7 +160,7 @@ def test_where_most_logs_agree_ordinary_ones_do_not_stand_out() -> None:
 @pytest.mark.filterwarnings("error")
 def test_values_near_the_largest_number_are_drawn_at_the_ends() -> None:
     values = np.array([1e308, -1e308, 0.0, 5.0])
-    spread, low, high = build_histogram(values, "ego.position_rmse_m")
+    spread, low, high = build_histogram_and_axis_ends(values, "ego.position_rmse_m")
     assert sum(bar.n for bar in spread.bars) == 4 and math.isfinite(high - low)
     assert (spread.low, spread.high) == ("-1.000e+308", "1.000e+308")
     named = dict(zip("abcd", values.tolist(), strict=True))
