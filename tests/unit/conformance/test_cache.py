@@ -87,8 +87,8 @@ def test_a_verdict_comes_back_as_it_was_and_a_cut_line_is_run_again(
     text = cache.path.read_text()
     cache.path.write_text(text[: text.rindex("label")])
     read = RepetitionCache(str(tmp_path))
-    assert repr(read.get("a")) == repr(kept)
-    assert read.get("b") is None
+    assert repr(read.get_repetition("a")) == repr(kept)
+    assert read.get_repetition("b") is None
 
 
 def test_a_plug_in_s_rule_is_never_kept(
