@@ -47,7 +47,8 @@ def check_names_and_units(comparison: Comparison) -> None:
     for (one, unit), (other, other_unit) in itertools.pairwise(known):
         if unit != other_unit:
             raise UsageError(
-                f"{_operand_text_with_unit(one, unit)} can't be compared with {_operand_text_with_unit(other, other_unit)}"
+                f"{_operand_text_with_unit(one, unit)} can't be compared with "
+                f"{_operand_text_with_unit(other, other_unit)}"
             )
 
 
