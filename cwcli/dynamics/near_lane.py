@@ -23,7 +23,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import (
     LINE_END_DIRECTION_SINE,
     centre_arcs_of_lanes,
-    distance_to_direction_sine_m,
+    distance_ahead_to_direction_sine_m,
     y_direction_curvature_of_lane_centres_at_distance,
 )
 
@@ -73,7 +73,7 @@ def lane_at_nearer_preview(
     if lanes.lines is None or lanes.curvature_change_1pm2 is None:
         return lanes, whole_m, np.zeros(len(lanes))
     change_1pm2 = -np.nan_to_num(lanes.curvature_change_1pm2)
-    turned_m = distance_to_direction_sine_m(centre_arcs_of_lanes(lanes.lines), MAX_DIRECTION_SINE, change_1pm2)
+    turned_m = distance_ahead_to_direction_sine_m(centre_arcs_of_lanes(lanes.lines), MAX_DIRECTION_SINE, change_1pm2)
     nearest_m = MIN_PREVIEW_M + max(-camera_forward_m, 0.0)
     nearer_m = np.fmax(np.fmin(preview_m * slowness_ratio(speed_mps) ** -1.5, turned_m), nearest_m)
     at_m = np.minimum(nearer_m, preview_m)

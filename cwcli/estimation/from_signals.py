@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import Senders
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.signals.bsm_sender import latched_heading_mask, undo_low_pass_filter_and_noise_gain
+from cwcli.signals.bsm_sender import repeated_heading_at_standstill_mask, undo_low_pass_filter_and_noise_gain
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -159,7 +159,7 @@ def remote_station_to_measurements(
     covariance = _unpack_symmetric_2x2(remote.position_covariance_m2[rows])
     heading, accel, gain = remote.heading_rad[rows], remote.accel_mps2[rows], np.ones(len(rows))
     if senders == "j2945" and np.isfinite(remote.message_count[rows]).all():  # a CAM counts no messages
-        heading = np.where(latched_heading_mask(heading, remote.speed_mps[rows]), np.nan, heading)
+        heading = np.where(repeated_heading_at_standstill_mask(heading, remote.speed_mps[rows]), np.nan, heading)
         accel, gain = undo_low_pass_filter_and_noise_gain((stamp_ns - stamp_ns[0]) / NS_PER_S, accel)
     return [
         Measurements(

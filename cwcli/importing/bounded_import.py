@@ -22,7 +22,7 @@ from cwcli.importing.tables import AmbiguousError, Answers, Guess
 from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 
-FUNCTION = "cwcli.importing.bounded_import:import_files_of_request_and_report"
+FUNCTION = "cwcli.importing.bounded_import:import_requested_files_in_own_process"
 """The function that the process runs."""
 MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 400_000_000, 20
 """Memory of the process, and more for each byte of the files: a table is held as columns of numbers. Chosen by hand:
@@ -73,7 +73,7 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
         CwcliError: As `plan_import` and `write_import`; an `InputError` where the files take more than their bounds.
         BrokenPipeError: The reader of standard output has gone away.
     """
-    n_bytes = sum(map(_stored_bytes, {*files, *answers.dbc, answers.frame_times}))
+    n_bytes = sum(map(_bytes_on_disk_or_0, {*files, *answers.dbc, answers.frame_times}))
     name = ", ".join(files)
     has_video = any(load_kind("video").accepts(FileHead(path)) for path in files)
     memory_bytes = MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * n_bytes + (VIDEO_BYTES if has_video else 0)
@@ -105,12 +105,12 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
         for descriptor in descriptors:
             os.close(descriptor)
     try:
-        return _report_of_answer(answer)
+        return _import_report_from_process_answer(answer)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("the process that reads it gave no usable answer", where=name) from error
 
 
-def import_files_of_request_and_report(request: dict[str, Any]) -> dict[str, Any]:
+def import_requested_files_in_own_process(request: dict[str, Any]) -> dict[str, Any]:
     """Import the files of a request, in the process of its own; return what a report holds.
 
     Raises:
@@ -141,7 +141,7 @@ def import_files_of_request_and_report(request: dict[str, Any]) -> dict[str, Any
     }
 
 
-def _report_of_answer(answer: dict[str, Any]) -> ImportReport:
+def _import_report_from_process_answer(answer: dict[str, Any]) -> ImportReport:
     """Return the report that an answer holds.
 
     Raises:
@@ -161,7 +161,7 @@ def _report_of_answer(answer: dict[str, Any]) -> ImportReport:
     return ImportReport(kinds, tables, topics, notes, unused, str(answer["mapping_text"]))
 
 
-def _stored_bytes(path: str) -> int:
+def _bytes_on_disk_or_0(path: str) -> int:
     """Return how many bytes of a file lie on the disk, 0 where there is no file: holes allow for nothing."""
     with suppress(OSError, ValueError):
         status = Path(path).stat()

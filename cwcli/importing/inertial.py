@@ -46,15 +46,15 @@ def find_accelerations_and_turn_rates(meaning: Meaning, track: TrackSpans | None
     Args:
         other: A table with the accelerations of the same device, whose turn rates are in the first one.
     """
-    force = _read_si_vector_in_sensor_axes(meaning, "accel", track)
-    turn = _read_si_vector_in_sensor_axes(meaning, "gyro", track)
-    if other is not None and force is None and turn is not None:
-        force = _read_si_vector_in_sensor_axes(other, "accel", track)
-        if force is not None:
-            force = _accelerations_at_turn_rate_stamps(meaning, other, force)
-    if meaning.questions or (force is None and turn is None):
+    specific_force = _read_si_vector_in_sensor_axes(meaning, "accel", track)
+    turn_rate = _read_si_vector_in_sensor_axes(meaning, "gyro", track)
+    if other is not None and specific_force is None and turn_rate is not None:
+        specific_force = _read_si_vector_in_sensor_axes(other, "accel", track)
+        if specific_force is not None:
+            specific_force = _accelerations_at_turn_rate_stamps(meaning, other, specific_force)
+    if meaning.questions or (specific_force is None and turn_rate is None):
         return
-    _rotate_into_car_axes_and_store(meaning, force, turn, track)
+    _rotate_into_car_axes_and_store(meaning, specific_force, turn_rate, track)
 
 
 def acceleration_table_by_turn_rate_table(meanings: Sequence[Meaning]) -> dict[str, Meaning]:
@@ -93,10 +93,10 @@ def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: 
     return values * FACTORS[kind][choice.unit]
 
 
-def _accelerations_at_turn_rate_stamps(meaning: Meaning, other: Meaning, force: FloatArray) -> FloatArray:
+def _accelerations_at_turn_rate_stamps(meaning: Meaning, other: Meaning, specific_force: FloatArray) -> FloatArray:
     """Return accelerations at the stamps of the turn rates: straight lines between rows, NaN in gaps."""
     meaning.notes.append(f"accelerations of {other.name} are interpolated to its stamps")
-    return resample(other.stamp_ns, force, meaning.stamp_ns, max_gap_s=MAX_GAP_S)
+    return resample(other.stamp_ns, specific_force, meaning.stamp_ns, max_gap_s=MAX_GAP_S)
 
 
 def _choose_axis_columns(meaning: Meaning, name: str) -> list[str] | None:
@@ -170,52 +170,54 @@ def _choose_gyro_unit_or_ask(
 
 
 def _rotate_into_car_axes_and_store(
-    meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: TrackSpans | None
+    meaning: Meaning, specific_force: FloatArray | None, turn_rate: FloatArray | None, track: TrackSpans | None
 ) -> None:
     """Turn both vectors into x forward, y left, z up; leave out what can't be turned."""
-    rotation = rotation_given_by_user(meaning)
+    rotation = car_from_sensor_rotation_by_user_or_none(meaning)
     if rotation is None:
-        level = _levelling_rotation_and_if_x_is_forward(meaning, force, turn, track)
+        level = _levelling_rotation_and_if_x_is_forward(meaning, specific_force, turn_rate, track)
         if level is None:
             return
         rotation, knows_forward = level
-        if turn is not None:
-            rotation = _turn_over_if_course_turns_other_way(meaning, rotation, turn, track)
+        if turn_rate is not None:
+            rotation = _exchange_up_and_down_if_course_disagrees(meaning, rotation, turn_rate, track)
             if meaning.questions:
                 return
-        rotation, knows_forward = _turn_forward_by_track_and_tell_if_done(
-            meaning, rotation, (force, turn), track, knows_forward
+        rotation, knows_forward = _turn_rotation_forward_and_tell_if_known(
+            meaning, rotation, (specific_force, turn_rate), track, knows_forward
         )
-        if not knows_forward and force is not None:
+        if not knows_forward and specific_force is not None:
             meaning.notes.append(
                 "accelerations are left out: nothing shows which way the device points (--axes FORWARD,UP)"
             )
-            force = None
-            if turn is not None:
-                turn = turn @ rotation.T
-                turn = turn * np.array([0.0, 0.0, 1.0])
+            specific_force = None
+            if turn_rate is not None:
+                turn_rate = turn_rate @ rotation.T
+                turn_rate = turn_rate * np.array([0.0, 0.0, 1.0])
                 meaning.notes.append("of the turn rates only the one about the vertical is used")
-                _store_imu_quantities(meaning, None, turn)
+                _store_imu_quantities(meaning, None, turn_rate)
             return
     _store_imu_quantities(
-        meaning, None if force is None else force @ rotation.T, None if turn is None else turn @ rotation.T
+        meaning,
+        None if specific_force is None else specific_force @ rotation.T,
+        None if turn_rate is None else turn_rate @ rotation.T,
     )
 
 
-def _store_imu_quantities(meaning: Meaning, force: FloatArray | None, turn: FloatArray | None) -> None:
-    for name, values in (("accel", force), ("gyro", turn)):
+def _store_imu_quantities(meaning: Meaning, specific_force: FloatArray | None, turn_rate: FloatArray | None) -> None:
+    for name, values in (("accel", specific_force), ("gyro", turn_rate)):
         for k, axis in enumerate("xyz") if values is not None else ():
             assert values is not None
             meaning.values[f"{name}_{axis}"] = values[:, k]
 
 
-def rotation_given_by_user(meaning: Meaning) -> FloatArray | None:
+def car_from_sensor_rotation_by_user_or_none(meaning: Meaning) -> FloatArray | None:
     """Return the rotation of `--axes FORWARD,UP`; None where it is not given."""
     text = meaning.answers.axes
     if not text:
         return None
     forward, _, up = text.partition(",")
-    rows = [_parse_axis_vector(forward.strip()), _parse_axis_vector(up.strip())]
+    rows = [_unit_vector_of_axis_or_none(forward.strip()), _unit_vector_of_axis_or_none(up.strip())]
     if any(row is None for row in rows) or abs(float(rows[0] @ rows[1])) > 0.5:  # type: ignore[operator]
         meaning.add_question(
             f"--axes {text}: it is not a pair of axes", "--axes x,z or --axes -y,z: the sensor's axes forward and up"
@@ -227,23 +229,23 @@ def rotation_given_by_user(meaning: Meaning) -> FloatArray | None:
     return np.stack([ahead, np.cross(upward, ahead), upward])
 
 
-def _parse_axis_vector(text: str) -> FloatArray | None:
+def _unit_vector_of_axis_or_none(text: str) -> FloatArray | None:
     sign = -1.0 if text.startswith("-") else 1.0
     name = text.lstrip("+-")
     return sign * np.eye(3)["xyz".index(name)] if name in {"x", "y", "z"} else None
 
 
 def _levelling_rotation_and_if_x_is_forward(
-    meaning: Meaning, force: FloatArray | None, turn: FloatArray | None, track: TrackSpans | None
+    meaning: Meaning, specific_force: FloatArray | None, turn_rate: FloatArray | None, track: TrackSpans | None
 ) -> tuple[FloatArray, bool] | None:
     """Return the rotation that makes gravity point along z, and whether x is then forward; None if neither is known."""
     is_device = meaning.table.source.is_device_frame
-    if force is None and is_device:
+    if specific_force is None and is_device:
         meaning.notes.append("turn rates are left out: without accelerations nothing shows the device's vertical")
         return None
-    if force is None:
-        return _rotation_by_turning_course(meaning, turn, track), True
-    mean = np.nanmean(force, axis=0)
+    if specific_force is None:
+        return _rotation_of_axis_turning_with_course(meaning, turn_rate, track), True
+    mean = np.nanmean(specific_force, axis=0)
     size = float(np.linalg.norm(mean))
     if size < 0.5 * STANDARD_GRAVITY_MPS2:
         if is_device:
@@ -255,11 +257,13 @@ def _levelling_rotation_and_if_x_is_forward(
     return _gravity_rotation_and_if_x_is_forward(meaning, upward)
 
 
-def _rotation_by_turning_course(meaning: Meaning, turn: FloatArray | None, track: TrackSpans | None) -> FloatArray:
+def _rotation_of_axis_turning_with_course(
+    meaning: Meaning, turn_rate: FloatArray | None, track: TrackSpans | None
+) -> FloatArray:
     """Return the rotation that makes the axis vertical whose turn rate is that of the course; z where none shows it."""
-    if turn is None:
+    if turn_rate is None:
         return np.eye(3)
-    fits = [turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn[:, k])[1] for k in range(3)]
+    fits = [turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn_rate[:, k])[1] for k in range(3)]
     best = int(np.argmax(np.abs(fits)))
     if best == 2 or abs(fits[best]) < MIN_CORRELATION or abs(fits[2]) > MIN_CORRELATION:
         return np.eye(3)
@@ -287,14 +291,14 @@ def _rotation_turning_vector_to_z(upward: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + cosine))
 
 
-def _turn_over_if_course_turns_other_way(
-    meaning: Meaning, rotation: FloatArray, turn: FloatArray, track: TrackSpans | None
+def _exchange_up_and_down_if_course_disagrees(
+    meaning: Meaning, rotation: FloatArray, turn_rate: FloatArray, track: TrackSpans | None
 ) -> FloatArray:
     """Return the rotation with the vertical turned over where the course turns the other way.
 
     Phones of one maker report gravity with the other sign: their vertical is known, and not which end is up.
     """
-    ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn @ rotation[2])
+    ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn_rate @ rotation[2])
     if abs(correlation) > MIN_CORRELATION:
         if ratio < 0:
             meaning.notes.append("the course turns the other way than the axes say: up and down are exchanged")
@@ -308,7 +312,7 @@ def _turn_over_if_course_turns_other_way(
     return rotation
 
 
-def _turn_forward_by_track_and_tell_if_done(
+def _turn_rotation_forward_and_tell_if_known(
     meaning: Meaning,
     rotation: FloatArray,
     measured: tuple[FloatArray | None, FloatArray | None],
@@ -316,11 +320,11 @@ def _turn_forward_by_track_and_tell_if_done(
     knows_forward: bool,
 ) -> tuple[FloatArray, bool]:
     """Return the rotation turned about the vertical as the changes of speed and course show, and whether they do."""
-    force, _ = measured
-    if force is None or track is None or not track.can_show_units_and_directions:
+    specific_force, _ = measured
+    if specific_force is None or track is None or not track.can_show_units_and_directions:
         return rotation, knows_forward
-    level = force @ rotation.T
-    along = _accelerations_of_track(track)
+    level = specific_force @ rotation.T
+    along = _forward_left_accelerations_of_track_or_nan(track)
     middle = track.span_middles_ns
     spans = TrackSpans(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
     seen = mean_over_spans(spans, meaning.stamp_ns, level[:, 0]) + 1j * mean_over_spans(
@@ -346,12 +350,12 @@ def _turn_forward_by_track_and_tell_if_done(
     return turned @ rotation, True
 
 
-def _accelerations_of_track(track: TrackSpans) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
+def _forward_left_accelerations_of_track_or_nan(track: TrackSpans) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
     """Return acceleration forward (real) and to the left (imaginary) between neighbouring spans, NaN elsewhere."""
     speed, course = track.speed_mps, track.course_rad
     step_s = np.diff(track.span_middles_ns) / NS_PER_S
-    turn = np.angle(np.exp(1j * np.diff(course)))
+    turn_rate = np.angle(np.exp(1j * np.diff(course)))
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
-    found = (np.diff(speed) + 1j * mean_speed * turn) / step_s
+    found = (np.diff(speed) + 1j * mean_speed * turn_rate) / step_s
     sound = (track.start_ns[1:] == track.end_ns[:-1]) & track.moving_span_mask[1:] & track.moving_span_mask[:-1]
     return np.where(sound, found, np.nan + 0j)

@@ -166,7 +166,7 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         _store_finished_column(loaded, column, how.get(column, "numbers"), pieces[column])
     given_units = {column: unit for column, unit in cell_units.items() if unit}
     loaded.source = replace(table, units={**given_units, **table.units})
-    _read_clocks_of_digits(loaded)
+    _turn_digit_numbers_into_clock_times(loaded)
     _drop_text_columns(loaded, bad, answers)
     return loaded
 
@@ -182,7 +182,7 @@ def _date_columns_as_times_by_quantity(table: SourceTable) -> dict[str, list[str
     return {"time": found} if found else {}
 
 
-def _read_clocks_of_digits(loaded: LoadedTable) -> None:
+def _turn_digit_numbers_into_clock_times(loaded: LoadedTable) -> None:
     """Read times of day that are written as numbers (hhmmss): beside a column of dates, or by their steps."""
     has_dates = any(times.has_date and not times.has_clock for times in loaded.text_times.values())
     for column in list(loaded.instants):

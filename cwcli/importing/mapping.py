@@ -46,13 +46,13 @@ def parse_table_quantity_and_column_unit(text: str) -> tuple[tuple[str, str], tu
             f"--column {text}: there is no quantity {quantity!r}",
             hint=hint_at_closest_or_all_known_names(quantity, QUANTITIES),
         )
-    return (table, quantity), split_column_and_unit(value)
+    return (table, quantity), split_at_unit_star(value)
 
 
-def split_column_and_unit(value: str) -> tuple[str, str]:
+def split_at_unit_star(column_star_unit: str) -> tuple[str, str]:
     """Return column and unit of `COLUMN*UNIT`."""
-    column, star, unit = value.rpartition("*")
-    return (column, unit) if star and unit and " " not in unit else (value, "")
+    column, star, unit = column_star_unit.rpartition("*")
+    return (column, unit) if star and unit and " " not in unit else (column_star_unit, "")
 
 
 def read_mapping(path: str) -> Answers:
@@ -107,7 +107,7 @@ def _parse_columns_to_column_and_unit(table: Any, path: str) -> dict[tuple[str, 
                 where=path,
                 hint=hint_at_closest_or_all_known_names(key, QUANTITIES),
             )
-        found[table["name"], key] = split_column_and_unit(value)
+        found[table["name"], key] = split_at_unit_star(value)
     return found
 
 

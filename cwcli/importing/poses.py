@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.importing.inertial import rotation_given_by_user
+from cwcli.importing.inertial import car_from_sensor_rotation_by_user_or_none
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import first_rows_of_intervals, spans_of_map_points
 from cwcli.importing.readers.trajectory import xyzw_quaternions_of_rotations
@@ -37,7 +37,7 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
         return
     place = np.stack([values["x"], values["y"], values.get("z", np.zeros(len(values["x"])))], axis=1)
     rotation = rotations_of_quaternions(np.stack([values[f"quaternion_{axis}"] for axis in "xyzw"], axis=1))
-    found = _body_from_sensor_and_if_usable(meaning, place, rotation)
+    found = _body_from_sensor_and_if_orientation_usable(meaning, place, rotation)
     if found is None:
         return
     body_from_sensor, is_orientation_known = found
@@ -64,14 +64,14 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
         meaning.track = spans_of_map_points(meaning.stamp_ns, values["x"], values["y"])
 
 
-def _body_from_sensor_and_if_usable(
+def _body_from_sensor_and_if_orientation_usable(
     meaning: Meaning, place: FloatArray, rotation: FloatArray
 ) -> tuple[FloatArray, bool] | None:
     """Return the rotation from the sensor's axes to the car's, and whether the orientation can be used."""
-    given = rotation_given_by_user(meaning)
+    given = car_from_sensor_rotation_by_user_or_none(meaning)
     if given is not None or meaning.questions:
         return None if given is None else (given, True)
-    ways = _way_directions_in_body(meaning, place, rotation)
+    ways = _unit_motion_directions_in_body(meaning, place, rotation)
     if len(ways) < MIN_STEPS:
         if np.allclose(rotation, np.eye(3), atol=1e-9):
             return np.eye(3), False
@@ -90,7 +90,7 @@ def _body_from_sensor_and_if_usable(
     return np.eye(3), False
 
 
-def _way_directions_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> FloatArray:
+def _unit_motion_directions_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> FloatArray:
     """Return unit directions of the way in the axes of the body, (m, 3)."""
     stamps = meaning.stamp_ns
     rows = first_rows_of_intervals(stamps, STEP_S)

@@ -109,9 +109,9 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
     questions = [question for meaning in meanings for question in meaning.questions]
     if questions:
         raise questions[0].as_error(questions[1:])
-    _ask_for_missing_start_times(meanings)
+    _raise_question_about_missing_start_time(meanings)
     channels = [(meaning.name, channel) for meaning in meanings for channel in channels_of_table(meaning)]
-    _ask_about_repeated_quantities(channels)
+    _raise_question_about_repeated_quantities(channels)
     if not channels and not recordings:
         raise _no_quantity_error(", ".join(files), tables)
     guesses = [(meaning.name, tuple(meaning.guesses)) for meaning in meanings if len(meaning.guesses) > 1]
@@ -191,29 +191,29 @@ def _find_quantities_of_all_tables(meanings: Sequence[Meaning]) -> None:
         if not meaning.questions:
             require_rows_of_one_recording(meaning)
             find_positions_and_track(meaning)
-            _take_quaternion_as_orientation(meaning)
+            _add_quaternion_quantities_beside_x_y(meaning)
             rotate_poses_into_car_axes(meaning)
     accelerations = acceleration_table_by_turn_rate_table(meanings)
     paired = {each.name for each in accelerations.values()}
     for meaning in meanings:
         if meaning.questions:
             continue
-        track = meaning.track or _track_of_others(meaning, meanings)
+        track = meaning.track or _track_of_other_table_or_none(meaning, meanings)
         find_speed_and_unit(meaning, track)
         find_velocity(meaning, track)
         find_headings(meaning, track)
         find_yaw_rate(meaning, track)
         if meaning.name not in paired:
             find_accelerations_and_turn_rates(meaning, track, accelerations.get(meaning.name))
-        _take_steering_named_by_user(meaning)
+        _add_steering_if_user_gave_unit(meaning)
 
 
-def _track_of_others(meaning: Meaning, meanings: Sequence[Meaning]) -> TrackSpans | None:
+def _track_of_other_table_or_none(meaning: Meaning, meanings: Sequence[Meaning]) -> TrackSpans | None:
     """Return the track of another table on the same clock."""
     return next((each.track for each in meanings if each.track is not None and each.since == meaning.since), None)
 
 
-def _take_steering_named_by_user(meaning: Meaning) -> None:
+def _add_steering_if_user_gave_unit(meaning: Meaning) -> None:
     """Take a steering angle that the user names; by its name it may be the wheel's or that of the steering wheel."""
     column = meaning.choose_column_or_ask("steering") if meaning.candidate_columns("steering") else None
     if column is None:
@@ -228,7 +228,7 @@ def _take_steering_named_by_user(meaning: Meaning) -> None:
         )
 
 
-def _take_quaternion_as_orientation(meaning: Meaning) -> None:
+def _add_quaternion_quantities_beside_x_y(meaning: Meaning) -> None:
     """Take a quaternion beside x and y as the orientation of the pose."""
     if "x" not in meaning.values:
         return
@@ -239,7 +239,7 @@ def _take_quaternion_as_orientation(meaning: Meaning) -> None:
             meaning.add_quantity(f"quaternion_{axis}", meaning.unscaled_numbers(column) * FACTORS["number"]["1"], guess)
 
 
-def _ask_about_repeated_quantities(channels: Sequence[tuple[str, OutputChannel]]) -> None:
+def _raise_question_about_repeated_quantities(channels: Sequence[tuple[str, OutputChannel]]) -> None:
     """Ask which table to read where two hold the same quantity: a log with both could be read either way."""
     first: dict[str, str] = {}
     questions = []
@@ -256,7 +256,7 @@ def _ask_about_repeated_quantities(channels: Sequence[tuple[str, OutputChannel]]
         raise questions[0].as_error(questions[1:])
 
 
-def _ask_for_missing_start_times(meanings: Sequence[Meaning]) -> None:
+def _raise_question_about_missing_start_time(meanings: Sequence[Meaning]) -> None:
     """Ask for the start of tables whose times count from it, beside tables that know the time."""
     absolute = [meaning for meaning in meanings if meaning.since == "1970"]
     relative = [meaning for meaning in meanings if meaning.since == "start"]

@@ -202,10 +202,10 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
     fits = (
         {}
         if track is None or not track.can_show_units_and_directions
-        else _median_angle_to_way_by_sense_deg(meaning, values, options, track)
+        else _median_misfit_to_course_by_sense_deg(meaning, values, options, track)
     )
     if sense and len(options) == 1:
-        _ask_if_stated_sense_misfits(meaning, quantity, column, options[0], (confidence, why), fits)
+        _add_question_if_stated_heading_sense_misfits(meaning, quantity, column, options[0], (confidence, why), fits)
         if meaning.questions and column in meaning.questions[-1].what:
             return
         _add_heading_quantity(meaning, quantity, column, values, options[0], confidence, why)
@@ -230,7 +230,11 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
         choices = " or ".join(f"--column {quantity}='{column}*{each}'" for each in options[:3])
         meaning.add_question(what, f"{choices}; --column {quantity}= leaves it out")
     else:
-        if default and chosen != default and _may_be_swapped(meaning, quantity, column, fits[chosen]):
+        if (
+            default
+            and chosen != default
+            and _add_question_if_swap_fits_as_well(meaning, quantity, column, fits[chosen])
+        ):
             return
         _add_heading_quantity(
             meaning,
@@ -243,7 +247,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
         )
 
 
-def _may_be_swapped(meaning: Meaning, quantity: str, column: str, fit_deg: float) -> bool:
+def _add_question_if_swap_fits_as_well(meaning: Meaning, quantity: str, column: str, fit_deg: float) -> bool:
     """Ask where swapped latitude and longitude explain a course as well as an unusual sense of its angle."""
     if "latitude" not in meaning.values:
         return False
@@ -274,12 +278,12 @@ def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) 
     return unit, "", confidence, why
 
 
-def _median_angle_to_way_by_sense_deg(
-    meaning: Meaning, values: FloatArray, options: list[str], track: TrackSpans
+def _median_misfit_to_course_by_sense_deg(
+    meaning: Meaning, values: FloatArray, units_and_senses: list[str], track: TrackSpans
 ) -> dict[str, float]:
     """Return the median angle to the way, degrees, of each sense; {} where the track can't tell."""
     fits = {}
-    for option in options:
+    for option in units_and_senses:
         errors = heading_minus_course_of_moving_spans_rad(
             track, meaning.stamp_ns, _angles_to_heading_rad(values, option)
         )
@@ -307,30 +311,41 @@ def _choose_sense_with_least_misfit(misfit_deg_by_sense: dict[str, float], usual
     return None if rivals else best
 
 
-def _ask_if_stated_sense_misfits(
-    meaning: Meaning, quantity: str, column: str, option: str, said: tuple[str, str], fits: dict[str, float]
+def _add_question_if_stated_heading_sense_misfits(
+    meaning: Meaning,
+    quantity: str,
+    column: str,
+    unit_and_sense: str,
+    confidence_and_reason: tuple[str, str],
+    misfit_deg_by_sense: dict[str, float],
 ) -> None:
-    if said[0] == "given" or not fits or fits[option] < 2.0 * POOR_FIT_DEG:
+    if (
+        confidence_and_reason[0] == "given"
+        or not misfit_deg_by_sense
+        or misfit_deg_by_sense[unit_and_sense] < 2.0 * POOR_FIT_DEG
+    ):
         return
     meaning.add_question(
-        f"{column!r} is {fits[option]:.0f} degrees from the way between the positions",
-        f"--column {quantity}='{column}*{option}' if it is right, --column {quantity}= leaves it out",
+        f"{column!r} is {misfit_deg_by_sense[unit_and_sense]:.0f} degrees from the way between the positions",
+        f"--column {quantity}='{column}*{unit_and_sense}' if it is right, --column {quantity}= leaves it out",
     )
 
 
 def _add_heading_quantity(
-    meaning: Meaning, quantity: str, column: str, values: FloatArray, option: str, confidence: str, why: str
+    meaning: Meaning, quantity: str, column: str, values: FloatArray, unit_and_sense: str, confidence: str, why: str
 ) -> None:
     meaning.add_quantity(
-        quantity, _angles_to_heading_rad(values, option), Guess(quantity, column, option, confidence, why)
+        quantity,
+        _angles_to_heading_rad(values, unit_and_sense),
+        Guess(quantity, column, unit_and_sense, confidence, why),
     )
-    if option == "deg-cw-north":
+    if unit_and_sense == "deg-cw-north":
         ask_if_latitude_longitude_swapped(meaning, values)
 
 
-def _angles_to_heading_rad(values: FloatArray, option: str) -> FloatArray:
+def _angles_to_heading_rad(values: FloatArray, unit_and_sense: str) -> FloatArray:
     """Return angles as rad counter-clockwise from east."""
-    unit, _, sense = option.partition("-")
+    unit, _, sense = unit_and_sense.partition("-")
     angle = values * FACTORS["angle"][unit]
     return 0.5 * math.pi - angle if sense == "cw-north" else angle
 

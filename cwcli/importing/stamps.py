@@ -96,7 +96,7 @@ def interpret_times_of_table(table: LoadedTable, answers: Answers) -> Meaning:
         for column in dict.fromkeys(columns)
         if (found := _time_candidate_of_column(table, column, answers)) is not None
     ]
-    candidates = _candidates_with_any_time(candidates)
+    candidates = _candidates_with_time_or_question(candidates)
     is_clear = any(each.question is None and _does_time_advance(each) for each in candidates)
     if not is_clear and (parts := _date_parts_candidate(table, answers)) is not None:
         candidates = [parts]
@@ -127,7 +127,7 @@ def interpret_times_of_table(table: LoadedTable, answers: Answers) -> Meaning:
     if best.question is not None:
         raise best.question.as_error()
     if best.rank == "start":
-        best = _date_by_coarse_column(best, coarse)
+        best = _add_date_of_whole_second_column(best, coarse)
     return _sort_rows_by_stamp(table, answers, best)
 
 
@@ -139,7 +139,7 @@ def _does_time_advance(candidate: TimeCandidate) -> bool:
     return bool(np.count_nonzero(steps) > (1.0 - MAX_REPEATED_SHARE) * len(steps))
 
 
-def _date_by_coarse_column(best: TimeCandidate, coarse: Sequence[TimeCandidate]) -> TimeCandidate:
+def _add_date_of_whole_second_column(best: TimeCandidate, coarse: Sequence[TimeCandidate]) -> TimeCandidate:
     """Return times that count from the start with the date of a column that shows whole seconds.
 
     A date without decimals is at most a second before the row; the row where it changes is the nearest.
@@ -163,7 +163,7 @@ def _prefer_candidate_without_question(candidates: list[TimeCandidate], best: Ti
     return next((each for each in candidates if each.question is None), best)
 
 
-def _candidates_with_any_time(candidates: list[TimeCandidate]) -> list[TimeCandidate]:
+def _candidates_with_time_or_question(candidates: list[TimeCandidate]) -> list[TimeCandidate]:
     """Return the candidates that hold any time."""
     return [each for each in candidates if each.valid.any() or each.question is not None]
 
@@ -394,7 +394,7 @@ def _do_both_times_advance_together(first: TimeCandidate, second: TimeCandidate)
 def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidate) -> Meaning:
     """Return the rows that have a stamp, in the order of their stamps."""
     where = table.source.name
-    rows = np.flatnonzero(best.valid & ~_few_times_outside_1970_to_2038_mask(best))
+    rows = np.flatnonzero(best.valid & ~_times_outside_1970_to_2038_if_few_mask(best))
     stamps = best.stamp_ns[rows]
     notes = []
     if len(rows) < table.n_rows:
@@ -444,7 +444,7 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidat
     return meaning
 
 
-def _few_times_outside_1970_to_2038_mask(best: TimeCandidate) -> BoolArray:
+def _times_outside_1970_to_2038_if_few_mask(best: TimeCandidate) -> BoolArray:
     """Return the rows (n,) whose time lies before 1970 or behind 2038, if they are few; else none."""
     is_relative = best.rank in {"start", "clock"}
     absurd = best.valid & ((best.stamp_ns > MAX_STAMP_NS) | ((best.stamp_ns < 0) & (not is_relative)))

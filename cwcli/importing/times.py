@@ -19,7 +19,7 @@ from cwcli.errors import UsageError
 from cwcli.importing.units import FACTORS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_from_gps_ns
+from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_from_gps_unix_ns
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -471,4 +471,4 @@ def utc_ns_from_gps_seconds(gps_ns: Int64Array, week: FloatArray | None) -> Int6
     if week is not None:
         whole = np.where(np.isfinite(week), week, 0.0).astype(np.int64)
         gps_ns = gps_ns + whole * SECONDS_PER_WEEK * NS_PER_S
-    return utc_ns_from_gps_ns(gps_ns + epoch_ns)
+    return utc_ns_from_gps_unix_ns(gps_ns + epoch_ns)

@@ -23,7 +23,7 @@ MAX_MESSAGE_PAUSE_S = 0.5
 """The longest pause between messages, in seconds, across which the filter is undone. Chosen by hand; not fitted."""
 
 
-def apply_low_pass_filter(values: FloatArray, step_s: float = FILTER_STEP_S) -> FloatArray:
+def apply_senders_acceleration_low_pass(values: FloatArray, step_s: float = FILTER_STEP_S) -> FloatArray:
     """Return samples (n,) after the senders' low pass (bilinear transform), which starts settled at the first
     sample."""
     k = 2.0 / step_s
@@ -40,7 +40,7 @@ def apply_low_pass_filter(values: FloatArray, step_s: float = FILTER_STEP_S) -> 
     return out
 
 
-def heading_as_reported_frozen_at_standstill(heading_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
+def freeze_heading_at_standstill(heading_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
     """Return headings (n,) in rad as senders report them at these speeds (n,): frozen at standstill."""
     out = heading_rad.copy()
     is_latched = False
@@ -51,7 +51,7 @@ def heading_as_reported_frozen_at_standstill(heading_rad: FloatArray, speed_mps:
     return out
 
 
-def latched_heading_mask(heading_rad: FloatArray, speed_mps: FloatArray) -> BoolArray:
+def repeated_heading_at_standstill_mask(heading_rad: FloatArray, speed_mps: FloatArray) -> BoolArray:
     """Return where a heading (n,) only repeats the one before because it is frozen at standstill: it is no new
     measurement."""
     same = np.diff(heading_rad, prepend=np.nan) == 0.0

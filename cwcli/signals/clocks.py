@@ -126,8 +126,8 @@ def repair_and_order_times(
     has_time = np.ones(len(log_ns), dtype=np.bool_) if clock == "log" else has_stamp
     table = _stack_value_columns(values_to_detect_repeats, len(log_ns))
     parts = [
-        _repair_times_of_sender(ledger, rows, time_ns, has_time, table, max_step_s)
-        for rows in _split_rows_by_sender(ledger, sender)
+        _repair_sender_times_and_return_kept_rows(ledger, rows, time_ns, has_time, table, max_step_s)
+        for rows in _kept_rows_of_each_sender(ledger, sender)
     ]
     rows = np.concatenate(parts) if parts else np.zeros(0, dtype=np.intp)
     rows = rows[np.lexsort((rows, time_ns[rows]))]
@@ -196,7 +196,7 @@ def find_stamp_gaps(
     return tuple(gap for gap in (before, *gaps, after) if gap.duration_s > min_gap_s)
 
 
-def format_clock_disagreements(
+def lines_about_channels_with_other_clock(
     qualities: Sequence[Quality], *, tolerance_s: float = MAX_CLOCK_STEP_S
 ) -> tuple[str, ...]:
     """Return a line for each channel whose stamps count from another epoch than the others' (a time since boot, not
@@ -216,7 +216,7 @@ def format_clock_disagreements(
     )
 
 
-def repair_clock_jumps_and_mask(
+def repaired_stamps_and_moved_mask(
     stamp_ns: Int64Array, log_time_ns: Int64Array, *, max_step_s: float = MAX_CLOCK_STEP_S
 ) -> tuple[Int64Array, BoolArray]:
     """Move stretches whose clock has jumped back onto the clock that most rows keep.
@@ -252,12 +252,12 @@ def repair_clock_jumps_and_mask(
     return repaired_ns, moved
 
 
-def _repair_times_of_sender(
+def _repair_sender_times_and_return_kept_rows(
     ledger: RowLedger,
     rows: npt.NDArray[np.intp],
     time_ns: Int64Array,
     has_time: BoolArray,
-    table: FloatArray,
+    compared_values: FloatArray,
     max_step_s: float,
 ) -> npt.NDArray[np.intp]:
     """Apply steps 1 to 5 to one sender: write the times into `time_ns`, return the rows that stay, in time order."""
@@ -271,12 +271,12 @@ def _repair_times_of_sender(
     stamp_ns = np.where(given, stamp_ns, log_ns - delay_ns)
     ledger.count_repaired_rows(rows[~given], NO_STAMP_REASON)
 
-    stamp_ns, moved = repair_clock_jumps_and_mask(stamp_ns, log_ns, max_step_s=max_step_s)
+    stamp_ns, moved = repaired_stamps_and_moved_mask(stamp_ns, log_ns, max_step_s=max_step_s)
     ledger.count_repaired_rows(rows[moved], CLOCK_JUMP_REASON)
 
     repeats = np.flatnonzero(np.diff(stamp_ns) == 0) + 1
     is_duplicate = np.zeros(len(rows), dtype=np.bool_)
-    is_duplicate[repeats] = _equal_rows_mask(table[rows[repeats]], table[rows[repeats - 1]])
+    is_duplicate[repeats] = _equal_rows_mask(compared_values[rows[repeats]], compared_values[rows[repeats - 1]])
     ledger.reject_rows(rows[is_duplicate], DUPLICATE_REASON)
     rows, stamp_ns, log_ns = rows[~is_duplicate], stamp_ns[~is_duplicate], log_ns[~is_duplicate]
 
@@ -298,14 +298,14 @@ def _repair_times_of_sender(
     is_repeat = np.concatenate([[False], np.diff(stamp_ns) == 0]) if len(rows) else np.zeros(0, dtype=np.bool_)
     if is_repeat.any():
         first = np.maximum.accumulate(np.where(is_repeat, 0, np.arange(len(rows))))
-        is_same = is_repeat & _equal_rows_mask(table[rows], table[rows[first]])
+        is_same = is_repeat & _equal_rows_mask(compared_values[rows], compared_values[rows[first]])
         ledger.reject_rows(rows[is_same], DUPLICATE_REASON)
         ledger.reject_rows(rows[is_repeat & ~is_same], REPEATED_STAMP_REASON)
         rows = rows[~is_repeat]
     return rows
 
 
-def _split_rows_by_sender(ledger: RowLedger, sender: npt.NDArray[np.integer] | None) -> list[npt.NDArray[np.intp]]:
+def _kept_rows_of_each_sender(ledger: RowLedger, sender: npt.NDArray[np.integer] | None) -> list[npt.NDArray[np.intp]]:
     rows = ledger.kept_rows
     if not len(rows):
         return []

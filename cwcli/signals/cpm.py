@@ -82,7 +82,7 @@ LEAF_FIELDS = (
 """The leaf fields of the ROS message that are read."""
 
 
-def read_ros_objects(columns: Columns) -> Objects:
+def read_ros_cpm_objects(columns: Columns) -> Objects:
     """Read the objects of a ROS channel; a leaf that is there more or less often than the times is not used."""
     objects = Elements(columns, None, ROS_OBJECT_PATHS["delta_time_ms"])
     rows = objects.message_rows
@@ -199,5 +199,5 @@ def _velocity_and_sigmas(
 
 OBJECT_CODEC = perceived.make_object_codec(decode_perceived_objects)
 """The codec of the perceived objects of a CPM, one a row."""
-ROS_CPM = perceived.make_objects_only_codec("CPM", read_ros_objects)
+ROS_CPM = perceived.make_objects_only_codec("CPM", read_ros_cpm_objects)
 """The codec of a ROS channel of CPMs."""

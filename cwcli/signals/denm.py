@@ -73,10 +73,12 @@ LEAF_FIELDS = ros_leaf_fields_of_components(DENM_PATHS)
 
 def read_ros_events_and_unreadable_mask(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the events of a ROS channel; invalid codes are counted where the channel is decoded."""
-    return events_from_codes(_read_codes(columns), columns.log_time_ns), np.zeros(len(columns), np.bool_)
+    return road_events_from_denm_codes(_read_denm_codes_by_quantity(columns), columns.log_time_ns), np.zeros(
+        len(columns), np.bool_
+    )
 
 
-def _read_codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:
+def _read_denm_codes_by_quantity(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:
     """Return the codes of the ROS fields, NaN where absent or not in the standard; the ledger counts the latter."""
     raw = {name: read_numbers(columns, ros_leaf_path(path)) for name, path in DENM_PATHS.items()}
     for name, flag in ros_presence_paths(DENM_PATHS).items():
@@ -87,35 +89,44 @@ def _read_codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, 
     return raw
 
 
-def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
+def road_events_from_denm_codes(codes_by_quantity: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
     """Build events from the codes of n messages, NaN where a component is absent."""
-    stamp_ns, has_time = stamps_ns_and_validity_from_timestamp_its(raw["reference_time_ms"], log_time_ns)
+    stamp_ns, has_time = stamps_ns_and_validity_from_timestamp_its(codes_by_quantity["reference_time_ms"], log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, log_time_ns)
-    validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], DEFAULT_VALIDITY_S)
-    validity_s = np.where(np.isfinite(raw["termination"]), 0.0, validity_s)
-    kinds = [cause_text(*pair) for pair in zip(raw["cause"].tolist(), raw["sub_cause"].tolist(), strict=True)]
-    station = [str(int(code)) if np.isfinite(code) else "unknown" for code in raw["station"].tolist()]
+    validity_s = np.where(
+        np.isfinite(codes_by_quantity["validity_s"]), codes_by_quantity["validity_s"], DEFAULT_VALIDITY_S
+    )
+    validity_s = np.where(np.isfinite(codes_by_quantity["termination"]), 0.0, validity_s)
+    kinds = [
+        cause_text(*pair)
+        for pair in zip(codes_by_quantity["cause"].tolist(), codes_by_quantity["sub_cause"].tolist(), strict=True)
+    ]
+    station = [str(int(code)) if np.isfinite(code) else "unknown" for code in codes_by_quantity["station"].tolist()]
     return RoadEvents(
         station=encode_strings(station),
         kind=encode_strings(kinds),
         stamp_ns=stamp_ns,
         log_time_ns=log_time_ns,
-        until_ns=_validity_ends_ns(
-            stamp_ns + (np.clip(validity_s, 0.0, 86_400.0) * NS_PER_S).astype(np.int64), raw, log_time_ns
+        until_ns=_validity_ends_at_next_denm_ns(
+            stamp_ns + (np.clip(validity_s, 0.0, 86_400.0) * NS_PER_S).astype(np.int64), codes_by_quantity, log_time_ns
         ),
-        cause=raw["cause"],
-        sub_cause=raw["sub_cause"],
-        latitude_deg=decode_codes_to_values(_TABLE.elements["latitude_deg"], raw["latitude_deg"]),
-        longitude_deg=decode_codes_to_values(_TABLE.elements["longitude_deg"], raw["longitude_deg"]),
-        relevance_m=decode_enumeration(RELEVANCE_DISTANCE_M_BY_CODE, raw["relevance"]),
+        cause=codes_by_quantity["cause"],
+        sub_cause=codes_by_quantity["sub_cause"],
+        latitude_deg=decode_codes_to_values(_TABLE.elements["latitude_deg"], codes_by_quantity["latitude_deg"]),
+        longitude_deg=decode_codes_to_values(_TABLE.elements["longitude_deg"], codes_by_quantity["longitude_deg"]),
+        relevance_m=decode_enumeration(RELEVANCE_DISTANCE_M_BY_CODE, codes_by_quantity["relevance"]),
     )
 
 
-def _validity_ends_ns(until_ns: Int64Array, raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Int64Array:
+def _validity_ends_at_next_denm_ns(
+    until_ns: Int64Array, codes_by_quantity: dict[str, FloatArray], log_time_ns: Int64Array
+) -> Int64Array:
     """Return until when each DENM is valid, in ns (n,): at most until the next DENM of the same action was received."""
     ends_ns = until_ns.copy()
     next_ns: dict[tuple[float, float], int] = {}
-    actions = list(zip(raw["action_station"].tolist(), raw["action_number"].tolist(), strict=True))
+    actions = list(
+        zip(codes_by_quantity["action_station"].tolist(), codes_by_quantity["action_number"].tolist(), strict=True)
+    )
     for k in np.argsort(log_time_ns, kind="stable")[::-1].tolist():
         if np.isfinite(actions[k]).all():
             ends_ns[k] = min(ends_ns[k], next_ns.get(actions[k], ends_ns[k]))
@@ -132,7 +143,7 @@ def cause_text(cause: float, sub_cause: float) -> str:
     return CAUSE_TEXTS_BY_CODE.get(int(cause), f"cause {int(cause)}")
 
 
-def format_event_counts_notice(events: RoadEvents) -> str:
+def event_counts_notice_or_empty(events: RoadEvents) -> str:
     """Format a notice such as `3 DENMs of 2 stations: 2 stationary vehicle, 1 roadworks`; "" without events."""
     if not len(events):
         return ""
@@ -142,17 +153,17 @@ def format_event_counts_notice(events: RoadEvents) -> str:
     return f"{len(events)} DENMs of {len(sort_distinct_values(events.station.codes))} stations: {said}"
 
 
-def _set_all_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    raw = _read_codes(columns, ledger)
+def _count_faults_and_set_all_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    raw = _read_denm_codes_by_quantity(columns, ledger)
     for name in _PLACE_QUANTITIES:
         decode_codes_to_values(_TABLE.elements[name], raw[name], ledger)
     ledger.count_repaired(np.isnan(raw["reference_time_ms"]), NO_TIME_REASON)
-    said = format_event_counts_notice(events_from_codes(raw, columns.log_time_ns))
+    said = event_counts_notice_or_empty(road_events_from_denm_codes(raw, columns.log_time_ns))
     if said:
         ledger.add_note(said)
     ledger.set_aside(np.ones(len(columns), np.bool_), "DENM (a road event)")
     return empty_remote_rows(len(columns))
 
 
-ROS_DENM = V2xCodec(unknown_senders, _set_all_messages_aside, events=read_ros_events_and_unreadable_mask)
+ROS_DENM = V2xCodec(unknown_senders, _count_faults_and_set_all_aside, events=read_ros_events_and_unreadable_mask)
 """The codec of a ROS channel of DENMs."""

@@ -75,7 +75,7 @@ class Elements:
         return np.bincount(self.message_rows, weights=values, minlength=len(self.counts)).astype(np.float64)
 
 
-def offsets_and_element_indices_of_sequences(
+def offsets_and_indices_of_selected_sequences(
     offsets: Int64Array, rows: npt.NDArray[np.intp]
 ) -> tuple[Int64Array, npt.NDArray[np.intp]]:
     """Return the new offsets of the sequences `rows`, placed one after the other, and the indices of their elements."""

@@ -54,14 +54,14 @@ def utc_ns_and_is_time_from_gps_weeks(
     in_week_ns = np.round(np.where(is_time, time_of_week_ms, 0.0) * NS_PER_MS).astype(np.int64)
     # before the leap seconds: those of a week 1024 too early are fewer
     gps_ns = undo_week_rollover(ledger, (GPS_EPOCH_UNIX_S + SECONDS_PER_WEEK * whole) * NS_PER_S + in_week_ns, is_time)
-    return utc_ns_from_gps_ns(gps_ns), is_time
+    return utc_ns_from_gps_unix_ns(gps_ns), is_time
 
 
-def utc_ns_from_gps_ns(gps_ns: Int64Array) -> Int64Array:
+def utc_ns_from_gps_unix_ns(gps_unix_ns: Int64Array) -> Int64Array:
     """Return UTC of GPS time, (n,), both in nanoseconds since 1970."""
     # the n-th leap second has passed once GPS time, n seconds ahead, is beyond it
     passed_ns = (LEAP_SECOND_INSTANTS_UNIX_S + np.arange(1, len(LEAP_SECOND_INSTANTS_UNIX_S) + 1)) * NS_PER_S
-    utc_ns: Int64Array = gps_ns - np.searchsorted(passed_ns, gps_ns, side="right") * NS_PER_S
+    utc_ns: Int64Array = gps_unix_ns - np.searchsorted(passed_ns, gps_unix_ns, side="right") * NS_PER_S
     return utc_ns
 
 

@@ -80,29 +80,29 @@ CARMA_LEAF_FIELDS = (*ROS_LEAF_FIELDS, *dict.fromkeys(path for _, path, _ in CAR
 
 def identify_json_senders(columns: Columns) -> Senders:
     """Return the senders of a JSON channel; the ODE says which messages the ego sent (`bsmSource` EV)."""
-    return _make_senders(columns, *(prefix + JSON_RAW_PATHS["station"] for prefix in JSON_BSM_PREFIXES))
+    return _read_json_or_ros_senders(columns, *(prefix + JSON_RAW_PATHS["station"] for prefix in JSON_BSM_PREFIXES))
 
 
 def identify_ros_senders(columns: Columns) -> Senders:
     """Return the senders of a ROS channel; an id is four octets in hexadecimal."""
-    return _make_senders(columns, ROS_PATHS["station"])
+    return _read_json_or_ros_senders(columns, ROS_PATHS["station"])
 
 
 def decode_json_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a JSON channel, in codes or in units, as its field names tell (`lat`, or `position.latitude`)."""
     for prefix in JSON_BSM_PREFIXES:
         if prefix + JSON_ODE_PATHS["latitude_deg"] in columns.fields:
-            return _decode_ode_units(columns, ledger, prefix)
+            return _remote_rows_from_ode_units(columns, ledger, prefix)
         if prefix + JSON_RAW_PATHS["latitude_deg"] in columns.fields:
-            return _decode_raw_codes(
+            return _remote_rows_from_raw_codes(
                 columns, ledger, {name: prefix + leaf for name, leaf in JSON_RAW_PATHS.items()}, prefix
             )
-    return _decode_raw_codes(columns, ledger, JSON_RAW_PATHS, "")
+    return _remote_rows_from_raw_codes(columns, ledger, JSON_RAW_PATHS, "")
 
 
 def decode_ros_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `j2735_v2x_msgs/BSM` channel (raw integers)."""
-    return _decode_raw_codes(columns, ledger, ROS_PATHS, "")
+    return _remote_rows_from_raw_codes(columns, ledger, ROS_PATHS, "")
 
 
 def decode_carma_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
@@ -129,7 +129,7 @@ def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, 
                 paths = {name: prefix + leaf for name, leaf in each.items()}
     value = {name: read_numbers(columns, paths[name]) for name in EVENT_PLACE_AND_TIME}
     if paths["latitude_deg"].endswith(JSON_RAW_PATHS["latitude_deg"]):
-        value = _decode_event_place(value)
+        value = _decode_place_codes_of_events(value)
     return _make_flag_events_and_unreadable(
         columns,
         bsm_flags.read_json_event_flags_and_unreadable(columns, JSON_BSM_PREFIXES),
@@ -140,7 +140,9 @@ def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, 
 
 def read_ros_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `j2735_v2x_msgs/BSM` channel."""
-    value = _decode_event_place({name: read_numbers(columns, ROS_PATHS[name]) for name in EVENT_PLACE_AND_TIME})
+    value = _decode_place_codes_of_events(
+        {name: read_numbers(columns, ROS_PATHS[name]) for name in EVENT_PLACE_AND_TIME}
+    )
     return _make_flag_events_and_unreadable(
         columns, bsm_flags.read_ros_event_flags_and_unreadable(columns), identify_ros_senders(columns).station, value
     )
@@ -156,7 +158,7 @@ def read_carma_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents,
     )
 
 
-def _decode_event_place(raw_by_quantity: dict[str, FloatArray]) -> dict[str, FloatArray]:
+def _decode_place_codes_of_events(raw_by_quantity: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {
         name: decode_codes_to_values(ELEMENTS[name], raw) if name in ELEMENTS else raw
         for name, raw in raw_by_quantity.items()
@@ -174,7 +176,7 @@ def _make_flag_events_and_unreadable(
     return bsm_flags.events_from_flag_bits(codes, station, stamp_ns, columns.log_time_ns, *place), is_unread
 
 
-def _decode_ode_units(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
+def _remote_rows_from_ode_units(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
     """Decode the ODE's units: degrees, metres, m/s, m/s^2, degrees/s, size in cm; null where unavailable."""
     paths = {name: prefix + leaf for name, leaf in JSON_ODE_PATHS.items()}
     value = {name: read_numbers(columns, paths[name]) for name in (*ELEMENTS, "dsecond_ms")}
@@ -183,7 +185,7 @@ def _decode_ode_units(columns: Columns, ledger: RowLedger, prefix: str) -> Remot
     return _make_bsm_rows(columns, ledger, _validate_decoded_values(value, ledger), paths, prefix)
 
 
-def _decode_raw_codes(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
+def _remote_rows_from_raw_codes(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
     value = {
         name: decode_codes_to_values(element, read_numbers(columns, paths[name]), ledger)
         for name, element in ELEMENTS.items()
@@ -225,7 +227,7 @@ def _make_bsm_rows(
     )
 
 
-def _make_senders(columns: Columns, *paths: str) -> Senders:
+def _read_json_or_ros_senders(columns: Columns, *paths: str) -> Senders:
     return Senders(
         station=_read_stations(columns, *paths),
         is_own=accepted_text_mask(read_texts(columns, ODE_SOURCE_PATH), len(columns), ODE_OWN_SOURCE),

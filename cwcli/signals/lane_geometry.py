@@ -111,7 +111,7 @@ def image_columns_of_arcs(
         middle = 1.0 - (0.5 * (start + sine)) ** 2
         chord = (start + sine) / (cosine + np.sqrt(1.0 - sine * sine))
         arc = centre_column + near * rows_below_horizon + focal_px * (chord - more / (6.0 * middle**1.5))
-        arc = np.where(1.0 / rows_below_horizon < _smallest_positive_root_at_sine(start, rate, growth), arc, np.nan)
+        arc = np.where(1.0 / rows_below_horizon < _first_positive_root_of_sine_or_inf(start, rate, growth), arc, np.nan)
         return np.where(
             np.isfinite(focal_px + centre_column),
             arc,
@@ -119,7 +119,7 @@ def image_columns_of_arcs(
         )
 
 
-def _smallest_positive_root_at_sine(
+def _first_positive_root_of_sine_or_inf(
     start: FloatArray, rate: FloatArray, growth: FloatArray, sine: float = LINE_END_DIRECTION_SINE
 ) -> FloatArray:
     """Return the smallest positive t at which start + rate t + growth t^2 is `sine` or -`sine`, else inf."""
@@ -233,7 +233,9 @@ def centre_arcs_of_lanes(left_and_right_arcs: LeftRightArcs) -> ArcCoefficients:
     return np.where(np.isnan(centre[:, :1]), only, centre)
 
 
-def distance_to_direction_sine_m(arc_coefficients: ArcCoefficients, sine: float, change_1pm2: FloatArray) -> FloatArray:
+def distance_ahead_to_direction_sine_m(
+    arc_coefficients: ArcCoefficients, sine: float, change_1pm2: FloatArray
+) -> FloatArray:
     """Return how far ahead (m) the sine of each line's direction first reaches `sine` to either side, (n,), else inf.
 
     Args:
@@ -241,7 +243,7 @@ def distance_to_direction_sine_m(arc_coefficients: ArcCoefficients, sine: float,
         sine: Positive, below 1. A line that points farther aside beside the camera has turned at 0.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        return _smallest_positive_root_at_sine(
+        return _first_positive_root_of_sine_or_inf(
             *_direction_sine_polynomial_coefficients(arc_coefficients, change_1pm2), sine
         )
 

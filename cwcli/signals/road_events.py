@@ -94,7 +94,7 @@ def _join_strings(parts: Sequence[Strings]) -> Strings:
     return Strings(joined, values)
 
 
-def hard_braking_states_mask(
+def hard_braking_known_mask_or_none(
     events: RoadEvents, station: str, stamp_ns: Int64Array, log_time_ns: Int64Array
 ) -> npt.NDArray[np.bool_] | None:
     """Return at which states (m,) a station had reported that it brakes hard, as far as was known; None where it never

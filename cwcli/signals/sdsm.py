@@ -69,7 +69,7 @@ LEAF_FIELDS = (
 """The leaf fields of the ROS messages that are read."""
 
 
-def read_objects(columns: Columns, *, is_carma: bool) -> Objects:
+def read_sdsm_objects(columns: Columns, *, is_carma: bool) -> Objects:
     """Read the objects of a `j3224_v2x_msgs` channel, as codes, or of a `carma_v2x_msgs` channel, in degrees, metres,
     m/s, m/s^2, degrees/s, ms and J3224's signs."""
     objects = Elements(columns, None, ROS_PATHS["delta_time_ms"])
@@ -148,7 +148,7 @@ CODED_OBJECT_CODEC = perceived.make_object_codec(partial(_decode_objects, decode
 """The codec of an SDSM's objects in codes, one a row."""
 CARMA_OBJECT_CODEC = perceived.make_object_codec(partial(_decode_objects, nan_unless_a_code_could_express))
 """The codec of an SDSM's objects in units, one a row."""
-ROS_SDSM = perceived.make_objects_only_codec("SDSM", partial(read_objects, is_carma=False))
+ROS_SDSM = perceived.make_objects_only_codec("SDSM", partial(read_sdsm_objects, is_carma=False))
 """The codec of `j3224_v2x_msgs` channels of SDSMs."""
-CARMA_SDSM = perceived.make_objects_only_codec("SDSM", partial(read_objects, is_carma=True))
+CARMA_SDSM = perceived.make_objects_only_codec("SDSM", partial(read_sdsm_objects, is_carma=True))
 """The codec of `carma_v2x_msgs` channels of SDSMs."""

@@ -124,7 +124,7 @@ def join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> Stitch
     found = _find_candidate_pairs(
         _read_end_messages(signal, last, local_map), _read_end_messages(signal, first, local_map)
     )
-    follower, n_undecided = _choose_followers_and_count_unclear(found, n)
+    follower, n_undecided = _follower_of_each_id_and_unclear_count(found, n)
     root = np.arange(n, dtype=np.int32)
     ended = np.flatnonzero(follower >= 0)
     for k in ended[np.argsort(signal.stamp_ns[last[ended]], kind="stable")]:
@@ -178,18 +178,18 @@ def _find_candidate_pairs(last: _EndMessages, first: _EndMessages) -> _Candidate
             hint="take less of the log: --start, --end",
         )
     parts = []
-    for some in _iter_pair_blocks(n_after):
+    for some in _iter_id_slices_of_limited_pairs(n_after):
         counts = n_after[some]
         within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         ended = np.repeat(np.arange(some.start, some.stop), counts)
         began = by_time[np.repeat(begin[some], counts) + within]
-        distance = _squared_pair_distances(last.select_rows(ended), first.select_rows(began))
+        distance = _squared_distances_of_pairs_or_inf(last.select_rows(ended), first.select_rows(began))
         kept = distance <= MAX_RIVAL_SQUARED_DISTANCE
         parts.append((ended[kept], began[kept], distance[kept]))
     return _Candidates(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def _iter_pair_blocks(counts: Int64Array) -> Iterator[slice]:
+def _iter_id_slices_of_limited_pairs(counts: Int64Array) -> Iterator[slice]:
     """Yield slices of consecutive ids with about `PAIRS_PER_BLOCK` pairs together, at least one id each."""
     ends, start = np.cumsum(counts), 0
     while start < len(counts):
@@ -199,7 +199,7 @@ def _iter_pair_blocks(counts: Int64Array) -> Iterator[slice]:
         start = stop
 
 
-def _squared_pair_distances(last_messages: _EndMessages, first_messages: _EndMessages) -> FloatArray:
+def _squared_distances_of_pairs_or_inf(last_messages: _EndMessages, first_messages: _EndMessages) -> FloatArray:
     """Return the squared distance between where each id would be and the one that begins, (pairs,); inf for no pair.
 
     The motion during the pause is that of the last message, with its acceleration and yaw rate. Without a speed or a
@@ -232,33 +232,35 @@ def _squared_pair_distances(last_messages: _EndMessages, first_messages: _EndMes
         + np.where(is_slow, 0.0, heading_error**2 / heading_variance)
     )
     can_follow = (pause_s > 0.0) & (pause_s <= MAX_ID_CHANGE_PAUSE_S) & np.isfinite(squared)
-    can_follow &= _same_size_mask(last_messages.length_m, first_messages.length_m) & _same_size_mask(
-        last_messages.width_m, first_messages.width_m
-    )
+    can_follow &= _sizes_agree_or_unknown_mask(
+        last_messages.length_m, first_messages.length_m
+    ) & _sizes_agree_or_unknown_mask(last_messages.width_m, first_messages.width_m)
     return np.where(can_follow, squared, np.inf)
 
 
-def _manoeuvre_speed_and_position_sigmas(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _manoeuvre_speed_and_position_sigmas(
+    accel_or_yaw_rate: FloatArray, pause_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the sigmas of speed and position that a manoeuvre during the pause causes, along or across, (pairs,) each.
 
     Args:
-        known: The acceleration or yaw rate of each last message, (pairs,), NaN where it has none.
+        accel_or_yaw_rate: The acceleration or yaw rate of each last message, (pairs,), NaN where it has none.
         pause_s: Shape (pairs,).
     """
-    is_known = np.isfinite(known)
+    is_known = np.isfinite(accel_or_yaw_rate)
     accel = np.where(is_known, KNOWN_ACCEL_SIGMA_MPS2, UNKNOWN_ACCEL_SIGMA_MPS2)
     jerk = np.where(is_known, JERK_SIGMA_MPS3, 0.0)
     pause = np.maximum(pause_s, 0.0)
     return np.hypot(accel * pause, 0.5 * jerk * pause**2), np.hypot(0.5 * accel * pause**2, jerk * pause**3 / 6.0)
 
 
-def _same_size_mask(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
+def _sizes_agree_or_unknown_mask(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
     """Return where both sizes agree, or one is not given."""
     differs: BoolArray = np.abs(one_m - other_m) > MAX_SIZE_DIFFERENCE_M
     return ~differs
 
 
-def _choose_followers_and_count_unclear(found: _Candidates, n_ids: int) -> tuple[Int64Array, int]:
+def _follower_of_each_id_and_unclear_count(found: _Candidates, n_ids: int) -> tuple[Int64Array, int]:
     """Return the follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
 
     The likeliest pairing of all that ended with all that began, where to be alone costs what can't rival a candidate. A
@@ -274,23 +276,23 @@ def _choose_followers_and_count_unclear(found: _Candidates, n_ids: int) -> tuple
     is_clear = is_alone & (distance <= MAX_SQUARED_DISTANCE)  # to be alone costs as much more as it takes
     follower[ended[is_clear]] = began[is_clear]
     ended, began, distance = ended[~is_alone], began[~is_alone], distance[~is_alone]
-    for pairs in _pair_indices_by_connected_group(ended, began, n_ids):
+    for pairs in _pair_indices_of_connected_groups(ended, began, n_ids):
         rows, row = np.unique(ended[pairs], return_inverse=True)
         columns, column = np.unique(began[pairs], return_inverse=True)
         cost = np.full((len(rows), len(columns)), np.inf)
         cost[row, column] = distance[pairs]
-        best, total = _cheapest_pairing_and_cost(cost)
+        best, total = _column_of_each_row_and_least_cost(cost)
         for k in np.flatnonzero(best >= 0):
             if cost[k, best[k]] > MAX_SQUARED_DISTANCE:
                 continue
             without = cost.copy()
             without[k, best[k]] = np.inf
-            if _cheapest_pairing_and_cost(without)[1] - total >= MIN_SQUARED_DISTANCE_MARGIN:
+            if _column_of_each_row_and_least_cost(without)[1] - total >= MIN_SQUARED_DISTANCE_MARGIN:
                 follower[rows[k]] = columns[best[k]]
     return follower, int(np.count_nonzero(has_ended)) - int(np.count_nonzero(follower >= 0))
 
 
-def _pair_indices_by_connected_group(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np.intp]]:
+def _pair_indices_of_connected_groups(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np.intp]]:
     """Return the connected groups of pairs: those that share an end or a beginning."""
     label = np.arange(2 * n)  # of each end, and behind them of each beginning
     one, other = ended, began + n
@@ -307,7 +309,7 @@ def _pair_indices_by_connected_group(ended: Int64Array, began: Int64Array, n: in
     return [each for each in np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if len(each)]
 
 
-def _cheapest_pairing_and_cost(cost: FloatArray) -> tuple[Int64Array, float]:
+def _column_of_each_row_and_least_cost(cost: FloatArray) -> tuple[Int64Array, float]:
     """Return the cheapest pairing, as the column of each row or -1, and its cost."""
     n_rows, n_columns = cost.shape
     whole = np.full((n_rows, n_columns + n_rows), MAX_RIVAL_SQUARED_DISTANCE)

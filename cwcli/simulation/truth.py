@@ -105,7 +105,7 @@ class TrueMotion:
             raise ValueError(f"truth is known from {self._grid_s[0]} to {self._grid_s[-1]} s only")
         cell = np.clip(np.searchsorted(self._grid_s, time, side="right") - 1, 0, len(self._grid_s) - 1)
         rest = self._displacement_m(self._grid_s[cell], time - self._grid_s[cell])
-        return np.column_stack([self._position[cell] + rest, self._states_from_speed_on(time)])
+        return np.column_stack([self._position[cell] + rest, self._speed_heading_accel_and_further_states(time)])
 
     def is_present_at(self, time_s: FloatArray) -> npt.NDArray[np.bool_]:
         """Tell at which times (n,) the vehicle is on the road: at all."""
@@ -132,7 +132,7 @@ class TrueMotion:
             self._pieces.yaw_rate / _YAW_RATE_INTEGRAL_DIVISORS, index, time_s
         )
 
-    def _states_from_speed_on(self, time_s: FloatArray) -> FloatArray:
+    def _speed_heading_accel_and_further_states(self, time_s: FloatArray) -> FloatArray:
         """The states (n, 6) from speed on, in closed form."""
         pieces = self._pieces
         index, t = self._piece_index_and_elapsed_s(time_s)

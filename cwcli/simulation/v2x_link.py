@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.bsm_sender import FILTER_STEP_S, apply_low_pass_filter, heading_as_reported_frozen_at_standstill
+from cwcli.signals.bsm_sender import FILTER_STEP_S, apply_senders_acceleration_low_pass, freeze_heading_at_standstill
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED
 from cwcli.simulation.streams import RunSpan, draw_message_schedule, random_stream
@@ -87,7 +87,7 @@ def simulate_received_messages(
         truth[:, ACCEL] = _sender_filtered_accel_mps2(motion, true_s)
     sent = truth + sigma * random_stream(seed, vehicle, "v2x", "noise").standard_normal(truth.shape)
     if is_j2945:
-        sent[:, HEADING] = heading_as_reported_frozen_at_standstill(sent[:, HEADING], sent[:, SPEED])
+        sent[:, HEADING] = freeze_heading_at_standstill(sent[:, HEADING], sent[:, SPEED])
     is_sent = motion.is_present_at(true_s)
     order = np.argsort(plan.arrival_ns, kind="stable")
     order = order[(plan.is_heard & is_sent)[order]]
@@ -111,4 +111,4 @@ def _sender_filtered_accel_mps2(motion: Motion, at_s: FloatArray) -> FloatArray:
     if not len(at_s):
         return np.zeros(0)
     time_s = np.arange(min(0.0, float(at_s.min())), float(at_s.max()) + FILTER_STEP_S, FILTER_STEP_S)
-    return np.asarray(np.interp(at_s, time_s, apply_low_pass_filter(motion.states_at(time_s)[:, ACCEL])))
+    return np.asarray(np.interp(at_s, time_s, apply_senders_acceleration_low_pass(motion.states_at(time_s)[:, ACCEL])))

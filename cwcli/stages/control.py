@@ -123,7 +123,7 @@ class ControlConfig(StatesSelection):
         return WarningConfig(rule=self.rule or usual, horizon_s=self.horizon_s, distance_m=self.distance_m)
 
 
-def control(log: Log, config: ControlConfig) -> StageResult:
+def replay_warnings_with_braking(log: Log, config: ControlConfig) -> StageResult:
     """Replay each warning with a braking controller, a driver who brakes late, and nobody.
 
     The host's recorded motion is replayed until the warning; then the fuzzy controller of song2016 brakes it along its
@@ -176,6 +176,10 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         summary,
         build_run_record("control", log, config, summary),
     )
+
+
+control = replay_warnings_with_braking
+"""The function of the stage, under the name of the stage."""
 
 
 def _read_recorded_tracks(log: Log, bound: Bindings, config: ControlConfig) -> dict[str, RecordedTrack]:

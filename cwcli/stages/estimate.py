@@ -170,7 +170,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         VehicleStates.from_ego_states(
             online.stamp_ns, online.state, online.covariance, size_m=size_m, flags=online.flags
         ),
-        log_time_ns=_online_known_since_ns(measurements, online, estimator),
+        log_time_ns=_times_online_states_became_known_ns(measurements, online, estimator),
     )
     channels = [
         *make_ego_channels(hindsight, local_map),
@@ -378,7 +378,7 @@ def _count_corrections(
     return tuple(counted)
 
 
-def _online_known_since_ns(
+def _times_online_states_became_known_ns(
     measurements: Sequence[Measurements], online: Track, estimator: EstimatorConfig
 ) -> Int64Array:
     """Return the log times at which the ego's online states could have been known [ns], (n,)."""

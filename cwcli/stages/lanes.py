@@ -47,7 +47,7 @@ from cwcli.vision.fit_columns import FitCollector
 from cwcli.vision.frames import DecodedFrame, decode_frames
 from cwcli.vision.ground import (
     LaneGeometry,
-    boundary_end_rows_px,
+    boundary_top_rows_px,
     compute_lane_geometry,
     image_hyperbolas_of_flat_road,
     repeat_pinhole_per_frame,
@@ -415,7 +415,7 @@ class _LaneSearchRun:
             if is_known:
                 pitch_rad = np.where(np.isnan(pitch_rad), camera.mounting.pitch_rad, pitch_rad)
             horizon_px[rows] = camera.horizon_row_px(pitch_rad)
-            top_px[rows] = boundary_end_rows_px(fits[rows], camera, horizon_px[rows])
+            top_px[rows] = boundary_top_rows_px(fits[rows], camera, horizon_px[rows])
             for k, own_rad in enumerate((fits.pitch_rad, fits.yaw_rad)):
                 assumed_rad = (camera.mounting.pitch_rad, camera.mounting.yaw_rad)[k]
                 turned_rad[rows, k] = np.where(np.isnan(own_rad[rows]), assumed_rad, own_rad[rows])

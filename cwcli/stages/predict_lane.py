@@ -163,7 +163,7 @@ class LanePathEvidence:
     lateral: Columns | None
 
 
-def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
+def predict_ego_path_from_lateral_motion(log: Log, config: PredictLaneConfig) -> StageResult:
     """Predict the ego's path from its observed lateral motion.
 
     Needs the channel of `cwcli observe`, and no position. Adds one path per frame, with its covariance, from the
@@ -221,6 +221,10 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
     record = build_run_record("predict-lane", log, config, summary)
     made = LanePathEvidence(body, poses, sources.by_role.get(Role.TRUTH, ()), sources.columns.get(Role.LATERAL_TRUTH))
     return StageResult("predict-lane", (placed, *drawn), {}, summary, record, evaluation_inputs=made)
+
+
+predict_lane = predict_ego_path_from_lateral_motion
+"""The function of the stage, under the name of the stage."""
 
 
 def has_output_of_lanes_stage(log: Log) -> bool:

@@ -10,7 +10,7 @@ from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.builders.motion import MAP_FRAME_IDS
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.columns import Int64Array, Strings, sort_distinct_values
-from cwcli.signals.elements import offsets_and_element_indices_of_sequences
+from cwcli.signals.elements import offsets_and_indices_of_selected_sequences
 from cwcli.tracking.convert import radar_values_and_covariances_from_cartesian
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.sensor_setting import SensorSetting
@@ -19,7 +19,7 @@ from cwcli.tracking.sensor_setting import SensorSetting
 def detections_from_signal(signal: DetectionSignal, setting: SensorSetting) -> Detections:
     """Convert a signal to detections in the order of arrival."""
     arrival = np.argsort(signal.log_time_ns, kind="stable")
-    offsets, rows = offsets_and_element_indices_of_sequences(signal.offsets, arrival)
+    offsets, rows = offsets_and_indices_of_selected_sequences(signal.offsets, arrival)
     counts = np.diff(offsets)
     values, covariance = signal.values[rows], signal.covariance[rows]
     if signal.kind == "radar_track":

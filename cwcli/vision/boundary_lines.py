@@ -23,7 +23,7 @@ class BoundaryLines:
             (`ground.image_hyperbolas_of_flat_road`, `lane_geometry.image_columns_of_arcs`); NaN where they are not
             known: then the parabolas are the lines.
         horizon_px: Shape (n,): row of the horizon from the top; NaN where it is not known.
-        top_px: Shape (n,): row from the top at which lines end (`ground.boundary_end_rows_px`).
+        top_px: Shape (n,): row from the top at which lines end (`ground.boundary_top_rows_px`).
         pinhole: Shape (n, 2): column of the principal point, counted from 1, and fx, both in pixels; NaN where they
             are not known: then roads are the polynomials. None: nowhere known.
     """

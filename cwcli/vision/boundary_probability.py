@@ -42,7 +42,7 @@ CLUTTER_OFFSETS = np.asarray(_CANDIDATE_OFFSETS[np.abs(np.abs(_CANDIDATE_OFFSETS
 lane or of a neighbouring lane. Chosen by hand; not fitted."""
 
 
-def boundary_paint_shares(evidence: StripeEvidence, lane: ImageLane) -> FloatArray:
+def left_and_right_paint_shares(evidence: StripeEvidence, lane: ImageLane) -> FloatArray:
     """Share of each boundary that shows paint, shape (2,), 0 to 1, counted by stretches of the image's height."""
     return lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.scoring_settings())
 
@@ -62,7 +62,7 @@ def probability_features_of_left_and_right(
     """
     by_chance = math.sqrt(road_clutter_share(evidence, lane))
     rows = []
-    for side, own in enumerate(boundary_paint_shares(evidence, lane).tolist()):
+    for side, own in enumerate(left_and_right_paint_shares(evidence, lane).tolist()):
         counted_value = min(lane_objective, 2.0 * own) if side == carried_side else lane_objective
         rows.append((1.0, math.sqrt(own), math.log(min(max(counted_value, 0.0), 1.0) + OBJECTIVE_OFFSET), by_chance))
     return rows
@@ -85,7 +85,7 @@ def boundary_probabilities(
     return left, right
 
 
-def lower_probabilities_by_missing_scene_votes(
+def lower_probabilities_if_vanishing_votes_scatter(
     probabilities: LeftRightProbabilities, vote_share: float
 ) -> LeftRightProbabilities:
     """The probabilities of both boundaries in a scene whose straight edges hardly meet in one point.

@@ -183,12 +183,16 @@ def _iter_decoding_jobs(
 ) -> Iterator[DecodingJob]:
     """One job for each frame. Video is decoded here, in order, because a picture is made from earlier ones."""
     index = 0
-    for video_format, group in groupby(frames, key=_video_format_name):
+    for video_format, group in groupby(frames, key=_video_format_name_or_empty):
         if not video_format:
             for frame in group:
-                skipped = None if search_clock is None else _skipped_frame(index, frame, search_clock)
+                skipped = (
+                    None
+                    if search_clock is None
+                    else _frame_without_image_unless_search_is_due(index, frame, search_clock)
+                )
                 if skipped is not None:
-                    yield DecodingJob(0, partial(_same_frame, skipped))
+                    yield DecodingJob(0, partial(_return_frame_unchanged, skipped))
                     index += 1
                     continue
                 in_colour = colour.is_colour_due(frame.log_time_ns)
@@ -200,10 +204,10 @@ def _iter_decoding_jobs(
         decoded = decode_video(group, video_format, max_pixels=MAX_VIDEO_PIXELS, where=where)
         for frame, image, size in decoded:
             n_bytes = 0 if image is None else image.nbytes
-            is_picture = image is not None and not _size_rejection_reason(*size)
+            is_picture = image is not None and not _size_rejection_reason_or_empty(*size)
             stamp_ns = _stamp_or_log_time_ns(frame)
             if search_clock is not None and is_picture and not search_clock.is_search_due(stamp_ns, size):
-                yield DecodingJob(0, partial(_same_frame, _frame_without_image(index, frame, size)))
+                yield DecodingJob(0, partial(_return_frame_unchanged, _frame_without_image(index, frame, size)))
                 index += 1
                 continue
             in_colour = colour.is_colour_due(frame.log_time_ns)
@@ -212,7 +216,9 @@ def _iter_decoding_jobs(
             index += 1
 
 
-def _skipped_frame(index: int, frame: FrameLike, search_clock: SearchClock) -> DecodedFrame | None:
+def _frame_without_image_unless_search_is_due(
+    index: int, frame: FrameLike, search_clock: SearchClock
+) -> DecodedFrame | None:
     """The skipped frame of an image that is not searched; None where it is searched, or what it is can't be told from
     its first bytes."""
     if frame.encoding:
@@ -222,7 +228,7 @@ def _skipped_frame(index: int, frame: FrameLike, search_clock: SearchClock) -> D
         if header is None or not has_image_end(frame.data, header.kind):
             return None
         size = header.width_px, header.height_px
-    if _size_rejection_reason(*size) or not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
+    if _size_rejection_reason_or_empty(*size) or not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
         return None
     if search_clock.is_search_due(_stamp_or_log_time_ns(frame), size):
         return None
@@ -235,12 +241,12 @@ def _frame_without_image(index: int, frame: FrameLike, size: WidthHeightPx) -> D
     return DecodedFrame(index, frame.log_time_ns, stamp_ns, *size, None, has_stamp=has_stamp, is_skipped=True)
 
 
-def _same_frame(frame: DecodedFrame) -> DecodedFrame:
+def _return_frame_unchanged(frame: DecodedFrame) -> DecodedFrame:
     """The frame itself: the job of a frame that needs no decoding."""
     return frame
 
 
-def _video_format_name(frame: FrameLike) -> str:
+def _video_format_name_or_empty(frame: FrameLike) -> str:
     """The format of a video frame; empty for other frames."""
     name = frame.format.lower()
     return name if name in CODEC_OF_VIDEO_FORMAT else ""
@@ -267,7 +273,7 @@ def decode_frame(
         if header is None:
             return _rejected_frame(index, frame, _unreadable_data_reason(frame))
         width_px, height_px = header.width_px, header.height_px
-    reason = _size_rejection_reason(width_px, height_px)
+    reason = _size_rejection_reason_or_empty(width_px, height_px)
     if not reason and header is not None and not has_image_end(frame.data, header.kind):
         reason = "cut short"
     if reason:
@@ -359,7 +365,9 @@ def _decoded_frame_from_video(
     """The decoded frame of a video message: its picture in grey or colour, or the reason why there is none."""
     import cv2
 
-    reason = _size_rejection_reason(*size, MAX_VIDEO_PIXELS) if any(size) else "no picture comes out of the video"
+    reason = (
+        _size_rejection_reason_or_empty(*size, MAX_VIDEO_PIXELS) if any(size) else "no picture comes out of the video"
+    )
     reason = reason if 0 <= frame.log_time_ns <= MAX_STAMP_NS else INVALID_LOG_TIME_REASON
     if reason or image is None:
         return _rejected_frame(index, frame, reason)
@@ -399,7 +407,7 @@ def _resize_image(image: Image, wanted_size: WidthHeightPx) -> Image:
     return np.asarray(scaled, np.uint8)
 
 
-def _size_rejection_reason(width_px: int, height_px: int, max_pixels: int = MAX_IMAGE_PIXELS) -> str:
+def _size_rejection_reason_or_empty(width_px: int, height_px: int, max_pixels: int = MAX_IMAGE_PIXELS) -> str:
     """The reason why an image of this size is rejected; empty where it is not."""
     if width_px * height_px > max_pixels:
         return f"more than {max_pixels // 1_000_000} megapixels"

@@ -147,11 +147,11 @@ def image_hyperbolas_of_flat_road(fits: FitColumns, camera: Camera) -> FarNearBe
     if not len(rest):
         return fits.roads
     roads = fits.roads.copy()
-    roads[rest] = np.where(has_road[rest], fits.roads[rest], _fit_roads_to_parabolas(fits[rest], camera))
+    roads[rest] = np.where(has_road[rest], fits.roads[rest], _fit_flat_road_curves_to_parabolas(fits[rest], camera))
     return roads
 
 
-def _fit_roads_to_parabolas(fits: FitColumns, camera: Camera) -> FarNearBendSpiral:
+def _fit_flat_road_curves_to_parabolas(fits: FitColumns, camera: Camera) -> FarNearBendSpiral:
     """Road curves whose best parabolas are those of the fits, shape (n, 2, 4)."""
     y_px = _boundary_sample_heights_px(camera, fits.pitch_rad)
     x_px = _parabola_columns_px(fits.parabolas, y_px)
@@ -168,7 +168,7 @@ def _fit_roads_to_parabolas(fits: FitColumns, camera: Camera) -> FarNearBendSpir
             normal[..., i, :] = (part[..., None] * terms).sum(axis=2)
             right[..., i] = (part * np.where(use, x_px, 0.0)).sum(axis=2)
             part = part * (y_px / camera.height_px)[:, None]
-        roads = _solve_normal_equations(normal, right, use)
+        roads = _solve_normal_equations_or_nan(normal, right, use)
         seen_px = (roads[:, :, None] * terms).sum(axis=-1)
     roads = roads * np.array([1.0, 1.0 / camera.height_px, camera.height_px])
     return np.concatenate([roads, 0.0 * roads[..., :1]], axis=-1)
@@ -179,7 +179,7 @@ def repeat_pinhole_per_frame(camera: Camera, n: int) -> FloatArray:
     return np.tile([camera.cx + 1.0, camera.fx], (n, 1))
 
 
-def boundary_end_rows_px(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:
+def boundary_top_rows_px(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:
     """Row from the image's top at which the boundaries of each frame end, shape (n,).
 
     Where the method found the horizon they end with the road 60 m ahead, but below the rows in which evidence is looked
@@ -191,29 +191,33 @@ def boundary_end_rows_px(fits: FitColumns, camera: Camera, horizon_px: FloatArra
     """
     is_found = np.isfinite(fits.pitch_rad)
     paper_px = np.full(len(fits), (1.0 - MAX_SAMPLE_HEIGHT_SHARE) * camera.height_px)
-    far_px = np.where(is_found, camera.height_px - _far_road_y_px(camera, fits.pitch_rad), paper_px)
+    far_px = np.where(is_found, camera.height_px - _height_of_road_60_m_ahead_px(camera, fits.pitch_rad), paper_px)
     top_px = np.fmax(far_px, horizon_px + MIN_DEPTH_SHARE * camera.height_px)
     return np.asarray(np.clip(top_px, 0.0, camera.height_px - MIN_LINE_HEIGHT_PX))
 
 
-def assumed_parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
+def parabola_covariance_from_pixel_sigma(camera: Camera, pixel_px: float) -> FloatArray:
     """Covariance of (a, b, c), shape (3, 3), if places at independent heights have errors of `pixel_px`."""
     y_px = np.linspace(
-        1.0, float(_highest_sample_y_px(camera, np.array(camera.mounting.pitch_rad))), N_INDEPENDENT_HEIGHTS
+        1.0, float(_height_of_highest_sample_px(camera, np.array(camera.mounting.pitch_rad))), N_INDEPENDENT_HEIGHTS
     )
     design = np.column_stack([y_px**2, y_px, np.ones_like(y_px)])
     return np.asarray(np.linalg.inv(design.T @ design) * pixel_px**2)
 
 
-def _highest_sample_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+def _height_of_highest_sample_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
     """Height in the image up to which boundaries are sampled: the road 60 m ahead, at most the paper's rows; distortion
     left out."""
     return np.asarray(
-        np.clip(_far_road_y_px(camera, pitch_rad), MIN_SAMPLED_HEIGHT_PX, MAX_SAMPLE_HEIGHT_SHARE * camera.height_px)
+        np.clip(
+            _height_of_road_60_m_ahead_px(camera, pitch_rad),
+            MIN_SAMPLED_HEIGHT_PX,
+            MAX_SAMPLE_HEIGHT_SHARE * camera.height_px,
+        )
     )
 
 
-def _far_road_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+def _height_of_road_60_m_ahead_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
     """Height in the image of the road 60 m ahead, distortion left out."""
     below_rad = np.arctan(camera.mounting.height_m / MAX_SAMPLE_DISTANCE_M) - pitch_rad
     return np.asarray(camera.height_px - (camera.cy + camera.fy * np.tan(below_rad)))
@@ -227,12 +231,12 @@ def _lane_geometry_of_block(fits: FitColumns, camera: Camera, preview_m: float, 
     mount[:, 0] = np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad)
     mount[:, 1] = np.where(np.isnan(fits.yaw_rad), camera.mounting.yaw_rad, fits.yaw_rad)
     mount[:, 2] = camera.mounting.height_m
-    beside_px = _road_offset_from_parabola_px(fits, camera)
+    beside_px = _road_curve_minus_parabola_at_samples_px(fits, camera)
     body, use = _ground_place_slope_curvature_and_used_samples(parabolas, mount, camera, beside_px)
-    change = _curvature_change_1pm2(fits, body, camera)
+    change = _centre_line_curvature_change_or_0_1pm2(fits, body, camera)
     is_curve = np.asarray(np.isfinite(fits.roads).any(axis=(1, 2)), np.bool_)
     values = _lateral_heading_deviation_and_curvature_at_preview(body, change, is_curve, preview_m)
-    assumed = assumed_parabola_covariance(camera, sigmas.pixel_px)
+    assumed = parabola_covariance_from_pixel_sigma(camera, sigmas.pixel_px)
     variance = np.zeros_like(values)
     # With the same samples: one that enters or leaves within a step would look like an infinite slope.
     moved_bodies = [
@@ -276,21 +280,23 @@ def _lane_geometry_of_block(fits: FitColumns, camera: Camera, preview_m: float, 
         lateral_deviation_sigma_m=sigma_of[:, 0],
         heading_deviation_sigma_rad=sigma_of[:, 1],
         curvature_sigma_1pm=sigma_of[:, 2],
-        lane_width_m=_lane_width_m(body, change, is_curve),
+        lane_width_m=_lane_width_10_m_ahead_m(body, change, is_curve),
         curvature_change_1pm2=-change,
     )
 
 
-def _curvature_change_1pm2(fits: FitColumns, body: FloatArray, camera: Camera) -> FloatArray:
+def _centre_line_curvature_change_or_0_1pm2(
+    fits: FitColumns, left_and_right_arcs: FloatArray, camera: Camera
+) -> FloatArray:
     """Change of the lane's curvature per metre ahead, on the car's centre line, left positive, shape (n,); 0 without a
     road."""
     own = -6.0 * fits.roads[..., 3] / (camera.fx * (camera.fy * camera.mounting.height_m) ** 2)
-    change = own / curvature_change_ratios_to_centre_line(body)
+    change = own / curvature_change_ratios_to_centre_line(left_and_right_arcs)
     is_known = np.isfinite(change)
     return np.asarray(np.where(is_known, change, 0.0).sum(axis=1) / np.maximum(is_known.sum(axis=1), 1))
 
 
-def _road_offset_from_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
+def _road_curve_minus_parabola_at_samples_px(fits: FitColumns, camera: Camera) -> FloatArray:
     """Offset of the method's own road from its parabola at each sample, shape (n, 2, samples); 0 without a road."""
     y_px = _boundary_sample_heights_px(
         camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad)
@@ -350,7 +356,9 @@ def _boundary_sample_heights_px(camera: Camera, pitch_rad: FloatArray) -> FloatA
     """Heights in the image at which boundaries are sampled, shape (n, samples)."""
     return (
         0.5
-        + (np.arange(N_BOUNDARY_SAMPLES) + 0.5) / N_BOUNDARY_SAMPLES * _highest_sample_y_px(camera, pitch_rad)[:, None]
+        + (np.arange(N_BOUNDARY_SAMPLES) + 0.5)
+        / N_BOUNDARY_SAMPLES
+        * _height_of_highest_sample_px(camera, pitch_rad)[:, None]
     )
 
 
@@ -401,12 +409,12 @@ def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, i
         right[..., i] = (part * y).sum(axis=-1)
         part = part * height
     return np.asarray(
-        _solve_normal_equations(normal, right, is_sample_used)
+        _solve_normal_equations_or_nan(normal, right, is_sample_used)
         / np.array([1.0, MAX_SAMPLE_DISTANCE_M, MAX_SAMPLE_DISTANCE_M**2])
     )
 
 
-def _solve_normal_equations(
+def _solve_normal_equations_or_nan(
     normal_matrices: FloatArray, right_sides: FloatArray, is_sample_used: BoolArray
 ) -> FloatArray:
     """Solutions of the normal equations, shape (n, 2, 3); NaN where too few samples are used."""
@@ -416,11 +424,14 @@ def _solve_normal_equations(
 
 
 def _lateral_heading_deviation_and_curvature_at_preview(
-    body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, preview_m: float
+    left_and_right_arcs: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, preview_m: float
 ) -> FloatArray:
     """Lateral deviation, heading deviation and curvature at the preview point, shape (n, 3), of the curve or else of
     the parabola."""
-    centre, only = body.mean(axis=1), np.where(np.isnan(body[:, 0]), body[:, 1], body[:, 0])
+    centre, only = (
+        left_and_right_arcs.mean(axis=1),
+        np.where(np.isnan(left_and_right_arcs[:, 0]), left_and_right_arcs[:, 1], left_and_right_arcs[:, 0]),
+    )
     is_alone = np.isnan(centre).any(axis=1)
     either = np.where(is_alone[:, None], only, centre)
     slope = either[:, 1] + either[:, 2] * preview_m
@@ -429,20 +440,27 @@ def _lateral_heading_deviation_and_curvature_at_preview(
     parabola[is_alone, 0] = np.nan
     return -np.where(
         is_curve[:, None],
-        y_direction_curvature_of_lane_centres_at_distance(body, np.full(len(body), preview_m), change_1pm2),
+        y_direction_curvature_of_lane_centres_at_distance(
+            left_and_right_arcs, np.full(len(left_and_right_arcs), preview_m), change_1pm2
+        ),
         parabola,
     )
 
 
-def _lane_width_m(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray) -> FloatArray:
+def _lane_width_10_m_ahead_m(
+    left_and_right_arcs: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray
+) -> FloatArray:
     """Lane width 10 m ahead, square to the lane; beside the camera where a boundary has turned back; shape (n,)."""
-    y_m = body[..., 0] + (body[..., 1] + 0.5 * body[..., 2] * WIDTH_DISTANCE_M) * WIDTH_DISTANCE_M
-    slope = (body[..., 1] + body[..., 2] * WIDTH_DISTANCE_M).mean(axis=1)
-    curves_m = lateral_positions_of_arcs_m(body, np.array(WIDTH_DISTANCE_M), change_1pm2[:, None])
+    y_m = (
+        left_and_right_arcs[..., 0]
+        + (left_and_right_arcs[..., 1] + 0.5 * left_and_right_arcs[..., 2] * WIDTH_DISTANCE_M) * WIDTH_DISTANCE_M
+    )
+    slope = (left_and_right_arcs[..., 1] + left_and_right_arcs[..., 2] * WIDTH_DISTANCE_M).mean(axis=1)
+    curves_m = lateral_positions_of_arcs_m(left_and_right_arcs, np.array(WIDTH_DISTANCE_M), change_1pm2[:, None])
     direction = y_direction_curvature_of_lane_centres_at_distance(
-        body, np.full(len(body), WIDTH_DISTANCE_M), change_1pm2
+        left_and_right_arcs, np.full(len(left_and_right_arcs), WIDTH_DISTANCE_M), change_1pm2
     )[:, 1]
     has_turned = is_curve & np.isnan(curves_m).any(axis=1)
-    y_m = np.where(is_curve[:, None], np.where(has_turned[:, None], body[..., 0], curves_m), y_m)
-    slope = np.where(is_curve, np.where(has_turned, body[..., 1].mean(axis=1), np.tan(direction)), slope)
+    y_m = np.where(is_curve[:, None], np.where(has_turned[:, None], left_and_right_arcs[..., 0], curves_m), y_m)
+    slope = np.where(is_curve, np.where(has_turned, left_and_right_arcs[..., 1].mean(axis=1), np.tan(direction)), slope)
     return np.asarray((y_m[:, 0] - y_m[:, 1]) / np.sqrt(1.0 + slope**2))

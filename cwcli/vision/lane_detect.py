@@ -165,7 +165,7 @@ class EvidenceSource(Protocol):
         """Measure the evidence in some rows of a frame."""
 
 
-def reach_columns_of_two_widened_evidences(width_px: int) -> tuple[int, int]:
+def half_widths_of_two_widened_evidences_px(width_px: int) -> tuple[int, int]:
     """Columns to each side over which the two widened evidences take the greatest value."""
     return max(1, round(width_px / 320)), max(2, round(width_px / 128))
 
@@ -206,7 +206,7 @@ def measure_stripe_evidence(
     height, width = grey.shape
     size = 3 * len(rows) * width
     evidence = (np.empty(size, np.float32) if buffer is None else buffer[:size]).reshape(3, len(rows), width)
-    reach, broad_reach = reach_columns_of_two_widened_evidences(width)
+    reach, broad_reach = half_widths_of_two_widened_evidences_px(width)
     lane_stripes.stripes(
         np.ascontiguousarray(grey),
         rows,

@@ -218,7 +218,7 @@ def prior_at_lane_horizon(prior: LanePrior, lane: ImageLane, camera: Camera) -> 
     return prior_with_seen_horizon(prior, float(lane[HORIZON]), camera)
 
 
-def predict_lane(
+def predict_lane_at_next_frame(
     lane: ImageLane, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
 ) -> ImageLane:
     """The lane in the next frame, predicted from the car's motion; shape (6,). Unknown motion changes nothing.

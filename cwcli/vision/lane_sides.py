@@ -17,7 +17,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary_probability import boundary_paint_shares
+from cwcli.vision.boundary_probability import left_and_right_paint_shares
 from cwcli.vision.lane_detect import StripeEvidence, refine_lanes
 from cwcli.vision.lane_following import narrow_prior_table
 from cwcli.vision.lane_model import (
@@ -173,7 +173,7 @@ def lane_by_one_line_and_paint_share(
     best = lanes[0]
     best[MIDDLE] += 0.5 * sign * (width_camera_heights - best[WIDTH])
     best[WIDTH] = width_camera_heights
-    return best, float(boundary_paint_shares(evidence, best)[side])
+    return best, float(left_and_right_paint_shares(evidence, best)[side])
 
 
 def lane_middle_places_ahead_m(lane: ImageLane, prior: LanePrior) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary, replace_parabola_of_boundary
-from cwcli.vision.boundary_probability import boundary_probabilities, lower_probabilities_by_missing_scene_votes
+from cwcli.vision.boundary_probability import boundary_probabilities, lower_probabilities_if_vanishing_votes_scatter
 from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.ground import MIN_DEPTH_SHARE
 from cwcli.vision.lane_covariance import covariance_of_first_five_lane_numbers, propagate_covariance_to_fit
@@ -41,7 +41,7 @@ from cwcli.vision.lane_following import (
     lane_change_between_left_1_right_minus_1,
     lane_change_left_1_right_minus_1,
     max_boundary_difference_m,
-    predict_lane,
+    predict_lane_at_next_frame,
     prior_at_lane_horizon,
     prior_of_followed_lane,
     prior_with_driven_curvature,
@@ -205,7 +205,9 @@ class LaneTracker:
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         dt_s = min(max((stamp_ns - self._last_ns) / 1e9, 0.0), 0.5)
         camera = self._camera
-        lane = predict_lane(self._hypotheses[0].lane, camera, speed_mps, yaw_rate_radps, dt_s, self._prior)
+        lane = predict_lane_at_next_frame(
+            self._hypotheses[0].lane, camera, speed_mps, yaw_rate_radps, dt_s, self._prior
+        )
         left, right = (
             replace_parabola_of_boundary(side, *parabola)
             for side, parabola in zip(
@@ -261,7 +263,7 @@ class LaneTracker:
             else None
         )
         for each in self._hypotheses:
-            lane = predict_lane(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
+            lane = predict_lane_at_next_frame(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
             change = lane_change_left_1_right_minus_1(lane)
             lane = shift_to_adjacent_lane(lane, change)
             is_tight = tight is not None and each.is_tight
@@ -346,7 +348,7 @@ class LaneTracker:
         if each.line_pair is None or change:
             return initial_line_pair_state(lane)
         moved = [
-            predict_lane(own, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
+            predict_lane_at_next_frame(own, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
             for own in each.line_pair.lanes_by_line
         ]
         return replace(each.line_pair, lanes_by_line=np.stack(moved))
@@ -457,7 +459,7 @@ class LaneTracker:
             self._covariance = None
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         best, now, change = self._choose_published_hypothesis(camera, dt_s)
-        now = lower_probabilities_by_missing_scene_votes(now, self._scene_votes)
+        now = lower_probabilities_if_vanishing_votes_scatter(now, self._scene_votes)
         odds = [min(max(math.log(chance / (1.0 - chance)), -MAX_FRAME_LOG_ODDS), MAX_FRAME_LOG_ODDS) for chance in now]
         if self._odds is not None:
             kept_share = math.exp(-dt_s / LOG_ODDS_MEMORY_S)

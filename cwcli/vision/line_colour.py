@@ -13,7 +13,7 @@ from cwcli.vision.lane_model import HORIZON, WIDTH, ImageLane, boundary_columns_
 MIN_COLOUR_DEPTH_PX = 22.0
 """Least number of rows below the horizon at which colours are read: there a stripe of 12 cm, 1.3 m below the camera, is
 two pixels wide."""
-ROAD_SAMPLE_DISTANCE = 0.4
+ROAD_SAMPLE_DISTANCE_IN_CAMERA_HEIGHTS = 0.4
 """Distance from a line towards the lane's middle at which the road is read, over the camera's height: half a metre.
 Chosen by hand; not fitted."""
 MIN_PAINT_EVIDENCE = 0.3
@@ -39,7 +39,7 @@ def classify_line_colours(picture: Image, evidence: StripeEvidence, lane: ImageL
     first = int(np.searchsorted(evidence.rows, float(lane[HORIZON]) + MIN_COLOUR_DEPTH_PX / pinhole.focal_length_ratio))
     rows, sharp = evidence.rows[first:], evidence.sharp[first:]
     inner = np.array(lane)
-    inner[WIDTH] -= 2.0 * ROAD_SAMPLE_DISTANCE * pinhole.focal_length_ratio
+    inner[WIDTH] -= 2.0 * ROAD_SAMPLE_DISTANCE_IN_CAMERA_HEIGHTS * pinhole.focal_length_ratio
     lines = zip(
         *(boundary_columns_in_rows_px(each, rows.astype(np.float64), pinhole) for each in (lane, inner)), strict=True
     )

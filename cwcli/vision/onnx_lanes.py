@@ -21,7 +21,7 @@ from cwcli.vision.lane_detect import (
     Float32Array,
     Int32Array,
     StripeEvidence,
-    reach_columns_of_two_widened_evidences,
+    half_widths_of_two_widened_evidences_px,
 )
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneSearch, Method
@@ -67,7 +67,7 @@ class OnnxLaneSearch:
         )
         wide, broad = (
             np.asarray(cv2.dilate(sharp, np.ones((1, 2 * reach + 1), np.uint8)), np.float32)
-            for reach in reach_columns_of_two_widened_evidences(width)
+            for reach in half_widths_of_two_widened_evidences_px(width)
         )
         return StripeEvidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH_SHARE * height, pinhole)
 

@@ -134,23 +134,23 @@ def _decode_until_stuck(
             failures = 0
             size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
             if size[0] * size[1] > max_pixels:
-                for message in feed.pop_messages_before(BLOCK_NUMBER_ABOVE_ALL):
+                for message in feed.pop_waiting_messages_before(BLOCK_NUMBER_ABOVE_ALL):
                     yield message, None, size
                 return size
             number = round(capture.get(cv2.CAP_PROP_POS_MSEC) / BLOCK_INTERVAL_MS)
-            for message in feed.pop_messages_before(number):
+            for message in feed.pop_waiting_messages_before(number):
                 yield message, None, (0, 0)
-            own = feed.pop_message(number)
+            own = feed.pop_oldest_waiting_message_if_numbered(number)
             if own is not None:
-                yield own, *_retrieve_picture_and_its_size(capture)
-        for message in feed.pop_messages_before(BLOCK_NUMBER_ABOVE_ALL):
+                yield own, *_retrieve_picture_or_none_and_its_size(capture)
+        for message in feed.pop_waiting_messages_before(BLOCK_NUMBER_ABOVE_ALL):
             yield message, None, (0, 0)
         return 0, 0
     finally:
         capture.release()
 
 
-def _retrieve_picture_and_its_size(capture: Any) -> tuple[Image | None, WidthHeightPx]:
+def _retrieve_picture_or_none_and_its_size(capture: Any) -> tuple[Image | None, WidthHeightPx]:
     """The grabbed picture and its size."""
     is_good, image = capture.retrieve()
     if not is_good or image is None:
@@ -203,11 +203,11 @@ class _MatroskaFeed(io.BufferedIOBase, Generic[Message]):
             self._bytes += encode_matroska_block(self._n, message.data)
         self._n += 1
 
-    def pop_messages_before(self, number: int) -> Iterator[Message]:
+    def pop_waiting_messages_before(self, number: int) -> Iterator[Message]:
         """Take out the messages before this one: their pictures will not come."""
         while self.waiting and self.waiting[0][0] < number:
             yield self.waiting.popleft()[1]
 
-    def pop_message(self, number: int) -> Message | None:
+    def pop_oldest_waiting_message_if_numbered(self, number: int) -> Message | None:
         """Take out this message; None if it is out already."""
         return self.waiting.popleft()[1] if self.waiting and self.waiting[0][0] == number else None

@@ -15,7 +15,7 @@ from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.denm import DENM_PATHS, LEAF_FIELDS
 from cwcli.signals.etsi import CAM
 from cwcli.signals.quality import Quality
-from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, empty_road_events, hard_braking_states_mask
+from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, empty_road_events, hard_braking_known_mask_or_none
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, stamp_of
@@ -122,14 +122,14 @@ def test_off_the_radio_it_is_the_same(validity_s: int | None) -> None:
 def test_who_says_so_brakes_hard_from_then_on_and_only_as_far_as_it_was_known(tmp_path: Path) -> None:
     events, _ = notified(tmp_path, [message(stamp_of(0) // MS)])
     state_ns = stamp_of(0) + np.array([-1, 0, 1, 2, 3]) * S
-    known = hard_braking_states_mask(events, "1001", state_ns, state_ns + DELAY_NS)
+    known = hard_braking_known_mask_or_none(events, "1001", state_ns, state_ns + DELAY_NS)
     assert known is not None
     assert known.tolist() == [False, True, True, True, False]
-    early = hard_braking_states_mask(events, "1001", state_ns, state_ns)  # known before the message had come
+    early = hard_braking_known_mask_or_none(events, "1001", state_ns, state_ns)  # known before the message had come
     assert early is not None
     assert early.tolist() == [False, False, True, True, False]
-    assert hard_braking_states_mask(events, "1002", state_ns, state_ns) is None
-    assert hard_braking_states_mask(empty_road_events(), "1001", state_ns, state_ns) is None
+    assert hard_braking_known_mask_or_none(events, "1002", state_ns, state_ns) is None
+    assert hard_braking_known_mask_or_none(empty_road_events(), "1001", state_ns, state_ns) is None
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_a_later_denm_of_the_same_action_takes_the_place_of_the_earlier(
     events, _ = notified(tmp_path, messages)
     received_ns = second_ns + DELAY_NS
     state_ns = np.array([received_ns - 1, received_ns + 1, received_ns + S])
-    said = hard_braking_states_mask(events, "1001", state_ns, state_ns + DELAY_NS)
+    said = hard_braking_known_mask_or_none(events, "1001", state_ns, state_ns + DELAY_NS)
     assert said is not None
     assert said.tolist() == [True, *expected]
 
@@ -158,7 +158,7 @@ def test_a_later_denm_of_the_same_action_takes_the_place_of_the_earlier(
 def test_no_car_brakes_hard_for_ten_minutes(tmp_path: Path) -> None:
     events, _ = notified(tmp_path, [message(stamp_of(0) // MS, validity_s=600)])
     state_ns = stamp_of(0) + np.array([1, 5, 6, 60]) * S
-    said = hard_braking_states_mask(events, "1001", state_ns, state_ns)
+    said = hard_braking_known_mask_or_none(events, "1001", state_ns, state_ns)
     assert said is not None
     assert said.tolist() == [True, True, False, False]
 

@@ -49,7 +49,7 @@ from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitCollector, FitColumns
 from cwcli.vision.ground import (
     LaneGeometry,
-    boundary_end_rows_px,
+    boundary_top_rows_px,
     compute_lane_geometry,
     repeat_pinhole_per_frame,
     image_hyperbolas_of_flat_road,
@@ -163,7 +163,7 @@ def watched(
         recorder.append_fit(search.step(frame))
     fits = recorder.to_columns()
     horizon_px = np.asarray(camera.horizon_row_px(fits.pitch_rad))
-    top_px = boundary_end_rows_px(fits, camera, horizon_px)
+    top_px = boundary_top_rows_px(fits, camera, horizon_px)
     lines = BoundaryLines(
         fits.parabolas,
         image_hyperbolas_of_flat_road(fits, camera),

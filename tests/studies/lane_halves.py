@@ -27,7 +27,7 @@ from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.fit_columns import FitCollector
 from cwcli.vision.frames import DecodedFrame, SizeOf, decode_frames
-from cwcli.vision.ground import image_hyperbolas_of_flat_road, boundary_end_rows_px, repeat_pinhole_per_frame
+from cwcli.vision.ground import image_hyperbolas_of_flat_road, boundary_top_rows_px, repeat_pinhole_per_frame
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS, methods_without_model
@@ -81,7 +81,7 @@ def drawn(fit: LaneFit, camera: Camera, rows_px: FloatArray, height_px: int) -> 
     fits = recorder.to_columns()
     pitch = np.where(np.isfinite(fits.pitch_rad), fits.pitch_rad, camera.mounting.pitch_rad)
     horizon_px = np.asarray(camera.horizon_row_px(pitch))
-    top_px = boundary_end_rows_px(fits, camera, horizon_px)
+    top_px = boundary_top_rows_px(fits, camera, horizon_px)
     lines = BoundaryLines(
         fits.parabolas,
         image_hyperbolas_of_flat_road(fits, camera),

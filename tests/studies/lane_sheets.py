@@ -39,7 +39,7 @@ from cwcli.simulation.road.sets import FRAME_SETS
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitCollector
-from cwcli.vision.ground import boundary_end_rows_px, image_hyperbolas_of_flat_road, repeat_pinhole_per_frame
+from cwcli.vision.ground import boundary_top_rows_px, image_hyperbolas_of_flat_road, repeat_pinhole_per_frame
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS, methods_without_model
 from tests.studies.road_sheets import DOCS, sheet, write
@@ -126,7 +126,7 @@ def drawn(fit: LaneFit, width_px: int, height_px: int) -> np.ndarray:
     fits, camera = recorder.to_columns(), camera_for_lane_methods(width_px, height_px)
     is_found = np.isfinite(fits.pitch_rad)
     horizon_px = camera.horizon_row_px(np.where(is_found, fits.pitch_rad, camera.mounting.pitch_rad))
-    top_px = boundary_end_rows_px(fits, camera, horizon_px)
+    top_px = boundary_top_rows_px(fits, camera, horizon_px)
     lines = BoundaryLines(
         fits.parabolas,
         image_hyperbolas_of_flat_road(fits, camera),

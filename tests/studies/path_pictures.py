@@ -17,7 +17,7 @@ from cwcli.reproduction.zhang2011.rendered import RenderSettings, sense_rendered
 from cwcli.simulation.lane_drive import Road, LaneRuns, simulate_lane_runs
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.vision.boundary_lines import BoundaryLines
-from cwcli.vision.ground import image_hyperbolas_of_flat_road, boundary_end_rows_px, repeat_pinhole_per_frame
+from cwcli.vision.ground import image_hyperbolas_of_flat_road, boundary_top_rows_px, repeat_pinhole_per_frame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.overlay import draw_boundaries, boundary_points_in_image
 from cwcli.vision.path_overlay import BodyPath, draw_path, project_path_into_image
@@ -54,7 +54,7 @@ def picture(
     horizon_px = searched_by.horizon_row_px(fits.pitch_rad)
     roads, pinhole = image_hyperbolas_of_flat_road(fits, searched_by), repeat_pinhole_per_frame(searched_by, len(fits))
     lines = BoundaryLines(
-        fits.parabolas, roads, horizon_px, boundary_end_rows_px(fits, searched_by, horizon_px), pinhole
+        fits.parabolas, roads, horizon_px, boundary_top_rows_px(fits, searched_by, horizon_px), pinhole
     )
     points, is_in = boundary_points_in_image(lines, search, SIZE)
     image = cv2.cvtColor(seen.drive.render_frame_at(row).grey, cv2.COLOR_GRAY2BGR)

@@ -213,14 +213,18 @@ def _unique_names(cells: Sequence[str]) -> tuple[str, ...]:
 
 
 def _read_rows(
-    source: str | bytes, head: TextHead, layout: TextLayout, columns: Sequence[str], told: tuple[str, list[str]]
+    source: str | bytes,
+    head: TextHead,
+    layout: TextLayout,
+    columns: Sequence[str],
+    where_and_notes: tuple[str, list[str]],
 ) -> Iterator[Batch]:
     """Yield the rows, all cells as text."""
     import pyarrow as pa
     import pyarrow.compute as pc
     from pyarrow import csv as arrow_csv
 
-    where, notes = told
+    where, notes = where_and_notes
     n_bad, longest = [0], [""]
 
     def skip(row: Any) -> str:

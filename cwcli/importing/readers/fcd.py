@@ -187,17 +187,21 @@ class OtherVehicles:
 
 
 def _messages_of_vehicle(
-    name: str, k: int, rows: FloatArray, places: tuple[FloatArray, FloatArray], local_map: LocalMap
+    name: str,
+    vehicle_index: int,
+    rows: FloatArray,
+    latitudes_and_longitudes_deg: tuple[FloatArray, FloatArray],
+    local_map: LocalMap,
 ) -> ReceivedMessages:
     """Return the messages that a vehicle would send: one each step."""
     stamps = np.rint(rows[:, 0] * 1e6).astype(np.int64) * 1000
-    x, y, _ = local_map.map_from_wgs84(*places, np.zeros(len(rows)))
+    x, y, _ = local_map.map_from_wgs84(*latitudes_and_longitudes_deg, np.zeros(len(rows)))
     heading = np.unwrap(heading_from_compass_deg(rows[:, 3]))
     time_s = stamps / NS_PER_S
     accel, yaw_rate = np.gradient(rows[:, 4], time_s), np.gradient(heading, time_s)
     return ReceivedMessages(
         vehicle=name,
-        station_id=f"{k + 1:08x}",
+        station_id=f"{vehicle_index + 1:08x}",
         stamp_ns=stamps,
         log_time_ns=stamps,
         count=np.arange(len(rows), dtype=np.int64),

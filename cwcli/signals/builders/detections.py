@@ -9,7 +9,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionKind, DetectionSignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven, Strings, absent_strings
-from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_element_indices_of_sequences
+from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_indices_of_selected_sequences
 from cwcli.signals.leaf_fields import find_field, read_stamps
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
@@ -159,7 +159,7 @@ def _make_detection_signal(
     with np.errstate(invalid="ignore", over="ignore"):
         marks = [elements.counts.astype(np.float64), *(elements.sum_per_message(column) for column in values.T)]
     timeline = repair_and_order_times(ledger, *stamps_ns_and_is_given, reading.clock, marks)
-    offsets, index = offsets_and_element_indices_of_sequences(elements.offsets, timeline.rows)
+    offsets, index = offsets_and_indices_of_selected_sequences(elements.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,
         kind=kind,

@@ -9,7 +9,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import TimedRows
 from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.elements import Elements, offsets_and_element_indices_of_sequences
+from cwcli.signals.elements import Elements, offsets_and_indices_of_selected_sequences
 from cwcli.signals.leaf_fields import read_frame_id, read_stamps
 from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, NOT_FINITE_REASON, OUT_OF_RANGE_REASON
 from cwcli.signals.quality import Quality, RowLedger
@@ -87,7 +87,7 @@ def _make_path_signal(
         points.sum_per_message(np.nan_to_num(y_m)),
     ]
     timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, marks)
-    offsets, index = offsets_and_element_indices_of_sequences(points.offsets, timeline.rows)
+    offsets, index = offsets_and_indices_of_selected_sequences(points.offsets, timeline.rows)
     signal = PathSignal(
         source=columns.topic,
         frame_id=read_frame_id(columns),

@@ -44,7 +44,7 @@ def build_remote(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[R
     events = _drop_own_events(events, senders, reading) if len(events) else events
     quality.notes += format_flag_notes(events, is_unread & ~_own_message_mask(senders, reading))
     if len(events):
-        signal = replace(signal, events=_align_flag_events_with_states(events, signal))
+        signal = replace(signal, events=_move_flag_events_to_repaired_stamps(events, signal))
     return signal, quality
 
 
@@ -54,7 +54,7 @@ def _build_senders(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple
     ledger.set_aside(senders.is_roadside, "sent by a roadside unit")
     ledger.set_aside(_own_message_mask(senders, reading), "sent by the ego station")
     decoded = codec.decode(columns, ledger)
-    timeline = _timeline_per_station(columns, reading, ledger, decoded, senders.station)
+    timeline = _reject_positions_and_repair_station_clocks(columns, reading, ledger, decoded, senders.station)
     _note_timing_anomalies(ledger, decoded, senders.station, timeline)
     rows = timeline.rows
     signal = RemoteSignal(
@@ -114,7 +114,11 @@ def _decode_own_messages(
     decoded = codec.decode(columns, ledger)
     if needs:
         ledger.set_aside(~np.isfinite(getattr(decoded, needs)), "not available in the message")
-    return ledger, decoded, _timeline_per_station(columns, reading, ledger, decoded, senders.station)
+    return (
+        ledger,
+        decoded,
+        _reject_positions_and_repair_station_clocks(columns, reading, ledger, decoded, senders.station),
+    )
 
 
 def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
@@ -125,7 +129,7 @@ def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> 
     return events.select_rows(np.flatnonzero(~is_own[events.station.codes]))
 
 
-def _align_flag_events_with_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
+def _move_flag_events_to_repaired_stamps(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
     """Return the events with the flags at the repaired stamps of their messages."""
     code_of_name = {name: code for code, name in enumerate(signal.station.values)}
     event_station = np.array([code_of_name.get(name, -1) for name in (*events.station.values, "")])
@@ -154,7 +158,7 @@ def _own_message_mask(senders: Senders, reading: Reading) -> BoolArray:
     return is_own
 
 
-def _timeline_per_station(
+def _reject_positions_and_repair_station_clocks(
     columns: Columns, reading: Reading, ledger: RowLedger, decoded: RemoteRows, station: Strings
 ) -> Timeline:
     """Reject invalid positions, and repair the clock of each station by itself."""

@@ -13,7 +13,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, absent_strings, median_of_values
-from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_element_indices_of_sequences
+from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_indices_of_selected_sequences
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.osi.leaves import DETECTED_STATIONARY_PATH, SENSOR_DATA_PREFIX
 from cwcli.signals.osi.world import (
@@ -71,7 +71,7 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
         *(objects.sum_per_message(np.nan_to_num(column)) for column in values.T),
     ]
     timeline = repair_and_order_times(ledger, stamp_ns, has_stamp, reading.clock, marks)
-    offsets, index = offsets_and_element_indices_of_sequences(objects.offsets, timeline.rows)
+    offsets, index = offsets_and_indices_of_selected_sequences(objects.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,
         kind="position",

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals import cpm, etsi, j2735, sdsm
 from cwcli.signals.columns import Columns, Field, Strings, sort_distinct_values
-from cwcli.signals.denm import events_from_codes, format_event_counts_notice
+from cwcli.signals.denm import event_counts_notice_or_empty, road_events_from_denm_codes
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.radio import frames, messages, standard_messages
 from cwcli.signals.road_events import RoadEvents, join_road_events
@@ -96,7 +96,9 @@ def make_radio_codec(form: str) -> V2xCodec:
         codes = np.full(n, -1, np.int32)
         names: dict[str, int] = {}
         is_roadside = np.zeros(n, np.bool_)
-        for kind, part, rows, _ in _decode_sender_messages(columns, frames.unwrap_frames(columns, form), form):
+        for kind, part, rows, _ in _decode_messages_describing_their_sender(
+            columns, frames.unwrap_frames(columns, form), form
+        ):
             senders = kind.codec.identify(part)
             index = np.array([names.setdefault(name, len(names)) for name in senders.station.values] + [-1], np.int32)
             codes[rows] = index[senders.station.codes]
@@ -105,24 +107,24 @@ def make_radio_codec(form: str) -> V2xCodec:
 
     def decode_all(columns: Columns, ledger: RowLedger) -> RemoteRows:
         found = frames.unwrap_frames(columns, form)
-        _reject_by_status(ledger, found.status, frames.FRAME_FAULT_TEXTS)
+        _reject_rows_by_status_code(ledger, found.status, frames.FRAME_FAULT_TEXTS)
         made = empty_remote_rows(len(columns))
         is_known = np.zeros(len(columns), np.bool_)
-        for kind, part, rows, status in _decode_sender_messages(columns, found, form):
+        for kind, part, rows, status in _decode_messages_describing_their_sender(columns, found, form):
             is_known[rows] = True
             _reject_undecodable_rows(ledger, rows, status)
             with ledger.part_ledger(rows, part) as inner:
                 decoded = kind.codec.decode(part, inner)
             for entry in fields(RemoteRows):
                 getattr(made, entry.name)[rows] = getattr(decoded, entry.name)
-        rows, denms, notified = _decode_denms(columns, found, form)
+        rows, denms, notified = _decode_denms_with_rows_and_events(columns, found, form)
         _reject_undecodable_rows(ledger, rows, denms.status)
         if len(notified):
-            ledger.add_note(format_event_counts_notice(notified))
+            ledger.add_note(event_counts_notice_or_empty(notified))
         for name, kind in PERCEPTION_MESSAGES.items():
-            rows, decoded_objects = _rows_and_contents_of_messages_named(found, form, name, kind.packed)
+            rows, decoded_objects = _decode_messages_named_with_rows(found, form, name, kind.packed)
             _reject_undecodable_rows(ledger, rows, decoded_objects.status)
-        _set_aside_other_messages(ledger, found, is_known, form)
+        _set_aside_messages_not_describing_sender(ledger, found, is_known, form)
         n_signed = int(np.count_nonzero(found.is_signed_mask & ledger.keep))
         if n_signed:
             ledger.add_note(f"{n_signed} messages {SIGNED_NOTE}")
@@ -132,7 +134,7 @@ def make_radio_codec(form: str) -> V2xCodec:
         found = frames.unwrap_frames(columns, form)
         made = []
         for name, kind in PERCEPTION_MESSAGES.items():
-            rows, decoded = _rows_and_contents_of_messages_named(found, form, name, kind.packed)
+            rows, decoded = _decode_messages_named_with_rows(found, form, name, kind.packed)
             of_row = decoded.rows[kind.packed.objects_path]
             if len(of_row):
                 quantities = kind.read_fields(decoded)
@@ -141,8 +143,11 @@ def make_radio_codec(form: str) -> V2xCodec:
 
     def events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
         found = frames.unwrap_frames(columns, form)
-        notified, is_unread = [_decode_denms(columns, found, form)[2]], np.zeros(len(columns), np.bool_)
-        for kind, part, rows, _ in _decode_sender_messages(columns, found, form):
+        notified, is_unread = (
+            [_decode_denms_with_rows_and_events(columns, found, form)[2]],
+            np.zeros(len(columns), np.bool_),
+        )
+        for kind, part, rows, _ in _decode_messages_describing_their_sender(columns, found, form):
             flags, is_unread[rows] = kind.codec.events(part)
             notified.append(flags)
         return join_road_events(notified), is_unread
@@ -150,7 +155,7 @@ def make_radio_codec(form: str) -> V2xCodec:
     return V2xCodec(identify, decode_all, objects, events)
 
 
-def _rows_and_contents_of_messages_named(
+def _decode_messages_named_with_rows(
     found: frames.UnwrappedFrames, form: str, name: str, kind: messages.PackedMessage
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages]:
     wanted = [number for number, other in MESSAGE_NAMES_BY_FORMAT[form].items() if other == name]
@@ -159,7 +164,7 @@ def _rows_and_contents_of_messages_named(
     return rows, messages.decode_messages(kind.program, octets, _header_mismatch_status(octets, kind))
 
 
-def _decode_sender_messages(
+def _decode_messages_describing_their_sender(
     columns: Columns, found: frames.UnwrappedFrames, form: str
 ) -> list[tuple[RoadUserMessage, Columns, npt.NDArray[np.intp], messages.UInt8Array]]:
     """Decode the messages that describe their sender: for each kind columns with named fields, their rows, and their
@@ -169,20 +174,20 @@ def _decode_sender_messages(
         kind = SENDER_MESSAGES.get(name)
         if kind is None or not (found.message == number).any():
             continue
-        rows, decoded = _rows_and_contents_of_messages_named(found, form, name, kind.packed)
+        rows, decoded = _decode_messages_named_with_rows(found, form, name, kind.packed)
         part = columns.with_fields_of_rows(rows, kind.read_fields(decoded))
         parts.append((kind, part, rows, decoded.status))
     return parts
 
 
-def _decode_denms(
+def _decode_denms_with_rows_and_events(
     columns: Columns, found: frames.UnwrappedFrames, form: str
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages, RoadEvents]:
     """Decode the DENMs; return their rows, their contents, and the events that they notify."""
-    rows, decoded = _rows_and_contents_of_messages_named(found, form, "DENM", standard_messages.DENM)
+    rows, decoded = _decode_messages_named_with_rows(found, form, "DENM", standard_messages.DENM)
     is_ok = decoded.status == 0
     codes = {name: decoded.component_numbers(path)[is_ok] for name, path in standard_messages.DENM.components.items()}
-    return rows, decoded, events_from_codes(codes, columns.log_time_ns[rows][is_ok])
+    return rows, decoded, road_events_from_denm_codes(codes, columns.log_time_ns[rows][is_ok])
 
 
 def _header_mismatch_status(octets: messages.Octets, kind: messages.PackedMessage) -> messages.UInt8Array:
@@ -202,15 +207,17 @@ def _reject_undecodable_rows(ledger: RowLedger, rows: npt.NDArray[np.intp], stat
     """Reject the messages among these rows that can't be decoded."""
     everywhere = np.zeros(len(ledger.keep), np.uint8)
     everywhere[rows] = status
-    _reject_by_status(ledger, everywhere, MESSAGE_FAULT_TEXTS)
+    _reject_rows_by_status_code(ledger, everywhere, MESSAGE_FAULT_TEXTS)
 
 
-def _reject_by_status(ledger: RowLedger, status: messages.UInt8Array, reasons: dict[int, str]) -> None:
+def _reject_rows_by_status_code(ledger: RowLedger, status: messages.UInt8Array, reasons: dict[int, str]) -> None:
     for code, reason in reasons.items():
         ledger.reject(status == code, reason)
 
 
-def _set_aside_other_messages(ledger: RowLedger, found: frames.UnwrappedFrames, is_known: BoolArray, form: str) -> None:
+def _set_aside_messages_not_describing_sender(
+    ledger: RowLedger, found: frames.UnwrappedFrames, is_known: BoolArray, form: str
+) -> None:
     """Set aside the messages that do not describe their sender, by name."""
     others = ~is_known & (found.status == 0)
     for number in sort_distinct_values(found.message[others]):

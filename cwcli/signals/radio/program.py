@@ -73,8 +73,8 @@ def compile_type(root: Asn1Type, wanted: Collection[str], lists: Collection[str]
         ValueError: A path does not exist, or the type is nested too deeply (a mistake in a table of this package).
     """
     compiler = _Compiler(frozenset(wanted), frozenset(lists))
-    compiler.compile_node(root, "", 0, 0)
-    compiler.emit_operation(uper.UPER_END)
+    compiler.emit_operations_of_type(root, "", 0, 0)
+    compiler.emit_operation_and_return_index(uper.UPER_END)
     unknown = (compiler.wanted - compiler.columns.keys()) | (compiler.tabled - compiler.lists.keys())
     if unknown:
         raise ValueError(f"no such component: {', '.join(sorted(unknown))}")
@@ -90,97 +90,119 @@ class _Compiler:
         self.lists: dict[str, int] = {}
         self.widths = [0]
 
-    def emit_operation(self, operation: int, a: int = 0, b: int = 0, c: int = 0, d: int = 0, *, jump: int = 0) -> int:
+    def emit_operation_and_return_index(
+        self, operation: int, a: int = 0, b: int = 0, c: int = 0, d: int = 0, *, jump: int = 0
+    ) -> int:
         """Append one operation without a column for its value; return its index."""
         self.rows.append([operation, a, b, c, d, 0, NO_COLUMN, jump])
         return len(self.rows) - 1
 
-    def assign_column(self, row: int, path: str, table: int) -> None:
+    def assign_output_column_if_wanted(self, operation_index: int, path: str, output_table: int) -> None:
         """Assign a column to the operation's value, where its path is wanted."""
         if path in self.wanted:
-            self.columns[path] = (table, self.widths[table])
-            self.rows[row][5:7] = self.columns[path]
-            self.widths[table] += 1
+            self.columns[path] = (output_table, self.widths[output_table])
+            self.rows[operation_index][5:7] = self.columns[path]
+            self.widths[output_table] += 1
 
-    def compile_node(self, node: Asn1Type, path: str, table: int, depth: int) -> None:
+    def emit_operations_of_type(self, node: Asn1Type, path: str, output_table: int, depth: int) -> None:
         if depth > MAX_NESTING_DEPTH:
             raise ValueError(f"{path}: nested too deeply")
         match node:
             case ["int", low, high, extensible]:
-                self.assign_column(self._emit_integer(low, high, extensible), path, table)
+                self.assign_output_column_if_wanted(
+                    self._emit_integer_operation(low, high, extensible), path, output_table
+                )
             case ["enum", n, extensible]:
                 operation = uper.UPER_ENUM_EXT if extensible else uper.UPER_INT
-                self.assign_column(self.emit_operation(operation, _bits_for_values(n), 0, n - 1), path, table)
+                self.assign_output_column_if_wanted(
+                    self.emit_operation_and_return_index(operation, _n_bits_for_number_of_values(n), 0, n - 1),
+                    path,
+                    output_table,
+                )
             case ["sized", unit_bits, low, high, extensible]:
                 size = _kernel_limit_and_bits_of_size(low, high)
-                row = self.emit_operation(uper.UPER_SIZED, unit_bits, low, *size, jump=int(extensible))
-                self.assign_column(row, path, table)
+                row = self.emit_operation_and_return_index(uper.UPER_SIZED, unit_bits, low, *size, jump=int(extensible))
+                self.assign_output_column_if_wanted(row, path, output_table)
             case ["sequence", parts, extensible]:
-                self._emit_sequence(parts, path, table, depth, is_extensible=extensible)
+                self._emit_sequence_operations(parts, path, output_table, depth, is_extensible=extensible)
             case ["choice", alternatives, extensible]:
-                self._emit_choice(alternatives, path, table, depth, is_extensible=extensible)
+                self._emit_choice_operations(alternatives, path, output_table, depth, is_extensible=extensible)
             case ["list", element, low, high, extensible]:
                 high, width = _kernel_limit_and_bits_of_size(low, high)
-                loop = self.emit_operation(uper.UPER_LIST, width, low, high, int(extensible))
-                self._emit_elements(loop, element, path, table, depth)
+                loop = self.emit_operation_and_return_index(uper.UPER_LIST, width, low, high, int(extensible))
+                self._emit_list_element_operations(loop, element, path, output_table, depth)
             case ["open", cases]:
-                self._emit_open_type(cases, path, table, depth)
+                self._emit_open_type_operations(cases, path, output_table, depth)
             case ["null"]:
                 pass
             case ["unread"]:
-                self.emit_operation(uper.UPER_END)
+                self.emit_operation_and_return_index(uper.UPER_END)
             case _:
                 raise ValueError(f"unknown node {node!r}")
 
-    def _emit_integer(self, low: int | None, high: int | None, extensible: bool) -> int:
+    def _emit_integer_operation(self, low: int | None, high: int | None, extensible: bool) -> int:
         if low is None or high is None:
-            return self.emit_operation(uper.UPER_BIG, int(low is not None), low or 0)
+            return self.emit_operation_and_return_index(uper.UPER_BIG, int(low is not None), low or 0)
         operation = uper.UPER_INT_EXT if extensible else uper.UPER_INT
-        return self.emit_operation(operation, _bits_for_values(high - low + 1), low, high - low)
+        return self.emit_operation_and_return_index(
+            operation, _n_bits_for_number_of_values(high - low + 1), low, high - low
+        )
 
-    def _emit_sequence(self, parts: list[Any], path: str, table: int, depth: int, *, is_extensible: bool) -> None:
-        self.emit_operation(uper.UPER_SEQUENCE, int(is_extensible), sum(optional for _, _, optional in parts))
+    def _emit_sequence_operations(
+        self, parts: list[Any], path: str, output_table: int, depth: int, *, is_extensible: bool
+    ) -> None:
+        self.emit_operation_and_return_index(
+            uper.UPER_SEQUENCE, int(is_extensible), sum(optional for _, _, optional in parts)
+        )
         for name, part, is_optional in parts:
-            option = self.emit_operation(uper.UPER_OPTION) if is_optional else None
-            self.compile_node(part, _path_of_component(path, name), table, depth + 1)
+            option = self.emit_operation_and_return_index(uper.UPER_OPTION) if is_optional else None
+            self.emit_operations_of_type(part, _path_of_component(path, name), output_table, depth + 1)
             if option is not None:
                 self.rows[option][7] = len(self.rows)
-        self.emit_operation(uper.UPER_SEQUENCE_END)
+        self.emit_operation_and_return_index(uper.UPER_SEQUENCE_END)
 
-    def _emit_choice(self, alternatives: list[Any], path: str, table: int, depth: int, *, is_extensible: bool) -> None:
+    def _emit_choice_operations(
+        self, alternatives: list[Any], path: str, output_table: int, depth: int, *, is_extensible: bool
+    ) -> None:
         n = len(alternatives)
-        choice = self.emit_operation(uper.UPER_CHOICE, _bits_for_values(n), n, int(is_extensible))
-        self.assign_column(choice, path, table)
-        doors = [self.emit_operation(uper.UPER_ALTERNATIVE) for _ in alternatives]
+        choice = self.emit_operation_and_return_index(
+            uper.UPER_CHOICE, _n_bits_for_number_of_values(n), n, int(is_extensible)
+        )
+        self.assign_output_column_if_wanted(choice, path, output_table)
+        doors = [self.emit_operation_and_return_index(uper.UPER_ALTERNATIVE) for _ in alternatives]
         exits = []
         for door, (name, part) in zip(doors, alternatives, strict=True):
             self.rows[door][7] = len(self.rows)
-            self.compile_node(part, _path_of_component(path, name), table, depth + 1)
-            exits.append(self.emit_operation(uper.UPER_ALTERNATIVE))
+            self.emit_operations_of_type(part, _path_of_component(path, name), output_table, depth + 1)
+            exits.append(self.emit_operation_and_return_index(uper.UPER_ALTERNATIVE))
         for row in (*exits, choice):
             self.rows[row][7] = len(self.rows)
 
-    def _emit_elements(self, loop: int, element: Asn1Type, path: str, table: int, depth: int) -> None:
+    def _emit_list_element_operations(
+        self, list_operation_index: int, element: Asn1Type, path: str, output_table: int, depth: int
+    ) -> None:
         """Append the operations of a list's elements; a wanted list gets a table of its own."""
-        inner = table
+        inner = output_table
         if path in self.tabled:
             inner = len(self.widths)
             self.widths.append(1)
             self.lists[path] = inner
-        self.rows[loop][5] = inner if inner != table else 0
-        self.compile_node(element, path, inner, depth + 1)
-        self.emit_operation(uper.UPER_LIST_END)
-        self.rows[loop][7] = len(self.rows)
+        self.rows[list_operation_index][5] = inner if inner != output_table else 0
+        self.emit_operations_of_type(element, path, inner, depth + 1)
+        self.emit_operation_and_return_index(uper.UPER_LIST_END)
+        self.rows[list_operation_index][7] = len(self.rows)
 
-    def _emit_open_type(self, cases: list[Any], path: str, table: int, depth: int) -> None:
-        start = self.emit_operation(uper.UPER_OPEN, 0, len(cases))
-        doors = [self.emit_operation(uper.UPER_CASE, number) for number, _ in cases]
+    def _emit_open_type_operations(
+        self, cases: list[tuple[int, Asn1Type]], path: str, output_table: int, depth: int
+    ) -> None:
+        start = self.emit_operation_and_return_index(uper.UPER_OPEN, 0, len(cases))
+        doors = [self.emit_operation_and_return_index(uper.UPER_CASE, number) for number, _ in cases]
         exits = []
         for door, (_, contents) in zip(doors, cases, strict=True):
             self.rows[door][7] = len(self.rows)
-            self.compile_node(contents, path, table, depth + 1)
-            self.emit_operation(uper.UPER_OPEN_END)
-            exits.append(self.emit_operation(uper.UPER_ALTERNATIVE))
+            self.emit_operations_of_type(contents, path, output_table, depth + 1)
+            self.emit_operation_and_return_index(uper.UPER_OPEN_END)
+            exits.append(self.emit_operation_and_return_index(uper.UPER_ALTERNATIVE))
         for row in (*exits, start):
             self.rows[row][7] = len(self.rows)
 
@@ -191,9 +213,9 @@ def _path_of_component(path: str, name: str) -> str:
 
 def _kernel_limit_and_bits_of_size(low: int, high: int | None) -> tuple[int, int]:
     """Return the greatest number of elements (-1: any) and the bits of their number, as the kernel takes them."""
-    return (-1, 0) if high is None else (high, _bits_for_values(high - low + 1))
+    return (-1, 0) if high is None else (high, _n_bits_for_number_of_values(high - low + 1))
 
 
-def _bits_for_values(n_values: int) -> int:
+def _n_bits_for_number_of_values(n_values: int) -> int:
     """Return the number of bits of a number with so many values."""
     return (n_values - 1).bit_length()

@@ -218,7 +218,7 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
         knots_m, curvature, vertical = _knots_and_curvatures_with_bends_and_ramps(
             config, knots_m, curvature, vertical, own
         )
-        scene = _add_defects_to_scene(scene, config, length_m, own)
+        scene = _add_configured_difficulties_to_scene(scene, config, length_m, own)
         change_s = draw_lane_change_times_s(config.lane_changes_per_min, config.duration_s, own)
         driver = LaneChangingDriver(
             wander_rad=wander_rad, lane_change_start_s=change_s, lane_width_m=scene.lane_width_m
@@ -246,7 +246,7 @@ def _knots_and_curvatures_with_bends_and_ramps(
     return fine_m, bent, np.interp(fine_m, knots_m, vertical)
 
 
-def _add_defects_to_scene(
+def _add_configured_difficulties_to_scene(
     scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator
 ) -> RoadScene:
     """Add the difficulties that the configuration has to the scene."""

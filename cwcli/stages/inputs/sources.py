@@ -21,7 +21,7 @@ from cwcli.signals.clocks import (
     STRAY_LOG_TIME_REASON,
     Clock,
     first_and_last_log_time_without_strays,
-    format_clock_disagreements,
+    lines_about_channels_with_other_clock,
 )
 from cwcli.signals.columns import Columns, Int64Array
 from cwcli.signals.quality import Quality
@@ -159,7 +159,7 @@ def read_sensor_signals(
                     raise
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
     others = {role: loaded[topic] for role, topic in own.items()}
-    return SensorSignals(by_role, tuple(qualities), (*notes, *format_clock_disagreements(qualities)), others)
+    return SensorSignals(by_role, tuple(qualities), (*notes, *lines_about_channels_with_other_clock(qualities)), others)
 
 
 def read_bound_columns(log: Log, bound: Bindings, *, without: Collection[str] = ()) -> dict[str, Columns]:

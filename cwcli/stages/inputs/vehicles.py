@@ -16,7 +16,7 @@ from cwcli.prediction.plan import PathPlan, SelectedPaths
 from cwcli.prediction.rollout import RolloutSettings
 from cwcli.prediction.turn_end import TurnEndingPaths, left_turn_on_last_way_rad
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.road_events import RoadEvents, hard_braking_states_mask
+from cwcli.signals.road_events import RoadEvents, hard_braking_known_mask_or_none
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.warning.types import VehicleTrack, median_length_and_width_m
 
@@ -70,7 +70,7 @@ def build_vehicle_tracks(
                 flags=states.flags[rows],
                 says_hard_braking=None
                 if events is None
-                else hard_braking_states_mask(events, vehicle, states.stamp_ns[rows], states.log_time_ns[rows]),
+                else hard_braking_known_mask_or_none(events, vehicle, states.stamp_ns[rows], states.log_time_ns[rows]),
             )
         )
     return tracks

@@ -41,6 +41,6 @@ def test_a_file_that_changes_during_the_import_is_refused(
         "stdout": None,
     }
     with pytest.raises(InputError) as found:
-        bounded_import.import_files_of_request_and_report(request)
+        bounded_import.import_requested_files_in_own_process(request)
     assert "drive.csv" in str(found.value)
     assert not target.exists()

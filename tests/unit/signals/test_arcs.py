@@ -11,7 +11,7 @@ from cwcli.signals.lane_geometry import (
     LINE_END_DIRECTION_SINE,
     Pinhole,
     curvature_change_ratios_to_centre_line,
-    distance_to_direction_sine_m,
+    distance_ahead_to_direction_sine_m,
     image_columns_of_arcs,
     lateral_positions_of_arcs_m,
     middle_line_of_parallel_arcs,
@@ -126,7 +126,7 @@ def test_a_line_ends_where_it_first_turns_back() -> None:
 def test_how_far_ahead_a_line_has_turned_by_hand() -> None:
     # on a circle of 50 m the sine is x / 50; 3 in 5 is more than 0.4 at once; sin = 0.0017 x^2 / 2; never
     lines = np.array([[1.0, 0.0, 0.02], [1.0, 0.75, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    turned_m = distance_to_direction_sine_m(lines, 0.4, np.array([0.0, 0.0, 0.0017, 0.0]))
+    turned_m = distance_ahead_to_direction_sine_m(lines, 0.4, np.array([0.0, 0.0, 0.0017, 0.0]))
     np.testing.assert_allclose(turned_m, [20.0, 0.0, math.sqrt(0.8 / 0.0017), math.inf])
 
 

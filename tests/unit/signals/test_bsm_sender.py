@@ -9,9 +9,9 @@ from scipy.signal import butter, lfilter
 from cwcli.signals.bsm_sender import (
     ACCEL_FILTER_DELAY_S,
     FILTER_STEP_S,
-    apply_low_pass_filter,
-    heading_as_reported_frozen_at_standstill,
-    latched_heading_mask,
+    apply_senders_acceleration_low_pass,
+    freeze_heading_at_standstill,
+    repeated_heading_at_standstill_mask,
     undo_low_pass_filter_and_noise_gain,
 )
 from tests.studies.bsm_senders import compared
@@ -22,12 +22,12 @@ def test_it_is_the_butterworth_filter() -> None:
     values -= values[0]
     b, a = butter(2, 1.0, fs=1.0 / FILTER_STEP_S)
     # scipy bends the frequency so that the cut-off is exact; at 1 kHz that is one part in 300,000
-    np.testing.assert_allclose(apply_low_pass_filter(values), lfilter(b, a, values), atol=1e-3)
+    np.testing.assert_allclose(apply_senders_acceleration_low_pass(values), lfilter(b, a, values), atol=1e-3)
 
 
 def test_what_changes_slowly_comes_225_ms_late() -> None:
     time_s = np.arange(0.0, 8.0, FILTER_STEP_S)
-    late = apply_low_pass_filter(time_s)
+    late = apply_senders_acceleration_low_pass(time_s)
     assert time_s[-1] - late[-1] == pytest.approx(ACCEL_FILTER_DELAY_S, abs=1e-6)
     assert pytest.approx(0.2251, abs=1e-4) == ACCEL_FILTER_DELAY_S
 
@@ -37,7 +37,7 @@ def test_a_ramp_is_found_again_without_a_delay(step: int) -> None:
     time_s = np.arange(0.0, 8.0, FILTER_STEP_S)
     ramp = -3.0 * time_s
     rows = np.arange(0, len(time_s), step)
-    found, gain = undo_low_pass_filter_and_noise_gain(time_s[rows], apply_low_pass_filter(ramp)[rows])
+    found, gain = undo_low_pass_filter_and_noise_gain(time_s[rows], apply_senders_acceleration_low_pass(ramp)[rows])
     settled = time_s[rows] > 2.0
     np.testing.assert_allclose(found[settled], ramp[rows][settled], atol=1e-3)
     assert (gain[2:] > 1.0).all()
@@ -64,8 +64,8 @@ def test_over_a_pause_or_without_a_value_it_stays_as_it_was_sent() -> None:
 def test_the_heading_is_latched_below_and_released_above() -> None:
     speed = np.array([1.0, 0.6, 0.5, 0.6, 0.69, 0.70, 0.6])
     heading = np.arange(7.0)
-    assert heading_as_reported_frozen_at_standstill(heading, speed).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 5.0, 6.0]
-    assert latched_heading_mask(heading_as_reported_frozen_at_standstill(heading, speed), speed).tolist() == [
+    assert freeze_heading_at_standstill(heading, speed).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 5.0, 6.0]
+    assert repeated_heading_at_standstill_mask(freeze_heading_at_standstill(heading, speed), speed).tolist() == [
         False,
         False,
         True,
@@ -74,7 +74,9 @@ def test_the_heading_is_latched_below_and_released_above() -> None:
         False,
         False,
     ]
-    assert not latched_heading_mask(np.ones(3), np.full(3, 5.0)).any()  # straight on at speed: measured anew
+    assert not repeated_heading_at_standstill_mask(
+        np.ones(3), np.full(3, 5.0)
+    ).any()  # straight on at speed: measured anew
 
 
 def test_a_braking_car_is_estimated_and_predicted_better() -> None:

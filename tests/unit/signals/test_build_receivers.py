@@ -25,7 +25,7 @@ from cwcli.signals.gnss_time import (
     SECONDS_PER_WEEK,
     WEEK_ROLLOVER_REASON,
     utc_ns_and_is_time_from_date,
-    utc_ns_from_gps_ns,
+    utc_ns_from_gps_unix_ns,
 )
 from cwcli.signals.role import Role
 from tests.laws.receiver_messages import WEEK, WEEK_MS, sentence
@@ -151,7 +151,7 @@ def test_week_and_leap_seconds() -> None:
     """1980-01-06 is week 0; 2017-01-01T00:00:00Z is GPS second 18 of the Sunday that begins week 1930."""
     week = np.array([0, 1930, 1930, 1930, WEEK])
     ms = np.array([0, 17_000, 18_000, 16_999, WEEK_MS])
-    stamp_ns = utc_ns_from_gps_ns((GPS_EPOCH_UNIX_S + SECONDS_PER_WEEK * week) * 10**9 + ms * 10**6)
+    stamp_ns = utc_ns_from_gps_unix_ns((GPS_EPOCH_UNIX_S + SECONDS_PER_WEEK * week) * 10**9 + ms * 10**6)
     expected = ["1980-01-06T00:00:00", "2017-01-01T00:00:00", "2017-01-01T00:00:00", "2016-12-31T23:59:59.999"]
     assert [np.datetime64(int(each), "ns") for each in stamp_ns[:4]] == [np.datetime64(each, "ns") for each in expected]
     assert stamp_ns[4] == TRUE_NS

@@ -16,9 +16,9 @@ from cwcli.signals.clocks import (
     earliest_known_times_ns,
     find_stamp_gaps,
     first_and_last_log_time_without_strays,
-    format_clock_disagreements,
+    lines_about_channels_with_other_clock,
     repair_and_order_times,
-    repair_clock_jumps_and_mask,
+    repaired_stamps_and_moved_mask,
 )
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.quality import Quality, RowLedger
@@ -215,7 +215,7 @@ def test_repair_jumps_keeps_the_spacing_inside_a_stretch() -> None:
     stamps = steady(20) + np.random.default_rng(3).integers(-20, 20, 20) * MS
     jumped = stamps.copy()
     jumped[8:13] += HOUR_NS
-    repaired, moved = repair_clock_jumps_and_mask(jumped, steady(20) + DELAY_NS)
+    repaired, moved = repaired_stamps_and_moved_mask(jumped, steady(20) + DELAY_NS)
     np.testing.assert_array_equal(np.flatnonzero(moved), np.arange(8, 13))
     np.testing.assert_array_equal(np.diff(repaired[8:13]), np.diff(stamps[8:13]))
     assert np.abs(repaired - stamps).max() < 50 * MS
@@ -252,8 +252,8 @@ def test_find_gaps_does_not_call_the_usual_interval_a_gap() -> None:
 
 def test_disagreeing_clocks_names_the_one_that_counts_from_boot() -> None:
     qualities = [Quality("/gps/fix", "ego_position", delay_s=0.08), Quality("/v2x/bsm", "remote", delay_s=0.3)]
-    assert format_clock_disagreements(qualities) == ()
-    lines = format_clock_disagreements([*qualities, Quality("/imu", "imu", delay_s=1.5e9)])
+    assert lines_about_channels_with_other_clock(qualities) == ()
+    lines = lines_about_channels_with_other_clock([*qualities, Quality("/imu", "imu", delay_s=1.5e9)])
     assert len(lines) == 1
     assert lines[0].startswith("/imu: stamps are -1499999999.")
 

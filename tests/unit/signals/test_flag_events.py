@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from cwcli.signals.builders.v2x import _align_flag_events_with_states
+from cwcli.signals.builders.v2x import _move_flag_events_to_repaired_stamps
 from cwcli.signals.columns import Int64Array, Strings, encode_strings
 from cwcli.signals.road_events import RoadEvents, join_road_events
 
@@ -47,7 +47,7 @@ def test_flags_take_the_stamp_of_the_last_state_of_their_station_and_log_time(se
             texts(events.station), events.log_time_ns, events.stamp_ns, events.until_ns, events.cause, strict=True
         )
     ]
-    assert _align_flag_events_with_states(events, states).stamp_ns.tolist() == expected  # type: ignore[arg-type]
+    assert _move_flag_events_to_repaired_stamps(events, states).stamp_ns.tolist() == expected  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -8,7 +8,7 @@ import pytest
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.ground import boundary_end_rows_px, image_hyperbolas_of_flat_road
+from cwcli.vision.ground import boundary_top_rows_px, image_hyperbolas_of_flat_road
 from cwcli.vision.lane_model import fit_boundary_parabolas
 from cwcli.vision.method import LaneFit
 from tests.unit.vision.fit_lists import columns_of
@@ -34,7 +34,7 @@ def lines_of(*lanes: np.ndarray) -> BoundaryLines:
         fits.parabolas,
         image_hyperbolas_of_flat_road(fits, CAMERA),
         horizon_px,
-        boundary_end_rows_px(fits, CAMERA, horizon_px),
+        boundary_top_rows_px(fits, CAMERA, horizon_px),
     )
 
 
@@ -62,7 +62,7 @@ def test_roads_end_with_the_road_at_60_m() -> None:
     assert lines.top_px[0] == pytest.approx(110.8)
     long = Camera(640, 360, 1500.0, 1500.0, 319.5, 179.5, mounting=Mounting(height_m=1.2))
     fits = columns_of([LaneFit(NOT_FOUND, NOT_FOUND, pitch_rad=0.0)])
-    assert boundary_end_rows_px(fits, long, np.array([179.5]))[0] == pytest.approx(179.5 + 1500.0 * 1.2 / 60.0)
+    assert boundary_top_rows_px(fits, long, np.array([179.5]))[0] == pytest.approx(179.5 + 1500.0 * 1.2 / 60.0)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_where_the_method_finds_no_horizon_lines_end_at_five_eighths_or_below_th
     roads = image_hyperbolas_of_flat_road(upright, CAMERA)
     assert np.isnan(roads).all()
     lines = BoundaryLines(
-        upright.parabolas, roads, np.array([horizon_px]), boundary_end_rows_px(upright, CAMERA, np.array([horizon_px]))
+        upright.parabolas, roads, np.array([horizon_px]), boundary_top_rows_px(upright, CAMERA, np.array([horizon_px]))
     )
     assert lines.top_px[0] == pytest.approx(top_px)
     rows_px = np.arange(360.0)
@@ -103,7 +103,7 @@ def test_one_boundary_alone_is_a_line() -> None:
         fits.parabolas,
         image_hyperbolas_of_flat_road(fits, CAMERA),
         horizon_px,
-        boundary_end_rows_px(fits, CAMERA, horizon_px),
+        boundary_top_rows_px(fits, CAMERA, horizon_px),
     )
     found = np.isfinite(lines.columns_at_heights_px(np.linspace(1.0, 240.0, 9)[None], 360.0)[0])
     assert not found[0].any()

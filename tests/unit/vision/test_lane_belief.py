@@ -14,8 +14,8 @@ from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.boundary_probability import (
     LAPSE_PROBABILITY,
     LOG_ODDS_COEFFICIENTS,
-    boundary_paint_shares,
     boundary_probabilities,
+    left_and_right_paint_shares,
     probability_features_of_left_and_right,
     road_clutter_share,
 )
@@ -55,7 +55,7 @@ def test_probability_by_hand() -> None:
     table = np.zeros((90, 320))
     table[:, :160] = 0.2
     seen = evidence(table)
-    own = math.sqrt(boundary_paint_shares(seen, LANE)[0])
+    own = math.sqrt(left_and_right_paint_shares(seen, LANE)[0])
     by_hand = LOG_ODDS_COEFFICIENTS @ [1.0, own, math.log(0.4 + 0.02), math.sqrt(road_clutter_share(seen, LANE))]
     assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx(
         (1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-by_hand))
@@ -69,12 +69,12 @@ def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
     table = np.zeros((90, 320))
     table[:, :160] = 0.2
     seen = evidence(table)
-    assert boundary_paint_shares(seen, LANE)[1] == 0.0
+    assert left_and_right_paint_shares(seen, LANE)[1] == 0.0
     by_hand = LOG_ODDS_COEFFICIENTS @ [1.0, 0.0, math.log(0.02), math.sqrt(road_clutter_share(seen, LANE))]
     told = boundary_probabilities(seen, LANE, 0.4, 1)
     assert told[0] == boundary_probabilities(seen, LANE, 0.4)[0]
     assert told[1] == pytest.approx((1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-by_hand)))
-    own = boundary_paint_shares(seen, LANE)[0]  # of a lane both of whose boundaries are like this one
+    own = left_and_right_paint_shares(seen, LANE)[0]  # of a lane both of whose boundaries are like this one
     assert boundary_probabilities(seen, LANE, 9.0, 0)[0] == boundary_probabilities(seen, LANE, 2.0 * own)[0]
 
 

@@ -10,7 +10,7 @@ from cwcli.kernels import lane_ridge, lane_stripes
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_detect
-from cwcli.vision.boundary_probability import boundary_paint_shares
+from cwcli.vision.boundary_probability import left_and_right_paint_shares
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.lane_detect import (
     PRIOR_WEIGHT,
@@ -184,7 +184,7 @@ def test_supports_equal_the_plain_twin() -> None:
             segment=segment,
             pinhole=evidence.pinhole[:2],
         )
-        assert boundary_paint_shares(evidence, lane) == pytest.approx(plain, abs=1e-6)
+        assert left_and_right_paint_shares(evidence, lane) == pytest.approx(plain, abs=1e-6)
 
 
 @pytest.mark.parametrize(

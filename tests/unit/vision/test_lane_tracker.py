@@ -24,7 +24,7 @@ from cwcli.vision.lane_following import (
     curvature_candidates,
     lane_change_left_1_right_minus_1,
     narrow_prior_table,
-    predict_lane,
+    predict_lane_at_next_frame,
     prior_of_followed_lane,
     prior_with_driven_curvature,
     shift_to_adjacent_lane,
@@ -162,15 +162,15 @@ def test_prediction_by_hand() -> None:
     prior = first_frame_prior(camera)
     straight = np.array([camera.cx, 0.0, 2.2, 0.0, 80.0, 0.0])
     # 0.02 rad/s to the left for 0.1 s: the vanishing point moves 0.002 rad x 800 px to the right.
-    made = predict_lane(straight, camera, 20.0, 0.02, 0.1, prior)
+    made = predict_lane_at_next_frame(straight, camera, 20.0, 0.02, 0.1, prior)
     np.testing.assert_allclose(made - straight, [1.6, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
     # The lane points 0.01 rad to the right: after 2 m its middle is 0.02 m farther right, over 1.65 m of height.
     pointed = straight + np.array([8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    made = predict_lane(pointed, camera, 20.0, 0.0, 0.1, prior)
+    made = predict_lane_at_next_frame(pointed, camera, 20.0, 0.0, 0.1, prior)
     assert made[1] == pytest.approx(0.02 / 1.65)
     # The camera beyond the left boundary is in the next lane.
     over = straight + np.array([0.0, 1.3, 0.0, 0.0, 0.0, 0.0])
-    assert np.array_equal(predict_lane(over, camera, math.nan, math.nan, 0.1, prior), over)
+    assert np.array_equal(predict_lane_at_next_frame(over, camera, math.nan, math.nan, 0.1, prior), over)
     assert lane_change_left_1_right_minus_1(over) == 1
     assert lane_change_left_1_right_minus_1(over * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])) == -1
     assert lane_change_left_1_right_minus_1(straight) == 0
@@ -253,7 +253,7 @@ def test_a_spiral_goes_on_by_hand() -> None:
     """0.001 1/m^2 to the right at 10 m/s: in 0.1 s the bend gains 0.001 1/m, and the lane turns by 0.0005 rad."""
     camera = mounted()
     lane = np.array([camera.cx, 0.0, 2.2, 0.0, 80.0, 0.001 * 800.0 * (800.0 * 1.65) ** 2 / 6.0])
-    made = predict_lane(lane, camera, 10.0, 0.0, 0.1, first_frame_prior(camera))
+    made = predict_lane_at_next_frame(lane, camera, 10.0, 0.0, 0.1, first_frame_prior(camera))
     gained = [800.0 * 0.0005, 0.0, 0.0, 0.001 * 800.0 * 800.0 * 1.65 / 2.0, 0.0, 0.0]
     np.testing.assert_allclose(made - lane, gained, atol=1e-9)
 

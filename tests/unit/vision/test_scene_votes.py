@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.road.sets import render_set_frame
-from cwcli.vision.boundary_probability import lower_probabilities_by_missing_scene_votes
+from cwcli.vision.boundary_probability import lower_probabilities_if_vanishing_votes_scatter
 from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFit, LaneFrame
@@ -43,4 +43,4 @@ def test_a_picture_that_stands_on_its_head_has_no_lane() -> None:
     ],
 )
 def test_few_votes_take_the_probability_off(votes: float, expected: tuple[float, float]) -> None:
-    assert lower_probabilities_by_missing_scene_votes((0.5, 0.9), votes) == pytest.approx(expected, rel=0.02)
+    assert lower_probabilities_if_vanishing_votes_scatter((0.5, 0.9), votes) == pytest.approx(expected, rel=0.02)
