@@ -73,15 +73,17 @@ def make_pose_channel(channel: Channel, stamp_ns: Int64Array, state: FloatArray)
     return make_output_channel(channel, stamp_ns, fields)
 
 
-def _map_position_and_quaternion_fields(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
+def _map_position_and_quaternion_fields(
+    position_path: str, quaternion_path: str, state: FloatArray
+) -> dict[str, Field]:
     """Fields of position and orientation on the map plane, from states (n, 8)."""
     zeros, half = np.zeros(len(state)), 0.5 * state[:, HEADING]
     return {
-        f"{place}.x": state[:, X],
-        f"{place}.y": state[:, Y],
-        f"{place}.z": zeros,
-        f"{turn}.x": zeros,
-        f"{turn}.y": zeros,
-        f"{turn}.z": round_to_binary_step(np.sin(half), ORIENTATION_FRACTION_BITS),
-        f"{turn}.w": round_to_binary_step(np.cos(half), ORIENTATION_FRACTION_BITS),
+        f"{position_path}.x": state[:, X],
+        f"{position_path}.y": state[:, Y],
+        f"{position_path}.z": zeros,
+        f"{quaternion_path}.x": zeros,
+        f"{quaternion_path}.y": zeros,
+        f"{quaternion_path}.z": round_to_binary_step(np.sin(half), ORIENTATION_FRACTION_BITS),
+        f"{quaternion_path}.w": round_to_binary_step(np.cos(half), ORIENTATION_FRACTION_BITS),
     }

@@ -39,7 +39,7 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool) -> LogIndex:
         faults.add_file_faults(file.notes)
         return joined
     faults.add_file_faults(file.notes)
-    start, head = _read_magic_and_header(file, faults, recover=recover)
+    start, head = _read_data_start_and_header(file, faults, recover=recover)
     index = summary = _read_summary_if_usable(file, start, faults, recover=recover)
     if index is None or not is_complete_summary(index):
         index = index_data_section(file, start, faults, summary, recover=recover)
@@ -67,7 +67,7 @@ def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Log
     """
     if isinstance(file, JoinedFile):
         return _index_parts(file, partial(index_every_record, faults=faults, recover=recover), recover=recover)
-    start, head = _read_magic_and_header(file, faults, recover=recover)
+    start, head = _read_data_start_and_header(file, faults, recover=recover)
     summary = _read_summary_if_usable(file, start, Faults(), recover=True)
     index = index_data_section(file, start, faults, summary, recover=recover, define_all=True)
     if not index.has_end and not recover:
@@ -102,7 +102,7 @@ def _index_parts(file: JoinedFile, read: Callable[[InputFile], LogIndex], *, rec
     return join_indexes(file, indexes)
 
 
-def _read_magic_and_header(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, tuple[str, str, int]]:
+def _read_data_start_and_header(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, tuple[str, str, int]]:
     """Return the start of the data section, and profile, library and length of magic and header (0 if damaged).
 
     Raises:

@@ -29,11 +29,11 @@ N_ZERO_HIGH_BYTES_OF_RECORD_LENGTH = 3
 """Number of high bytes of a record length that must be zero: records are shorter than 2^40 bytes. Chosen by hand."""
 
 
-def find_next_record_offset_or_end(data: ByteSource, at: int, channels: Container[int]) -> int:
+def find_next_record_offset_or_end(data: ByteSource, at: int, known_channel_ids: Container[int]) -> int:
     """Return the offset of the next plausible record at or after `at`; the length of the file if there is none.
 
     Args:
-        channels: Known channel ids; messages of other channels are not plausible.
+        known_channel_ids: As the file defines them; messages of other channels are not plausible.
     """
     last = len(data) - RECORD_PREFIX.size
     while at < last:
@@ -44,13 +44,13 @@ def find_next_record_offset_or_end(data: ByteSource, at: int, channels: Containe
         for k in range(RECORD_PREFIX.size - N_ZERO_HIGH_BYTES_OF_RECORD_LENGTH, RECORD_PREFIX.size):
             believable &= octets[k : k + stop - at] == 0
         for candidate in (np.flatnonzero(believable) + at).tolist():
-            if is_plausible_record(data, candidate, channels):
+            if is_plausible_record(data, candidate, known_channel_ids):
                 return int(candidate)
         at = stop
     return len(data)
 
 
-def is_plausible_record(data: ByteSource, at: int, channels: Container[int]) -> bool:
+def is_plausible_record(data: ByteSource, at: int, known_channel_ids: Container[int]) -> bool:
     """Tell whether a plausible record begins at an offset; arguments as for `find_next_record_offset_or_end`."""
     for _ in range(N_RECORDS_TO_VERIFY):
         try:
@@ -65,7 +65,7 @@ def is_plausible_record(data: ByteSource, at: int, channels: Container[int]) -> 
         is_known = opcode <= Opcode.DATA_END
         if opcode == Opcode.MESSAGE:
             is_long_enough = end - start >= MESSAGE_HEADER_BYTES
-            is_known = is_long_enough and int.from_bytes(data[start : start + 2], "little") in channels
+            is_known = is_long_enough and int.from_bytes(data[start : start + 2], "little") in known_channel_ids
         if not is_known or end == len(data):
             return is_known
         at = end
