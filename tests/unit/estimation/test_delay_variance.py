@@ -127,7 +127,7 @@ def test_fixes_that_seem_early_may_be_those_of_an_antenna_ahead(
 
 
 def test_the_larger_of_two_sigmas_counts_for_each_quantity() -> None:
-    assert DelaySigmas(1.0, 0.1, 0.3).at_least(DelaySigmas(0.5, 0.2, 0.3, 0.4)) == DelaySigmas(1.0, 0.2, 0.3, 0.4)
+    assert DelaySigmas(1.0, 0.1, 0.3).larger_of_each(DelaySigmas(0.5, 0.2, 0.3, 0.4)) == DelaySigmas(1.0, 0.2, 0.3, 0.4)
 
 
 def test_the_best_known_source_of_a_quantity_counts_and_a_speed_before_fixes() -> None:
