@@ -168,7 +168,11 @@ def indexed(file: InputFile) -> Document:
         (int(channel_id), int(sequence), log_ns, int(publish_ns), bytes(payload))
         for batch in reader.iter_batches(list(index.channels))
         for channel_id, sequence, publish_ns, (log_ns, payload) in zip(
-            batch.channel_id, batch.sequence, batch.publish_time_ns.view(np.uint64), batch.iter_messages(), strict=True
+            batch.channel_id,
+            batch.sequence,
+            batch.publish_time_ns.view(np.uint64),
+            batch.iter_log_times_and_payloads(),
+            strict=True,
         )
     ]
     footer = find_footer_and_its_offset(file)

@@ -127,7 +127,7 @@ def strip_svg(
         return left + (time_s - begin) / max(end - begin, 1e-9) * (right - left)
 
     parts = []
-    shaded = x_of(axis.time_s[axis.is_shaded]) if axis.is_shaded is not None else ()
+    shaded = x_of(axis.time_s[axis.is_shaded]) if axis.is_shaded is not None else np.empty(0)
     if len(shaded):
         width = max(shaded[-1] - shaded[0], 1.0)
         parts.append(

@@ -26,7 +26,9 @@ def payloads(path: Path, topic: str) -> list[bytes]:
     with Log.open(path) as log:
         ids = [channel.id for channel in log.channels if channel.topic == topic]
         return [
-            bytes(each) for batch in log._get_message_reader().iter_batches(ids) for _, each in batch.iter_messages()
+            bytes(each)
+            for batch in log._get_message_reader().iter_batches(ids)
+            for _, each in batch.iter_log_times_and_payloads()
         ]
 
 

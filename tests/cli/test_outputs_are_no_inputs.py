@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import dataclasses
 import os
 import shutil
 import stat
@@ -245,8 +244,7 @@ def test_a_figure_is_no_input(
     folder = tmp_path / "plots"
     folder.mkdir()
     outcome = a_reproduction()
-    paper = dataclasses.replace(reproduce.PAPERS["song2016"], reproduce=lambda request: outcome)
-    monkeypatch.setitem(reproduce.PAPERS, "song2016", paper)
+    monkeypatch.setattr(reproduce, "import_module_attribute", lambda name: lambda request: outcome)
     (folder / "fig-2.png").hardlink_to(files["CONFIG"])
     arguments = ["reproduce", "song2016", "--config", str(files["CONFIG"]), "--plots", str(folder)]
     before = state(tmp_path)
@@ -266,8 +264,7 @@ def test_a_page_on_a_paper_is_no_input(
     folder = tmp_path / "papers"
     (folder / "figures" / "song2016").mkdir(parents=True)
     made = a_reproduction()
-    paper = dataclasses.replace(reproduce.PAPERS["song2016"], reproduce=lambda request: made)
-    monkeypatch.setitem(reproduce.PAPERS, "song2016", paper)
+    monkeypatch.setattr(reproduce, "import_module_attribute", lambda name: lambda request: made)
     (folder / name).hardlink_to(files["CONFIG"])
     before = state(tmp_path)
     arguments = ["reproduce", "song2016", "--config", str(files["CONFIG"]), "--report", str(folder)]

@@ -123,7 +123,7 @@ def test_merge_onto_another_file_system_that_is_full_leaves_no_part(
 
     link = os.link
 
-    def link_inside(source: str | Path, target: Path, **more: int) -> None:
+    def link_inside(source: str | Path, target: Path, **more: bool) -> None:
         if isinstance(source, Path):
             raise OSError(errno.EXDEV, "another file system")
         link(source, target, **more)

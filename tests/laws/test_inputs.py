@@ -50,8 +50,10 @@ GROWING_WITH_BYTES_OR_BINS = (
     "_variance_factor_of_slow_errors",
     "_variance_factor_of_slow_errors.<locals>.<listcomp>",
     "_huber_intercept_and_sigma",
+    "median_of_values",
 )
-"""Functions that run for each block of a file, and for each of a bounded number of bins of a signal."""
+"""Functions that run for each block of a file, and for each of a bounded number of bins of a signal, or steps of a
+fit."""
 DOCS = Path(__file__).parents[2] / "docs"
 CAMERAS = {
     *("sensor_msgs/CompressedImage", "sensor_msgs/Image"),

@@ -144,8 +144,9 @@ def test_ambiguous_position_is_an_error_of_the_log(plan: FleetPlan, tmp_path: Pa
 
 
 def test_unfit_output_folder(plan: FleetPlan, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="on this machine"):
-        run_fleet([str(SAMPLES / "straight.mcap")], plan, "s3://bucket/out")
+    for name, words in (("https://host/out", "a web server has no folders"), ("-", "the output folder can't be '-'")):
+        with pytest.raises(UsageError, match=words):
+            run_fleet([str(SAMPLES / "straight.mcap")], plan, name)
 
 
 def test_what_is_no_file_is_an_error_of_its_log_and_never_waited_for(plan: FleetPlan, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ def messages(log: Log) -> Rows:
         (int(sequence), log_time_ns, int(publish_time_ns), bytes(payload))
         for batch in reader.iter_batches([channel.id for channel in log.channels])
         for sequence, publish_time_ns, (log_time_ns, payload) in zip(
-            batch.sequence, batch.publish_time_ns, batch.iter_messages(), strict=True
+            batch.sequence, batch.publish_time_ns, batch.iter_log_times_and_payloads(), strict=True
         )
     ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -50,8 +51,10 @@ def test_kernels_keep_to_the_limited_api() -> None:
 
 def test_kernels_share_the_code_of_memoryviews() -> None:
     """Each would compile it again: two thirds of the time of a compilation and half of the wheel."""
-    sources = [path.with_suffix(".abi3.so") for path in (ROOT / "cwcli/kernels").glob("*.pyx")]
-    assert [path.name for path in sources if b"_memoryviews" not in path.read_bytes()] == []
+    sources = [path for path in (ROOT / "cwcli/kernels").glob("*.pyx") if re.search(r"\[::?1?\]", path.read_text())]
+    assert len(sources) > 10
+    built = [path.with_suffix(".abi3.so") for path in sources]
+    assert [path.name for path in built if b"_memoryviews" not in path.read_bytes()] == []
 
 
 def test_a_missing_compiler_is_said_in_one_line(tmp_path: Path) -> None:
