@@ -64,7 +64,7 @@ def seconds(cars: list[VehicleTrack]) -> tuple[float, FoundWarnings]:
 def kernel_seconds(cars: list[VehicleTrack]) -> float:
     """Of the lines through the errors alone, of one evaluation."""
     took = [0.0] * ROUNDS
-    real = collision_probability.contact_probability
+    real = collision_probability.contact_probability  # type: ignore[attr-defined]
     for k in range(ROUNDS):
 
         def timed(*args: Any, k: int = k, **named: Any) -> Any:
@@ -73,9 +73,9 @@ def kernel_seconds(cars: list[VehicleTrack]) -> float:
             took[k] += time.process_time() - began
             return found
 
-        collision_probability.contact_probability = timed
+        collision_probability.contact_probability = timed  # type: ignore[attr-defined]
         find_warnings(cars[HOST], [each for each in cars if each is not cars[HOST]])
-    collision_probability.contact_probability = real
+    collision_probability.contact_probability = real  # type: ignore[attr-defined]
     return min(took)
 
 
@@ -83,14 +83,14 @@ def main() -> None:
     """Print a table."""
     print("| gap | evaluations | contact above 0.1 % | above 10 % | times as long | by lines alone |")
     print("|---|---|---|---|---|---|")
-    real = pair.add_contact_probabilities
+    real = pair.add_contact_probabilities  # type: ignore[attr-defined]
     for gap_m in (4.0, 8.0, 17.0):
         rng = np.random.default_rng(0)
         cars = [car(number, gap_m, rng) for number in range(N_CARS)]
         with_s, found = seconds(cars)
-        pair.add_contact_probabilities = without  # type: ignore[assignment]
+        pair.add_contact_probabilities = without  # type: ignore[attr-defined, assignment]
         without_s, _ = seconds(cars)
-        pair.add_contact_probabilities = real
+        pair.add_contact_probabilities = real  # type: ignore[attr-defined]
         values = np.concatenate([own.measures.probability for own in found.pairs])
         some, much = (values > 0.001).mean(), (values > 0.1).mean()
         lines = 1.0 + kernel_seconds(cars) / without_s

@@ -99,7 +99,7 @@ def measure_steps(path: Path) -> StepClock:
             for module in modules:
                 if getattr(module, name, None) is original:
                     setattr(module, name, timed)
-    lane_detect.lane_stripes = SimpleNamespace(stripes=clock.measured(lane_stripes.stripes, EVIDENCE))  # type: ignore[assignment]
+    lane_detect.lane_stripes = SimpleNamespace(stripes=clock.measured(lane_stripes.stripes, EVIDENCE))  # type: ignore[attr-defined, assignment]
     classify = clock.measured(LineClassifier.fit_with_kinds_and_colours, KINDS)
     LineClassifier.fit_with_kinds_and_colours = classify  # type: ignore[method-assign]
     LaneTracker.step = clock.measured(LaneTracker.step, GLUE)  # type: ignore[method-assign]

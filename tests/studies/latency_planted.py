@@ -79,7 +79,7 @@ def read(path: Path) -> list[Measurements]:
             log, SourceConfig(), command="estimate", required=(Role.EGO_POSITION,), optional=EGO_SENSOR_ROLES[1:]
         )
     (position, *_) = sources.by_role[Role.EGO_POSITION]
-    place = (position.latitude_deg[0], position.longitude_deg[0], np.nan_to_num(position.altitude_m[0]))
+    place = (position.latitude_deg[0], position.longitude_deg[0], np.nan_to_num(position.altitude_m[0]))  # type: ignore[attr-defined]
     local_map = LocalMap(*map(float, place))
     signals = [signal for role in EGO_SENSOR_ROLES for signal in sources.by_role.get(role, ())]
     return [m for signal in signals for m in ego_signal_to_measurements(signal, local_map)]

@@ -108,8 +108,8 @@ def log_nees(path: Path, config: EstimateConfig) -> Nees:
 
 def take_away_what_simulated_cars_lack() -> None:
     """Set the prior of unknown delays and the noise of side slip to next to nothing."""
-    delay_variance.UNKNOWN_DELAY_SIGMA_S = 1e-6
-    track_module.MotionParameters = partial(MotionParameters, side_slip_m=1e-3, course_rad=1e-5)
+    delay_variance.UNKNOWN_DELAY_SIGMA_S = 1e-6  # type: ignore[attr-defined]
+    track_module.MotionParameters = partial(MotionParameters, side_slip_m=1e-3, course_rad=1e-5)  # type: ignore[attr-defined]
 
 
 def show(name: str, runs: Sequence[Nees], bounds: tuple[float, float], most: float) -> bool:

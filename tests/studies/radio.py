@@ -21,7 +21,8 @@ from cwcli.signals.radio.messages import Octets, decode_messages
 from cwcli.signals.radio.program import Program
 from cwcli.signals.radio.standard_messages import BSM, SDSM
 from tests.unit.signals.pseudonyms import score
-from tests.unit.signals.radio import packing, test_bsm, test_cam, test_cpm, test_sdsm
+from tests.peers import test_cam
+from tests.unit.signals.radio import packing, test_bsm, test_cpm, test_sdsm
 from tests.unit.signals.radio.sdsm_packing import any_sdsm
 from tests.unit.signals.radio.vectors import CAM_ASN1TOOLS, CAM_PYCRATE
 

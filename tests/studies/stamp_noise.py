@@ -87,7 +87,7 @@ def main() -> None:
     parser.add_argument("--fix-m", type=float, default=None, help="noise of the fixes, else the scenario's")
     parser.add_argument("--alone", action="store_true", help="the fixes alone")
     arguments = parser.parse_args()
-    look = noise.fit_stamp_errors
+    look = noise.fit_stamp_errors  # type: ignore[attr-defined]
     print(
         "| scenario | stamps [ms] | shape | found [ms] | position, m: hindsight | online | speed, m/s | NEES | online |"
     )
@@ -97,14 +97,14 @@ def main() -> None:
             for shape in arguments.shapes if sigma_ms else arguments.shapes[:1]:
                 found: list[list[tuple[float, Mapping[str, float]]]] = []
                 for looks in (False, True):
-                    noise.fit_stamp_errors = look if looks else lambda fit, *_: fit  # type: ignore[assignment]
+                    noise.fit_stamp_errors = look if looks else lambda fit, *_: fit  # type: ignore[attr-defined, assignment]
                     found.append(
                         [
                             one_run(scenario, seed, sigma_ms / 1e3, shape, alone=arguments.alone, fix_m=arguments.fix_m)
                             for seed in range(arguments.seeds)
                         ]
                     )
-                noise.fit_stamp_errors = look
+                noise.fit_stamp_errors = look  # type: ignore[attr-defined]
 
                 def of(name: str, both: list[list[tuple[float, Mapping[str, float]]]] = found) -> str:
                     return " to ".join(f"{np.mean([values[name] for _, values in each]):.3g}" for each in both)
