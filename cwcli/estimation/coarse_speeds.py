@@ -30,7 +30,7 @@ MIN_NOISE_IN_STEPS = 0.1
 """Least noise of a change, in steps: the speed's own noise moves the change. Chosen by hand; not fitted."""
 
 
-def select_changes_of_coarse_speeds_and_note(
+def keep_changes_and_standstills_of_coarse_speeds_and_note(
     prepared: Sequence[PreparedSeries],
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Return the series, of coarse speeds those rows alone that tell the speed, and what the user is told."""

@@ -169,7 +169,7 @@ class RowTimeOrder:
     Attributes:
         in_time: Per series: which rows do not lie before the start.
         time_s, first, out_row, order, index: See `_merge_rows_and_outputs_into_steps`.
-        patience: Shape (S,): see `_max_consecutive_rejections`.
+        patience: Shape (S,): see `_permitted_consecutive_rejections`.
     """
 
     in_time: list[npt.NDArray[np.bool_]]
@@ -199,7 +199,7 @@ def find_row_time_order(
     """
     in_time = [s.time_s - s.latency_s >= start_s - START_TOLERANCE_S for s in series]
     series = [s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
-    patience = np.array([_max_consecutive_rejections(s, reset_after) for s in series], np.int32)
+    patience = np.array([_permitted_consecutive_rejections(s, reset_after) for s in series], np.int32)
     return RowTimeOrder(in_time, *_merge_rows_and_outputs_into_steps(series, start_s, output_s), patience)
 
 
@@ -371,7 +371,7 @@ def notes_on_rows_before_start(series: Sequence[SensorSeries], result: PassResul
     ]
 
 
-def _max_consecutive_rejections(s: SensorSeries, reset_after: int) -> int:
+def _permitted_consecutive_rejections(s: SensorSeries, reset_after: int) -> int:
     """Return the number of rejections in a row after which a source is used again.
 
     It is at most `reset_after`, and at most `MAX_REJECTION_TIME_OF_SLOW_SOURCE_S` of a slow source. Where the rate of

@@ -47,7 +47,7 @@ class StandstillErrors:
     speed_mps: float = 0.0
 
 
-def find_standstill_errors(
+def standstill_errors_of_best_position_source(
     series: Sequence[SensorSeries], output_s: FloatArray, state: StateRows, covariance: StateCovariances
 ) -> StandstillErrors:
     """Return the errors in all standstills of a track, by the source of positions that errs least.

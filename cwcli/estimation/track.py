@@ -19,7 +19,7 @@ from cwcli.estimation.calibrated import (
 )
 from cwcli.estimation.calibration_check import notes_on_worse_prediction_with_calibration
 from cwcli.estimation.coarse_fixes import covariance_from_coarse_fixes
-from cwcli.estimation.coarse_speeds import select_changes_of_coarse_speeds_and_note
+from cwcli.estimation.coarse_speeds import keep_changes_and_standstills_of_coarse_speeds_and_note
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
@@ -74,7 +74,10 @@ from cwcli.estimation.source_judgement import (
     correct_and_list_what_user_says,
     judge_sources,
 )
-from cwcli.estimation.standstill_error import covariance_from_standstill_errors, find_standstill_errors
+from cwcli.estimation.standstill_error import (
+    covariance_from_standstill_errors,
+    standstill_errors_of_best_position_source,
+)
 from cwcli.estimation.start import (
     find_start_with_parameter_states,
     replace_infinite_start_by_end_of_rows,
@@ -223,7 +226,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         )
         judged = JudgedSources(*prepare(corrected), tuple(found), ())
     if looks_ahead:
-        prepared, coarse_notes = select_changes_of_coarse_speeds_and_note(judged.prepared)
+        prepared, coarse_notes = keep_changes_and_standstills_of_coarse_speeds_and_note(judged.prepared)
         judged = replace(judged, prepared=prepared, notes=[*judged.notes, *coarse_notes])
     corrections = (*by_user, *judged.corrections)
     notes = (
@@ -327,7 +330,7 @@ def _filter_and_smooth(
     )
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
-        errors = find_standstill_errors(without_model, output_s, state, covariance)
+        errors = standstill_errors_of_best_position_source(without_model, output_s, state, covariance)
         covariance = covariance + covariance_from_standstill_errors(state, errors)
         covariance = covariance + covariance_from_drifts(reports) + covariance_from_lasting_errors(reports)
     contradictions = tuned_measurements.contradictions

@@ -13,7 +13,7 @@ from cwcli.signals.units import NS_PER_S
 
 MAX_TIME_GAP_S = 6.0
 """The ego comes to the place within this time, s. Chosen by hand: nobody waits for a longer one."""
-NEAR_TIME_GAP_S = 3.0
+TIME_GAP_OF_SEVERITY_1_S = 3.0
 """A turn across has severity 1 at this time between both at the place, s. Chosen by hand."""
 MIN_TURN_RAD = np.radians(35.0)
 """The other turns by at least this while it crosses and shortly before and after, rad. Chosen by hand."""
@@ -46,7 +46,7 @@ def find_turns_across(evidence: EventEvidence) -> Iterator[Moment]:
             first = int(outside[outside < row][-1]) + 1 if (outside < row).any() else 0
             last = int(outside[outside > row][0]) - 1 if (outside > row).any() else len(inside) - 1
             span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
-            severity = severity_of(abs(gap_s), NEAR_TIME_GAP_S, "low")
+            severity = severity_of(abs(gap_s), TIME_GAP_OF_SEVERITY_1_S, "low")
             words = f"turns across the ego's way; {abs(gap_s):.1f} s between both at that place"
             yield Moment(*span, (evidence.ego_id, other_id), abs(gap_s), severity, words=words)
 

@@ -49,7 +49,7 @@ NEAR_PLACE_STEP, FAR_PLACE_STEP = 0.04, 0.06
 width."""
 HORIZON_STEP_SHARE = 0.006
 """Step of the horizon, over the image's height. Chosen by hand; not fitted."""
-MAX_SIGMA_STEPS = 1.0
+MAX_SIGMA_IN_STEPS = 1.0
 """Greatest sigma in steps: that of what no step makes worse. Chosen by hand; not fitted."""
 N_LANE_NUMBERS = 5
 """Number of a lane's numbers that have a covariance: all but the change of curvature."""
@@ -99,7 +99,7 @@ def covariance_of_first_five_lane_numbers(
     value, vector = np.linalg.eigh(information)
     axes = places @ vector
     covariance: FloatArray = (
-        axes * (COVARIANCE_SCALE / np.maximum(value, COVARIANCE_SCALE / MAX_SIGMA_STEPS**2))
+        axes * (COVARIANCE_SCALE / np.maximum(value, COVARIANCE_SCALE / MAX_SIGMA_IN_STEPS**2))
     ) @ axes.T
     far_m = camera.fy * camera.mounting.height_m / _near_and_far_depth_px(float(lane[HORIZON]), camera.height_px)[1]
     bend = places[:, 3] * (bend_px2_per_curvature(camera) * CURVATURE_CHANGE_SIGMA_1PM2 * far_m / places[BEND, 3])

@@ -67,7 +67,7 @@ CURVATURE_LIMIT_1PM = 0.006
 PITCH_SIGMA_RAD = 0.004
 """Sigma of the camera's pitch in radians: the body moves on its springs, and the road's slope changes. Chosen by hand;
 not fitted."""
-UNKNOWN_HEIGHT_FACTOR = 0.88
+LANE_WIDTH_FACTOR_OF_UNKNOWN_HEIGHT = 0.88
 """Factor (1) on lane widths in camera heights where the mounting is not known: 1.3 m, the height in which they are
 counted, over 1.48 m, the mean height of cameras behind windscreens (1.2 to 1.7 m)."""
 UNKNOWN_HEIGHT_SIGMA_SHARE = 0.1
@@ -136,7 +136,7 @@ def first_frame_prior(camera: Camera) -> LanePrior:
     width_m, width_sigma_m = LANE_WIDTH_MEAN_AND_SIGMA_M
     if not is_mounted:
         width_sigma_m = math.hypot(width_sigma_m, UNKNOWN_HEIGHT_SIGMA_SHARE * width_m)
-        width_m *= UNKNOWN_HEIGHT_FACTOR
+        width_m *= LANE_WIDTH_FACTOR_OF_UNKNOWN_HEIGHT
     low, high = (each * per_m for each in LANE_WIDTH_LIMITS_M)
     table[WIDTH] = width_m * per_m, width_sigma_m * per_m, low if is_mounted else 0.65 * low, high
     bend = bend_px2_per_curvature(camera)

@@ -19,7 +19,7 @@ from cwcli.vision.method import GreyImage
 
 HORIZON_SEARCH_SHARES = (0.25, 0.66)
 """First and last row that are tried, over the image's height. Chosen by hand; not fitted."""
-COLUMN_SEARCH_SHARE = 0.22
+COLUMN_SEARCH_HALF_WIDTH_SHARE = 0.22
 """Distance to each side of the middle up to which columns are tried, over the image's width. Chosen by hand; not
 fitted."""
 GRID_STEP_SHARE = 0.01
@@ -76,7 +76,7 @@ def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | 
     if not len(segments):
         return None
     v = np.arange(HORIZON_SEARCH_SHARES[0] * height, HORIZON_SEARCH_SHARES[1] * height, GRID_STEP_SHARE * height)
-    u = middle_px + np.arange(-COLUMN_SEARCH_SHARE, COLUMN_SEARCH_SHARE, GRID_STEP_SHARE) * width
+    u = middle_px + np.arange(-COLUMN_SEARCH_HALF_WIDTH_SHARE, COLUMN_SEARCH_HALF_WIDTH_SHARE, GRID_STEP_SHARE) * width
     votes, total = _vanishing_point_votes_on_grid(segments, u, v, width, height)
     i, j = np.unravel_index(int(votes.argmax()), votes.shape)
     near = votes[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] ** 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.estimation.coarse_speeds import select_changes_of_coarse_speeds_and_note
+from cwcli.estimation.coarse_speeds import keep_changes_and_standstills_of_coarse_speeds_and_note
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 
@@ -16,7 +16,9 @@ TRUE_MPS = np.maximum(0.0, 12.0 * np.sin(2.0 * np.pi * TIME_S / 60.0))
 def selected(step_mps: float) -> tuple[np.ndarray, np.ndarray, list[str]]:
     rounded = step_mps * np.rint(TRUE_MPS / step_mps)
     m = Measurements("/speed", Kind.SPEED, np.rint(1e9 * TIME_S).astype(np.int64), rounded)
-    (prepared, *_), notes = select_changes_of_coarse_speeds_and_note(clean_and_sort_measurements_and_note([m], 0)[0])
+    (prepared, *_), notes = keep_changes_and_standstills_of_coarse_speeds_and_note(
+        clean_and_sort_measurements_and_note([m], 0)[0]
+    )
     return prepared.series.time_s, prepared.series.values[:, 0], notes
 
 

@@ -10,7 +10,7 @@ from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.standstill_error import (
     StandstillErrors,
     covariance_from_standstill_errors,
-    find_standstill_errors,
+    standstill_errors_of_best_position_source,
 )
 from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.signals.columns import FloatArray
@@ -26,7 +26,7 @@ def _fixes(xy: FloatArray) -> SensorSeries:
 def _errors(xy: FloatArray, speed_mps: float = 0.0) -> StandstillErrors:
     state, covariance = np.zeros((len(TIME_S), N_STATES)), np.tile(1e-4 * np.eye(N_STATES), (len(TIME_S), 1, 1))
     state[:, :2], state[:, 2] = xy.mean(axis=0), speed_mps
-    return find_standstill_errors([_fixes(xy)], TIME_S, state, covariance)
+    return standstill_errors_of_best_position_source([_fixes(xy)], TIME_S, state, covariance)
 
 
 def test_the_wander_of_standing_fixes_is_their_lasting_error() -> None:
