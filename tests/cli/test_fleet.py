@@ -331,7 +331,7 @@ def test_folder_is_exactly_what_the_run_names(cwcli: Run, many: Path, tmp_path: 
         (["LOG", "-d", "out", "--jobs", "0"], 2, "--jobs"),
         (["-", "-d", "out"], 2, "standard input"),
         (["none*.mcap", "-d", "out"], 2, "no file matches"),
-        (["LOG", "-d", "s3://bucket/out"], 2, "on this machine"),
+        (["LOG", "-d", "https://host/out"], 2, "a web server has no folders"),
         (["LOG", "-d", "there"], 6, "File exists"),
         (["LOG", "-d", "mine"], 6, "but logs"),
         (["LOG", "-d", "out", "--stage", "estimat"], 2, "estimate"),

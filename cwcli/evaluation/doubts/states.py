@@ -19,7 +19,7 @@ from cwcli.text import format_duration, format_number, shorten_and_escape
 
 def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each quantity whose NEES is outside its bounds and too large."""
-    rows = evidence.estimate_summary.rows_of_table_columns_or_empty("nees", "error of", "NEES/dof", "inside")
+    rows = evidence.estimate_summary.rows_of_table_columns_or_empty("nees", "error of", "NEES", "in?")
     found = [
         (to_float_or_nan(nees), str(name))
         for name, nees, inside in rows

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from cwcli.evaluation.doubts import (
 )
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_value_in_window_from_each_row
+from cwcli.evaluation.truth import build_nees_section
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE, StateFlag
@@ -46,7 +48,7 @@ def table(key: str, columns: list[str], *rows: list[Any]) -> dict[str, Any]:
 
 
 def nees(*rows: list[Any]) -> dict[str, Any]:
-    return table("nees", ["error of", "NEES/dof", "inside"], *rows)
+    return table("nees", ["error of", "NEES", "in?"], *rows)
 
 
 def evidence(
@@ -232,6 +234,14 @@ def test_error_against_the_truth_is_told_in_its_unit() -> None:
         doubt.sentence
         == "Compared with the true motion in the log, the heading is off by 0.70 deg, 4.0 times its own uncertainty."
     )
+
+
+def test_errors_are_read_from_the_table_that_the_estimate_writes() -> None:
+    """By its headings: a renamed heading would silence the doubt."""
+    heading = SimpleNamespace(name="heading", per_dof=16.0, bounds=(0.8, 1.2), is_within_bounds=False)
+    section = build_nees_section(SimpleNamespace(nees=[heading]))  # type: ignore[arg-type]
+    recorded = {"key": section.key, "title": "", "columns": list(section.columns), "rows": [list(section.rows[0])]}
+    assert names(evidence(sections=(recorded,))) == ["errors"]
 
 
 @pytest.mark.parametrize(
