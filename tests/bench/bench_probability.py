@@ -62,7 +62,7 @@ def seconds(cars: list[VehicleTrack]) -> tuple[float, FoundWarnings]:
 
 
 def kernel_seconds(cars: list[VehicleTrack]) -> float:
-    """Of the lines through the errors alone, of one evaluation."""
+    """Return the processor seconds of the lines through the errors alone in one evaluation."""
     took = [0.0] * ROUNDS
     real = collision_probability.contact_probability  # type: ignore[attr-defined]
     for k in range(ROUNDS):

@@ -237,7 +237,7 @@ def test_error_against_the_truth_is_told_in_its_unit() -> None:
 
 
 def test_errors_are_read_from_the_table_that_the_estimate_writes() -> None:
-    """By its headings: a renamed heading would silence the doubt."""
+    """The rule finds the columns by their headings, so a renamed heading would silence the doubt."""
     heading = SimpleNamespace(name="heading", per_dof=16.0, bounds=(0.8, 1.2), is_within_bounds=False)
     section = build_nees_section(SimpleNamespace(nees=[heading]))  # type: ignore[arg-type]
     recorded = {"key": section.key, "title": "", "columns": list(section.columns), "rows": [list(section.rows[0])]}

@@ -152,7 +152,7 @@ def test_a_new_size_starts_a_new_stream() -> None:
 
 
 def test_a_picture_that_is_too_large_is_left_as_it_is() -> None:
-    """So is the rest of its stream; the next stream is decoded."""
+    """The rest of its stream is left out, too; the next stream is decoded."""
     results = decoded([*drive(20, W + 2, H + 2), *drive(3)], max_pixels=(W + 2) * (H + 2) * MB_PX**2 - 1)
     assert [image is None for _, image, _ in results] == [True] * 20 + [False] * 3
     assert {size for _, _, size in results[:20]} == {((W + 2) * MB_PX, (H + 2) * MB_PX)}
