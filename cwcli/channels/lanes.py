@@ -27,7 +27,7 @@ from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitColumns
-from cwcli.vision.ground import MAX_SAMPLE_HEIGHT_SHARE, MIN_DEPTH_SHARE, GeometrySigmas, LaneGeometry
+from cwcli.vision.ground import MAX_SAMPLE_HEIGHT_SHARE, MIN_DEPTH_BELOW_HORIZON_SHARE, GeometrySigmas, LaneGeometry
 from cwcli.vision.method import LaneState
 from cwcli.vision.overlay import (
     LEFT_BOUNDARY_RGB,
@@ -289,7 +289,9 @@ def _replace_nan_and_infinity_by_zero(values: FloatArray) -> FloatArray:
 def _read_image_boundaries(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> BoundaryLines:
     """The boundaries in the image; fields that older versions did not write are NaN or replaced."""
     horizon_px, height_px = read_numbers(columns, "horizon_px"), read_numbers(columns, "search_height_px")
-    older_px = np.fmax((1.0 - MAX_SAMPLE_HEIGHT_SHARE) * height_px, horizon_px + MIN_DEPTH_SHARE * height_px)
+    older_px = np.fmax(
+        (1.0 - MAX_SAMPLE_HEIGHT_SHARE) * height_px, horizon_px + MIN_DEPTH_BELOW_HORIZON_SHARE * height_px
+    )
     top_px = read_numbers(columns, "top_px")
     pinhole = np.stack([read_numbers(columns, name) for name in PINHOLE_FIELDS], axis=-1)
     pinhole = np.where(pinhole[:, 1:] > 0.0, pinhole, np.nan)

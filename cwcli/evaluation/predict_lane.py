@@ -23,7 +23,12 @@ from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.stages.predict_lane import MODEL_NAMES, BodyPaths, LanePathEvidence, PredictLaneConfig
+from cwcli.stages.predict_lane import (
+    PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL,
+    BodyPaths,
+    LanePathEvidence,
+    PredictLaneConfig,
+)
 
 COURSE_SCHEMA = EGO_STATE.schema
 """Schema of states whose heading is the course and not the yaw of the car."""
@@ -65,7 +70,7 @@ def _build_path_model_error_table(body: BodyPaths, poses: VehiclePoses, config: 
     track = body.observed.track
     horizons = error_horizons_s(config.horizon_s)
     made = {BASELINE_MODEL: _constant_velocity_paths(body)}
-    for model, name in MODEL_NAMES.items():
+    for model, name in PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL.items():
         is_own = name == body.model
         own = replace(config.path_config, model=model)
         other = (

@@ -29,7 +29,7 @@ MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 400_000_000, 20
 the libraries and a drive of ten minutes take 150 MB."""
 MAX_MEMORY_BYTES = 900_000_000
 """Greatest memory of the process, whatever the size of the files: large columns lie in a file. Chosen by hand."""
-VIDEO_BYTES = 400_000_000
+EXTRA_MEMORY_BYTES_FOR_VIDEO = 400_000_000
 """Memory more for a video. Chosen by hand: OpenCV reserves 240 MB that it does not use, and a decoder holds 16 pictures
 of 12 MB at 3840 by 2160."""
 OUTPUT_BYTES, OUTPUT_BYTES_PER_BYTE = 100_000_000, 200
@@ -76,7 +76,7 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
     n_bytes = sum(map(_bytes_on_disk_or_0, {*files, *answers.dbc, answers.frame_times}))
     name = ", ".join(files)
     has_video = any(load_kind("video").accepts(FileHead(path)) for path in files)
-    memory_bytes = MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * n_bytes + (VIDEO_BYTES if has_video else 0)
+    memory_bytes = MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * n_bytes + (EXTRA_MEMORY_BYTES_FOR_VIDEO if has_video else 0)
     limits = Limits(
         cpu_limit_for_file_size_s(n_bytes),
         OUTPUT_BYTES + OUTPUT_BYTES_PER_BYTE * n_bytes,

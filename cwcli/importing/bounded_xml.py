@@ -14,13 +14,13 @@ from xml.etree import ElementTree
 
 from cwcli.errors import InputError
 
-READ_BYTES = 1 << 16
+BYTES_PARSED_AT_ONCE = 1 << 16
 """Bytes that are parsed at a time. Chosen by hand."""
-MAX_DEPTH = 64
+MAX_ELEMENT_DEPTH = 64
 """The greatest depth of elements inside each other. Chosen by hand: GPX and SUMO have ten at most."""
-MAX_KEPT_ELEMENTS = 10_000
+MAX_ELEMENTS_INSIDE_KEPT_ONE = 10_000
 """The greatest number of elements inside of one that is kept. Chosen by hand."""
-MAX_QUIET_BYTES = 16_000_000
+MAX_BYTES_WITHOUT_TAG = 16_000_000
 """The greatest number of bytes without the begin or end of an element. Chosen by hand."""
 
 Event = tuple[str, ElementTree.Element]
@@ -41,14 +41,14 @@ def iter_xml_events(path: str, kept: Collection[str]) -> Iterator[Event]:
     n_quiet_bytes = 0
     try:
         with Path(path).open("rb") as file:
-            while block := file.read(READ_BYTES):
+            while block := file.read(BYTES_PARSED_AT_ONCE):
                 parser.feed(block)
                 n_quiet_bytes += len(block)
                 for event in _iter_xml_events(parser):
                     n_quiet_bytes = 0
                     yield from tree.iter_passed(event)
-                if n_quiet_bytes > MAX_QUIET_BYTES:
-                    raise InputError(f"it has {MAX_QUIET_BYTES:,} bytes without an element", where=path)
+                if n_quiet_bytes > MAX_BYTES_WITHOUT_TAG:
+                    raise InputError(f"it has {MAX_BYTES_WITHOUT_TAG:,} bytes without an element", where=path)
             parser.close()
             for event in _iter_xml_events(parser):
                 yield from tree.iter_passed(event)
@@ -97,7 +97,7 @@ class _BoundedTree:
             self._n_held = 0
             if element.tag.rpartition("}")[2] in self._kept:
                 self._depth_of_kept = len(self._open)
-        if len(self._open) > MAX_DEPTH or self._n_held > MAX_KEPT_ELEMENTS:
+        if len(self._open) > MAX_ELEMENT_DEPTH or self._n_held > MAX_ELEMENTS_INSIDE_KEPT_ONE:
             raise InputError("its elements are nested too deep, or one has too many", where=self._path)
 
 

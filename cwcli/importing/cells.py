@@ -35,7 +35,7 @@ _DEGREES_MINUTES_PATTERN = (
 """A latitude or longitude in degrees, minutes and perhaps seconds: 48°08'13.2"N."""
 _UNIT_CELL_PATTERN = r"^[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d{1,3})?\s*(?P<unit>[^\d\s.,+-].*)$"
 """A number with a text behind it."""
-N_DECIMALS = 9
+N_KEPT_DECIMALS_OF_TIME = 9
 """Number of decimals of a time that are kept: nanoseconds."""
 
 
@@ -195,9 +195,11 @@ def read_whole_units_fraction_and_validity(
         values, _ = read_number_cells_and_count_bad(array, decimal)
         return _split_floats_into_units_and_fraction(values)
     part = pc.utf8_slice_codeunits(
-        pc.utf8_rpad(pc.struct_field(parts, "part").fill_null(""), N_DECIMALS, "0"), 0, N_DECIMALS
+        pc.utf8_rpad(pc.struct_field(parts, "part").fill_null(""), N_KEPT_DECIMALS_OF_TIME, "0"),
+        0,
+        N_KEPT_DECIMALS_OF_TIME,
     )
-    fraction = np.asarray(part.cast(pa.int64())).astype(np.float64) / 10.0**N_DECIMALS
+    fraction = np.asarray(part.cast(pa.int64())).astype(np.float64) / 10.0**N_KEPT_DECIMALS_OF_TIME
     negative = np.asarray(pc.equal(pc.struct_field(parts, "sign").fill_null(""), "-"))
     whole, fraction = np.where(negative, -whole, whole), np.where(negative, -fraction, fraction)
     rest = ~valid & ~np.asarray(pc.is_null(texts))

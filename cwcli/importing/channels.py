@@ -13,10 +13,10 @@ VELOCITY_TOPIC, SPEED_TOPIC = "/gps/velocity", "/vehicle/twist"
 HEADING_TOPIC, IMU_TOPIC, STEERING_TOPIC = "/vehicle/heading", "/imu/data", "/vehicle/steering"
 MAP_FRAME_ID, BODY_FRAME_ID = "map", "base_link"
 """Frame ids of east-north axes and of the axes of the car (REP-105)."""
-MIN_HELD_SHARE = 0.95
+MIN_UNCHANGED_SHARE_WITHOUT_NEW_POSITION = 0.95
 """Least share of the rows without a new position in which a value that comes with positions does not change. Chosen by
 hand."""
-NOT_MEASURED = -1.0
+UNMEASURED_COVARIANCE_FIRST_ELEMENT = -1.0
 """First element of a covariance whose quantity is not measured (REP-145)."""
 
 
@@ -136,7 +136,7 @@ def _new_value_of_receiver_mask(meaning: Meaning, values: FloatArray) -> np.ndar
         return every
     is_new = new_position_mask(meaning, ("latitude", "longitude"))
     is_held = np.diff(values, prepend=np.nan) == 0.0
-    return is_new if not is_new.all() and is_held[~is_new].mean() > MIN_HELD_SHARE else every
+    return is_new if not is_new.all() and is_held[~is_new].mean() > MIN_UNCHANGED_SHARE_WITHOUT_NEW_POSITION else every
 
 
 def _build_yaw_rate_channel(meaning: Meaning) -> OutputChannel:
@@ -180,5 +180,5 @@ def _build_imu_channel(meaning: Meaning) -> OutputChannel:
 
 def _imu_covariances(n: int, *, is_measured: bool) -> FloatArray:
     covariance = np.zeros((n, 9))
-    covariance[:, 0] = 0.0 if is_measured else NOT_MEASURED
+    covariance[:, 0] = 0.0 if is_measured else UNMEASURED_COVARIANCE_FIRST_ELEMENT
     return covariance

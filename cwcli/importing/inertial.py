@@ -19,23 +19,23 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 
-MAX_GRAVITY_ERROR = 0.2
+MAX_RELATIVE_GRAVITY_ERROR_OF_UNIT = 0.2
 """Largest relative deviation of the mean acceleration from 9.81 m/s^2 at which a unit is accepted. Chosen by hand; not
 fitted."""
-FASTEST_TURN_RADPS = 1.5
+MAX_CAR_TURN_RATE_RADPS = 1.5
 """Greatest turn rate of a car, rad/s (86 degrees/s); larger numbers are degrees. Chosen by hand."""
-MIN_CORRELATION = 0.5
+MIN_CORRELATION_TO_SHOW_AXIS = 0.5
 """Least correlation that shows the sense of a turn rate, or forward. Chosen by hand; not fitted."""
-UPRIGHT_COS = 0.94
+MIN_GRAVITY_COSINE_OF_VERTICAL_AXIS = 0.94
 """Least cosine between gravity and an axis of the sensor that counts as vertical: that of 20 degrees. Chosen by
 hand."""
-MAX_GAP_S = 0.25
+MAX_INTERPOLATED_ACCEL_GAP_S = 0.25
 """Longest time in s between two accelerations across which they are interpolated to the stamps of the turn rates.
 Chosen by hand."""
-MIN_SHOWN_MPS2 = 0.3
+MIN_ACCEL_SCATTER_TO_REFUTE_AXES_MPS2 = 0.3
 """Least scatter of accelerations in m/s^2 that must follow speed and course for the axes to be right. Chosen by hand:
 three times the noise of an IMU of phones."""
-MIN_TURNED_RAD = 0.44
+MIN_CORRECTED_MOUNTING_YAW_RAD = 0.44
 """Least angle in rad, 25 degrees, by which an IMU is turned about its vertical for the turn to be corrected. Chosen by
 hand."""
 
@@ -96,7 +96,7 @@ def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: 
 def _accelerations_at_turn_rate_stamps(meaning: Meaning, other: Meaning, specific_force: FloatArray) -> FloatArray:
     """Return accelerations at the stamps of the turn rates: straight lines between rows, NaN in gaps."""
     meaning.notes.append(f"accelerations of {other.name} are interpolated to its stamps")
-    return resample(other.stamp_ns, specific_force, meaning.stamp_ns, max_gap_s=MAX_GAP_S)
+    return resample(other.stamp_ns, specific_force, meaning.stamp_ns, max_gap_s=MAX_INTERPOLATED_ACCEL_GAP_S)
 
 
 def _choose_axis_columns(meaning: Meaning, name: str) -> list[str] | None:
@@ -121,7 +121,7 @@ def _choose_accel_unit_or_ask(meaning: Meaning, columns: list[str], values: Floa
     fitting = [
         each
         for each, factor in FACTORS["acceleration"].items()
-        if abs(norm * factor / STANDARD_GRAVITY_MPS2 - 1.0) < MAX_GRAVITY_ERROR
+        if abs(norm * factor / STANDARD_GRAVITY_MPS2 - 1.0) < MAX_RELATIVE_GRAVITY_ERROR_OF_UNIT
     ]
     if stated.unit:
         if fitting and stated.unit not in fitting and stated.confidence != "given":
@@ -151,13 +151,13 @@ def _choose_gyro_unit_or_ask(
     if stated.unit:
         return stated
     size = float(np.nanpercentile(np.abs(values), 99.9))
-    if size > FASTEST_TURN_RADPS:
+    if size > MAX_CAR_TURN_RATE_RADPS:
         return UnitChoice("degps", "likely", f"values up to {size:.3g} are beyond any car in rad/s")
     best = max(
         (turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values[:, k]) for k in range(3)),
         key=lambda each: abs(each[1]),
     )
-    if abs(best[1]) > MIN_CORRELATION:
+    if abs(best[1]) > MIN_CORRELATION_TO_SHOW_AXIS:
         for each in ("radps", "degps"):
             if 0.6 < abs(best[0]) * FACTORS["turn rate"][each] < 1.6:
                 return UnitChoice(each, "likely", f"{abs(best[0]):.3g} of it make 1 rad/s of the course")
@@ -265,7 +265,7 @@ def _rotation_of_axis_turning_with_course(
         return np.eye(3)
     fits = [turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn_rate[:, k])[1] for k in range(3)]
     best = int(np.argmax(np.abs(fits)))
-    if best == 2 or abs(fits[best]) < MIN_CORRELATION or abs(fits[2]) > MIN_CORRELATION:
+    if best == 2 or abs(fits[best]) < MIN_CORRELATION_TO_SHOW_AXIS or abs(fits[2]) > MIN_CORRELATION_TO_SHOW_AXIS:
         return np.eye(3)
     meaning.notes.append(f"the course turns with the turn rate about {'xyz'[best]}: that axis is taken as vertical")
     return _rotation_turning_vector_to_z(np.sign(fits[best]) * np.eye(3)[best])
@@ -273,7 +273,7 @@ def _rotation_of_axis_turning_with_course(
 
 def _gravity_rotation_and_if_x_is_forward(meaning: Meaning, upward: FloatArray) -> tuple[FloatArray, bool]:
     """Return the rotation for a unit vector of gravity, and whether x is then forward."""
-    if abs(upward[2]) <= UPRIGHT_COS or meaning.table.source.is_device_frame:
+    if abs(upward[2]) <= MIN_GRAVITY_COSINE_OF_VERTICAL_AXIS or meaning.table.source.is_device_frame:
         return _rotation_turning_vector_to_z(upward), False
     if upward[2] > 0:
         return np.eye(3), True
@@ -299,7 +299,7 @@ def _exchange_up_and_down_if_course_disagrees(
     Phones of one maker report gravity with the other sign: their vertical is known, and not which end is up.
     """
     ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn_rate @ rotation[2])
-    if abs(correlation) > MIN_CORRELATION:
+    if abs(correlation) > MIN_CORRELATION_TO_SHOW_AXIS:
         if ratio < 0:
             meaning.notes.append("the course turns the other way than the axes say: up and down are exchanged")
             return np.diag([1.0, -1.0, -1.0]) @ rotation
@@ -336,11 +336,11 @@ def _turn_rotation_forward_and_tell_if_known(
     along, seen = along[use] - along[use].mean(), seen[use] - seen[use].mean()
     both = complex((along * np.conj(seen)).sum())
     strength = float(np.sqrt((np.abs(along) ** 2).sum() * (np.abs(seen) ** 2).sum()))
-    if strength <= 0 or abs(both) < MIN_CORRELATION * strength:
-        is_shown = min(np.abs(along).std(), np.abs(seen).std()) > MIN_SHOWN_MPS2
+    if strength <= 0 or abs(both) < MIN_CORRELATION_TO_SHOW_AXIS * strength:
+        is_shown = min(np.abs(along).std(), np.abs(seen).std()) > MIN_ACCEL_SCATTER_TO_REFUTE_AXES_MPS2
         return rotation, knows_forward and not is_shown
     angle = float(np.angle(both))
-    if knows_forward and abs(angle) < MIN_TURNED_RAD:
+    if knows_forward and abs(angle) < MIN_CORRECTED_MOUNTING_YAW_RAD:
         return rotation, True
     turned = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
     meaning.notes.append(

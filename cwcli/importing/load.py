@@ -35,11 +35,11 @@ from cwcli.importing.times import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 
-MAX_BAD_SHARE = 0.05
+MAX_NON_NUMBER_CELL_SHARE = 0.05
 """Largest share of cells without a number in a column of numbers; a column with more is none. Chosen by hand."""
-THOUSANDS_PATTERN = r"^[+-]?\d{1,3}(,\d{3})+$"
+COMMA_BEFORE_THREE_DIGITS_PATTERN = r"^[+-]?\d{1,3}(,\d{3})+$"
 """A number with a comma before each three digits, which may be a thousand or a decimal."""
-POINT_THOUSANDS_PATTERN = r"^[+-]?\d{1,3}(\.\d{3})+$"
+POINT_BEFORE_THREE_DIGITS_PATTERN = r"^[+-]?\d{1,3}(\.\d{3})+$"
 """A number with a point before each three digits, which may be a thousand or a decimal."""
 POINT_DECIMAL_PATTERN = r"^[+-]?\d*\.\d+([eE][+-]?\d+)?$"
 """A number with decimals behind a point."""
@@ -252,7 +252,7 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Ans
         if not n_bad or column not in loaded.numbers:
             continue
         n_given = int(np.count_nonzero(np.isfinite(loaded.numbers[column]))) + n_bad
-        if n_bad <= MAX_BAD_SHARE * n_given:
+        if n_bad <= MAX_NON_NUMBER_CELL_SHARE * n_given:
             loaded.source.notes.append(f"{column}: {n_bad} cells are no numbers and are left out")
             continue
         quantities = [quantity for quantity, columns in loaded.candidates.items() if column in columns]
@@ -281,7 +281,12 @@ def _count_commas_points_and_thousands_marks(texts: ArrowArray) -> tuple[int, in
 
     n_comma, n_point, n_comma_thousands, n_point_thousands = (
         int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
-        for pattern in (COMMA_NUMBER_PATTERN, POINT_DECIMAL_PATTERN, THOUSANDS_PATTERN, POINT_THOUSANDS_PATTERN)
+        for pattern in (
+            COMMA_NUMBER_PATTERN,
+            POINT_DECIMAL_PATTERN,
+            COMMA_BEFORE_THREE_DIGITS_PATTERN,
+            POINT_BEFORE_THREE_DIGITS_PATTERN,
+        )
     )
     return n_comma, n_point, n_comma_thousands, n_point_thousands
 

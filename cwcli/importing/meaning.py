@@ -15,7 +15,7 @@ from cwcli.importing.units import FACTORS, find_unit
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 
-EQUAL_SHARE = 1e-4
+MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS = 1e-4
 """Largest relative difference of two columns that count as the same quantity. Chosen by hand: rounding of a text
 changes less."""
 
@@ -126,7 +126,7 @@ def _do_columns_hold_same_values(first: FloatArray, second: FloatArray) -> bool:
     if not both.any():
         return False
     scale = max(float(np.ptp(first[both])), 1e-9)
-    return bool(np.abs(first[both] - second[both]).max() <= EQUAL_SHARE * scale)
+    return bool(np.abs(first[both] - second[both]).max() <= MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS * scale)
 
 
 def _join_column_names(columns: Sequence[str]) -> str:

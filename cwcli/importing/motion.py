@@ -11,17 +11,17 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-METERS_PER_DEGREE = 111_195.0
+METRES_PER_DEGREE_OF_LATITUDE = 111_195.0
 """Length of a degree of latitude on a sphere of 6,371 km, m."""
-MIN_SPAN_S = 1.0
+MIN_TIME_BETWEEN_SPAN_POSITIONS_S = 1.0
 """Shortest time over which a way is measured."""
-MAX_SPAN_S = 5.0
+MAX_TIME_BETWEEN_SPAN_POSITIONS_S = 5.0
 """Longest time in s between two positions from which a speed and a direction are computed. Chosen by hand."""
-MIN_WAY_M = 100.0
+MIN_TRACK_LENGTH_TO_SHOW_UNITS_M = 100.0
 """Least length in m of a track that can show the unit of a speed or the sense of a heading. Chosen by hand."""
-MIN_SPEED_MPS = 2.0
+MIN_SPEED_FOR_COURSE_MPS = 2.0
 """Least speed in m/s at which the direction between two positions is used: walking pace. Chosen by hand."""
-RATIO_TOLERANCE = 0.06
+SPEED_RATIO_LOG_TOLERANCE = 0.06
 """Largest deviation of the natural logarithm of a ratio of two speeds from that of a unit; mph and knots differ by
 0.14."""
 
@@ -63,12 +63,12 @@ class TrackSpans:
     @property
     def moving_span_mask(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Whether a span shows a direction."""
-        return np.asarray(self.speed_mps > MIN_SPEED_MPS)
+        return np.asarray(self.speed_mps > MIN_SPEED_FOR_COURSE_MPS)
 
     @property
     def can_show_units_and_directions(self) -> bool:
         """Whether the track can show units and directions."""
-        return bool(self.span_lengths_m[self.moving_span_mask].sum() >= MIN_WAY_M)
+        return bool(self.span_lengths_m[self.moving_span_mask].sum() >= MIN_TRACK_LENGTH_TO_SHOW_UNITS_M)
 
     @property
     def course_rad(self) -> FloatArray:
@@ -85,8 +85,8 @@ def spans_of_geographic_places(
         return None
     latitude, longitude, stamps = latitude_deg[keep], longitude_deg[keep], stamp_ns[keep]
     middle = float(np.median(latitude))
-    east = np.unwrap(np.deg2rad(longitude)) * 180.0 / np.pi * METERS_PER_DEGREE * np.cos(np.deg2rad(middle))
-    return spans_of_map_points(stamps, east, latitude * METERS_PER_DEGREE)
+    east = np.unwrap(np.deg2rad(longitude)) * 180.0 / np.pi * METRES_PER_DEGREE_OF_LATITUDE * np.cos(np.deg2rad(middle))
+    return spans_of_map_points(stamps, east, latitude * METRES_PER_DEGREE_OF_LATITUDE)
 
 
 def spans_of_map_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) -> TrackSpans | None:
@@ -95,17 +95,17 @@ def spans_of_map_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) 
     stamps, x, y = stamp_ns[order], x_m[order], y_m[order]
     changed = np.concatenate([[True], (np.diff(x) != 0) | (np.diff(y) != 0)])
     if np.count_nonzero(changed) > 2:  # a value that is held is no new position
-        held = np.concatenate([[False], np.diff(stamps) < MIN_SPAN_S * NS_PER_S])
+        held = np.concatenate([[False], np.diff(stamps) < MIN_TIME_BETWEEN_SPAN_POSITIONS_S * NS_PER_S])
         kept = changed | ~held
         stamps, x, y = stamps[kept], x[kept], y[kept]
     if len(stamps) < 3:
         return None
-    rows = first_rows_of_intervals(stamps, MIN_SPAN_S)
+    rows = first_rows_of_intervals(stamps, MIN_TIME_BETWEEN_SPAN_POSITIONS_S)
     if len(rows) < 3:
         return None
     start, end = rows[:-1], rows[1:]
     span_ns = stamps[end] - stamps[start]
-    sound = (span_ns > 0) & (span_ns <= MAX_SPAN_S * NS_PER_S)
+    sound = (span_ns > 0) & (span_ns <= MAX_TIME_BETWEEN_SPAN_POSITIONS_S * NS_PER_S)
     start, end = start[sound], end[sound]
     if len(start) < 2:
         return None
@@ -141,7 +141,7 @@ def mean_over_spans(track: TrackSpans, stamp_ns: Int64Array, values: FloatArray)
     outside = (start_s < time_s[0] - 0.5) | (end_s > time_s[-1] + 0.5)
     gaps = np.diff(time_s)
     row = np.clip(np.searchsorted(time_s, start_s), 0, len(gaps) - 1)
-    outside |= gaps[row] > MAX_SPAN_S
+    outside |= gaps[row] > MAX_TIME_BETWEEN_SPAN_POSITIONS_S
     return np.where(outside, np.nan, mean)
 
 

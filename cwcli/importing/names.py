@@ -192,9 +192,9 @@ _PATH_WORDS = frozenset(
 """Words of the folders of a topic (`/vehicle/velocity_report/speed`) that say nothing against its last name."""
 _SPEED_NAMES = frozenset({"mph", "kmh", "kph", "kmph", "knots", "kts"})
 """Units that are the whole name of a column of speeds."""
-MAX_NAME_CHARACTERS = 500
+MAX_READ_COLUMN_NAME_CHARACTERS = 500
 """Number of characters of a column's name that are looked at. Chosen by hand: paths of topics have 100."""
-_UNIT_WORDS = 3
+_MAX_UNIT_WORDS_AT_NAME_END = 3
 """Largest number of words at the end of a name that are tried as a unit (`m s 2`)."""
 
 
@@ -214,7 +214,15 @@ class NamedColumn:
 @lru_cache(maxsize=4096)
 def split_name(name: str) -> NamedColumn:
     """Split a column's name into its words and its unit: in brackets, or as its last words."""
-    text = name[:MAX_NAME_CHARACTERS].strip().strip('"').strip("#").strip().removeprefix(".").removeprefix("field.")
+    text = (
+        name[:MAX_READ_COLUMN_NAME_CHARACTERS]
+        .strip()
+        .strip('"')
+        .strip("#")
+        .strip()
+        .removeprefix(".")
+        .removeprefix("field.")
+    )
     if "|" in text:  # RaceCapture: "Speed"|"kph"|0.0|250.0|10
         text = "{} [{}]".format(*(part.strip('" ') for part in text.split("|")[:2]))
     unit = ""
@@ -254,7 +262,7 @@ def _word_without_number_at_end(word: str) -> list[str]:
 
 def _split_words_and_unit(words: list[str]) -> tuple[list[str], str]:
     """Return the words without a unit at their end, and the unit."""
-    for n in range(min(_UNIT_WORDS, len(words) - 1), 0, -1):
+    for n in range(min(_MAX_UNIT_WORDS_AT_NAME_END, len(words) - 1), 0, -1):
         tail = words[-n:]
         if n == 1 and tail[0] in {"second", "seconds"} and words[0] in {"utc", "gps", "gmt", "local"}:
             break  # a part of the date in six columns

@@ -18,21 +18,21 @@ from cwcli.text import format_count
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
-NEAR_ZERO_DEG = 3.15
+MAX_DEGREES_THAT_MAY_BE_RADIANS = 3.15
 """Size of latitudes and longitudes, degrees, below which they may be radians: a little more than pi."""
-MAX_JITTER = 1.5
+MAX_PATH_LENGTH_RATIO_OF_JITTER = 1.5
 """Largest ratio of the path length from row to row to that from second to second at which x and y are those of a car.
 Chosen by hand."""
-MAX_HEIGHT_M = 9000.0
+MAX_ROAD_ALTITUDE_M = 9000.0
 """Greatest altitude of a road, m; larger numbers are in another unit. No public road lies above 6,000 m."""
-MIN_EXTENT_M = 0.5
+MIN_XY_EXTENT_OF_METRES_M = 0.5
 """Least extent of x and y, m, within a minute or more; columns of a smaller one may hold degrees. Chosen by hand."""
 MAX_SWAPPED_ERROR_DEG, MIN_STRAIGHT_ERROR_DEG = 10.0, 30.0
 """Median angles to the stated course, with latitude and longitude swapped and as they are, that show a swap. Chosen by
 hand; not fitted."""
-MIN_SPANS = 10
+MIN_MOVING_SPANS_TO_COMPARE_ANGLES = 10
 """Least number of spans in motion for a comparison of angles. Chosen by hand; not fitted."""
-MIN_HELD_SHARE = 0.3
+MIN_REPEATED_SHARE_OF_HELD_POSITION = 0.3
 """Least share of rows that repeat the position before for the position to be one that is held between fixes. Chosen by
 hand; not fitted."""
 
@@ -182,7 +182,7 @@ def _ask_if_degrees_or_radians(
         return
     finite = np.isfinite(values["latitude"]) & np.isfinite(values["longitude"])
     size = max(float(np.abs(values[name][finite]).max()) for name in values)
-    if 0.0 < size < NEAR_ZERO_DEG and np.abs(values["latitude"][finite]).max() < np.pi / 2:
+    if 0.0 < size < MAX_DEGREES_THAT_MAY_BE_RADIANS and np.abs(values["latitude"][finite]).max() < np.pi / 2:
         meaning.add_question(
             f"{latitude!r}: the values may be degrees or radians",
             "--column latitude=NAME*rad, or *deg; longitude alike",
@@ -199,7 +199,7 @@ def _find_altitude(meaning: Meaning) -> None:
     if len(columns) > 1:
         meaning.notes.append(f"height is {column!r}; {', '.join(map(repr, columns[1:]))} left out")
     scale = FACTORS["length"][choice.unit]
-    if float(np.nanmax(np.abs(meaning.unscaled_numbers(column)))) * scale > MAX_HEIGHT_M:
+    if float(np.nanmax(np.abs(meaning.unscaled_numbers(column)))) * scale > MAX_ROAD_ALTITUDE_M:
         meaning.notes.append(
             f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is not a height in m"
         )
@@ -228,7 +228,7 @@ def _find_local_positions(meaning: Meaning) -> None:
     extent_m = max(float(np.ptp(values[name][finite])) for name in "xy")
     is_unit_known = all(guess.confidence != "assumed" for guess in meaning.guesses if guess.quantity in {"x", "y"})
     span_s = float(np.ptp(meaning.stamp_ns)) / 1e9
-    if not is_unit_known and 0.0 < extent_m < MIN_EXTENT_M and span_s > 10.0:
+    if not is_unit_known and 0.0 < extent_m < MIN_XY_EXTENT_OF_METRES_M and span_s > 10.0:
         meaning.add_question(
             f"{x!r} and {y!r} change by less than {extent_m:.3g}: they may be degrees",
             f"--column longitude='{x}' --column latitude='{y}', or --column x='{x}*m' --column y='{y}*m'",
@@ -251,7 +251,7 @@ def _may_be_vectors_not_path(meaning: Meaning, x_column: str, y_column: str) -> 
     if track is None or not track.can_show_units_and_directions:
         return True
     steps = np.hypot(np.diff(meaning.values["x"]), np.diff(meaning.values["y"]))
-    return float(np.nansum(steps)) > MAX_JITTER * float(track.span_lengths_m.sum())
+    return float(np.nansum(steps)) > MAX_PATH_LENGTH_RATIO_OF_JITTER * float(track.span_lengths_m.sum())
 
 
 def ask_if_latitude_longitude_swapped(meaning: Meaning, course_deg: FloatArray) -> None:
@@ -261,7 +261,7 @@ def ask_if_latitude_longitude_swapped(meaning: Meaning, course_deg: FloatArray) 
     as_is = np.abs(
         heading_minus_course_of_moving_spans_rad(meaning.track, meaning.stamp_ns, np.deg2rad(90.0 - course_deg))
     )
-    if len(as_is) < MIN_SPANS or np.degrees(np.median(as_is)) < MIN_STRAIGHT_ERROR_DEG:
+    if len(as_is) < MIN_MOVING_SPANS_TO_COMPARE_ANGLES or np.degrees(np.median(as_is)) < MIN_STRAIGHT_ERROR_DEG:
         return
     if swapped_course_error_deg(meaning, course_deg) < MAX_SWAPPED_ERROR_DEG:
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
@@ -284,7 +284,7 @@ def swapped_course_error_deg(meaning: Meaning, course_deg: FloatArray) -> float:
     if other is None:
         return float("nan")
     errors = np.abs(heading_minus_course_of_moving_spans_rad(other, meaning.stamp_ns, np.deg2rad(90.0 - course_deg)))
-    return float(np.degrees(np.median(errors))) if len(errors) >= MIN_SPANS else float("nan")
+    return float(np.degrees(np.median(errors))) if len(errors) >= MIN_MOVING_SPANS_TO_COMPARE_ANGLES else float("nan")
 
 
 def new_position_mask(meaning: Meaning, names: tuple[str, ...]) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -296,7 +296,7 @@ def new_position_mask(meaning: Meaning, names: tuple[str, ...]) -> np.ndarray[tu
         return np.asarray(finite)
     same = np.logical_and.reduce([np.diff(each[rows]) == 0.0 for each in values[:2]])
     n_moving = np.count_nonzero(~same)
-    if np.count_nonzero(same) < MIN_HELD_SHARE * len(same) or n_moving < 3:
+    if np.count_nonzero(same) < MIN_REPEATED_SHARE_OF_HELD_POSITION * len(same) or n_moving < 3:
         return np.asarray(finite)
     step_s = np.diff(meaning.stamp_ns[rows]) / 1e9
     changes = np.flatnonzero(~same)

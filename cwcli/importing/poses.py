@@ -15,15 +15,15 @@ from cwcli.importing.readers.trajectory import xyzw_quaternions_of_rotations
 from cwcli.signals.angles import rotation_matrices_of_unit_quaternions
 from cwcli.signals.columns import FloatArray
 
-STEP_S = 1.0
+TIME_STEP_BETWEEN_COMPARED_POSITIONS_S = 1.0
 """Time in s between two positions whose direction is compared with the axes of the poses. Chosen by hand."""
-MIN_STEP_M = 0.5
+MIN_STEP_LENGTH_TO_SHOW_AXES_M = 0.5
 """Least distance in m between two such positions. Chosen by hand."""
-MIN_STEPS = 5
+MIN_STEPS_TO_SHOW_AXES = 5
 """Least number of such pairs of positions. Chosen by hand."""
-MIN_ALONG = 0.85
+MIN_MOTION_COSINE_OF_FORWARD_AXIS = 0.85
 """Least mean cosine between the direction of motion and an axis that counts as pointing forward. Chosen by hand."""
-UPRIGHT_COS = 0.9
+MIN_COSINE_OF_WORLD_UP_AXIS = 0.9
 """Least cosine between the mean vertical of the body and an axis of the world that counts as up: that of 26 degrees.
 Chosen by hand."""
 CAMERA_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -72,15 +72,15 @@ def _body_from_sensor_and_if_orientation_usable(
     if given is not None or meaning.questions:
         return None if given is None else (given, True)
     ways = _unit_motion_directions_in_body(meaning, place, rotation)
-    if len(ways) < MIN_STEPS:
+    if len(ways) < MIN_STEPS_TO_SHOW_AXES:
         if np.allclose(rotation, np.eye(3), atol=1e-9):
             return np.eye(3), False
         meaning.notes.append("too little motion shows the body's axes: taken as x forward, z up")
         return np.eye(3), True
     mean = ways.mean(axis=0)
-    if mean[0] > MIN_ALONG:
+    if mean[0] > MIN_MOTION_COSINE_OF_FORWARD_AXIS:
         return np.eye(3), True
-    if mean[2] > MIN_ALONG:
+    if mean[2] > MIN_MOTION_COSINE_OF_FORWARD_AXIS:
         meaning.notes.append("the way is along the body's z axis: camera axes (z forward, y down)")
         return CAMERA_TO_BODY, True
     meaning.notes.append(
@@ -93,13 +93,15 @@ def _body_from_sensor_and_if_orientation_usable(
 def _unit_motion_directions_in_body(meaning: Meaning, place: FloatArray, rotation: FloatArray) -> FloatArray:
     """Return unit directions of the way in the axes of the body, (m, 3)."""
     stamps = meaning.stamp_ns
-    rows = first_rows_of_intervals(stamps, STEP_S)
+    rows = first_rows_of_intervals(stamps, TIME_STEP_BETWEEN_COMPARED_POSITIONS_S)
     if len(rows) < 2:
         return np.zeros((0, 3))
     steps = np.diff(place[rows], axis=0)
     length = np.linalg.norm(steps, axis=1)
     middle = (rows[:-1] + rows[1:]) // 2
-    use = (length > MIN_STEP_M) & np.isfinite(length) & np.isfinite(rotation[middle]).all(axis=(1, 2))
+    use = (
+        (length > MIN_STEP_LENGTH_TO_SHOW_AXES_M) & np.isfinite(length) & np.isfinite(rotation[middle]).all(axis=(1, 2))
+    )
     return np.asarray(np.einsum("nji,nj->ni", rotation[middle[use]], steps[use] / length[use, None]))
 
 
@@ -108,7 +110,7 @@ def _rotation_of_world_to_mean_vertical_or_none(body_rotations: FloatArray) -> F
     upward = np.nanmean(body_rotations[:, :, 2], axis=0)
     upward = upward / max(float(np.linalg.norm(upward)), 1e-9)
     k = int(np.argmax(np.abs(upward)))
-    if abs(upward[k]) < UPRIGHT_COS:
+    if abs(upward[k]) < MIN_COSINE_OF_WORLD_UP_AXIS:
         return None
     if k == 2:
         return np.eye(3) if upward[2] > 0 else np.diag([1.0, -1.0, -1.0])

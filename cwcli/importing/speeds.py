@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import (
-    RATIO_TOLERANCE,
+    SPEED_RATIO_LOG_TOLERANCE,
     TrackSpans,
     heading_minus_course_of_moving_spans_rad,
     spans_of_geographic_places,
@@ -24,25 +24,25 @@ from cwcli.signals.columns import FloatArray
 
 SPEED_UNITS = ("mps", "kmh", "mph", "knots")
 """Units that a speed without one can have."""
-MAX_DISAGREEMENT = 0.25
+MAX_LOG_RATIO_OF_STATED_SPEED = 0.25
 """Largest natural logarithm of the ratio of a speed in its stated unit to the speed over ground, above which is asked.
 Chosen by hand."""
 MIN_UNEVEN, MAX_EVEN_SHARE = 0.02, 0.4
 """Least spread of the logarithm of the ratio of a speed to the way, and largest share of it with the places swapped,
 that show a swap. Chosen by hand; not fitted."""
-MAX_WRAPPED_DEG = 361.0
+MAX_ANGLE_WITHOUT_FULL_TURNS_DEG = 361.0
 """Greatest size of an angle in degrees that does not count full turns. Larger ones count turns, or are hundredths of a
 degree, as MAVLink has them."""
 GOOD_FIT_DEG, POOR_FIT_DEG = 12.0, 25.0
 """Median angles in degrees between a heading and the direction of motion: below the first its sense fits, above the
 second it does not. Chosen by hand."""
-SAME_FIT_DEG = 3.0
+MAX_MISFIT_DIFFERENCE_OF_EQUAL_SENSES_DEG = 3.0
 """Largest difference in degrees of the median angles of two senses that fit equally well. Chosen by hand."""
-MIN_CORRELATION = 0.5
+MIN_CORRELATION_TO_SHOW_YAW_RATE_SENSE = 0.5
 """Least correlation with the turning of the course that shows the sense of a yaw rate. Chosen by hand; not fitted."""
 COMPASS_WORDS = QUANTITIES["course"].nouns | {"heading", "hdg", "azimuth", "compass", "headveh"}
 """Words of angles that are clockwise from north by convention, unlike a yaw."""
-SWAP_MARGIN_DEG = 2.0
+MIN_ADVANTAGE_OVER_SWAPPED_POSITIONS_DEG = 2.0
 """Least advantage in degrees with which a sense of a heading must fit better than swapped latitude and longitude.
 Chosen by hand."""
 
@@ -101,10 +101,16 @@ def _choose_speed_unit_or_ask(
     unit, confidence, why = stated
     ratio = speed_units_per_mps(track, meaning.stamp_ns, values)
     fitting = [
-        each for each in SPEED_UNITS if ratio > 0 and abs(math.log(ratio * FACTORS["speed"][each])) < RATIO_TOLERANCE
+        each
+        for each in SPEED_UNITS
+        if ratio > 0 and abs(math.log(ratio * FACTORS["speed"][each])) < SPEED_RATIO_LOG_TOLERANCE
     ]
     if unit:
-        if ratio > 0 and abs(math.log(ratio * FACTORS["speed"][unit])) > MAX_DISAGREEMENT and confidence != "given":
+        if (
+            ratio > 0
+            and abs(math.log(ratio * FACTORS["speed"][unit])) > MAX_LOG_RATIO_OF_STATED_SPEED
+            and confidence != "given"
+        ):
             what = f"{column!r}: the header says {unit}, but the way between the positions says "
             what += fitting[0] if fitting else f"{ratio * FACTORS['speed'][unit]:.2g} times less"
             meaning.add_question(
@@ -189,7 +195,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
     if unit:
         units = [unit]
     elif size > 2.0 * math.pi + 0.01:
-        units = ["deg"] if size <= MAX_WRAPPED_DEG else ["deg", "cdeg"]
+        units = ["deg"] if size <= MAX_ANGLE_WITHOUT_FULL_TURNS_DEG else ["deg", "cdeg"]
         why = "beyond 2 pi"
     else:
         units = ["deg", "rad"]
@@ -252,7 +258,7 @@ def _add_question_if_swap_fits_as_well(meaning: Meaning, quantity: str, column: 
     if "latitude" not in meaning.values:
         return False
     swapped_deg = swapped_course_error_deg(meaning, meaning.unscaled_numbers(column))
-    if not swapped_deg < fit_deg + SWAP_MARGIN_DEG:
+    if not swapped_deg < fit_deg + MIN_ADVANTAGE_OVER_SWAPPED_POSITIONS_DEG:
         return False
     columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
     meaning.add_question(
@@ -300,13 +306,15 @@ def _choose_sense_with_least_misfit(misfit_deg_by_sense: dict[str, float], usual
     if misfit_deg_by_sense[best] > POOR_FIT_DEG:
         return None
     if usual_sense in misfit_deg_by_sense and misfit_deg_by_sense[usual_sense] <= max(
-        misfit_deg_by_sense[best] + SAME_FIT_DEG, min(GOOD_FIT_DEG, misfit_deg_by_sense[best] * 1.5)
+        misfit_deg_by_sense[best] + MAX_MISFIT_DIFFERENCE_OF_EQUAL_SENSES_DEG,
+        min(GOOD_FIT_DEG, misfit_deg_by_sense[best] * 1.5),
     ):
         return usual_sense
     rivals = [
         each
         for each in misfit_deg_by_sense
-        if each != best and misfit_deg_by_sense[each] < misfit_deg_by_sense[best] + SAME_FIT_DEG
+        if each != best
+        and misfit_deg_by_sense[each] < misfit_deg_by_sense[best] + MAX_MISFIT_DIFFERENCE_OF_EQUAL_SENSES_DEG
     ]
     return None if rivals else best
 
@@ -361,7 +369,7 @@ def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
     values = meaning.unscaled_numbers(column)
     unit, confidence, why = meaning.stated_unit("gyro_z" if is_lonely else "yaw_rate", column)
     ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values)
-    is_shown = abs(correlation) > MIN_CORRELATION
+    is_shown = abs(correlation) > MIN_CORRELATION_TO_SHOW_YAW_RATE_SENSE
     if not unit and is_shown:
         fitting = [each for each in ("radps", "degps") if abs(math.log(abs(ratio) * FACTORS["turn rate"][each])) < 0.5]
         if fitting:

@@ -34,19 +34,19 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_count
 
 BoolArray = npt.NDArray[np.bool_]
-MAX_SPREAD_S = 0.1
+MAX_DIFFERENCE_CHANGE_OF_SAME_CLOCK_S = 0.1
 """Largest change in s of the difference of two columns of time that count as the same clock. Chosen by hand."""
-MAX_BACKWARD_SHARE = 0.2
+MAX_SHARE_OF_ROWS_BACK_IN_TIME = 0.2
 """Largest share of rows that are earlier than the row before; they are sorted, and more is an error. Chosen by hand."""
-MAX_REPEATED_SHARE = 0.5
+MAX_SHARE_OF_REPEATED_STAMPS = 0.5
 """Largest share of rows with the stamp of the row before at which a column counts as time. Chosen by hand."""
-MAX_ABSURD_SHARE = 0.05
+MAX_SHARE_OF_TIMES_OUTSIDE_1970_TO_2038 = 0.05
 """Largest share of rows with a time before 1970 or after 2038 that are left out; more show another unit. Chosen by
 hand."""
-MAX_LATE_S = 5.0
+MAX_LATENESS_OF_WRITTEN_ROWS_S = 5.0
 """Greatest time in s by which rows may be written late; later ones among the others are a second recording. Chosen by
 hand: buffers of sensors hold less."""
-MAX_CHANGES_PER_STEP_BACK = 4
+MAX_PART_CHANGES_PER_STEP_BACK = 4
 """Largest number of changes between the parts of a file, in time order, for each step back in time: a late row, or
 block, makes three."""
 MAX_GPS_WEEK = 11_000
@@ -55,7 +55,7 @@ CLOCK_WORDS = frozenset({"unix", "posix", "epoch", "utc", "gmt", "ros", "system"
 """Words in a column's name that say that its seconds count from 1970, not from the GPS epoch."""
 DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
-SECOND_PARTS = {"millisecond": 1_000_000, "nanosecond": 1}
+NS_BY_SECOND_PART_QUANTITY = {"millisecond": 1_000_000, "nanosecond": 1}
 """Quantity of a column of parts of a second beside them -> its unit in ns."""
 RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
 """Meanings of columns of time, the most useful first."""
@@ -136,7 +136,7 @@ def _does_time_advance(candidate: TimeCandidate) -> bool:
     if candidate.question is not None:
         return True
     steps = np.diff(candidate.stamp_ns[candidate.valid])
-    return bool(np.count_nonzero(steps) > (1.0 - MAX_REPEATED_SHARE) * len(steps))
+    return bool(np.count_nonzero(steps) > (1.0 - MAX_SHARE_OF_REPEATED_STAMPS) * len(steps))
 
 
 def _add_date_of_whole_second_column(best: TimeCandidate, coarse: Sequence[TimeCandidate]) -> TimeCandidate:
@@ -149,7 +149,7 @@ def _add_date_of_whole_second_column(best: TimeCandidate, coarse: Sequence[TimeC
             continue
         both = best.valid & each.valid
         start_ns = each.stamp_ns[both] - best.stamp_ns[both]
-        if not len(start_ns) or np.ptp(start_ns) > NS_PER_S + MAX_SPREAD_S * NS_PER_S:
+        if not len(start_ns) or np.ptp(start_ns) > NS_PER_S + MAX_DIFFERENCE_CHANGE_OF_SAME_CLOCK_S * NS_PER_S:
             continue
         guess = replace(best.guess, why=f"{best.guess.why.partition(';')[0]}; dated by the seconds of {each.column!r}")
         return replace(best, rank="1970", stamp_ns=best.stamp_ns + int(start_ns.max()), guess=guess)
@@ -264,7 +264,7 @@ def _date_parts_candidate(table: LoadedTable, answers: Answers) -> TimeCandidate
     whole = np.where(valid[:, np.newaxis], parts, 0.0)
     seconds_of_day = (whole[:, 3] * 60.0 + whole[:, 4]) * 60.0
     ns_of_day = (seconds_of_day.astype(np.int64) * NS_PER_S) + np.rint(whole[:, 5] * NS_PER_S).astype(np.int64)
-    for part, unit_ns in SECOND_PARTS.items():
+    for part, unit_ns in NS_BY_SECOND_PART_QUANTITY.items():
         name = next((each for each in table.candidates.get(part, ()) if each in numbers), None)
         if name is not None and not (whole[:, 5] % 1.0).any():
             ns_of_day += np.rint(np.nan_to_num(numbers[name]) * unit_ns).astype(np.int64)
@@ -388,7 +388,7 @@ def _do_both_times_advance_together(first: TimeCandidate, second: TimeCandidate)
     if np.count_nonzero(both) < 2:
         return True
     difference = (first.stamp_ns[both] - second.stamp_ns[both]) / NS_PER_S
-    return float(np.ptp(difference)) <= MAX_SPREAD_S
+    return float(np.ptp(difference)) <= MAX_DIFFERENCE_CHANGE_OF_SAME_CLOCK_S
 
 
 def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidate) -> Meaning:
@@ -420,7 +420,7 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidat
             hint="name another column with --column time=NAME",
         )
     n_back = int(np.count_nonzero(steps < 0))
-    if n_back > MAX_BACKWARD_SHARE * len(steps) and not _has_several_vehicles(table):
+    if n_back > MAX_SHARE_OF_ROWS_BACK_IN_TIME * len(steps) and not _has_several_vehicles(table):
         raise DataError(
             f"{best.column!r}: {n_back} of {len(steps)} times are before their predecessor",
             where=where,
@@ -430,7 +430,7 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidat
         notes.append(f"{n_back} times lie before their predecessor; rows are put into the order of time")
     order = np.argsort(stamps, kind="stable")
     n_repeated = int(np.count_nonzero(np.diff(stamps[order]) == 0))
-    if n_repeated > MAX_REPEATED_SHARE * len(stamps) and not _has_several_vehicles(table):
+    if n_repeated > MAX_SHARE_OF_REPEATED_STAMPS * len(stamps) and not _has_several_vehicles(table):
         raise DataError(
             f"{best.column!r}: {n_repeated} of {len(stamps)} rows have the time of the row before",
             where=where,
@@ -448,7 +448,7 @@ def _times_outside_1970_to_2038_if_few_mask(best: TimeCandidate) -> BoolArray:
     """Return the rows (n,) whose time lies before 1970 or behind 2038, if they are few; else none."""
     is_relative = best.rank in {"start", "clock"}
     absurd = best.valid & ((best.stamp_ns > MAX_STAMP_NS) | ((best.stamp_ns < 0) & (not is_relative)))
-    is_few = np.count_nonzero(absurd) <= MAX_ABSURD_SHARE * np.count_nonzero(best.valid)
+    is_few = np.count_nonzero(absurd) <= MAX_SHARE_OF_TIMES_OUTSIDE_1970_TO_2038 * np.count_nonzero(best.valid)
     return absurd if is_few else np.zeros_like(absurd)
 
 
@@ -465,7 +465,10 @@ def require_rows_of_one_recording(meaning: Meaning) -> None:
     part = np.concatenate([[0], np.cumsum(steps < 0)])
     by_time = np.argsort(in_file)
     n_changes = np.count_nonzero(np.diff(part[by_time]))
-    if -steps.min() < MAX_LATE_S * NS_PER_S or n_changes <= MAX_CHANGES_PER_STEP_BACK * part[-1]:
+    if (
+        -steps.min() < MAX_LATENESS_OF_WRITTEN_ROWS_S * NS_PER_S
+        or n_changes <= MAX_PART_CHANGES_PER_STEP_BACK * part[-1]
+    ):
         return
     first = int(rows[int(np.argmin(steps)) + 1])
     raise DataError(

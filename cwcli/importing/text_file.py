@@ -11,11 +11,11 @@ from cwcli.errors import InputError
 from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
 
-HEAD_BYTES = 256 << 10
+MAX_INSPECTED_HEAD_BYTES = 256 << 10
 """Bytes of a file that are looked at before it is read; chosen by hand."""
-UNDEFINED_BYTES = frozenset(b"\x81\x8d\x8f\x90\x9d")
+BYTES_UNDEFINED_IN_CODE_PAGE_1252 = frozenset(b"\x81\x8d\x8f\x90\x9d")
 """Bytes that code page 1252 does not define."""
-MAX_CONTROL_SHARE = 0.02
+MAX_CONTROL_CHARACTER_SHARE_OF_TEXT = 0.02
 """Largest share of control characters in a text; chosen by hand."""
 MAX_LINE_CHARACTERS = 1 << 20
 """Greatest number of characters of a line, 1 Mi. Chosen by hand: the lines of a recording have a few thousand."""
@@ -38,7 +38,7 @@ class TextHead:
     is_whole: bool
 
 
-def read_head(path: str | Path, n_bytes: int = HEAD_BYTES) -> bytes:
+def read_head(path: str | Path, n_bytes: int = MAX_INSPECTED_HEAD_BYTES) -> bytes:
     """Return the first bytes of a file.
 
     Raises:
@@ -56,7 +56,7 @@ def read_head(path: str | Path, n_bytes: int = HEAD_BYTES) -> bytes:
 
 def decode_head(data: bytes) -> TextHead | None:
     """Decode the beginning of a file; None if it is no text."""
-    is_whole = len(data) < HEAD_BYTES
+    is_whole = len(data) < MAX_INSPECTED_HEAD_BYTES
     encoding, bom = "utf-8", 0
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8"),
@@ -74,14 +74,14 @@ def decode_head(data: bytes) -> TextHead | None:
     except UnicodeDecodeError:
         if encoding != "utf-8":
             return None
-        encoding = "latin-1" if UNDEFINED_BYTES & set(body) else "cp1252"
+        encoding = "latin-1" if BYTES_UNDEFINED_IN_CODE_PAGE_1252 & set(body) else "cp1252"
         text = body.decode(encoding, "replace")
     if not text:
         return TextHead(encoding, bom, (), is_whole)
     n_control = sum(
         1 for character in text if (ord(character) < 32 and character not in "\t\r\n\f\v") or character == "\ufffd"
     )
-    if n_control > MAX_CONTROL_SHARE * len(text):
+    if n_control > MAX_CONTROL_CHARACTER_SHARE_OF_TEXT * len(text):
         return None
     lines = text.splitlines()
     if not is_whole and len(lines) > 1:

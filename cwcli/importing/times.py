@@ -35,16 +35,16 @@ FIRST_YEAR_S, LAST_YEAR_S = 946_684_800, 4_102_444_800
 APPLE_EPOCH_S, APPLE_FIRST_S = 978_307_200, 631_152_000
 """Seconds since 1970 of 2001-01-01, from which Apple's systems count (`timeIntervalSinceReferenceDate`), and the least
 number that may count from there: January 2021. Chosen by hand."""
-GPS_NAMES_FROM_S = 1_000_000_000
+MIN_SECONDS_TAKEN_AS_GPS_TIME = 1_000_000_000
 """Seconds since the GPS epoch from which a number is taken as GPS time, September 2011. Chosen by hand: earlier logs of
 vehicles hardly exist."""
 SLOWEST_HZ, FASTEST_HZ = 0.5, 2500.0
 """Least and greatest rate of rows, Hz, of sensors of cars; other rates show that the unit of the time is another one.
 Chosen by hand."""
 
-MIN_STEP_AT_MINUTE = 40
+MIN_HHMMSS_STEP_TO_NEXT_MINUTE = 40
 """Least step of a time of day written as hhmmss to the next minute: from 59 to 100."""
-MIN_MONTH_SHARE = 0.9
+MIN_SHARE_OF_YEAR_MONTH_DAY_DATES = 0.9
 """Least share of dates that begin with the year and whose second number is a month, for the order year, month, day.
 Chosen by hand."""
 DATE_ORDERS = {"ymd": ("y", "m", "d"), "dmy": ("d", "m", "y"), "mdy": ("m", "d", "y")}
@@ -53,8 +53,8 @@ _CLOCK = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,:](?P<part>\d{1,9}))?)?"
     r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 )
-_OFFSET = r"(?:UTC|GMT)?[+-]\d{2}:?\d{2}|(?:UTC|GMT)?[+-]\d{2}"
-_ZONE = rf"\s*(?P<zone>Z|z|{_OFFSET}|UTC|GMT)?"
+_UTC_OFFSET_PATTERN = r"(?:UTC|GMT)?[+-]\d{2}:?\d{2}|(?:UTC|GMT)?[+-]\d{2}"
+_ZONE = rf"\s*(?P<zone>Z|z|{_UTC_OFFSET_PATTERN}|UTC|GMT)?"
 DATE_PATTERN = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})[-/.](?P<c>\d{1,4})"
 DATETIME_PATTERN = rf"^{DATE_PATTERN}[T\s,]+{_CLOCK}{_ZONE}$"
 """A date with a time of day."""
@@ -63,7 +63,8 @@ CLOCK_PATTERN = rf"^{_CLOCK}{_ZONE}$"
 ONLY_DATE_PATTERN = rf"^{DATE_PATTERN}$"
 """The pattern of a date without a time of day."""
 UNIX_DATE_PATTERN = (
-    rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK} (?P<zone>{_OFFSET}|UTC|GMT|Z) (?P<c>\d{{4}})$"
+    rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK} "
+    rf"(?P<zone>{_UTC_OFFSET_PATTERN}|UTC|GMT|Z) (?P<c>\d{{4}})$"
 )
 """A date as Unix writes it, with the month as a number: `Tue 11 14 22:13:20 GMT 2023`."""
 JOINED_DATETIME_PATTERN = (
@@ -179,7 +180,9 @@ def is_clock_of_digits(instants: Instants) -> bool:
     at_minute = np.diff(whole // 100) != 0
     if not at_minute.any() or at_minute.all() or times_of_day_from_digits(instants) is None:
         return False
-    return bool((np.abs(steps[at_minute]) > MIN_STEP_AT_MINUTE).all() and np.abs(steps[~at_minute]).max() < 60)
+    return bool(
+        (np.abs(steps[at_minute]) > MIN_HHMMSS_STEP_TO_NEXT_MINUTE).all() and np.abs(steps[~at_minute]).max() < 60
+    )
 
 
 def parse_short_dates(array: ArrowArray) -> TextTimes | None:
@@ -279,7 +282,7 @@ def possible_date_orders(times: TextTimes) -> list[str]:
     if np.count_nonzero(has_long_year) > 0.5 * len(parts):
         parts = parts[has_long_year]
     if len(parts) and (parts[:, 0] >= 1000).all():  # no program writes year, day, month
-        return ["ymd"] if (parts[:, 1] <= 12).mean() > MIN_MONTH_SHARE else []
+        return ["ymd"] if (parts[:, 1] <= 12).mean() > MIN_SHARE_OF_YEAR_MONTH_DAY_DATES else []
     orders = []
     for name, order in DATE_ORDERS.items():
         year, month, day = (parts[:, order.index(each)] for each in "ymd")
@@ -447,7 +450,7 @@ def can_be_gps_seconds(instants: Instants) -> bool:
 
 
 def _is_recent_gps_time(since_s: float) -> bool:
-    return GPS_NAMES_FROM_S <= since_s <= datetime.now(UTC).timestamp() - GPS_EPOCH_UNIX_S + 86_400
+    return MIN_SECONDS_TAKEN_AS_GPS_TIME <= since_s <= datetime.now(UTC).timestamp() - GPS_EPOCH_UNIX_S + 86_400
 
 
 def _do_words_name_gps_week(words: tuple[str, ...]) -> bool:

@@ -67,7 +67,7 @@ EVENTS_PRESENT_BIT = 1
 """The bit of the presence field that says that the extension has event flags."""
 FLAG_NAMES_BY_ROS_BIT = {1 << (k - 1): flag for k, flag in enumerate(EVENT_FLAG_NAMES) if k}
 """The flag name for each constant of the ROS message: EVENT_STOP_LINE_VIOLATION is 1, EVENT_HARD_BRAKING 64."""
-UNREADABLE_FLAGS = -1
+FLAGS_OF_UNREADABLE_TEXT = -1
 """The result for a text that holds no flags; no combination of flags is negative."""
 _BIT_TEXT_PATTERN, _HEX_TEXT_PATTERN = re.compile(r"[01]{13,}"), re.compile(r"[0-9A-Fa-f]{4}")
 """The form of flags as a text of 13 or more bits and of two octets in hexadecimal."""
@@ -163,7 +163,7 @@ def _decode_coded_flags_and_unreadable(field: Field | None, n: int) -> tuple[Int
     """Return flags (n,) from a field of 13-bit numbers or texts, and which rows (n,) hold neither."""
     if isinstance(field, Strings):
         flags = np.array([*(_flag_bits_from_text(text) for text in field.values), 0], np.int64)[field.codes]
-        return np.maximum(flags, 0), flags == UNREADABLE_FLAGS
+        return np.maximum(flags, 0), flags == FLAGS_OF_UNREADABLE_TEXT
     found, is_unread = np.zeros(n, np.int64), _has_non_numeric_value(field, n)
     rows, values = _finite_elements_with_rows(field, n)
     is_code = (values >= 0) & (values < 1 << N_EVENT_FLAGS) & (values == np.floor(values))
@@ -181,7 +181,7 @@ def _flag_bits_from_text(text: str) -> int:
         return int(text[:N_EVENT_FLAGS], 2)
     if _HEX_TEXT_PATTERN.fullmatch(text):
         return int(text, 16) >> (16 - N_EVENT_FLAGS)
-    return UNREADABLE_FLAGS
+    return FLAGS_OF_UNREADABLE_TEXT
 
 
 def _read_single_flag_and_unreadable(field: Field | None, n: int) -> tuple[BoolArray, BoolArray]:

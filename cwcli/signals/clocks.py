@@ -40,7 +40,7 @@ clock fault. Recorders stall for seconds and receivers step from GPS time to UTC
 MIN_OTHER_CLOCK_OFFSET_S = 1.0
 """The difference of stamps and log times, in seconds, from which they count as two clocks: no system is so slow. Chosen
 by hand."""
-MIN_STRAY_PAUSE_RATIO = 10
+MIN_STRAY_TO_LONGEST_PAUSE_RATIO = 10
 """The ratio (1) to the longest pause within the rest of the log by which a stray lies apart, and at least by
 `MAX_CLOCK_STEP_S`; chosen by hand, so that rarely logged messages are no strays."""
 MIN_MESSAGES_PER_STRAY = 100
@@ -143,7 +143,7 @@ def first_and_last_log_time_without_strays(log_time_ns: Sequence[Int64Array]) ->
     """Return the first and last log time (ns) of a log without its strays.
 
     A stray is a message before or after all others, alone or with a few more, and far away: see
-    `MIN_STRAY_PAUSE_RATIO` and
+    `MIN_STRAY_TO_LONGEST_PAUSE_RATIO` and
     `MIN_MESSAGES_PER_STRAY`. Its log time is no time of the drive, so step 2 would move a good stamp onto a bad clock.
 
     Args:
@@ -159,7 +159,7 @@ def first_and_last_log_time_without_strays(log_time_ns: Sequence[Int64Array]) ->
     most = min(max(1, n // MIN_MESSAGES_PER_STRAY), (n - 1) // 2)
     pause_ns = np.diff(times)
     within_ns = int(pause_ns[most : n - 1 - most].max(initial=0))
-    is_apart = pause_ns > max(round(MAX_CLOCK_STEP_S * NS_PER_S), MIN_STRAY_PAUSE_RATIO * within_ns)
+    is_apart = pause_ns > max(round(MAX_CLOCK_STEP_S * NS_PER_S), MIN_STRAY_TO_LONGEST_PAUSE_RATIO * within_ns)
     before, after = np.flatnonzero(is_apart[:most]), np.flatnonzero(is_apart[n - 1 - most :])
     first = int(before[-1]) + 1 if len(before) else 0
     last = n - 1 - most + int(after[0]) if len(after) else n - 1

@@ -7,9 +7,9 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.quality import BoolArray, RowLedger
 
-SIGMAS_PER_95_PERCENT = 1.959964
+SIGMAS_PER_95_PERCENT_HALF_WIDTH = 1.959964
 """Half-width of the central 95 % interval of a normal distribution, in standard deviations."""
-SIGMAS_PER_95_PERCENT_ELLIPSE = 2.447747
+SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS = 2.447747
 """Radius that holds 95 % of a two-dimensional normal distribution: sqrt(5.9915), chi-square with 2 degrees."""
 
 MIN_VARIANCE = 1e-18

@@ -13,8 +13,8 @@ from cwcli.signals import perceived
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import (
-    SIGMAS_PER_95_PERCENT,
-    SIGMAS_PER_95_PERCENT_ELLIPSE,
+    SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS,
+    SIGMAS_PER_95_PERCENT_HALF_WIDTH,
     east_north_covariance_from_ellipse,
 )
 from cwcli.signals.elements import Elements
@@ -150,7 +150,7 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     stamp_ns, has_time = stamps_ns_and_validity_from_timestamp_its(
         read_numbers(columns, "reference_time_ms"), columns.log_time_ns
     )
-    own_m2 = (np.stack([value["east_95_m"], value["north_95_m"]]) / SIGMAS_PER_95_PERCENT) ** 2
+    own_m2 = (np.stack([value["east_95_m"], value["north_95_m"]]) / SIGMAS_PER_95_PERCENT_HALF_WIDTH) ** 2
     heading_95 = np.deg2rad(value["heading_95_deg"])
     return perceived.make_object_rows(
         ledger,
@@ -165,16 +165,16 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
         yaw_rate_radps=np.deg2rad(yaw_rate),
         position_covariance_m2=perceived.add_position_covariances(
             east_north_covariance_from_ellipse(
-                value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
-                value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
+                value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS,
+                value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS,
                 value["semi_major_compass_deg"],
             ),
             np.stack([own_m2[0], np.where(np.isnan(own_m2).any(axis=0), np.nan, 0.0), own_m2[1]], axis=1),
         ),
         speed_sigma_mps=speed_sigma,
-        heading_sigma_rad=np.where(np.isfinite(own), heading_95 / SIGMAS_PER_95_PERCENT, direction_sigma),
-        accel_sigma_mps2=accel_95 / SIGMAS_PER_95_PERCENT,
-        yaw_rate_sigma_radps=np.deg2rad(yaw_rate_95) / SIGMAS_PER_95_PERCENT,
+        heading_sigma_rad=np.where(np.isfinite(own), heading_95 / SIGMAS_PER_95_PERCENT_HALF_WIDTH, direction_sigma),
+        accel_sigma_mps2=accel_95 / SIGMAS_PER_95_PERCENT_HALF_WIDTH,
+        yaw_rate_sigma_radps=np.deg2rad(yaw_rate_95) / SIGMAS_PER_95_PERCENT_HALF_WIDTH,
     )
 
 
@@ -194,7 +194,7 @@ def _velocity_and_sigmas(
         across = np.hypot(sin * values_by_quantity["east_95_mps"], cos * values_by_quantity["north_95_mps"]) / speed
     speed_95 = np.where(is_polar, values_by_quantity["speed_95_mps"], along)
     direction_95 = np.where(is_polar, np.deg2rad(values_by_quantity["direction_95_deg"]), across)
-    return east, north, speed_95 / SIGMAS_PER_95_PERCENT, direction_95 / SIGMAS_PER_95_PERCENT
+    return east, north, speed_95 / SIGMAS_PER_95_PERCENT_HALF_WIDTH, direction_95 / SIGMAS_PER_95_PERCENT_HALF_WIDTH
 
 
 OBJECT_CODEC = perceived.make_object_codec(decode_perceived_objects)

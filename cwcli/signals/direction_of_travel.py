@@ -19,38 +19,38 @@ from cwcli.signals.units import NS_PER_S
 
 ComplexArray = npt.NDArray[np.complex128]
 
-WALKING_SPEED_MPS = 1.5
+MIN_SPEED_FOR_COURSE_MPS = 1.5
 """Speed in m/s below which the yaw counts, because the noise of a velocity decides its course: people walk at 1.4
 m/s."""
-WELL_MEASURED_SPEED_MPS = 5.0
+HALF_COURSE_WEIGHT_SPEED_MPS = 5.0
 """Speed in m/s at which a course has a weight of one half: its noise is that of the velocity by the speed. Chosen by
 hand."""
-MIN_ROWS = 20
+MIN_MOVING_ROWS_FOR_MOUNTING = 20
 """Least number of rows in motion from which a mounting is estimated. Chosen by hand; not fitted."""
-MIN_TRAVEL_M = 100.0
+MIN_TRAVEL_FOR_MOUNTING_M = 100.0
 """Least length of way, m, from which a mounting is estimated, so that errors that change slowly show their scatter.
 Chosen by hand; not fitted."""
-MAX_REVERSE_MPS = 12.0
+MAX_REVERSE_SPEED_MPS = 12.0
 """Greatest speed of a car in reverse, m/s: the reverse gear ends below 45 km/h."""
-MAX_BINS = 2000
+MAX_ERROR_CORRELATION_BINS = 2000
 """Greatest number of consecutive bins into which a long log is averaged before the correlation of its errors is
 examined. Chosen by hand."""
-N_FITTED = 3
+N_FITTED_MOUNTING_COEFFICIENTS = 3
 """Number of coefficients of the fit, which use up as many independent errors."""
-SIGNIFICANT_SIGMAS = 3.0
+MIN_SIGMAS_OF_SIGNIFICANT_MOUNTING = 3.0
 """Distance of a mounting from zero, in sigmas, below which it is taken as zero. Chosen by hand; not fitted."""
-MAX_SCATTER_RAD = 0.35
+MAX_YAW_SCATTER_ABOUT_COURSE_RAD = 0.35
 """Greatest scatter of a yaw about the direction of travel, rad (20 degrees), at which it belongs to that velocity.
 Chosen by hand; not fitted."""
-AHEAD_SIGMA_M = 3.0
+DEVICE_AHEAD_OF_REAR_AXLE_SIGMA_M = 3.0
 """One sigma of the distance by which a device lies ahead of the rear axle, m: in a bend its course turns by that times
 the curvature. Chosen by hand; not fitted."""
-SLIP_SIGMA_RAD_S2PM = 0.006
+SLIP_PER_LATERAL_ACCEL_SIGMA_RAD_S2PM = 0.006
 """One sigma of the side slip over the lateral acceleration, rad s^2/m: 1,500 kg, half of them on rear tyres of
 together 120 kN/rad, slip by 750 / 120,000 rad at 1 m/s^2."""
-MAX_STEP_S = 1.0
+MAX_TIME_BETWEEN_VELOCITY_POSITIONS_S = 1.0
 """Longest time in s between two positions that give a velocity. Chosen by hand."""
-MIN_STEP_M = 0.5
+MIN_DISTANCE_BETWEEN_VELOCITY_POSITIONS_M = 0.5
 """Least distance in m between two positions that give a course: 0.05 m of noise makes it uncertain by 8 degrees."""
 
 
@@ -71,7 +71,7 @@ class YawMounting:
     @property
     def is_significant(self) -> bool:
         """Whether it differs clearly from zero."""
-        return abs(self.left_rad) > SIGNIFICANT_SIGMAS * self.sigma_rad
+        return abs(self.left_rad) > MIN_SIGMAS_OF_SIGNIFICANT_MOUNTING * self.sigma_rad
 
     @property
     def correction_rad(self) -> float:
@@ -104,8 +104,15 @@ def find_yaw_mounting(
         yaw_rate_radps: Shape (n,), NaN where not known.
     """
     speed = np.abs(velocity)
-    use = np.isfinite(speed) & np.isfinite(yaw_rad) & (np.where(np.isfinite(speed), speed, 0.0) > WALKING_SPEED_MPS)
-    if np.count_nonzero(use) < MIN_ROWS or travelled_distance_m(stamp_ns, velocity) < MIN_TRAVEL_M:
+    use = (
+        np.isfinite(speed)
+        & np.isfinite(yaw_rad)
+        & (np.where(np.isfinite(speed), speed, 0.0) > MIN_SPEED_FOR_COURSE_MPS)
+    )
+    if (
+        np.count_nonzero(use) < MIN_MOVING_ROWS_FOR_MOUNTING
+        or travelled_distance_m(stamp_ns, velocity) < MIN_TRAVEL_FOR_MOUNTING_M
+    ):
         return None
     against_yaw = velocity[use] * np.exp(-1j * yaw_rad[use])
     axis = _front_quarter_turn_rad(against_yaw)
@@ -113,11 +120,13 @@ def find_yaw_mounting(
     is_reversing = forward.real < 0.0
     speed = np.where(is_reversing, -1.0, 1.0) * speed[use]
     left = wrap_angle(-np.angle(np.where(is_reversing, -forward, forward)))
-    if median_of_values(np.abs(left - median_of_values(left))) > MAX_SCATTER_RAD:
+    if median_of_values(np.abs(left - median_of_values(left))) > MAX_YAW_SCATTER_ABOUT_COURSE_RAD:
         return None
     turning = np.where(np.isfinite(yaw_rate_radps[use]), yaw_rate_radps[use], 0.0)
     regressors = np.column_stack([np.ones(len(left)), -turning / speed, turning * speed])
-    constant, sigma = _huber_intercept_and_sigma(left, regressors, speed**2 / (speed**2 + WELL_MEASURED_SPEED_MPS**2))
+    constant, sigma = _huber_intercept_and_sigma(
+        left, regressors, speed**2 / (speed**2 + HALF_COURSE_WEIGHT_SPEED_MPS**2)
+    )
     return YawMounting(wrap_angle(constant - axis), sigma, len(left))
 
 
@@ -142,7 +151,7 @@ def travel_direction_and_signed_speed(
     along = (velocity * np.exp(-1j * axis_rad)).real
     sign = np.where(along < 0.0, -1.0, 1.0)
     speed = np.abs(velocity)
-    in_motion = speed > WALKING_SPEED_MPS
+    in_motion = speed > MIN_SPEED_FOR_COURSE_MPS
     heading = np.where(in_motion, wrap_angle(np.angle(sign * velocity)), axis_rad)
     return heading, np.where(in_motion, sign * speed, np.where(np.isfinite(along), along, speed))
 
@@ -159,15 +168,19 @@ def velocity_of_positions(stamp_ns: Int64Array, xy_m: FloatArray) -> ComplexArra
         return velocity
     way = xy_m[2:] - xy_m[:-2]
     step_s = (stamp_ns[2:] - stamp_ns[:-2]) / NS_PER_S
-    is_clear = (step_s > 0.0) & (step_s <= MAX_STEP_S) & (np.hypot(*way.T) >= MIN_STEP_M)
+    is_clear = (
+        (step_s > 0.0)
+        & (step_s <= MAX_TIME_BETWEEN_VELOCITY_POSITIONS_S)
+        & (np.hypot(*way.T) >= MIN_DISTANCE_BETWEEN_VELOCITY_POSITIONS_M)
+    )
     velocity[1:-1][is_clear] = (way[is_clear, 0] + 1j * way[is_clear, 1]) / step_s[is_clear]
     return velocity
 
 
 def travelled_distance_m(stamp_ns: Int64Array, velocity: ComplexArray) -> float:
-    """The way of rows in motion that are less than MAX_STEP_S apart."""
+    """The way of rows in motion that are less than MAX_TIME_BETWEEN_VELOCITY_POSITIONS_S apart."""
     speed, step_s = np.abs(velocity[1:]), np.diff(stamp_ns) / NS_PER_S
-    use = np.isfinite(speed) & (step_s > 0.0) & (step_s <= MAX_STEP_S)
+    use = np.isfinite(speed) & (step_s > 0.0) & (step_s <= MAX_TIME_BETWEEN_VELOCITY_POSITIONS_S)
     return float(speed[use] @ step_s[use])
 
 
@@ -181,7 +194,7 @@ def _front_quarter_turn_rad(against_yaw: ComplexArray) -> float:
     across = float(np.sum(against_yaw**2 / speed).real) < 0.0
     if across:
         return float(np.pi / 2 if np.sum(against_yaw.imag) > 0.0 else -np.pi / 2)
-    backward_m = float(speed[against_yaw.real < -MAX_REVERSE_MPS].sum())
+    backward_m = float(speed[against_yaw.real < -MAX_REVERSE_SPEED_MPS].sum())
     return float(np.pi) if backward_m > 0.5 * float(speed.sum()) else 0.0
 
 
@@ -193,7 +206,7 @@ def _huber_intercept_and_sigma(values: FloatArray, regressors: FloatArray, weigh
         regressors: Shape (n, 3): 1, the way's curvature (negative) and the lateral acceleration.
         weights: Shape (n,).
     """
-    prior = np.diag([0.0, AHEAD_SIGMA_M**-2, SLIP_SIGMA_RAD_S2PM**-2])
+    prior = np.diag([0.0, DEVICE_AHEAD_OF_REAR_AXLE_SIGMA_M**-2, SLIP_PER_LATERAL_ACCEL_SIGMA_RAD_S2PM**-2])
     own = weights
     coefficients, variance, slow = np.array([median_of_values(values), 0.0, 0.0]), 1.0, 1.0
     information = np.eye(3)
@@ -215,7 +228,7 @@ def _variance_factor_of_slow_errors(residual: FloatArray, weights: FloatArray) -
     simplified), with what the fit takes off their number.
     """
     n = len(residual)
-    bins = min(n, MAX_BINS)
+    bins = min(n, MAX_ERROR_CORRELATION_BINS)
     own = np.sqrt(weights / weights.mean())
     series = np.array([part.mean() for part in np.array_split(own * residual, bins)])
     centred = series - series.mean()
@@ -230,5 +243,5 @@ def _variance_factor_of_slow_errors(residual: FloatArray, weights: FloatArray) -
             break
         total += rho
     independent = bins / (1.0 + 2.0 * total)
-    of_mean = power / bins / independent * (independent / max(independent - N_FITTED, 1.0))
+    of_mean = power / bins / independent * (independent / max(independent - N_FITTED_MOUNTING_COEFFICIENTS, 1.0))
     return max(1.0, n * of_mean / of_rows)

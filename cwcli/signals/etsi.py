@@ -10,8 +10,8 @@ import numpy as np
 from cwcli.signals.angles import heading_from_compass_deg, wrap_angle
 from cwcli.signals.columns import Columns
 from cwcli.signals.covariances import (
-    SIGMAS_PER_95_PERCENT,
-    SIGMAS_PER_95_PERCENT_ELLIPSE,
+    SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS,
+    SIGMAS_PER_95_PERCENT_HALF_WIDTH,
     east_north_covariance_from_ellipse,
 )
 from cwcli.signals.leaf_fields import read_numbers
@@ -117,16 +117,16 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
         heading_rad=np.where(is_backward, wrap_angle(motion_rad + np.pi), motion_rad),
         yaw_rate_radps=np.deg2rad(value["yaw_rate_degps"]),
         position_covariance_m2=east_north_covariance_from_ellipse(
-            value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
-            value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE,
+            value["semi_major_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS,
+            value["semi_minor_m"] / SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS,
             value["semi_major_compass_deg"],
         ),
-        speed_sigma_mps=value["speed_95_mps"] / SIGMAS_PER_95_PERCENT,
-        heading_sigma_rad=np.deg2rad(value["heading_95_deg"]) / SIGMAS_PER_95_PERCENT,
-        accel_sigma_mps2=value["accel_95_mps2"] / SIGMAS_PER_95_PERCENT,
-        yaw_rate_sigma_radps=np.deg2rad(yaw_rate_95_degps) / SIGMAS_PER_95_PERCENT,
+        speed_sigma_mps=value["speed_95_mps"] / SIGMAS_PER_95_PERCENT_HALF_WIDTH,
+        heading_sigma_rad=np.deg2rad(value["heading_95_deg"]) / SIGMAS_PER_95_PERCENT_HALF_WIDTH,
+        accel_sigma_mps2=value["accel_95_mps2"] / SIGMAS_PER_95_PERCENT_HALF_WIDTH,
+        yaw_rate_sigma_radps=np.deg2rad(yaw_rate_95_degps) / SIGMAS_PER_95_PERCENT_HALF_WIDTH,
     )
 
 
-CAM = V2xCodec(identify_cam_senders, decode_cam_or_vam)
+CAM_AND_VAM_CODEC = V2xCodec(identify_cam_senders, decode_cam_or_vam)
 """The codec of ROS channels of CAMs and VAMs."""

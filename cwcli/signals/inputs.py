@@ -249,9 +249,9 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
         inputs_of_message(foxglove_leaf_fields(*_CALIBRATION_PATHS), camera_info="camera.build_camera_info"),
     ),
     **RECEIVER_INPUTS,
-    "etsi_its_cam_msgs/CAM": _v2x_inputs("etsi.CAM", LazyFields("etsi.CAM_LEAF_FIELDS")),
-    "etsi_its_cam_ts_msgs/CAM": _v2x_inputs("etsi.CAM", LazyFields("etsi.CAM_TS_LEAF_FIELDS")),
-    "etsi_its_vam_ts_msgs/VAM": _v2x_inputs("etsi.CAM", LazyFields("etsi.VAM_LEAF_FIELDS")),
+    "etsi_its_cam_msgs/CAM": _v2x_inputs("etsi.CAM_AND_VAM_CODEC", LazyFields("etsi.CAM_LEAF_FIELDS")),
+    "etsi_its_cam_ts_msgs/CAM": _v2x_inputs("etsi.CAM_AND_VAM_CODEC", LazyFields("etsi.CAM_TS_LEAF_FIELDS")),
+    "etsi_its_vam_ts_msgs/VAM": _v2x_inputs("etsi.CAM_AND_VAM_CODEC", LazyFields("etsi.VAM_LEAF_FIELDS")),
     "etsi_its_denm_msgs/DENM": _perceived_object_inputs("denm.ROS_DENM", LazyFields("denm.LEAF_FIELDS")),
     "etsi_its_cpm_ts_msgs/CollectivePerceptionMessage": _perceived_object_inputs(
         "cpm.ROS_CPM", LazyFields("cpm.LEAF_FIELDS")

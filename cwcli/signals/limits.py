@@ -18,7 +18,7 @@ MAX_TURN_RATE_RADPS = 1e3
 """The largest turn rate that is accepted, in rad/s; chosen far beyond any vehicle."""
 MAX_ALTITUDE_M = 1e6
 """The largest altitude that is accepted, in metres; chosen far beyond any road."""
-MAX_STEER_RAD = 1.6
+MAX_ROAD_WHEEL_STEER_RAD = 1.6
 """The largest steering angle of a wheel that is accepted, in rad: a little more than a right angle."""
 MAX_POSITION_M = 1e8
 """The largest coordinate that is accepted, in metres; chosen beyond the size of the Earth."""

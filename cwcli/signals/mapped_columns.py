@@ -26,7 +26,7 @@ from cwcli.signals.units import NS_PER_S
 
 SECONDS_AND_NANOSECONDS_NAMES = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"))
 """The names that seconds and nanoseconds of a time have in different encodings."""
-MAX_INTERPOLATED_STEPS = 2.5
+MAX_INTERPOLATED_GAP_IN_USUAL_STEPS = 2.5
 """The largest gap that is interpolated, in usual steps of the channel: one message may be missing."""
 HEADER_STAMP_PATHS = ("header.stamp.sec", "header.stamp.nanosec")
 """The paths of seconds and nanoseconds in a ROS header."""
@@ -88,7 +88,9 @@ def add_quantities_of_channel(
     at_ns = np.where(own_has, own_ns, mapped.log_time_ns) if is_by_stamp else mapped.log_time_ns
     order = np.argsort(their_ns, kind="stable")
     steps_s = np.diff(their_ns[order]) / NS_PER_S
-    gap_s = MAX_INTERPOLATED_STEPS * median_of_values(steps_s[steps_s > 0.0]) if (steps_s > 0.0).any() else 0.0
+    gap_s = (
+        MAX_INTERPOLATED_GAP_IN_USUAL_STEPS * median_of_values(steps_s[steps_s > 0.0]) if (steps_s > 0.0).any() else 0.0
+    )
     fields: dict[str, Field] = dict(mapped.fields)
     kinds = MAPPED_QUANTITIES_BY_ROLE[part.role].fields
     for name, each in values.items():

@@ -26,10 +26,10 @@ CORRELATION_BITS = 9
 """The number of binary digits of a correlation: a step of 2^-9. Chosen by hand."""
 FINE_CORRELATION_BITS = 20
 """The largest number of binary digits of a correlation in a matrix that is close to singular. Chosen by hand."""
-MIN_OWN_VARIANCE_SHARE = 2.0**-3
+MIN_UNEXPLAINED_VARIANCE_FOR_COARSE_STEPS = 2.0**-3
 """The share (1) of a state's variance that is not explained by the others, below which finer steps are used. Chosen by
 hand."""
-MAX_STEP_PER_EIGENVALUE = 2.0**-5
+MAX_CORRELATION_STEP_PER_EIGENVALUE = 2.0**-5
 """The largest step of a correlation as a share (1) of the matrix's least eigenvalue. Chosen by hand."""
 CORRELATION_SHRINK_SHARES = (2.0**-18, 2.0**-14, 2.0**-10, 2.0**-7)
 """The shares (1) by which correlations are shrunk, one after the other, until the matrix is positive definite. Chosen
@@ -163,7 +163,9 @@ def _sigmas_and_correlations_of_block(covariance: FloatArray) -> tuple[FloatArra
         round_to_binary_digits(exact, SIGMA_BINARY_DIGITS),
         round_to_binary_step(full, CORRELATION_BITS),
     )
-    close = np.flatnonzero(is_finite & ~(_min_unexplained_variance_shares(correlation, k) >= MIN_OWN_VARIANCE_SHARE))
+    close = np.flatnonzero(
+        is_finite & ~(_min_unexplained_variance_shares(correlation, k) >= MIN_UNEXPLAINED_VARIANCE_FOR_COARSE_STEPS)
+    )
     if len(close):
         is_finite[close] &= _min_unexplained_variance_shares(full[close], k) > 0.0
         correlation[close] = round_to_binary_step(full[close], _correlation_bits(full[close], k)[:, None])
@@ -179,7 +181,7 @@ def _sigmas_and_correlations_of_block(covariance: FloatArray) -> tuple[FloatArra
 def _correlation_bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
     """Return the number of binary digits of each matrix's step, at least the usual one; all must be finite."""
     least = np.linalg.eigvalsh(_covariance_matrices(np.ones((len(correlation), k)), correlation))[:, 0]
-    step = np.clip(MAX_STEP_PER_EIGENVALUE * least, 2.0**-FINE_CORRELATION_BITS, 2.0**-CORRELATION_BITS)
+    step = np.clip(MAX_CORRELATION_STEP_PER_EIGENVALUE * least, 2.0**-FINE_CORRELATION_BITS, 2.0**-CORRELATION_BITS)
     return np.asarray(np.ceil(-np.log2(step)), np.intp)
 
 

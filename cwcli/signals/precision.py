@@ -11,14 +11,14 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 
-MAX_ROUNDED_MAGNITUDE = 2.0**38
+MIN_MAGNITUDE_LEFT_UNROUNDED = 2.0**38
 """The magnitude from which numbers are not rounded, because a double has no digit to spare there."""
 
 
 def round_to_binary_step(values: FloatArray, bits: int | npt.NDArray[np.intp]) -> FloatArray:
     """Return the nearest multiples of 2^-bits, with one number of bits or one per value; non-finite values stay."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.where(np.abs(values) < MAX_ROUNDED_MAGNITUDE, np.rint(values * 2.0**bits) * 2.0**-bits, values)
+        return np.where(np.abs(values) < MIN_MAGNITUDE_LEFT_UNROUNDED, np.rint(values * 2.0**bits) * 2.0**-bits, values)
 
 
 def round_to_binary_digits(values: FloatArray, bits: int) -> FloatArray:

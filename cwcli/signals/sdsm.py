@@ -15,7 +15,7 @@ import numpy as np
 from cwcli.signals import perceived
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.columns import Columns, FloatArray, absent_strings
-from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, east_north_covariance_from_ellipse
+from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT_HALF_WIDTH, east_north_covariance_from_ellipse
 from cwcli.signals.elements import Elements
 from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
 from cwcli.signals.leaf_fields import read_numbers, read_texts
@@ -103,7 +103,7 @@ def _decode_objects(
     """Decode objects, one a row: with `decode` from codes, or from units with J3224's signs and ranges."""
     values_by_quantity = {name: decode(each, read_numbers(columns, name), ledger) for name, each in ELEMENTS.items()}
     sigma = {
-        name: _bound_of_each_code_or_nan(bounds, read_numbers(columns, name)) / SIGMAS_PER_95_PERCENT
+        name: _bound_of_each_code_or_nan(bounds, read_numbers(columns, name)) / SIGMAS_PER_95_PERCENT_HALF_WIDTH
         for name, (_, bounds) in CONFIDENCE_BOUNDS_BY_QUANTITY.items()
     }
     latitude, longitude = perceived.shift_wgs84_positions(

@@ -26,10 +26,10 @@ from cwcli.signals.units import NS_PER_S
 MAX_ID_CHANGE_PAUSE_S = 3.0
 """The longest pause between the last message of an id and the first of the next, in seconds: messages come ten times a
 second, and a station may be silent while it changes its id. Chosen by hand."""
-MAX_SQUARED_DISTANCE = 18.5
+MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2 = 18.5
 """The largest squared distance of a pair, in its own sigmas: the 0.999 quantile of chi-square with four degrees of
 freedom (east, north, speed, heading)."""
-MIN_SQUARED_DISTANCE_MARGIN = 13.8
+MIN_RIVAL_SQUARED_DISTANCE_MARGIN = 13.8
 """The amount by which the squared distances of every other pairing must be greater: a likelihood ratio of 1000."""
 DEFAULT_POSITION_SIGMA_M = 1.5
 """The error (one sigma) of a position whose message gives none, in metres: that of receivers with correction signals.
@@ -48,11 +48,11 @@ MAX_SIZE_DIFFERENCE_M = 0.2
 """The largest difference of lengths or widths of one vehicle, in metres. Chosen by hand; not fitted."""
 IMPOSSIBLE_PAIR_COST = 1e9
 """The finite cost of an impossible pair, which the solver needs."""
-MAX_RIVAL_SQUARED_DISTANCE = MAX_SQUARED_DISTANCE + MIN_SQUARED_DISTANCE_MARGIN
+MAX_RIVAL_SQUARED_DISTANCE = MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2 + MIN_RIVAL_SQUARED_DISTANCE_MARGIN
 """The squared distance beyond which a pair can't be followed, nor make another pairing doubtful."""
 PAIRS_PER_BLOCK = 1 << 17
 """The number of pairs that are compared at once; they take about 30 MB."""
-MAX_PAIRS = 1_000_000_000
+MAX_COMPARED_ID_PAIRS = 1_000_000_000
 """The largest number of pairs that are compared; more would take minutes. Chosen by hand."""
 
 
@@ -112,7 +112,7 @@ def join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> Stitch
         local_map: The map for WGS84 positions; None where the signal is Cartesian.
 
     Raises:
-        UsageError: There are more than `MAX_PAIRS`.
+        UsageError: There are more than `MAX_COMPARED_ID_PAIRS`.
     """
     used, station_of = np.unique(signal.station.codes, return_inverse=True)
     names = [signal.station.values[code] for code in used]
@@ -165,13 +165,13 @@ def _find_candidate_pairs(last: _EndMessages, first: _EndMessages) -> _Candidate
     """Find all pairs whose pause and motion fit; only ids that begin soon enough after an end are compared.
 
     Raises:
-        UsageError: There are more than `MAX_PAIRS` of those.
+        UsageError: There are more than `MAX_COMPARED_ID_PAIRS` of those.
     """
     by_time = np.argsort(first.stamp_ns, kind="stable")
     stamps = first.stamp_ns[by_time]
     begin = np.searchsorted(stamps, last.stamp_ns, side="right")
     n_after = np.searchsorted(stamps, last.stamp_ns + round(MAX_ID_CHANGE_PAUSE_S * NS_PER_S), side="right") - begin
-    if (n_pairs := int(n_after.sum())) > MAX_PAIRS:
+    if (n_pairs := int(n_after.sum())) > MAX_COMPARED_ID_PAIRS:
         raise UsageError(
             f"{len(stamps)} ids are too many to be joined: {n_pairs} pairs are less than {MAX_ID_CHANGE_PAUSE_S:g} s "
             "apart",
@@ -267,13 +267,15 @@ def _follower_of_each_id_and_unclear_count(found: _Candidates, n_ids: int) -> tu
     pair counts where the likeliest pairing without it is less likely by the stated margin.
     """
     follower = np.full(n_ids, -1, np.int64)
-    is_good = found.distance <= MAX_SQUARED_DISTANCE
+    is_good = found.distance <= MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2
     has_ended, has_begun = np.zeros((2, n_ids), np.bool_)
     has_ended[found.ended[is_good]] = has_begun[found.began[is_good]] = True
     counts = has_ended[found.ended] & has_begun[found.began]
     ended, began, distance = found.ended[counts], found.began[counts], found.distance[counts]
     is_alone = (np.bincount(ended, minlength=n_ids)[ended] == 1) & (np.bincount(began, minlength=n_ids)[began] == 1)
-    is_clear = is_alone & (distance <= MAX_SQUARED_DISTANCE)  # to be alone costs as much more as it takes
+    is_clear = is_alone & (
+        distance <= MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2
+    )  # to be alone costs as much more as it takes
     follower[ended[is_clear]] = began[is_clear]
     ended, began, distance = ended[~is_alone], began[~is_alone], distance[~is_alone]
     for pairs in _pair_indices_of_connected_groups(ended, began, n_ids):
@@ -283,11 +285,11 @@ def _follower_of_each_id_and_unclear_count(found: _Candidates, n_ids: int) -> tu
         cost[row, column] = distance[pairs]
         best, total = _column_of_each_row_and_least_cost(cost)
         for k in np.flatnonzero(best >= 0):
-            if cost[k, best[k]] > MAX_SQUARED_DISTANCE:
+            if cost[k, best[k]] > MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2:
                 continue
             without = cost.copy()
             without[k, best[k]] = np.inf
-            if _column_of_each_row_and_least_cost(without)[1] - total >= MIN_SQUARED_DISTANCE_MARGIN:
+            if _column_of_each_row_and_least_cost(without)[1] - total >= MIN_RIVAL_SQUARED_DISTANCE_MARGIN:
                 follower[rows[k]] = columns[best[k]]
     return follower, int(np.count_nonzero(has_ended)) - int(np.count_nonzero(follower >= 0))
 

@@ -13,9 +13,9 @@ from cwcli.signals.limits import MAX_POSITION_M
 
 BODY_FRAME_NAMES = ("base_footprint", "base_link")
 """The names of the vehicle's frame, preferred first: on the road below it (REP-105), else that of the body."""
-MAX_TREE_DEPTH = 100
+MAX_FRAME_TREE_ANCESTORS = 100
 """The largest number of ancestors that are followed in a tree of frames; chosen by hand against loops."""
-MIN_AHEAD_COSINE = 0.5
+MIN_COSINE_OF_CAMERA_LOOKING_AHEAD = 0.5
 """The least cosine (1) between the axes of camera and vehicle of a camera that looks ahead: 60 degrees. Chosen by
 hand."""
 
@@ -87,7 +87,7 @@ def _transforms_to_ancestors(tree: Mapping[str, Transform], frame: str) -> dict[
     """Return (4, 4) ancestor from frame for each ancestor, by name, the frame itself first."""
     made = {frame: np.eye(4)}
     at = frame
-    while at in tree and len(made) < MAX_TREE_DEPTH:
+    while at in tree and len(made) < MAX_FRAME_TREE_ANCESTORS:
         above = tree[at].parent
         if above in made:
             break
@@ -120,9 +120,9 @@ def camera_pose_from_matrix(body_from_camera: FloatArray) -> CameraPose | None:
     left, z up). Which one it is shows in where its z and x axes point, whatever its name says.
     """
     rotation = body_from_camera[:3, :3]
-    if rotation[0, 2] > MIN_AHEAD_COSINE and rotation[0, 2] > rotation[0, 0]:
+    if rotation[0, 2] > MIN_COSINE_OF_CAMERA_LOOKING_AHEAD and rotation[0, 2] > rotation[0, 0]:
         forward, left, up = rotation[:, 2], -rotation[:, 0], -rotation[:, 1]
-    elif rotation[0, 0] > MIN_AHEAD_COSINE:
+    elif rotation[0, 0] > MIN_COSINE_OF_CAMERA_LOOKING_AHEAD:
         forward, left, up = rotation[:, 0], rotation[:, 1], rotation[:, 2]
     else:
         return None

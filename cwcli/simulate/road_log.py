@@ -26,7 +26,7 @@ from cwcli.signals.columns import (
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 from cwcli.simulate.cdr import ROS_MESSAGE_DEFINITIONS, encode_imu_messages, encode_velocity_reports
 from cwcli.simulate.sensor_log import WrittenChannel
-from cwcli.simulation.road.camera import CAMERAS, PAPER_PREVIEW_M
+from cwcli.simulation.road.camera import CAMERA_MAKERS_BY_NAME, PAPER_PREVIEW_M
 from cwcli.simulation.road.car import BEARING, LATERAL_SPEED, STEER, YAW_RATE, X, Y
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.lane_frames import plan_drifting_drive
@@ -109,7 +109,7 @@ class RoadLogConfig:
 
     Attributes:
         drive: Road, weather and motion.
-        camera: A name of `CAMERAS`.
+        camera: A name of `CAMERA_MAKERS_BY_NAME`.
         size: Image width and height, pixels.
         format: `jpeg` or `png`.
     """
@@ -141,7 +141,7 @@ def parse_road_log_config(weather: str | None, seed: int | None, overrides: Sequ
         if key == "size":
             config = replace(config, size=_parse_image_size(value))
         elif key == "camera":
-            config = replace(config, camera=_require_one_of(key, value, tuple(CAMERAS)))
+            config = replace(config, camera=_require_one_of(key, value, tuple(CAMERA_MAKERS_BY_NAME)))
         elif key == "format":
             config = replace(config, format=_require_one_of(key, value, ("jpeg", "png")))
         elif key == "drift":
@@ -194,7 +194,7 @@ def plan_configured_drive(config: RoadLogConfig) -> RoadDrive:
     Raises:
         UsageError: A value is out of its range.
     """
-    camera = CAMERAS[config.camera](*config.size)
+    camera = CAMERA_MAKERS_BY_NAME[config.camera](*config.size)
     if config.drive.drift_mps:
         return plan_drifting_drive(config.drive, camera)
     return plan_road_drive(config.drive, camera)

@@ -14,9 +14,9 @@ from cwcli.simulation.streams import random_stream, seconds_to_ns
 
 BOUNDARY_SAMPLE_DISTANCES_M = np.geomspace(6.0, 50.0, 16)
 """Distances ahead at which the camera sees the boundaries, shape (16,), m. Chosen by hand; not fitted."""
-FOCAL_LENGTH_PX = 667.0
+PAPER_CAMERA_FOCAL_LENGTH_PX = 667.0
 """Focal length that turns an error in pixels into one on the road, px: that of the paper's camera."""
-NEWTON_STEPS = 4
+N_NEWTON_STEPS_TO_FIND_STATION = 4
 """Number of Newton steps that find the station at a distance ahead. Chosen by hand; not fitted."""
 
 
@@ -89,7 +89,7 @@ def simulate_lane_sensors_of_run(
         for sign in (1.0, -1.0)
     )
     fit = _boundary_fit_matrix()
-    error = noise.pixel_px * BOUNDARY_SAMPLE_DISTANCES_M / FOCAL_LENGTH_PX
+    error = noise.pixel_px * BOUNDARY_SAMPLE_DISTANCES_M / PAPER_CAMERA_FOCAL_LENGTH_PX
     draws = random_stream(seed, *names, "pixels").standard_normal((2, len(index), len(BOUNDARY_SAMPLE_DISTANCES_M)))
     bodies = [(seen + draw * error) @ fit.T for seen, draw in zip((left, right), draws, strict=True)]
     time_s = truth_of_runs.time_s[index]
@@ -194,7 +194,7 @@ def _sample_line_from_camera(
     y0 = truth.y_m[index, run][:, None] + vehicle.camera_forward_m * sin
     wanted = np.concatenate([BOUNDARY_SAMPLE_DISTANCES_M, [preview_m]])
     s = station + wanted
-    for _ in range(NEWTON_STEPS):
+    for _ in range(N_NEWTON_STEPS_TO_FIND_STATION):
         direction = np.interp(s, table, directions)
         dx = np.interp(s, table, xs) - offset_m * np.sin(direction) - x0
         dy = np.interp(s, table, ys) + offset_m * np.cos(direction) - y0

@@ -41,11 +41,11 @@ EXAMPLES = (
     "cwcli estimate drive.mcap -o - | cwcli control - --rule ttc --json",
 )
 """Command lines that the help of `cwcli control` shows."""
-PAPER_RULE = "song2016"
+PAPER_WARNING_RULE = "song2016"
 """Name of the warning rule of song2016, which is the default when a predictor is chosen."""
-PATH_STEP_S = 0.05
+PREDICTED_PATH_STEP_S = 0.05
 """Time between the points of the predicted paths [s]: the default of `cwcli predict --step`."""
-MIN_SPAN_S = 0.1
+MIN_REPLAY_DURATION_S = 0.1
 """Shortest duration of a replay, and of its part beyond the record, that is accepted [s]; chosen by hand."""
 
 
@@ -78,7 +78,7 @@ class ControlConfig(StatesSelection):
             "--rule",
             "Warning rule: {names} (see `cwcli warn --help`).",
             metavar="NAME",
-            default=f"{PAPER_RULE} with --predictor, else {DEFAULT_RULE}",
+            default=f"{PAPER_WARNING_RULE} with --predictor, else {DEFAULT_RULE}",
             choices="cwcli.warning.rules:RULES",
         ),
     ] = None
@@ -104,12 +104,16 @@ class ControlConfig(StatesSelection):
             UsageError: An unknown model or rule, or a setting out of range.
         """
         MODELS.require(self.motion_model_name)
-        check_rollout_options(self.motion_model_name, self.discretisation, self.horizon_s, PATH_STEP_S)
+        check_rollout_options(self.motion_model_name, self.discretisation, self.horizon_s, PREDICTED_PATH_STEP_S)
         check_rule(self.warning_config)
-        if not MIN_SPAN_S <= self.span.duration_s <= 600.0:
-            raise UsageError(f"a duration of {self.span.duration_s:g} s is not between {MIN_SPAN_S:g} and 600")
-        if not MIN_SPAN_S <= self.span.after_s <= 60.0:
-            raise UsageError(f"{self.span.after_s:g} s beyond the record is not between {MIN_SPAN_S:g} and 60")
+        if not MIN_REPLAY_DURATION_S <= self.span.duration_s <= 600.0:
+            raise UsageError(
+                f"a duration of {self.span.duration_s:g} s is not between {MIN_REPLAY_DURATION_S:g} and 600"
+            )
+        if not MIN_REPLAY_DURATION_S <= self.span.after_s <= 60.0:
+            raise UsageError(
+                f"{self.span.after_s:g} s beyond the record is not between {MIN_REPLAY_DURATION_S:g} and 60"
+            )
 
     @property
     def motion_model_name(self) -> str:
@@ -119,7 +123,7 @@ class ControlConfig(StatesSelection):
     @property
     def warning_config(self) -> WarningConfig:
         """The rule that finds the warnings, and its thresholds."""
-        usual = DEFAULT_RULE if self.predictor is None else PAPER_RULE
+        usual = DEFAULT_RULE if self.predictor is None else PAPER_WARNING_RULE
         return WarningConfig(rule=self.rule or usual, horizon_s=self.horizon_s, distance_m=self.distance_m)
 
 
@@ -148,7 +152,7 @@ def replay_warnings_with_braking(log: Log, config: ControlConfig) -> StageResult
         inputs.append(count)
         is_other = role == REMOTE_STATE.role
         paths = plan_paths_from_states(
-            states, role, PathRequest(model, rule.horizon_s, PATH_STEP_S, config.discretisation)
+            states, role, PathRequest(model, rule.horizon_s, PREDICTED_PATH_STEP_S, config.discretisation)
         )
         tracks[role] = build_vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
     host = require_single_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)

@@ -69,7 +69,7 @@ EXAMPLES = (
 """Command lines that the help of `cwcli estimate` shows."""
 EGO_SENSOR_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 """Roles of the signals that the ego is estimated from; the position comes first and is required."""
-MAX_BRIDGE_S = 60
+MAX_BRIDGED_SENSOR_PAUSE_S = 60
 """Longest pause of all the ego's sources together [s] over which the estimate goes on; chosen by hand."""
 
 
@@ -248,11 +248,11 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
         corrects=corrects_clocks,
         trusted=estimator.sources_with_trusted_clock,
     )
-    measurements, apart = drop_stretches_without_position_and_note(aligned, MAX_BRIDGE_S)
+    measurements, apart = drop_stretches_without_position_and_note(aligned, MAX_BRIDGED_SENSOR_PAUSE_S)
     tracks = estimate_hindsight_and_online_tracks(
         measurements,
         estimator,
-        ego_output_stamps_ns(measurements, rate_hz, MAX_BRIDGE_S),
+        ego_output_stamps_ns(measurements, rate_hz, MAX_BRIDGED_SENSOR_PAUSE_S),
         blind=estimator.takes_no_online_parameter_from_log,
     )
     corrections = clock_notes if corrects_clocks else []
@@ -386,7 +386,7 @@ def _times_online_states_became_known_ns(
     if estimator.model == "song2016":  # whose measurements go to the nearest step
         slack_ns += round(0.5 * estimator.song2016_step_s * NS_PER_S)
     return available_times_of_states_ns(
-        measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGE_S, slack_ns=slack_ns
+        measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGED_SENSOR_PAUSE_S, slack_ns=slack_ns
     )
 
 

@@ -65,15 +65,15 @@ EXAMPLES = (
     "cwcli lanes drive.mcap --method zhang2011 --seed 1 --camera-height 1.4",
 )
 """Command lines that the help of `cwcli lanes` shows."""
-PREVIEW_M = 33.5
+DEFAULT_PREVIEW_DISTANCE_M = 33.5
 """Default distance of the preview point ahead of the camera [m], that of zhang2011."""
-MAX_PREVIEW_M = 1000.0
+MAX_PREVIEW_DISTANCE_M = 1000.0
 """Greatest distance of the preview point that is accepted [m]; chosen by hand."""
-FIELD_OF_VIEW_RAD = (np.radians(1.0), np.radians(175.0))
+FIELD_OF_VIEW_RANGE_RAD = (np.radians(1.0), np.radians(175.0))
 """Least and greatest horizontal field of view that is accepted [rad]; chosen by hand."""
-COLOUR_INTERVAL_NS = 1_000_000_000
+COLOUR_DECODING_INTERVAL_NS = 1_000_000_000
 """Interval at which a frame is also decoded in colour [ns], which costs twice as much as grey; chosen by hand."""
-MAX_GAP_NS = 500_000_000
+MAX_FRAME_GAP_OF_SEARCH_NS = 500_000_000
 """Longest gap between two frames [ns] over which a search goes on; chosen by hand."""
 NUMBERS_PER_FRAME = 8
 """Length of a frame's entry in `_numbers`: index, log time, stamp, number, two image sizes [px]."""
@@ -113,7 +113,7 @@ class LanesConfig(Selection):
     ] = 0
     preview_m: Annotated[
         float, Option("--preview", "Distance of the preview point ahead of the camera.", metavar="METRES")
-    ] = PREVIEW_M
+    ] = DEFAULT_PREVIEW_DISTANCE_M
     render: Annotated[
         str | None,
         Option(
@@ -146,10 +146,10 @@ class LanesConfig(Selection):
             UsageError: An unknown method, a setting out of range, or a render topic that is not the name of a topic.
         """
         check_method_and_model(self.method, self.model)
-        if not 0.0 < self.preview_m <= MAX_PREVIEW_M:
-            raise UsageError(f"--preview {self.preview_m:g} must be positive, and at most {MAX_PREVIEW_M:g} m")
+        if not 0.0 < self.preview_m <= MAX_PREVIEW_DISTANCE_M:
+            raise UsageError(f"--preview {self.preview_m:g} must be positive, and at most {MAX_PREVIEW_DISTANCE_M:g} m")
         check_mounting_ranges(self.mounting)
-        low_rad, high_rad = FIELD_OF_VIEW_RAD
+        low_rad, high_rad = FIELD_OF_VIEW_RANGE_RAD
         if self.field_of_view_rad is not None and not low_rad <= self.field_of_view_rad <= high_rad:
             degrees = f"{np.degrees(low_rad):.0f} and {np.degrees(high_rad):.0f} degrees"
             raise UsageError(f"--camera-fov must lie between {degrees}")
@@ -187,7 +187,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         iter_camera_frames(log, topic, config, usual, run.count_rejected_frame),
         wanted_size_of=method.search_size,
         prepare=make_frame_preparer(method, Rectifier(source.camera_for_size) if is_rectified else None),
-        colour_every_ns=COLOUR_INTERVAL_NS if method.uses_colour else None,
+        colour_every_ns=COLOUR_DECODING_INTERVAL_NS if method.uses_colour else None,
         search_clock=None if method.carry is None or config.every_frame else SearchClock(),
         where=f"{log.name}: {topic}",
     )
@@ -319,7 +319,7 @@ class _LaneSearchRun:
         self.n_read += 1
         size = (decoded.width_px, decoded.height_px)
         gap_ns = decoded.stamp_ns - self._last_ns
-        if self._search is None or size != self._size or not 0 <= gap_ns <= MAX_GAP_NS:
+        if self._search is None or size != self._size or not 0 <= gap_ns <= MAX_FRAME_GAP_OF_SEARCH_NS:
             self._start_search(size, decoded.image)
         assert self._search is not None
         assert self._camera is not None

@@ -49,9 +49,9 @@ SHOWN_MEASURES = {
     "delta-v": "Delta v [m/s]",
 }
 """Measure -> its heading with unit in the table of encounters."""
-MAX_ENCOUNTERS_SHOWN = 20
+MAX_ENCOUNTERS_IN_TABLE = 20
 """Greatest number of encounters, or conflicts, that a table of the summary shows; chosen by hand."""
-CONFLICT_TTC_S = 1.0
+MAX_TTC_OF_CONFLICT_S = 1.0
 """Time to collision in s below which an encounter is judged as a conflict. Chosen by hand."""
 
 
@@ -166,7 +166,7 @@ def _measure_pairs_and_note(tracks: TracksOfLog, chosen: Mapping[str, Measure]) 
 
 
 def _judge_conflicts(tracks: TracksOfLog, pairs: Sequence[MeasuredPair]) -> list[JudgedConflict]:
-    """Judge each encounter in which the outlines touched or the time to collision was below `CONFLICT_TTC_S`."""
+    """Judge each encounter in which the outlines touched or the time to collision was below `MAX_TTC_OF_CONFLICT_S`."""
     judged = []
     for pair in pairs:
         if not {"gap", "ttc"} <= set(pair.values):
@@ -175,7 +175,7 @@ def _judge_conflicts(tracks: TracksOfLog, pairs: Sequence[MeasuredPair]) -> list
             if (
                 extreme.encounter == WHOLE_TIME_ENCOUNTER
                 or extreme.measure != "ttc"
-                or not extreme.value < CONFLICT_TTC_S
+                or not extreme.value < MAX_TTC_OF_CONFLICT_S
             ):
                 continue
             rows = (pair.stamp_ns >= extreme.begin_ns) & (pair.stamp_ns <= extreme.end_ns)
@@ -189,7 +189,7 @@ def _judge_conflicts(tracks: TracksOfLog, pairs: Sequence[MeasuredPair]) -> list
 def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tuple[SummaryTable, ...]:
     """Return the table of the outcomes of the conflicts with each driver model; () without conflicts."""
     rows: list[tuple[Cell, ...]] = []
-    for conflict in judged[:MAX_ENCOUNTERS_SHOWN]:
+    for conflict in judged[:MAX_ENCOUNTERS_IN_TABLE]:
         at_s = (conflict.conflict_ns - start_ns) / NS_PER_S
         for each in conflict.verdicts:
             outcome = "avoids it" if each.avoided else "crashes"
@@ -224,9 +224,9 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
     columns = ("vehicle", "from [s]", "to [s]", "crash", *SHOWN_MEASURES.values())
     title = "Most critical encounters (within 50 m; times from the log's start; docs/measures.md explains the symbols)"
-    if len(order) > MAX_ENCOUNTERS_SHOWN:
-        title = title.replace("Most critical", f"{MAX_ENCOUNTERS_SHOWN} most critical of {len(order)}")
-    return SummaryTable("encounters", title, columns, tuple(order[:MAX_ENCOUNTERS_SHOWN]))
+    if len(order) > MAX_ENCOUNTERS_IN_TABLE:
+        title = title.replace("Most critical", f"{MAX_ENCOUNTERS_IN_TABLE} most critical of {len(order)}")
+    return SummaryTable("encounters", title, columns, tuple(order[:MAX_ENCOUNTERS_IN_TABLE]))
 
 
 def _encounter_rows(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float, ...], tuple[Cell, ...]]]:

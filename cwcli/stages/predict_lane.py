@@ -50,7 +50,7 @@ EXAMPLES = (
     "cwcli predict-lane observed.mcap -o predicted.mcap --render /camera/drawn",
 )
 """Command lines that the help of `cwcli predict-lane` shows."""
-MODEL_NAMES = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
+PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
 """Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""
 
 BoolArray = npt.NDArray[np.bool_]
@@ -61,7 +61,7 @@ class PredictLaneConfig(StatesSelection):
     """Settings of the stage.
 
     Attributes:
-        model: A name of `MODEL_NAMES`.
+        model: A name of `PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL`.
         horizon_s, step_s: Of the published paths.
         calibrate: Scale the uncertainty by the record itself.
         render: Topic for the camera's frames with the path burnt in, or None.
@@ -99,17 +99,17 @@ class PredictLaneConfig(StatesSelection):
         Raises:
             UsageError: No model that starts from the observer, or times that do not fit.
         """
-        if self.model not in MODEL_NAMES.values():
+        if self.model not in PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL.values():
             raise UsageError(
                 f"--model {self.model} does not start from the observer",
-                hint=f"one of: {', '.join(MODEL_NAMES.values())}",
+                hint=f"one of: {', '.join(PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL.values())}",
             )
         assert self.path_config
 
     @property
     def path_config(self) -> LateralPathConfig:
         """The settings of the path model."""
-        model = next(model for model, name in MODEL_NAMES.items() if name == self.model)
+        model = next(model for model, name in PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL.items() if name == self.model)
         return LateralPathConfig(model=model, horizon_s=self.horizon_s, step_s=self.step_s)
 
 
@@ -143,7 +143,7 @@ class BodyPaths:
         paths = predict_paths_from_observer(observed.track, vehicle, config)
         if calibrate:
             paths = scale_covariance_across_path(paths, observed.track)
-        return cls(observed, paths, vehicle, MODEL_NAMES[config.model])
+        return cls(observed, paths, vehicle, PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL[config.model])
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ EXAMPLES = (
 """Command lines that the help of `cwcli track` shows."""
 UNASSIGNED_REASONS = ("outside the gate", "belongs to no confirmed track")
 """Reasons that lie in the scene and not in the data: they are no faults."""
-MAX_TARGETS_SHOWN = 20
+MAX_TARGETS_IN_TABLE = 20
 """Greatest number of targets that the table of the summary shows; chosen by hand."""
 S_PER_NS = 1e-9
 """Number of seconds in a nanosecond."""
@@ -308,7 +308,7 @@ def _process_noise_cell(name: str, unit: str) -> CellWithValues:
 def _targets_table(result: TrackResult, in_map: bool) -> SummaryTable:
     """Return the table of the longest tracks, by id."""
     start_ns = min((int(track.stamp_ns[0]) for track in result.tracks), default=0)
-    longest = sorted(result.tracks, key=len, reverse=True)[:MAX_TARGETS_SHOWN]
+    longest = sorted(result.tracks, key=len, reverse=True)[:MAX_TARGETS_IN_TABLE]
     rows: list[tuple[Cell, ...]] = []
     for track in sorted(longest, key=lambda one: one.id):
         speed = np.hypot(track.state[:, 2], track.state[:, 3])

@@ -40,7 +40,7 @@ EXAMPLES = (
 """Command lines that the help of `cwcli warn-lane` shows."""
 REQUIRED_ROLES = (OBSERVER_PATH.role, LANES.role)
 """Roles of the channels that the stage needs: the predicted paths, then the lanes."""
-MIN_HORIZON_S = 0.05
+MIN_PLACEHOLDER_PATH_DURATION_S = 0.05
 """Shortest span [s] of the placeholder paths where the log holds none: one step of `cwcli predict-lane`."""
 
 
@@ -122,7 +122,7 @@ def _spread_paths_over_frames(
     horizon_s: float,
 ) -> Paths:
     """Return paths for n frames: those of index `path_indices` at the frames `rows`, NaN at the others."""
-    time_s = paths.time_s if len(paths) else np.array([0.0, max(horizon_s, MIN_HORIZON_S)])
+    time_s = paths.time_s if len(paths) else np.array([0.0, max(horizon_s, MIN_PLACEHOLDER_PATH_DURATION_S)])
     k = len(time_s)
 
     def spread(values: FloatArray) -> FloatArray:

@@ -26,9 +26,9 @@ from cwcli.vision.lane_model import MIDDLE, WIDTH, ImageLane, LeftRightProbabili
 LOG_ODDS_COEFFICIENTS = np.array([20.09, 0.22, 7.47, -44.19])
 """Weights of the four features (1, root of support, logarithm of objective, root of clutter) in the log-odds. Fitted on
 rendered frames, noise and 40 labelled frames (tests/studies/lane_reliability.py)."""
-LAPSE_PROBABILITY = 0.04
+PROBABILITY_OF_WELL_SEEN_OTHER_LINE = 0.04
 """Share of boundaries that are another line although they are seen as well as any. Fitted with the weights above."""
-OBJECTIVE_OFFSET = 0.02
+OBJECTIVE_OFFSET_BEFORE_LOGARITHM = 0.02
 """Objective that is added before the logarithm is taken, so that it stays finite. Chosen by hand; not fitted."""
 CLEAR_VOTE_SHARE, LOG_ODDS_PER_VOTE_SHARE = 0.33, 25.0
 """Share of the votes of a frame's line segments for its vanishing point below which a lane is in doubt, and the
@@ -64,7 +64,14 @@ def probability_features_of_left_and_right(
     rows = []
     for side, own in enumerate(left_and_right_paint_shares(evidence, lane).tolist()):
         counted_value = min(lane_objective, 2.0 * own) if side == carried_side else lane_objective
-        rows.append((1.0, math.sqrt(own), math.log(min(max(counted_value, 0.0), 1.0) + OBJECTIVE_OFFSET), by_chance))
+        rows.append(
+            (
+                1.0,
+                math.sqrt(own),
+                math.log(min(max(counted_value, 0.0), 1.0) + OBJECTIVE_OFFSET_BEFORE_LOGARITHM),
+                by_chance,
+            )
+        )
     return rows
 
 
@@ -79,7 +86,8 @@ def boundary_probabilities(
     """
     coefficients: list[float] = LOG_ODDS_COEFFICIENTS.tolist()
     left, right = (
-        (1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
+        (1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE)
+        / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
         for each in probability_features_of_left_and_right(evidence, lane, lane_objective, carried_side)
     )
     return left, right

@@ -40,7 +40,7 @@ POLYNOMIAL_MODELS = ("plumb_bob", "rational_polynomial", "thin_prism", "radtan",
 """Distortion models, by their names in messages, that OpenCV's polynomial functions compute."""
 KNOWN_MODELS = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
 """All distortion models that a calibration may name."""
-MIN_RAY_COMPONENT = 1e-9
+MIN_RAY_COMPONENT_TO_DIVIDE_BY = 1e-9
 """Least component of a direction, forward or down, that is divided by; smaller ones count as parallel. Chosen by hand;
 not fitted."""
 MAX_RAY_ANGLE_RAD = math.radians(89.0)
@@ -166,7 +166,7 @@ class Camera:
         body = rays @ self.body_from_optical_rotation().T
         down = -body[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.where(down > MIN_RAY_COMPONENT, self.mounting.height_m / down, np.nan)
+            scale = np.where(down > MIN_RAY_COMPONENT_TO_DIVIDE_BY, self.mounting.height_m / down, np.nan)
         return scale * body[:, 0], scale * body[:, 1] + self.mounting.lateral_offset_m
 
     def image_points_from_ground(self, x_m: FloatArray, y_m: FloatArray) -> ImageUvColumns:
@@ -190,7 +190,7 @@ class Camera:
             u_px, v_px: Shape (n,); NaN behind the camera, and beyond `max_undistorted_radius_over_depth`.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            ideal = np.where(rays[:, 2:] > MIN_RAY_COMPONENT, rays[:, :2] / rays[:, 2:], np.nan)
+            ideal = np.where(rays[:, 2:] > MIN_RAY_COMPONENT_TO_DIVIDE_BY, rays[:, :2] / rays[:, 2:], np.nan)
         if not self.differs_from_pinhole():
             return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
         is_projected = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_undistorted_radius_over_depth

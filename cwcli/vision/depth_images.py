@@ -16,7 +16,7 @@ from cwcli.vision.encoded import Image
 
 COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
 """Header of a compressed depth image: the kind of compression, and the numbers a and b (image_transport_plugins)."""
-MAX_GREY_LEVEL = 255
+MAX_GREY_LEVEL_OF_8_BITS = 255
 """Greatest grey level of an 8-bit image; 0 is left for pixels without a measurement."""
 
 
@@ -62,7 +62,7 @@ def scale_to_grey(values: npt.NDArray[np.floating]) -> Image:
     if not is_number.any():
         return np.zeros(values.shape, np.uint8)
     low, high = float(values[is_number].min()), float(values[is_number].max())
-    step = (high - low) / (MAX_GREY_LEVEL - 1) or 1.0
+    step = (high - low) / (MAX_GREY_LEVEL_OF_8_BITS - 1) or 1.0
     with np.errstate(invalid="ignore", over="ignore"):
         grey = 1.0 + np.where(is_number, values - low, 0.0) / step
-    return np.where(is_number, np.clip(np.rint(grey), 1, MAX_GREY_LEVEL), 0).astype(np.uint8)
+    return np.where(is_number, np.clip(np.rint(grey), 1, MAX_GREY_LEVEL_OF_8_BITS), 0).astype(np.uint8)

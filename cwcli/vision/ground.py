@@ -47,22 +47,22 @@ MAX_SAMPLE_DISTANCE_M = 60.0
 road."""
 MAX_SAMPLE_HEIGHT_SHARE = 0.625
 """Greatest height at which boundaries are sampled, over the image's height: the paper's 150 of 240 rows."""
-MIN_DEPTH_SHARE = 0.03
+MIN_DEPTH_BELOW_HORIZON_SHARE = 0.03
 """Least distance below the horizon at which evidence is looked for and boundaries are drawn, over the image's height:
 nearer to it a marking is narrower than a pixel (12 cm, 1.3 m below a camera with 360 rows)."""
 MIN_SAMPLED_HEIGHT_PX = 8.0
 """Least height up to which boundaries are sampled, in pixels above the image's bottom. Chosen by hand; not fitted."""
-MIN_LINE_HEIGHT_PX = 2.0
+MIN_DRAWN_BOUNDARY_TOP_HEIGHT_PX = 2.0
 """Least height at which a drawn boundary ends, in pixels above the image's bottom. Chosen by hand; not fitted."""
 N_JOINT_PARAMETERS = 7
 """Number of parameters of the joint covariance (`LaneFit.covariance`): a, b, c of both boundaries, and the pitch."""
 MIN_SAMPLE_DISTANCE_M = 2.0
 """Least distance at which boundaries are sampled, in metres. Chosen by hand; not fitted."""
-WIDTH_DISTANCE_M = 10.0
+LANE_WIDTH_DISTANCE_AHEAD_M = 10.0
 """Distance ahead at which the lane's width is measured, in metres. Chosen by hand; not fitted."""
 MIN_FIT_SAMPLES = 5
 """Least number of samples from which a road follows. Chosen by hand; not fitted."""
-N_INDEPENDENT_HEIGHTS = 10
+N_HEIGHTS_WITH_INDEPENDENT_ERRORS = 10
 """Number of heights at which a boundary's errors are taken as independent where a method gives no covariance. Chosen by
 hand; not fitted."""
 PARABOLA_DERIVATIVE_STEPS = np.array([1e-6, 1e-4, 1e-2])
@@ -192,14 +192,16 @@ def boundary_top_rows_px(fits: FitColumns, camera: Camera, horizon_px: FloatArra
     is_found = np.isfinite(fits.pitch_rad)
     paper_px = np.full(len(fits), (1.0 - MAX_SAMPLE_HEIGHT_SHARE) * camera.height_px)
     far_px = np.where(is_found, camera.height_px - _height_of_road_60_m_ahead_px(camera, fits.pitch_rad), paper_px)
-    top_px = np.fmax(far_px, horizon_px + MIN_DEPTH_SHARE * camera.height_px)
-    return np.asarray(np.clip(top_px, 0.0, camera.height_px - MIN_LINE_HEIGHT_PX))
+    top_px = np.fmax(far_px, horizon_px + MIN_DEPTH_BELOW_HORIZON_SHARE * camera.height_px)
+    return np.asarray(np.clip(top_px, 0.0, camera.height_px - MIN_DRAWN_BOUNDARY_TOP_HEIGHT_PX))
 
 
 def parabola_covariance_from_pixel_sigma(camera: Camera, pixel_px: float) -> FloatArray:
     """Covariance of (a, b, c), shape (3, 3), if places at independent heights have errors of `pixel_px`."""
     y_px = np.linspace(
-        1.0, float(_height_of_highest_sample_px(camera, np.array(camera.mounting.pitch_rad))), N_INDEPENDENT_HEIGHTS
+        1.0,
+        float(_height_of_highest_sample_px(camera, np.array(camera.mounting.pitch_rad))),
+        N_HEIGHTS_WITH_INDEPENDENT_ERRORS,
     )
     design = np.column_stack([y_px**2, y_px, np.ones_like(y_px)])
     return np.asarray(np.linalg.inv(design.T @ design) * pixel_px**2)
@@ -453,12 +455,15 @@ def _lane_width_10_m_ahead_m(
     """Lane width 10 m ahead, square to the lane; beside the camera where a boundary has turned back; shape (n,)."""
     y_m = (
         left_and_right_arcs[..., 0]
-        + (left_and_right_arcs[..., 1] + 0.5 * left_and_right_arcs[..., 2] * WIDTH_DISTANCE_M) * WIDTH_DISTANCE_M
+        + (left_and_right_arcs[..., 1] + 0.5 * left_and_right_arcs[..., 2] * LANE_WIDTH_DISTANCE_AHEAD_M)
+        * LANE_WIDTH_DISTANCE_AHEAD_M
     )
-    slope = (left_and_right_arcs[..., 1] + left_and_right_arcs[..., 2] * WIDTH_DISTANCE_M).mean(axis=1)
-    curves_m = lateral_positions_of_arcs_m(left_and_right_arcs, np.array(WIDTH_DISTANCE_M), change_1pm2[:, None])
+    slope = (left_and_right_arcs[..., 1] + left_and_right_arcs[..., 2] * LANE_WIDTH_DISTANCE_AHEAD_M).mean(axis=1)
+    curves_m = lateral_positions_of_arcs_m(
+        left_and_right_arcs, np.array(LANE_WIDTH_DISTANCE_AHEAD_M), change_1pm2[:, None]
+    )
     direction = y_direction_curvature_of_lane_centres_at_distance(
-        left_and_right_arcs, np.full(len(left_and_right_arcs), WIDTH_DISTANCE_M), change_1pm2
+        left_and_right_arcs, np.full(len(left_and_right_arcs), LANE_WIDTH_DISTANCE_AHEAD_M), change_1pm2
     )[:, 1]
     has_turned = is_curve & np.isnan(curves_m).any(axis=1)
     y_m = np.where(is_curve[:, None], np.where(has_turned[:, None], left_and_right_arcs[..., 0], curves_m), y_m)

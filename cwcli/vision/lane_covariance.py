@@ -1,8 +1,9 @@
 """How exact a found lane is: the curvature of its objective at the optimum, and what follows for the boundaries.
 
 Near its optimum the objective falls as a parabola in the lane's numbers (but its spiral, see below), and the faster the
-more exactly the frame shows them: covariance = COVARIANCE_SCALE x inverse of the negative second derivatives. These are
-differences over steps of half a marking's width, because on a smaller scale the objective is as rough as the pixels.
+more exactly the frame shows them: covariance = COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE x inverse of the negative
+second derivatives. These are differences over steps of half a marking's width, because on a smaller scale the objective
+is as rough as the pixels.
 They are taken in places that the image shows (both boundaries near the car, the middle and the bend far away, the
 horizon), in which the five depend little on each other. What no step makes worse is not seen: its sigma is the greatest
 that is published, one step.
@@ -13,8 +14,9 @@ places held, c L for a way of L to the far rows, and of the direction, c L^2 / 1
 c x^3 / 6 - c L^2 x / 24 (zero at both ends and in the middle) at its ends. A camera that sees far is not as exact as
 its pixels.
 
-COVARIANCE_SCALE and CURVATURE_CHANGE_SIGMA_1PM2 are fitted on rendered drives of the sets `good` and `complex`: squared
-errors 20 m ahead over their variances (tests/studies/lane_nees.py). docs/lanes.md has those of other drives.
+COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE and CURVATURE_CHANGE_SIGMA_1PM2 are fitted on rendered drives of the sets
+`good` and `complex`: squared errors 20 m ahead over their variances (tests/studies/lane_nees.py). docs/lanes.md has
+those of other drives.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ from cwcli.vision.lane_model import (
     pitch_from_horizon_rad,
 )
 
-COVARIANCE_SCALE = 0.002
+COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE = 0.002
 """Factor between the inverse curvature of the objective and the covariance. Fitted on 16 rendered drives of each camera
 (tests/studies/lane_nees.py, seed 3)."""
 CURVATURE_CHANGE_SIGMA_1PM2 = 4e-6
@@ -47,7 +49,7 @@ NEAR_ROW_SHARE, FAR_ROW_SHARE = 0.6, 0.15
 NEAR_PLACE_STEP, FAR_PLACE_STEP = 0.04, 0.06
 """Steps of the places in the near and in the far row, over the camera's height times fx / fy: about half a marking's
 width."""
-HORIZON_STEP_SHARE = 0.006
+HORIZON_DERIVATIVE_STEP_SHARE = 0.006
 """Step of the horizon, over the image's height. Chosen by hand; not fitted."""
 MAX_SIGMA_IN_STEPS = 1.0
 """Greatest sigma in steps: that of what no step makes worse. Chosen by hand; not fitted."""
@@ -99,7 +101,11 @@ def covariance_of_first_five_lane_numbers(
     value, vector = np.linalg.eigh(information)
     axes = places @ vector
     covariance: FloatArray = (
-        axes * (COVARIANCE_SCALE / np.maximum(value, COVARIANCE_SCALE / MAX_SIGMA_IN_STEPS**2))
+        axes
+        * (
+            COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE
+            / np.maximum(value, COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE / MAX_SIGMA_IN_STEPS**2)
+        )
     ) @ axes.T
     far_m = camera.fy * camera.mounting.height_m / _near_and_far_depth_px(float(lane[HORIZON]), camera.height_px)[1]
     bend = places[:, 3] * (bend_px2_per_curvature(camera) * CURVATURE_CHANGE_SIGMA_1PM2 * far_m / places[BEND, 3])
@@ -131,7 +137,7 @@ def _lane_derivatives_by_place_and_place_steps_px(
     numbers[MIDDLE], numbers[WIDTH] = middle, (-share, share, 0.0, 0.0, 0.0)
     numbers[BEND], numbers[HORIZON] = (0.0, 0.0, 0.0, far, 0.0), (0.0, 0.0, 0.0, 0.0, 1.0)
     near_px, far_px = NEAR_PLACE_STEP * stretch * near, max(FAR_PLACE_STEP * stretch * far, 1.0)
-    steps = np.array([near_px, near_px, far_px, far_px, max(HORIZON_STEP_SHARE * height_px, 1.0)])
+    steps = np.array([near_px, near_px, far_px, far_px, max(HORIZON_DERIVATIVE_STEP_SHARE * height_px, 1.0)])
     return np.array(numbers), steps
 
 

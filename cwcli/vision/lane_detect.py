@@ -14,8 +14,8 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import Pinhole
 from cwcli.vision.camera import Camera, WidthHeightPx
-from cwcli.vision.ground import MIN_DEPTH_SHARE
-from cwcli.vision.lane_following import SAME_LINE_TOLERANCE, max_boundary_difference_m
+from cwcli.vision.ground import MIN_DEPTH_BELOW_HORIZON_SHARE
+from cwcli.vision.lane_following import SAME_LINE_TOLERANCE_IN_CAMERA_HEIGHTS, max_boundary_difference_m
 from cwcli.vision.lane_mean import weighted_mean_lane
 from cwcli.vision.lane_model import (
     BEND,
@@ -47,7 +47,7 @@ MAX_SAMPLED_ROWS = 150
 """Greatest number of sampled rows. Chosen by hand: it bounds the time of a frame."""
 ROW_COUNTER: FloatArray = np.arange(float(MAX_SAMPLED_ROWS))
 """The numbers 0, 1, 2, ... of sampled rows, made once."""
-STRIPE_WINDOWS = (0.04, 0.085, 0.08)
+STRIPE_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS = (0.04, 0.085, 0.08)
 """Widths of a stripe's window, of the gap beside it and of the side windows, over the camera's height. The window is 6
 cm: narrower than any marking, as wide as a small raised dot. Chosen in sight of 40 labelled and of rendered frames
 (docs/lanes.md)."""
@@ -57,43 +57,43 @@ mean depth of dark stripes. Chosen in sight of 40 labelled and of rendered frame
 ASYMMETRY_PENALTY = 0.3
 """Share of the brightness difference between both sides that is taken off a stripe's contrast. Chosen by hand; not
 fitted."""
-JOINT_WINDOWS = (0.025, 0.03, 0.06)
+JOINT_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS = (0.025, 0.03, 0.06)
 """Widths of the window, the gap and the side windows of dark stripes (joints of concrete, shadows of raised dots), over
 the camera's height. They are narrower than markings. Chosen in sight of 40 labelled frames."""
-JOINT_CROWDING_SHARE = 0.02
+MAX_UNCROWDED_JOINT_SHARE_OF_ROW = 0.02
 """Share of dark stripes in a row above which they count less: concrete has a few joints, rough asphalt many dark
 stripes. Chosen in sight of 40 labelled frames."""
 JOINT_WEIGHT = 0.12
 """Weight of a pavement joint relative to a painted stripe in the evidence. Chosen in sight of 40 labelled and of
 rendered frames (docs/lanes.md)."""
-MAX_JOINT_DISTANCE = 0.08
+MAX_JOINT_DISTANCE_IN_CAMERA_HEIGHTS = 0.08
 """Greatest distance of a joint from the boundary that it supports, over the camera's height (10 cm): markings and dots
 are laid some centimetres beside joints. Chosen in sight of 40 labelled frames."""
 NEIGHBOUR_WEIGHT = 0.5
 """Weight of the neighbouring lanes' boundaries in the objective. Chosen by hand; not fitted."""
-HALF_EVIDENCE_SHARE = 0.3
+EVIDENCE_SHARE_COUNTING_ONE_HALF = 0.3
 """Share of evidence in a stretch of rows at which the stretch counts one half. Chosen by hand; not fitted."""
 EVIDENCE_DEAD_ZONE = 0.25
 """Evidence up to this value counts as none. Chosen by hand; not fitted."""
-STRIPE_CROWDING_SHARE = 0.07
+MAX_UNCROWDED_STRIPE_SHARE_OF_ROW = 0.07
 """Share of bright stripes in a row above which they count less. Chosen by hand; not fitted."""
-PRIOR_WEIGHT = 0.02
+OBJECTIVE_LOSS_PER_SQUARED_PRIOR_SIGMA = 0.02
 """Objective that one squared sigma of distance from the prior takes off. Chosen by hand; not fitted."""
-SCAN_ROW_STEP = 3
+SCAN_STEP_IN_SAMPLED_ROWS = 3
 """Step between the rows that the grid scan uses, in sampled rows. Chosen by hand: it bounds the time of a frame."""
-SCAN_PLACE_STEP = 0.06
+SCAN_PLACE_STEP_IN_CAMERA_HEIGHTS = 0.06
 """Step of the grid scan's lateral places, over the camera's height. Chosen by hand; not fitted."""
-MAX_SCAN_PLACES = 400
+MAX_SCAN_PLACES_PER_SIDE = 400
 """Greatest number of lateral places to each side in the grid scan: a camera less than 0.4 m above the road sees a lane
 that is many of its heights wide. Chosen by hand."""
 MAX_REFINED_LANES = 12
 """Greatest number of distinct lanes that a first frame's search refines. Chosen by hand; not fitted."""
-SAME_LANE_TOLERANCE = 0.15
+SAME_LANE_TOLERANCE_IN_CAMERA_HEIGHTS = 0.15
 """Distance below which two lanes are the same lane, of the boundary that differs more, over the camera's height. Chosen
 by hand; not fitted."""
 SAME_HORIZON_TOLERANCE_PX = 1.0
 """Difference of horizons up to which two lanes are the same lane, in pixels. Chosen by hand; not fitted."""
-INNER_STRIPE_SHIFTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
+INNER_STRIPE_SHIFTS_IN_CAMERA_HEIGHTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
 """Distances from a boundary at which the inner stripe of a double marking is looked for, over the camera's height.
 Chosen by hand; not fitted."""
 MIN_INNER_STRIPE_SHARE = 0.5
@@ -130,10 +130,10 @@ class StripeEvidence:
         """Settings with which the kernel judges lanes on this evidence, with a weight for neighbouring lanes."""
         segment = len(self.rows) // N_ROW_SEGMENTS
         return {
-            "prior_weight": PRIOR_WEIGHT,
+            "prior_weight": OBJECTIVE_LOSS_PER_SQUARED_PRIOR_SIGMA,
             "min_h": self.min_depth_px,
             "beside": neighbour_weight,
-            "half": HALF_EVIDENCE_SHARE * segment,
+            "half": EVIDENCE_SHARE_COUNTING_ONE_HALF * segment,
             "segment": segment,
             "centre": self.pinhole.centre_px,
             "focal": self.pinhole.focal_px,
@@ -173,7 +173,10 @@ def half_widths_of_two_widened_evidences_px(width_px: int) -> tuple[int, int]:
 @lru_cache(maxsize=8)
 def _stripe_settings(stretch: float, *, is_joint: bool = False) -> lane_stripes.Stripe:
     """Settings with which the kernel finds stripes, or joints, for a camera of this fx / fy."""
-    inner, gap, side = (stretch * each for each in (JOINT_WINDOWS if is_joint else STRIPE_WINDOWS))
+    inner, gap, side = (
+        stretch * each
+        for each in (JOINT_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS if is_joint else STRIPE_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS)
+    )
     return {
         "inner": inner,
         "gap": gap,
@@ -183,7 +186,7 @@ def _stripe_settings(stretch: float, *, is_joint: bool = False) -> lane_stripes.
         "rough": NOISE_ROUGHNESS_FACTOR,
         "lopsided": ASYMMETRY_PENALTY,
         "dead": EVIDENCE_DEAD_ZONE,
-        "crowded": JOINT_CROWDING_SHARE if is_joint else STRIPE_CROWDING_SHARE,
+        "crowded": MAX_UNCROWDED_JOINT_SHARE_OF_ROW if is_joint else MAX_UNCROWDED_STRIPE_SHARE_OF_ROW,
     }
 
 
@@ -214,12 +217,14 @@ def measure_stripe_evidence(
         _stripe_settings(pinhole.focal_length_ratio),
         _stripe_settings(pinhole.focal_length_ratio, is_joint=True),
         joint_weight=JOINT_WEIGHT if with_joints else 0.0,
-        joint_reach=MAX_JOINT_DISTANCE * pinhole.focal_length_ratio,
+        joint_reach=MAX_JOINT_DISTANCE_IN_CAMERA_HEIGHTS * pinhole.focal_length_ratio,
         reach=reach,
         broad_reach=broad_reach,
         evidence=evidence,
     )
-    return StripeEvidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH_SHARE * height, pinhole)
+    return StripeEvidence(
+        rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH_BELOW_HORIZON_SHARE * height, pinhole
+    )
 
 
 def best_lanes_of_grid(
@@ -241,7 +246,7 @@ def best_lanes_of_grid(
     most = (1.5 if NEIGHBOUR_WEIGHT else 0.5) * table[WIDTH, HIGH] + max(
         abs(table[MIDDLE, LOW]), abs(table[MIDDLE, HIGH])
     )
-    place_step = max(SCAN_PLACE_STEP, most / MAX_SCAN_PLACES)
+    place_step = max(SCAN_PLACE_STEP_IN_CAMERA_HEIGHTS, most / MAX_SCAN_PLACES_PER_SIDE)
     n = int(np.ceil(most / place_step))
     places: FloatArray = np.asarray(place_step * (np.arange(-n, n) + 0.5), np.float64)
     depths: FloatArray = np.asarray(evidence.rows - evidence.horizon_px, np.float64)
@@ -251,7 +256,7 @@ def best_lanes_of_grid(
         np.ascontiguousarray(table),
         evidence.scoring_settings(),
         depths=depths,
-        step=SCAN_ROW_STEP,
+        step=SCAN_STEP_IN_SAMPLED_ROWS,
         vanishing=vanishing,
         bends=bends,
         places=places,
@@ -263,7 +268,7 @@ def best_lanes_of_grid(
     lanes[..., WIDTH] = best[..., 2] - best[..., 1]
     lanes[..., HORIZON] = evidence.horizon_px
     z = (evidence.horizon_px - table[HORIZON, MEAN]) / table[HORIZON, SIGMA]
-    value = best[..., 0].ravel() - PRIOR_WEIGHT * z * z
+    value = best[..., 0].ravel() - OBJECTIVE_LOSS_PER_SQUARED_PRIOR_SIGMA * z * z
     order = np.argsort(-value, kind="stable")
     return lanes.reshape(-1, 6)[order], value[order]
 
@@ -339,7 +344,9 @@ def is_same_lane(lane: ImageLane, other: ImageLane) -> bool:
     _, middle, width, _, horizon, _ = lane.tolist()
     _, other_middle, other_width, _, other_horizon, _ = other.tolist()
     apart = abs(middle - other_middle) + 0.5 * abs(width - other_width)  # of the boundary that differs more
-    return bool(apart <= SAME_LANE_TOLERANCE and abs(horizon - other_horizon) <= SAME_HORIZON_TOLERANCE_PX)
+    return bool(
+        apart <= SAME_LANE_TOLERANCE_IN_CAMERA_HEIGHTS and abs(horizon - other_horizon) <= SAME_HORIZON_TOLERANCE_PX
+    )
 
 
 def prior_with_vanishing_point(grey: GreyImage, prior: LanePrior) -> tuple[LanePrior, float]:
@@ -378,7 +385,7 @@ def search_first_frame(
     height, width = grey.shape
     row = prior.table[HORIZON]
     horizons = row[MEAN] + row[SIGMA] * np.array([-1.5, 0.0, 1.5])
-    rows = sampled_road_rows(row[MEAN] + MIN_DEPTH_SHARE * height, height)
+    rows = sampled_road_rows(row[MEAN] + MIN_DEPTH_BELOW_HORIZON_SHARE * height, height)
     starts: list[FloatArray] = []
     values: list[FloatArray] = []
     for horizon in horizons.tolist():
@@ -402,7 +409,7 @@ def search_first_frame(
         partial(lane_objectives, evidence, table=prior.table), lanes[0], prior.table, (width, height)
     )
     # lanes on the lines of the mean are part of it: as rivals they would count against the lane that they support
-    tolerance_m = SAME_LINE_TOLERANCE / prior.place_units_per_m
+    tolerance_m = SAME_LINE_TOLERANCE_IN_CAMERA_HEIGHTS / prior.place_units_per_m
     has_other_lines = [max_boundary_difference_m(lane, lanes[0], prior, height) > tolerance_m for lane in lanes[1:]]
     lanes = lanes[[True, *has_other_lines]]
     evidence = evidence_source(grey, rows, float(lanes[0, HORIZON]), prior.pinhole)
@@ -437,7 +444,7 @@ def move_to_inner_stripes(
     evidence: StripeEvidence, lanes: ImageLanes, prior: LanePrior, size: WidthHeightPx
 ) -> ImageLanes:
     """Lanes whose boundaries are moved to the inner stripe of a double marking, where there is one."""
-    shifts = INNER_STRIPE_SHIFTS * prior.pinhole.focal_length_ratio
+    shifts = INNER_STRIPE_SHIFTS_IN_CAMERA_HEIGHTS * prior.pinhole.focal_length_ratio
     moved_lanes = np.array(lanes)
     for lane in moved_lanes:
         for sign in (1.0, -1.0):

@@ -33,15 +33,15 @@ from cwcli.vision.lane_model import (
     spiral_px3_per_curvature_change,
 )
 
-LANE_CHANGE_OFFSET_SHARE = 0.55
+MIN_OFFSET_OF_LANE_CHANGE_IN_WIDTHS = 0.55
 """Offset of the camera from the lane's middle, in lane widths, above which the car is in the next lane. Chosen by hand;
 not fitted."""
-MAX_OFFSET_SHARE = 0.65
+MAX_FOLLOWED_OFFSET_IN_WIDTHS = 0.65
 """Greatest offset of the camera from the middle of a followed lane, in lane widths. Chosen by hand; not fitted."""
-BETWEEN_LANES_OFFSET_SHARE = 0.35
+MIN_OFFSET_BETWEEN_LANES_IN_WIDTHS = 0.35
 """Offset of the camera from the lane's middle, in lane widths, above which the next lane may take this one's place.
 Chosen by hand; not fitted."""
-NEXT_LANE_TOLERANCE_SHARE = 0.2
+NEXT_LANE_TOLERANCE_IN_WIDTHS = 0.2
 """Tolerance of the next lane's place, in lane widths. Chosen by hand; not fitted."""
 FOLLOWED_OFFSET_SIGMA_M = 0.6
 """Sigma of the camera's offset from the middle of a followed lane, in metres. Chosen on lane changes and mountain bends
@@ -62,12 +62,12 @@ MOVEMENT_MARGIN_M = 0.02
 """Distance that a boundary may move in addition, in metres: the grain of the paint. Chosen by hand; not fitted."""
 MIN_TIME_STEP_S = 0.02
 """Least time step that the limits of a boundary's movement assume, in seconds. Chosen by hand; not fitted."""
-COMPARISON_ROW_SHARES = (0.25, 0.6)
+COMPARED_ROWS_FROM_HORIZON_TO_BOTTOM = (0.25, 0.6)
 """Rows in which two lanes are compared, as shares of the way from the horizon to the image's bottom. Chosen by hand;
 not fitted."""
 LINE_OFFSETS_IN_WIDTHS = np.array([-1.5, -0.5, 0.5, 1.5])
 """Lateral places of the lines of a lane and of its two neighbours, from the lane's middle, in lane widths."""
-SAME_LINE_TOLERANCE = 0.15
+SAME_LINE_TOLERANCE_IN_CAMERA_HEIGHTS = 0.15
 """Distance below which two lines count as one, over the camera's height. Chosen by hand; not fitted."""
 LATERAL_JERK_SIGMA_MPS3 = 1.0
 """Sigma of the lateral jerk in a road's bends, in m/s^3. Chosen by hand: the upper end of what clothoids are designed
@@ -77,7 +77,7 @@ MAX_SPIRAL_SIGMAS = 4.0
 UNPREDICTED_TURN_DISTANCE_M = 10.0
 """Distance over which a bend that begins turns the lane without being predicted, in metres. Chosen on ramp 200 of
 `tests.studies.lane_drives`."""
-FAST_SPEED_MPS = 20.0
+MIN_SPEED_WITHOUT_NEW_BENDS_MPS = 20.0
 """Speed in m/s from which lanes have no change of curvature and new bends are not searched: a change of one sigma moves
 a boundary 20 m ahead by less than 0.17 m, and with few raised dots that freedom finds lanes that are not there."""
 PIVOT_ROW_SHARE = 0.6
@@ -122,7 +122,7 @@ def prior_of_followed_lane(prior: LanePrior, camera: Camera, speed_mps: float) -
     """The prior of a lane that is followed: wider in offset, heading and curvature than that of a first frame."""
     rows: list[list[float]] = prior.table.tolist()
     place, ahead, bend = rows[MIDDLE], rows[VANISHING], rows[BEND]
-    reach = MAX_OFFSET_SHARE * rows[WIDTH][HIGH]
+    reach = MAX_FOLLOWED_OFFSET_IN_WIDTHS * rows[WIDTH][HIGH]
     place[SIGMA] = FOLLOWED_OFFSET_SIGMA_M * prior.place_units_per_m
     place[LOW], place[HIGH] = min(place[LOW], -reach), max(place[HIGH], reach)
     heading = camera.fx * FOLLOWED_HEADING_SIGMA_RAD
@@ -139,7 +139,7 @@ def prior_of_followed_lane(prior: LanePrior, camera: Camera, speed_mps: float) -
         drift[BEND] = max(drift[BEND], 2.0 * unit * LATERAL_JERK_SIGMA_MPS3 / speed_mps**2)
         spiral = spiral_px3_per_curvature_change(camera) * LATERAL_JERK_SIGMA_MPS3 / speed_mps**3
         drift[SPIRAL] = spiral
-        if speed_mps < FAST_SPEED_MPS:
+        if speed_mps < MIN_SPEED_WITHOUT_NEW_BENDS_MPS:
             drift[VANISHING] = math.hypot(
                 drift[VANISHING], camera.fx * UNPREDICTED_TURN_DISTANCE_M * LATERAL_JERK_SIGMA_MPS3 / speed_mps**2
             )
@@ -252,7 +252,7 @@ def predict_lane_at_next_frame(
 
 def lane_change_left_1_right_minus_1(lane: ImageLane) -> int:
     """The lane change that a lane's place shows: 1 to the left, -1 to the right, 0 for none."""
-    if abs(lane[MIDDLE]) <= LANE_CHANGE_OFFSET_SHARE * lane[WIDTH]:
+    if abs(lane[MIDDLE]) <= MIN_OFFSET_OF_LANE_CHANGE_IN_WIDTHS * lane[WIDTH]:
         return 0
     return 1 if lane[MIDDLE] > 0.0 else -1
 
@@ -303,7 +303,7 @@ def max_boundary_difference_m(lane: ImageLane, other: ImageLane, prior: LanePrio
     """Distance between the boundaries of two lanes, of the side that differs more, near the car and 20 m ahead of a
     wide camera, in metres."""
     most = 0.0
-    for share in COMPARISON_ROW_SHARES:
+    for share in COMPARED_ROWS_FROM_HORIZON_TO_BOTTOM:
         h = share * (height_px - float(lane[HORIZON]))
         other_h = h + float(lane[HORIZON] - other[HORIZON])
         if other_h <= 0.0:
@@ -324,14 +324,16 @@ def boundary_columns_at_depth_px(lane: ImageLane, depth_px: float) -> FloatArray
 def has_lines_at_boundaries(lane: ImageLane, other: ImageLane, height_px: int) -> tuple[bool, bool]:
     """Whether a lane or one of its neighbours has a line at the left and at the right boundary of another lane."""
     found = np.ones((2, len(LINE_OFFSETS_IN_WIDTHS)), np.bool_)
-    for share in COMPARISON_ROW_SHARES:
+    for share in COMPARED_ROWS_FROM_HORIZON_TO_BOTTOM:
         h = share * (height_px - float(other[HORIZON]))
         own_h = h + float(other[HORIZON] - lane[HORIZON])
         if own_h <= 0.0:
             return False, False
         middle = float(boundary_columns_at_depth_px(lane, own_h).mean())
         lines = middle + LINE_OFFSETS_IN_WIDTHS * float(lane[WIDTH]) * own_h
-        found &= np.abs(lines - boundary_columns_at_depth_px(other, h)[:, None]) <= SAME_LINE_TOLERANCE * h
+        found &= (
+            np.abs(lines - boundary_columns_at_depth_px(other, h)[:, None]) <= SAME_LINE_TOLERANCE_IN_CAMERA_HEIGHTS * h
+        )
     return bool(found[0].any()), bool(found[1].any())
 
 
@@ -341,5 +343,5 @@ def lane_change_between_left_1_right_minus_1(lane: ImageLane, other: ImageLane) 
     width = 0.5 * float(lane[WIDTH] + other[WIDTH])
     change = 1 if lane[MIDDLE] > other[MIDDLE] else -1
     apart = abs(float(lane[MIDDLE] - other[MIDDLE]))
-    is_between = change * float(lane[MIDDLE]) > BETWEEN_LANES_OFFSET_SHARE * width
-    return change if is_between and abs(apart - width) < NEXT_LANE_TOLERANCE_SHARE * width else 0
+    is_between = change * float(lane[MIDDLE]) > MIN_OFFSET_BETWEEN_LANES_IN_WIDTHS * width
+    return change if is_between and abs(apart - width) < NEXT_LANE_TOLERANCE_IN_WIDTHS * width else 0

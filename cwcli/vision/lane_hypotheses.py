@@ -20,17 +20,17 @@ from cwcli.vision.lane_following import (
     narrow_prior_table,
     pitch_candidates,
 )
-from cwcli.vision.lane_mean import OBJECTIVE_SCALE
+from cwcli.vision.lane_mean import OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E
 from cwcli.vision.lane_model import HIGH, LOW, ImageLane, LanePrior, LeftRightProbabilities, is_same_lane_in_image
 from cwcli.vision.lane_sides import NO_LINE, LinePairState
 
 if TYPE_CHECKING:
     from cwcli.vision.camera import WidthHeightPx
 
-MAX_RIVAL_DEFICIT = 5.0 * OBJECTIVE_SCALE
+MAX_RIVAL_OBJECTIVE_DEFICIT = 5.0 * OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E
 """Greatest deficit of objective with which a lane is still a rival: below it, it has less than 1 % of the
 probability."""
-SWITCH_OBJECTIVE_GAIN = 0.03
+MIN_OBJECTIVE_GAIN_TO_SWITCH = 0.03
 """Objective by which a hypothesis must be better than another one to take its place. Chosen by hand; not fitted."""
 
 
@@ -125,7 +125,7 @@ def choose_tight_or_gentle_bend(
     gentle, last = refine_predicted_lane(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=False)
     reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MOVEMENT_MARGIN_M
     if (
-        tight_lane_and_objective[1] <= last + SWITCH_OBJECTIVE_GAIN
+        tight_lane_and_objective[1] <= last + MIN_OBJECTIVE_GAIN_TO_SWITCH
         and max_boundary_difference_m(gentle, tight_lane_and_objective[0], prior, size[1]) <= reach_m
     ):
         return gentle, last, False
@@ -142,7 +142,7 @@ def find_tight_bend_hypothesis(
 ) -> LaneHypothesis | None:
     """The published lane once more as a tight bend, if that is clearly better in this frame; else None."""
     lane, last = refine_predicted_lane(evidence, lead.lane, tight, size, dt_s, sideways_mps, is_slow=True)
-    if last <= lead.last_value + SWITCH_OBJECTIVE_GAIN:
+    if last <= lead.last_value + MIN_OBJECTIVE_GAIN_TO_SWITCH:
         return None
     return replace(lead, lane=lane, value=lead.value + last - lead.last_value, last_value=last, is_tight=True)
 
@@ -161,8 +161,8 @@ def share_probability_with_rivals(
     parts = [1.0, 1.0]
     for rival in rivals:
         gain = rival.value - lane.value
-        if gain > -MAX_RIVAL_DEFICIT:
-            part = math.exp(min(gain, MAX_RIVAL_DEFICIT) / OBJECTIVE_SCALE)
+        if gain > -MAX_RIVAL_OBJECTIVE_DEFICIT:
+            part = math.exp(min(gain, MAX_RIVAL_OBJECTIVE_DEFICIT) / OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E)
             for side, has_line in enumerate(has_lines_at_boundaries(rival.lane, lane.lane, height_px)):
                 parts[side] += 0.0 if has_line else part
     return probabilities[0] / parts[0], probabilities[1] / parts[1]
@@ -172,7 +172,7 @@ def add_or_merge_hypothesis(followed: list[LaneHypothesis], new: LaneHypothesis,
     """Add a hypothesis; of two that lie on the same pixels the first stays, unless the new one is clearly better."""
     for k, other in enumerate(followed):
         if is_same_lane_in_image(new.lane, other.lane, *size):
-            if new.last_value > other.last_value + SWITCH_OBJECTIVE_GAIN:
+            if new.last_value > other.last_value + MIN_OBJECTIVE_GAIN_TO_SWITCH:
                 value = max(new.value, other.value)
                 followed[k] = replace(
                     new,

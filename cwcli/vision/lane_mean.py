@@ -34,7 +34,7 @@ from cwcli.vision.lane_model import (
 if TYPE_CHECKING:
     from cwcli.vision.camera import WidthHeightPx
 
-OBJECTIVE_SCALE = 0.015
+OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E = 0.015
 """Difference of objective at which a lane counts 37 % (1 / e); one sigma of the prior takes off 0.02. Chosen in sight
 of 40 labelled and of rendered frames (docs/lanes.md)."""
 N_SAMPLE_POINTS, N_FITTING_ROUNDS = 192, 3
@@ -42,10 +42,10 @@ N_SAMPLE_POINTS, N_FITTING_ROUNDS = 192, 3
 NEAR_ROW_SHARE, FAR_ROW_SHARE = 0.6, 0.15
 """The near and the far row in which lanes are varied, as shares of the way from the horizon to the bottom. Chosen by
 hand; not fitted."""
-FIRST_SIGMA_SHARES = np.array([0.012, 0.012, 0.008, 0.008, 0.008])
+FIRST_ROUND_SIGMA_SHARES = np.array([0.012, 0.012, 0.008, 0.008, 0.008])
 """Sigmas of the first round: left and right column in the near row, middle and bend in the far row (over the image's
 width), and the horizon (over its height). Chosen by hand; not fitted."""
-MIN_SIGMA_SHARE = 0.05
+MIN_SHARE_OF_FIRST_ROUND_SIGMAS = 0.05
 """Share of the first round's sigmas that no later round goes below. Chosen by hand; not fitted."""
 
 
@@ -80,7 +80,7 @@ def weighted_mean_lane(
     depth = height_px - lane[HORIZON]
     rows_px = float(lane[HORIZON] + NEAR_ROW_SHARE * depth), float(lane[HORIZON] + FAR_ROW_SHARE * depth)
     spiral = float(lane[SPIRAL])
-    sigmas = FIRST_SIGMA_SHARES * np.array([width_px] * 4 + [height_px])
+    sigmas = FIRST_ROUND_SIGMA_SHARES * np.array([width_px] * 4 + [height_px])
     mean, covariance = _columns_bend_and_horizon_from_lane(lane, *rows_px), np.diag(sigmas**2)
     for _ in range(N_FITTING_ROUNDS):
         points = mean + NORMAL_POINTS @ np.linalg.cholesky(covariance).T
@@ -88,12 +88,14 @@ def weighted_mean_lane(
         if value.max() < -1e20:  # all beyond the bounds
             break
         # a point that lies where few do stands for more
-        exponent = (value - value.max()) / OBJECTIVE_SCALE + 0.5 * (NORMAL_POINTS**2).sum(axis=1)
+        exponent = (value - value.max()) / OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E + 0.5 * (NORMAL_POINTS**2).sum(
+            axis=1
+        )
         weight = np.exp(exponent - exponent.max())
         weight /= weight.sum()
         mean = weight @ points
         apart = points - mean
-        covariance = (apart * weight[:, None]).T @ apart + np.diag((MIN_SIGMA_SHARE * sigmas) ** 2)
+        covariance = (apart * weight[:, None]).T @ apart + np.diag((MIN_SHARE_OF_FIRST_ROUND_SIGMAS * sigmas) ** 2)
     return np.clip(_image_lanes_from_row_columns(mean, *rows_px, spiral), table[:, LOW], table[:, HIGH])
 
 

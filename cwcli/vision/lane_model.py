@@ -29,7 +29,12 @@ from cwcli.signals.lane_geometry import (
     image_columns_of_arcs,
 )
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.ground import MAX_SAMPLE_DISTANCE_M, MAX_SAMPLE_HEIGHT_SHARE, MIN_DEPTH_SHARE, MIN_SAMPLED_HEIGHT_PX
+from cwcli.vision.ground import (
+    MAX_SAMPLE_DISTANCE_M,
+    MAX_SAMPLE_HEIGHT_SHARE,
+    MIN_DEPTH_BELOW_HORIZON_SHARE,
+    MIN_SAMPLED_HEIGHT_PX,
+)
 
 ImageLane = FloatArray
 """One lane in the image, shape (6,): vanishing column, middle, width, bend, horizon row and spiral."""
@@ -56,13 +61,13 @@ LANE_WIDTH_LIMITS_M = (2.6, 4.6)
 """Least and greatest lane width that is searched, in metres. Chosen by hand; not fitted."""
 OFFSET_SIGMA_M = 0.35
 """Sigma of the car's offset from the lane's middle, in metres. Chosen by hand; not fitted."""
-OFFSET_LIMIT_M = 1.6
+MAX_FIRST_FRAME_OFFSET_M = 1.6
 """Greatest offset of the car from the lane's middle in a first frame, in metres. Chosen by hand; not fitted."""
-HEADING_SIGMA_RAD = 0.012
+FIRST_FRAME_HEADING_SIGMA_RAD = 0.012
 """Sigma of the angle between car and lane in a first frame, in radians. Chosen by hand; not fitted."""
-CURVATURE_SIGMA_1PM = 0.001
+FIRST_FRAME_CURVATURE_SIGMA_1PM = 0.001
 """Sigma of the lane's curvature in a first frame, in 1/m. Chosen by hand; not fitted."""
-CURVATURE_LIMIT_1PM = 0.006
+MAX_FIRST_FRAME_CURVATURE_1PM = 0.006
 """Greatest curvature in a first frame, in 1/m: a radius of 167 m. Chosen by hand; not fitted."""
 PITCH_SIGMA_RAD = 0.004
 """Sigma of the camera's pitch in radians: the body moves on its springs, and the road's slope changes. Chosen by hand;
@@ -74,12 +79,12 @@ UNKNOWN_HEIGHT_SIGMA_SHARE = 0.1
 """Sigma of the camera's height over its mean where the mounting is not known. Chosen by hand; not fitted."""
 UNKNOWN_YAW_SIGMA_RAD = 0.035
 """Sigma of the camera's yaw where the mounting is not known, in radians. Chosen by hand; not fitted."""
-UNKNOWN_HORIZON_SHARES = (0.45, 0.12, 0.25, 0.66)
+UNKNOWN_HORIZON_MEAN_SIGMA_LOW_HIGH_SHARES = (0.45, 0.12, 0.25, 0.66)
 """Mean, sigma, lowest and highest row of the horizon over the image's height, where the mounting is not known. Chosen
 by hand; not fitted."""
 SAME_PIXELS_WIDTH_SHARE = 0.006
 """Distance up to which boundaries lie on the same pixels, over the image's width. Chosen by hand; not fitted."""
-SAME_PIXELS_ROW_SHARES = (0.15, 0.6)
+COMPARED_ROWS_OF_SAME_PIXELS = (0.15, 0.6)
 """Rows in which lanes are compared, as shares of the way from the horizon to the bottom. There are two because lanes
 that bend to different sides may have the same place and width."""
 
@@ -126,13 +131,18 @@ def first_frame_prior(camera: Camera) -> LanePrior:
     is_mounted = not camera.is_default and mounting != Mounting()
     height_m, stretch = mounting.height_m, camera.fx / camera.fy
     table = np.empty((6, 4))
-    yaw_sigma = math.hypot(HEADING_SIGMA_RAD, 0.005 if is_mounted else UNKNOWN_YAW_SIGMA_RAD)
+    yaw_sigma = math.hypot(FIRST_FRAME_HEADING_SIGMA_RAD, 0.005 if is_mounted else UNKNOWN_YAW_SIGMA_RAD)
     u0 = camera.cx + camera.fx * math.tan(mounting.yaw_rad)
     table[VANISHING] = u0, camera.fx * yaw_sigma, u0 - 4.0 * camera.fx * yaw_sigma, u0 + 4.0 * camera.fx * yaw_sigma
     middle = stretch * mounting.lateral_offset_m / height_m
     per_m = stretch / height_m
     spread = OFFSET_SIGMA_M if is_mounted else math.hypot(OFFSET_SIGMA_M, 0.4)
-    table[MIDDLE] = middle, spread * per_m, middle - OFFSET_LIMIT_M * per_m, middle + OFFSET_LIMIT_M * per_m
+    table[MIDDLE] = (
+        middle,
+        spread * per_m,
+        middle - MAX_FIRST_FRAME_OFFSET_M * per_m,
+        middle + MAX_FIRST_FRAME_OFFSET_M * per_m,
+    )
     width_m, width_sigma_m = LANE_WIDTH_MEAN_AND_SIGMA_M
     if not is_mounted:
         width_sigma_m = math.hypot(width_sigma_m, UNKNOWN_HEIGHT_SIGMA_SHARE * width_m)
@@ -141,13 +151,18 @@ def first_frame_prior(camera: Camera) -> LanePrior:
     table[WIDTH] = width_m * per_m, width_sigma_m * per_m, low if is_mounted else 0.65 * low, high
     bend = bend_px2_per_curvature(camera)
     bend *= 1.0 if is_mounted else 2.0
-    table[BEND] = 0.0, CURVATURE_SIGMA_1PM * bend, -CURVATURE_LIMIT_1PM * bend, CURVATURE_LIMIT_1PM * bend
+    table[BEND] = (
+        0.0,
+        FIRST_FRAME_CURVATURE_SIGMA_1PM * bend,
+        -MAX_FIRST_FRAME_CURVATURE_1PM * bend,
+        MAX_FIRST_FRAME_CURVATURE_1PM * bend,
+    )
     if is_mounted:
         v0 = float(camera.horizon_row_px())
         reach = camera.fy * PITCH_SIGMA_RAD
         table[HORIZON] = v0, reach, v0 - 5.0 * reach, v0 + 5.0 * reach
     else:
-        table[HORIZON] = np.array(UNKNOWN_HORIZON_SHARES) * camera.height_px
+        table[HORIZON] = np.array(UNKNOWN_HORIZON_MEAN_SIGMA_LOW_HIGH_SHARES) * camera.height_px
     table[SPIRAL] = 0.0, 1.0, 0.0, 0.0
     unit = np.array(
         [camera.fx, per_m, per_m, bend_px2_per_curvature(camera), camera.fy, spiral_px3_per_curvature_change(camera)]
@@ -206,7 +221,7 @@ def is_same_lane_in_image(lane: ImageLane, other: ImageLane, width_px: int, heig
     u0, middle, width, bend, horizon, spiral = lane.tolist()
     other_u0, other_middle, other_width, other_bend, other_horizon, other_spiral = other.tolist()
     depth = height_px - 0.5 * (horizon + other_horizon)
-    for share in SAME_PIXELS_ROW_SHARES:
+    for share in COMPARED_ROWS_OF_SAME_PIXELS:
         h = height_px - (1.0 - share) * depth - horizon
         other_h = h + horizon - other_horizon
         if h <= 0.0 or other_h <= 0.0:
@@ -238,7 +253,7 @@ def fit_boundary_parabolas(lane: ImageLane, camera: Camera) -> LeftRightParabola
         top_y=top_px,
         height=camera.height_px,
         width=camera.width_px,
-        min_h=MIN_DEPTH_SHARE * camera.height_px,
+        min_h=MIN_DEPTH_BELOW_HORIZON_SHARE * camera.height_px,
         centre=camera.cx,
         focal=camera.fx,
     )

@@ -42,26 +42,26 @@ NO_LINE, LEFT, RIGHT = -1, 0, 1
 """Numbers of the lines: none, the left one, the right one."""
 COMPARISON_DISTANCES_M = np.array([7.0, 25.0])
 """Distances ahead at which the lanes by both lines are compared, in metres. Chosen by hand; not fitted."""
-DIVERGENCE_LIMITS_M = np.array([0.1, 0.2])
+MAX_DIVERGENCES_OF_PARALLEL_LINES_M = np.array([0.1, 0.2])
 """Distances in metres between both lanes, at those places, above which the lines are not parallel: a taper of 1 : 60 at
 both."""
-PARALLEL_LIMIT_SHARE = 0.4
+AGREEMENT_SHARE_OF_DIVERGENCE_LIMITS = 0.4
 """Share of those distances below which both lines give the same lane. Chosen by hand; not fitted."""
-LOST_LINE_DISTANCE_M = 0.5
+MIN_DISTANCE_OF_LINE_THAT_LEFT_M = 0.5
 """Distance in metres from which a line that has left is looked for again in its place. Chosen by hand; not fitted."""
-MIN_PAINT_SHARE = 0.05
+MIN_PAINT_SHARE_TO_GIVE_LANE = 0.05
 """Least share of paint with which a line gives a lane. Chosen by hand; not fitted."""
 MIN_PAINT_SHARE_FOR_SHAPE = 0.1
 """Least share of paint of both lines with which their shapes are compared: two or three dots fit any bend. Chosen on
 drives with raised dots (docs/lanes.md)."""
-DIVERGENCE_MEMORY_S = 0.3
+DIVERGENCE_SMOOTHING_TIME_CONSTANT_S = 0.3
 """Time constant in seconds with which the distance between both lanes is smoothed. Chosen by hand; not fitted."""
-BEND_MEMORY_S = 1.0
+BEND_SMOOTHING_TIME_CONSTANT_S = 1.0
 """Time constant in seconds with which the bends of both lines are smoothed. In that time a road's bend changes by
 0.0003 1/m (a clothoid of A = 300 m at 25 m/s), that of a line with a kink by more."""
 WIDTH_MEMORY_S = 3.0
 """Time constant in seconds with which the lane's width is smoothed. Chosen by hand; not fitted."""
-WIDTH_KNOWN_AFTER_S = 1.0
+MIN_AGREED_TIME_OF_KNOWN_WIDTH_S = 1.0
 """Time in seconds after which the lane's width counts as known. Chosen by hand; not fitted."""
 MAX_TIME_BY_ONE_LINE_S = 10.0
 """Longest time in seconds for which a lane goes on by one line: a taper of 240 m takes as long. Later any other lane
@@ -104,13 +104,15 @@ class LinePairState:
     @property
     def is_width_known(self) -> bool:
         """Whether the width is known."""
-        return self.agreed_s >= WIDTH_KNOWN_AFTER_S
+        return self.agreed_s >= MIN_AGREED_TIME_OF_KNOWN_WIDTH_S
 
     @property
     def do_lines_agree(self) -> bool:
         """Whether both lines agreed when they were last seen."""
         return self.by_one_line_s == 0.0 and bool(
-            (np.abs(self.divergence_m) < PARALLEL_LIMIT_SHARE * DIVERGENCE_LIMITS_M).all()
+            (
+                np.abs(self.divergence_m) < AGREEMENT_SHARE_OF_DIVERGENCE_LIMITS * MAX_DIVERGENCES_OF_PARALLEL_LINES_M
+            ).all()
         )
 
     def may_be_replaced_by(self, lane: ImageLane, prior: LanePrior) -> bool:
@@ -236,13 +238,13 @@ def update_lane_and_line_state(
     kept_side = NO_LINE
     if sides.leaving_side != NO_LINE:
         kept_side = 1 - sides.leaving_side
-    elif min(shares) < MIN_PAINT_SHARE <= max(shares) and sides.is_width_known:
+    elif min(shares) < MIN_PAINT_SHARE_TO_GIVE_LANE <= max(shares) and sides.is_width_known:
         kept_side = int(np.argmax(shares))
     if kept_side != NO_LINE:
         lane_by_both_lines = np.clip(lanes[kept_side], prior.table[:, LOW], prior.table[:, HIGH])
-    is_away = abs(float(sides.divergence_m[0])) > LOST_LINE_DISTANCE_M
+    is_away = abs(float(sides.divergence_m[0])) > MIN_DISTANCE_OF_LINE_THAT_LEFT_M
     for side in (LEFT, RIGHT):
-        if shares[side] < MIN_PAINT_SHARE or (side == sides.leaving_side and is_away):
+        if shares[side] < MIN_PAINT_SHARE_TO_GIVE_LANE or (side == sides.leaving_side and is_away):
             lanes[side] = lane_by_both_lines  # and looked for again where it should be
             sides = replace(
                 sides,
@@ -254,7 +256,7 @@ def update_lane_and_line_state(
             )
     if kept_side != NO_LINE:
         sides = replace(sides, by_one_line_s=sides.by_one_line_s + dt_s, carried_side=1 - kept_side)
-    elif min(shares) >= MIN_PAINT_SHARE:
+    elif min(shares) >= MIN_PAINT_SHARE_TO_GIVE_LANE:
         sides = replace(sides, by_one_line_s=0.0, carried_side=NO_LINE)
     if sides.by_one_line_s > MAX_TIME_BY_ONE_LINE_S:
         return lane_by_both_lines, replace(initial_line_pair_state(lane_by_both_lines), carried_side=sides.carried_side)
@@ -265,7 +267,10 @@ def _update_line_comparison(
     sides: LinePairState, lanes: ImageLanes, apart_m: FloatArray, driven: float, dt_s: float
 ) -> LinePairState:
     """The state after both lines were seen: the lanes by each, shape (2, 6), and their distance ahead, shape (2,)."""
-    swift, slow = 1.0 - math.exp(-dt_s / DIVERGENCE_MEMORY_S), 1.0 - math.exp(-dt_s / BEND_MEMORY_S)
+    swift, slow = (
+        1.0 - math.exp(-dt_s / DIVERGENCE_SMOOTHING_TIME_CONSTANT_S),
+        1.0 - math.exp(-dt_s / BEND_SMOOTHING_TIME_CONSTANT_S),
+    )
     if math.isfinite(sides.driven_bend_px2):
         driven = sides.driven_bend_px2 + swift * (driven - sides.driven_bend_px2)
     apart = sides.divergence_m + swift * (apart_m - sides.divergence_m)
@@ -273,8 +278,8 @@ def _update_line_comparison(
     doubt = sides.bend_doubt_px2 + slow * (float(strange[RIGHT] - strange[LEFT]) - sides.bend_doubt_px2)
     bends = sides.smoothed_bends_px2 + slow * (lanes[:, BEND] - sides.smoothed_bends_px2)
     verdict, leaving = max(sides.greatest_bend_doubt_px2, doubt, key=abs), sides.leaving_side
-    conflict = float((np.abs(apart) / DIVERGENCE_LIMITS_M).max())
-    if conflict < PARALLEL_LIMIT_SHARE:
+    conflict = float((np.abs(apart) / MAX_DIVERGENCES_OF_PARALLEL_LINES_M).max())
+    if conflict < AGREEMENT_SHARE_OF_DIVERGENCE_LIMITS:
         verdict, leaving = 0.0, NO_LINE
     elif sides.is_width_known and (conflict > 1.0 or leaving != NO_LINE):
         leaving = RIGHT if verdict > 0.0 else LEFT

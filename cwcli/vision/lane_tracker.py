@@ -18,7 +18,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary, replace_parabola_of_boundary
 from cwcli.vision.boundary_probability import boundary_probabilities, lower_probabilities_if_vanishing_votes_scatter
 from cwcli.vision.camera import Camera, WidthHeightPx
-from cwcli.vision.ground import MIN_DEPTH_SHARE
+from cwcli.vision.ground import MIN_DEPTH_BELOW_HORIZON_SHARE
 from cwcli.vision.lane_covariance import covariance_of_first_five_lane_numbers, propagate_covariance_to_fit
 from cwcli.vision.lane_detect import (
     MAX_SAMPLED_ROWS,
@@ -32,9 +32,9 @@ from cwcli.vision.lane_detect import (
     search_rival_lanes,
 )
 from cwcli.vision.lane_following import (
-    FAST_SPEED_MPS,
     MAX_LATERAL_SPEED_MPS,
     MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS,
+    MIN_SPEED_WITHOUT_NEW_BENDS_MPS,
     MOVEMENT_MARGIN_M,
     boundary_difference_beside_camera_m,
     driven_rightward_curvature_or_nan_1pm,
@@ -49,7 +49,7 @@ from cwcli.vision.lane_following import (
     shift_to_adjacent_lane,
 )
 from cwcli.vision.lane_hypotheses import (
-    SWITCH_OBJECTIVE_GAIN,
+    MIN_OBJECTIVE_GAIN_TO_SWITCH,
     LaneHypothesis,
     add_or_merge_hypothesis,
     choose_tight_or_gentle_bend,
@@ -116,7 +116,7 @@ MAX_FRAME_LOG_ODDS = 4.0
 MIN_BETTER_BEFORE_SWITCH_S = 0.4
 """Time in seconds for which another hypothesis must be clearly better before it is published. Chosen by hand; not
 fitted."""
-HORIZON_FOLLOWING_SHARE = 0.05
+HORIZON_FOLLOWING_SHARE_PER_FRAME = 0.05
 """Share by which the prior's horizon follows that of a found lane in each frame, where the mounting is not known.
 Chosen by hand; not fitted."""
 ASSUMED_TIGHT_BEND_SPEED_MPS = 10.0
@@ -129,7 +129,7 @@ FIRST_HORIZON_RECHECK_S = 0.2
 single frame may be wrong. The time doubles with every search. Chosen by hand; not fitted."""
 MAX_HORIZON_RECHECK_INTERVAL_S = 16.0
 """Greatest time in seconds between two searches from scratch for the horizon. Chosen by hand; not fitted."""
-COVARIANCE_INTERVAL_NS = 300_000_000
+MIN_TIME_BETWEEN_COVARIANCES_NS = 300_000_000
 """Least time between two measurements of a lane's covariance, in nanoseconds. Chosen by hand: it bounds the time of a
 frame."""
 
@@ -233,7 +233,11 @@ class LaneTracker:
         """
         assert self._prior is not None
         assert self._evidence is not None
-        if self._covariance is None or is_another or frame.stamp_ns - self._measured_ns >= COVARIANCE_INTERVAL_NS:
+        if (
+            self._covariance is None
+            or is_another
+            or frame.stamp_ns - self._measured_ns >= MIN_TIME_BETWEEN_COVARIANCES_NS
+        ):
             is_bent = math.isnan(frame.speed_mps) and lane[SPIRAL] != 0.0
             table = prior_of_followed_lane(
                 self._prior, frame.camera, ASSUMED_TIGHT_BEND_SPEED_MPS if is_bent else frame.speed_mps
@@ -247,7 +251,7 @@ class LaneTracker:
         assert self._prior is not None
         size = camera.width_px, camera.height_px
         horizon_px = float(self._hypotheses[0].lane[HORIZON])
-        rows = sampled_road_rows(horizon_px + MIN_DEPTH_SHARE * size[1], size[1])
+        rows = sampled_road_rows(horizon_px + MIN_DEPTH_BELOW_HORIZON_SHARE * size[1], size[1])
         if len(self._evidence_buffer) != 3 * MAX_SAMPLED_ROWS * size[0]:
             self._evidence_buffer = np.empty(3 * MAX_SAMPLED_ROWS * size[0], np.float32)
         evidence = self._evidence_source(frame.grey, rows, horizon_px, self._prior.pinhole, self._evidence_buffer)
@@ -268,7 +272,7 @@ class LaneTracker:
             lane = shift_to_adjacent_lane(lane, change)
             is_tight = tight is not None and each.is_tight
             own = prior_at_lane_horizon(tight if tight is not None and is_tight else prior, lane, camera)
-            is_slow = is_tight or frame.speed_mps < FAST_SPEED_MPS
+            is_slow = is_tight or frame.speed_mps < MIN_SPEED_WITHOUT_NEW_BENDS_MPS
             sides = self._predict_line_pair_if_published(each, lane, change, frame, camera, dt_s)
             own = prior_with_known_width(own, sides)
             found, last = refine_predicted_lane(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
@@ -309,7 +313,7 @@ class LaneTracker:
             self._next_horizon_recheck_s += min(self._next_horizon_recheck_s, MAX_HORIZON_RECHECK_INTERVAL_S)
             for new in self._recheck_horizon(frame, camera, prior):
                 add_or_merge_hypothesis(hypotheses, new, size)
-        lead_value = hypotheses[0].value + SWITCH_OBJECTIVE_GAIN
+        lead_value = hypotheses[0].value + MIN_OBJECTIVE_GAIN_TO_SWITCH
         for k, each in enumerate(hypotheses):
             better_s = each.better_s + dt_s if each.value > lead_value else 0.0
             if better_s != each.better_s:
@@ -342,7 +346,7 @@ class LaneTracker:
         """State of the published lane's two lines, predicted for this frame; None for other lanes and where the log has
         no motion of a fast car."""
         assert self._prior is not None
-        is_fast = frame.speed_mps >= FAST_SPEED_MPS and math.isfinite(frame.yaw_rate_radps)
+        is_fast = frame.speed_mps >= MIN_SPEED_WITHOUT_NEW_BENDS_MPS and math.isfinite(frame.yaw_rate_radps)
         if each is not self._hypotheses[0] or not is_fast:
             return None
         if each.line_pair is None or change:
@@ -479,9 +483,9 @@ class LaneTracker:
             self._n_lost, self._lost_s, self._pause = 0, 0.0, 0
             if not self._prior.is_mounting_known:
                 table = self._prior.table
-                row = (1.0 - HORIZON_FOLLOWING_SHARE) * table[HORIZON, MEAN] + HORIZON_FOLLOWING_SHARE * best.lane[
-                    HORIZON
-                ]
+                row = (1.0 - HORIZON_FOLLOWING_SHARE_PER_FRAME) * table[
+                    HORIZON, MEAN
+                ] + HORIZON_FOLLOWING_SHARE_PER_FRAME * best.lane[HORIZON]
                 self._prior = prior_with_seen_horizon(self._prior, float(row), camera)
         else:
             self._n_lost += 1

@@ -21,7 +21,7 @@ from cwcli.vision.method import LaneFit, LaneFrame
 if TYPE_CHECKING:
     from cwcli.vision.lane_model import ImageLane
 
-VOTE_INTERVAL_S = 0.45
+MIN_TIME_BETWEEN_VOTING_FRAMES_S = 0.45
 """Least time in seconds between two frames that vote. Chosen by hand: it bounds the time of a frame."""
 KIND_VOTE_MEMORY_S = 1.5
 """Time constant in seconds with which votes for a kind fade. Chosen by hand; not fitted."""
@@ -30,9 +30,9 @@ COLOUR_VOTE_MEMORY_S = 4.0
 fitted."""
 MIN_VOTE_SUM = 0.3
 """Least sum of votes from which a kind or a colour follows. Chosen by hand; not fitted."""
-MIN_WINNER_SHARE = 0.6
+MIN_VOTE_SHARE_OF_WINNER = 0.6
 """Share of the votes that the winning kind or colour must have. Chosen by hand; not fitted."""
-MIN_DOUBLE_SHARE = 0.4
+MIN_VOTE_SHARE_OF_DOUBLE_LINE = 0.4
 """Share of the votes from which a line counts as double. Chosen by hand; not fitted."""
 
 Name = TypeVar("Name", LineKind, LineColour)
@@ -66,7 +66,7 @@ class _LineVotes:
     def majority_kind(self) -> LineKind:
         """The kind with a clear majority, else `UNKNOWN`."""
         total = sum(self.doubles.values())
-        if total >= MIN_VOTE_SUM and self.doubles.get(True, 0.0) > MIN_DOUBLE_SHARE * total:
+        if total >= MIN_VOTE_SUM and self.doubles.get(True, 0.0) > MIN_VOTE_SHARE_OF_DOUBLE_LINE * total:
             return LineKind.DOUBLE
         return _majority_value(self.kinds, LineKind.UNKNOWN)
 
@@ -79,7 +79,7 @@ def _majority_value(votes: dict[Name, float], unknown: Name) -> Name:
     """The value with a clear majority of the votes, else `unknown`."""
     total = sum(votes.values())
     best = max(votes, key=votes.__getitem__, default=unknown)
-    return best if total >= MIN_VOTE_SUM and votes[best] > MIN_WINNER_SHARE * total else unknown
+    return best if total >= MIN_VOTE_SUM and votes[best] > MIN_VOTE_SHARE_OF_WINNER * total else unknown
 
 
 _UNKNOWN_KIND_AND_COLOUR = (LineKind.UNKNOWN, LineColour.UNKNOWN)
@@ -116,7 +116,7 @@ class LineClassifier:
         if evidence is None or lane is None or not (fit.left.found or fit.right.found):
             return fit
         since_s = math.inf if self._asked_ns is None else (frame.stamp_ns - self._asked_ns) / 1e9
-        if since_s >= VOTE_INTERVAL_S or frame.colour is not None:
+        if since_s >= MIN_TIME_BETWEEN_VOTING_FRAMES_S or frame.colour is not None:
             self._asked_ns = frame.stamp_ns
             self._collect_frame_votes(fit, frame, evidence, lane, 0.0 if math.isinf(since_s) else max(since_s, 0.0))
         left, right = (

@@ -39,11 +39,13 @@ MIN_DASH_LENGTH_WIDTHS = 0.2
 """Least length of a dash, in lane widths: 0.7 m. Chosen by hand; not fitted."""
 MAX_DOT_LENGTH_WIDTHS = 0.09
 """Greatest length of a raised dot, in lane widths: 0.3 m. Chosen by hand; not fitted."""
-MIN_SOLID_SHARE = 0.9
+MIN_PAINTED_SHARE_OF_SHORT_SOLID_LINE = 0.9
 """Share of a short line that must be painted without a gap for the line to be solid. Chosen by hand; not fitted."""
-SECOND_STRIPE_DISTANCES = np.arange(0.12, 0.41, 0.025)
+SECOND_STRIPE_DISTANCES_IN_CAMERA_HEIGHTS = np.arange(0.12, 0.41, 0.025)
 """Distances at which the second stripe of a double line is looked for, over the camera's height: 16 to 53 cm."""
-SECOND_STRIPE_OFFSETS = np.concatenate([-SECOND_STRIPE_DISTANCES[::-1], [0.0], SECOND_STRIPE_DISTANCES])
+SECOND_STRIPE_OFFSETS_IN_CAMERA_HEIGHTS = np.concatenate(
+    [-SECOND_STRIPE_DISTANCES_IN_CAMERA_HEIGHTS[::-1], [0.0], SECOND_STRIPE_DISTANCES_IN_CAMERA_HEIGHTS]
+)
 """The same distances to both sides of a line, with 0 for the line itself."""
 MIN_DOUBLE_DEPTH_PX, MIN_DOUBLE_ROWS = 12.0, 5
 """Least number of rows below the horizon, and least number of rows, with which two stripes can be told apart. Chosen by
@@ -51,7 +53,7 @@ hand; not fitted."""
 MIN_SECOND_STRIPE_SHARE, MIN_SECOND_STRIPE_EVIDENCE = 0.15, 0.1
 """Least evidence of the weaker stripe: as a share of the stronger one's mean, and as a value. A dashed stripe beside a
 solid one has little more. Chosen by hand; not fitted."""
-MAX_VALLEY_SHARE = 0.5
+MAX_EVIDENCE_BETWEEN_STRIPES_SHARE = 0.5
 """Greatest evidence between both stripes, as a share of the weaker one's. Chosen by hand; not fitted."""
 
 
@@ -130,7 +132,7 @@ def classify_line_kind(is_row_painted: Sequence[bool], row_lengths_lane_widths: 
         return LineKind.DOTS
     if has_dash and any(not each.is_painted and each.length >= MIN_GAP_LENGTH_WIDTHS for each in whole[:-1]):
         return LineKind.DASHED
-    if has_dash and total < MIN_SOLID_LENGTH_WIDTHS and longest >= MIN_SOLID_SHARE * total:
+    if has_dash and total < MIN_SOLID_LENGTH_WIDTHS and longest >= MIN_PAINTED_SHARE_OF_SHORT_SOLID_LINE * total:
         return LineKind.SOLID
     return LineKind.UNKNOWN
 
@@ -176,16 +178,21 @@ def _has_second_stripe(evidence: StripeEvidence, lane: ImageLane, place: float) 
         evidence.rows.searchsorted(float(lane[HORIZON]) + max(MIN_DOUBLE_DEPTH_PX / stretch, evidence.min_depth_px))
     )
     rows, sharp = evidence.rows[first:], evidence.sharp[first:]
-    values = lane_ridge.along(sharp, rows, lane, place + stretch * SECOND_STRIPE_OFFSETS, evidence.scoring_settings())
+    values = lane_ridge.along(
+        sharp, rows, lane, place + stretch * SECOND_STRIPE_OFFSETS_IN_CAMERA_HEIGHTS, evidence.scoring_settings()
+    )
     is_seen = (values[0] >= 0.0) & (values[-1] >= 0.0)
     if np.count_nonzero(is_seen) < MIN_DOUBLE_ROWS:
         return None
     mean: list[float] = (values @ is_seen / np.count_nonzero(is_seen)).tolist()
-    middle = len(SECOND_STRIPE_DISTANCES)
+    middle = len(SECOND_STRIPE_DISTANCES_IN_CAMERA_HEIGHTS)
     for own, *beside in (mean[middle::-1], mean[middle:]):
         second = max(beside)
         less, more = sorted((own, second))
         valley = min(beside[: beside.index(second)], default=less)
-        if less > max(MIN_SECOND_STRIPE_SHARE * more, MIN_SECOND_STRIPE_EVIDENCE) and valley < MAX_VALLEY_SHARE * less:
+        if (
+            less > max(MIN_SECOND_STRIPE_SHARE * more, MIN_SECOND_STRIPE_EVIDENCE)
+            and valley < MAX_EVIDENCE_BETWEEN_STRIPES_SHARE * less
+        ):
             return True
     return False

@@ -31,7 +31,7 @@ NS_PER_MS = 1_000_000
 """Nanoseconds in a millisecond: the unit of the file's times."""
 VIDEO_TRACK_TYPE = 1
 """Number for a video track in Matroska's track type (RFC 9559)."""
-PLACEHOLDER_SIZE_PX = 16
+DECLARED_PICTURE_SIDE_PX = 16
 """Width and height that the track declares: the format wants them, but the pictures hold their own."""
 
 
@@ -41,8 +41,8 @@ def encode_matroska_start(codec: str) -> bytes:
     Args:
         codec: `h264`, `h265`, `vp9` or `av1`.
     """
-    video = _encode_element(_PIXEL_WIDTH, _encode_number(PLACEHOLDER_SIZE_PX)) + _encode_element(
-        _PIXEL_HEIGHT, _encode_number(PLACEHOLDER_SIZE_PX)
+    video = _encode_element(_PIXEL_WIDTH, _encode_number(DECLARED_PICTURE_SIDE_PX)) + _encode_element(
+        _PIXEL_HEIGHT, _encode_number(DECLARED_PICTURE_SIDE_PX)
     )
     track = (
         _encode_element(_TRACK_NUMBER, _encode_number(1))

@@ -15,7 +15,7 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.signals.lane_geometry import Pinhole
 from cwcli.vision.boundary import Boundary
-from cwcli.vision.ground import MIN_DEPTH_SHARE
+from cwcli.vision.ground import MIN_DEPTH_BELOW_HORIZON_SHARE
 from cwcli.vision.lane_detect import (
     EVIDENCE_DEAD_ZONE,
     Float32Array,
@@ -69,7 +69,7 @@ class OnnxLaneSearch:
             np.asarray(cv2.dilate(sharp, np.ones((1, 2 * reach + 1), np.uint8)), np.float32)
             for reach in half_widths_of_two_widened_evidences_px(width)
         )
-        return StripeEvidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH_SHARE * height, pinhole)
+        return StripeEvidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH_BELOW_HORIZON_SHARE * height, pinhole)
 
 
 def _boundary_without_probability(boundary: Boundary) -> Boundary:

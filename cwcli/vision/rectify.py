@@ -20,7 +20,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, Rotation3x3
 from cwcli.vision.encoded import Image
 
-UNSEEN_COORDINATE_PX = -1000.0
+COORDINATE_OF_UNSEEN_POINT_PX = -1000.0
 """Coordinate for points that the camera can't see, in pixels: far enough outside any image."""
 MAX_BELOW_IMAGE_SHARE = 0.5
 """Greatest distance below the image's bottom to which lines are followed into the camera's corners, over the image's
@@ -132,7 +132,9 @@ def rectification_pixel_maps(camera: Camera) -> tuple[Image, Image]:
         rows = np.arange(float(top), min(top + MAP_ROWS_PER_BLOCK, camera.height_px))
         points = map_rectified_to_camera_px(np.stack(np.meshgrid(u_px, rows), axis=-1), camera)
         points_px[top : top + MAP_ROWS_PER_BLOCK] = np.clip(
-            np.nan_to_num(points, nan=UNSEEN_COORDINATE_PX), UNSEEN_COORDINATE_PX, -2.0 * UNSEEN_COORDINATE_PX
+            np.nan_to_num(points, nan=COORDINATE_OF_UNSEEN_POINT_PX),
+            COORDINATE_OF_UNSEEN_POINT_PX,
+            -2.0 * COORDINATE_OF_UNSEEN_POINT_PX,
         )
     first, second = cv2.convertMaps(points_px[..., 0], points_px[..., 1], cv2.CV_16SC2)
     return np.asarray(first), np.asarray(second)

@@ -17,12 +17,12 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 
-HORIZON_SEARCH_SHARES = (0.25, 0.66)
+FIRST_AND_LAST_HORIZON_ROW_SHARES = (0.25, 0.66)
 """First and last row that are tried, over the image's height. Chosen by hand; not fitted."""
 COLUMN_SEARCH_HALF_WIDTH_SHARE = 0.22
 """Distance to each side of the middle up to which columns are tried, over the image's width. Chosen by hand; not
 fitted."""
-GRID_STEP_SHARE = 0.01
+VANISHING_GRID_STEP_SHARE = 0.01
 """Step of the tried rows and columns, over the image's height and width. Chosen by hand; not fitted."""
 MIN_SEGMENT_LENGTH_SHARE = 0.03
 """Least length of a segment that votes, over the image's width. Chosen by hand; not fitted."""
@@ -31,7 +31,7 @@ MAX_COUNTED_LENGTH_SHARE = 0.15
 MIN_SEGMENT_SLOPE, MAX_SEGMENT_SLOPE = 0.2, 16.0
 """Least and greatest slope of a segment that votes, in rows a column: others are beams, bridges and posts. Chosen by
 hand; not fitted."""
-QUARTER_VOTE_ANGLE_RAD = 0.02
+ANGLE_LEAVING_QUARTER_OF_VOTES_RAD = 0.02
 """Angle between a segment and a point at which a quarter of the votes is left, in radians. Chosen by hand; not
 fitted."""
 MAX_DETECTION_WIDTH_PX = 400
@@ -75,8 +75,15 @@ def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | 
     segments = _detect_segments_along_road_uv_px(grey)
     if not len(segments):
         return None
-    v = np.arange(HORIZON_SEARCH_SHARES[0] * height, HORIZON_SEARCH_SHARES[1] * height, GRID_STEP_SHARE * height)
-    u = middle_px + np.arange(-COLUMN_SEARCH_HALF_WIDTH_SHARE, COLUMN_SEARCH_HALF_WIDTH_SHARE, GRID_STEP_SHARE) * width
+    v = np.arange(
+        FIRST_AND_LAST_HORIZON_ROW_SHARES[0] * height,
+        FIRST_AND_LAST_HORIZON_ROW_SHARES[1] * height,
+        VANISHING_GRID_STEP_SHARE * height,
+    )
+    u = (
+        middle_px
+        + np.arange(-COLUMN_SEARCH_HALF_WIDTH_SHARE, COLUMN_SEARCH_HALF_WIDTH_SHARE, VANISHING_GRID_STEP_SHARE) * width
+    )
     votes, total = _vanishing_point_votes_on_grid(segments, u, v, width, height)
     i, j = np.unravel_index(int(votes.argmax()), votes.shape)
     near = votes[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] ** 4
@@ -93,7 +100,7 @@ def _detect_segments_along_road_uv_px(grey: GreyImage) -> FloatArray:
     import cv2
 
     height, width = grey.shape
-    top = round((HORIZON_SEARCH_SHARES[0] + MIN_REACH_BELOW_POINT_SHARE) * height)
+    top = round((FIRST_AND_LAST_HORIZON_ROW_SHARES[0] + MIN_REACH_BELOW_POINT_SHARE) * height)
     road = np.ascontiguousarray(grey[top:])
     if width > MAX_DETECTION_WIDTH_PX:
         road = np.asarray(cv2.resize(road, (width // 2, len(road) // 2), interpolation=cv2.INTER_AREA), np.uint8)
@@ -135,7 +142,7 @@ def _vanishing_point_votes_on_grid(
     du = (grid_u_px - 0.5 * (segments_uv_px[:, :1] + segments_uv_px[:, 2:3])).astype(np.float32)
     dv = (grid_v_px - 0.5 * (segments_uv_px[:, 1:2] + segments_uv_px[:, 3:])).astype(np.float32)
     # at the distance from a segment that 0.02 rad and a pixel at its ends allow, a quarter of its votes is left
-    beside = 1.0 / (length * (QUARTER_VOTE_ANGLE_RAD + 1.0 / length))
+    beside = 1.0 / (length * (ANGLE_LEAVING_QUARTER_OF_VOTES_RAD + 1.0 / length))
     across = (du * (rise * beside)[:, None].astype(np.float32))[:, None, :]
     across = across - (dv * (run * beside)[:, None].astype(np.float32))[:, :, None]
     across *= across

@@ -33,7 +33,7 @@ N_DECODER_THREADS = 1
 MAX_EXTRA_DECODER_FAILURES = 2
 """Failures of the decoder, beyond one for each waiting message, after which it is started anew. Chosen by hand; not
 fitted."""
-BLOCK_NUMBER_ABOVE_ALL = 1 << 40
+BLOCK_NUMBER_ABOVE_ALL_MESSAGES = 1 << 40
 """A block number above that of any message."""
 
 
@@ -134,7 +134,7 @@ def _decode_until_stuck(
             failures = 0
             size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
             if size[0] * size[1] > max_pixels:
-                for message in feed.pop_waiting_messages_before(BLOCK_NUMBER_ABOVE_ALL):
+                for message in feed.pop_waiting_messages_before(BLOCK_NUMBER_ABOVE_ALL_MESSAGES):
                     yield message, None, size
                 return size
             number = round(capture.get(cv2.CAP_PROP_POS_MSEC) / BLOCK_INTERVAL_MS)
@@ -143,7 +143,7 @@ def _decode_until_stuck(
             own = feed.pop_oldest_waiting_message_if_numbered(number)
             if own is not None:
                 yield own, *_retrieve_picture_or_none_and_its_size(capture)
-        for message in feed.pop_waiting_messages_before(BLOCK_NUMBER_ABOVE_ALL):
+        for message in feed.pop_waiting_messages_before(BLOCK_NUMBER_ABOVE_ALL_MESSAGES):
             yield message, None, (0, 0)
         return 0, 0
     finally:

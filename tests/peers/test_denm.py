@@ -13,7 +13,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.denm import DENM_PATHS, LEAF_FIELDS
-from cwcli.signals.etsi import CAM
+from cwcli.signals.etsi import CAM_AND_VAM_CODEC
 from cwcli.signals.quality import Quality
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, empty_road_events, hard_braking_known_mask_or_none
 from cwcli.signals.role import Role
@@ -207,7 +207,7 @@ def test_a_number_that_is_no_code_tells_nothing_and_is_counted(name: str) -> Non
 def test_no_two_senders_become_one_where_numbers_are_no_station_ids() -> None:
     paths = {"header.station_id.value": [7.0, 7.25, 2.0**32, -7.0]}
     columns = columns_of("etsi_its_cam_msgs/CAM", paths, message_encoding="json")
-    senders = CAM.identify(columns)
+    senders = CAM_AND_VAM_CODEC.identify(columns)
     assert senders.station.values == ("7",)
     assert senders.station.codes.tolist() == [0, -1, -1, -1]
     _, quality = build_signal(Role.REMOTE, columns)

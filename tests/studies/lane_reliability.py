@@ -32,7 +32,7 @@ from cwcli.simulation.road.sets import FRAME_SETS, draw_scene, iter_set_frames
 from cwcli.simulation.streams import random_stream
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.boundary_probability import (
-    LAPSE_PROBABILITY,
+    PROBABILITY_OF_WELL_SEEN_OTHER_LINE,
     LOG_ODDS_COEFFICIENTS,
     probability_features_of_left_and_right,
 )
@@ -200,7 +200,7 @@ def main() -> None:
         print(f"fitted on the {name} labelled frames: {np.round(made, 2).tolist()}; on the others:")
         print(reliability(chances(real_x[~fit_half], made), real_right[~fit_half]))
     made = fitted_on_both(rendered, (real_x, real_right))
-    in_use = np.array([*LOG_ODDS_COEFFICIENTS, LAPSE_PROBABILITY])
+    in_use = np.array([*LOG_ODDS_COEFFICIENTS, PROBABILITY_OF_WELL_SEEN_OTHER_LINE])
     print("coefficients and lapse", np.round(made, 2).tolist(), "in use", in_use.tolist())
     x, right, empty = samples(SHOWN_SEED, n)
     p = chances(x, in_use)

@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.cli.main import run_command_line
 from cwcli.errors import UsageError
-from cwcli.importing.bounded_xml import MAX_DEPTH, MAX_KEPT_ELEMENTS, MAX_QUIET_BYTES
+from cwcli.importing.bounded_xml import MAX_BYTES_WITHOUT_TAG, MAX_ELEMENT_DEPTH, MAX_ELEMENTS_INSIDE_KEPT_ONE
 from cwcli.signals.can import list_dbc_signal_names
 
 LOG = str(Path(__file__).parents[2] / "sample_logs" / "straight.mcap")
@@ -33,15 +33,15 @@ def laughs(path: Path) -> None:
 
 
 def deep(path: Path) -> None:
-    path.write_text(HEAD + POINT.format("<a>" * MAX_DEPTH + "</a>" * MAX_DEPTH) + TAIL)
+    path.write_text(HEAD + POINT.format("<a>" * MAX_ELEMENT_DEPTH + "</a>" * MAX_ELEMENT_DEPTH) + TAIL)
 
 
 def wide(path: Path) -> None:
-    path.write_text(HEAD + POINT.format("<a/>" * (MAX_KEPT_ELEMENTS + 1)) + TAIL)
+    path.write_text(HEAD + POINT.format("<a/>" * (MAX_ELEMENTS_INSIDE_KEPT_ONE + 1)) + TAIL)
 
 
 def quiet(path: Path) -> None:
-    path.write_text(HEAD + POINT.format("<name>" + "x" * (MAX_QUIET_BYTES + 200_000)) + TAIL)
+    path.write_text(HEAD + POINT.format("<name>" + "x" * (MAX_BYTES_WITHOUT_TAG + 200_000)) + TAIL)
 
 
 def outside(path: Path) -> None:

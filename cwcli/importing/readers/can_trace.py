@@ -29,7 +29,7 @@ CANDUMP = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
 """Pattern of a line that `candump -l` writes: time, bus, identifier and data."""
 ASC_HEADER = re.compile(r"^(date\s|base\s+(hex|dec)\b|\d+\.\d+\s+(\d+|CANFD)\s+[0-9A-Fa-f]+x?\s+[RT]x)", re.IGNORECASE)
 """A line near the start of an ASC trace."""
-N_HEAD_LINES = 5
+N_ASC_HEAD_LINES = 5
 """Number of lines at the start of an ASC trace in which it tells what its times count from. Chosen by hand."""
 BLF_MAGIC = b"LOGG"
 """First bytes of a BLF file."""
@@ -115,7 +115,7 @@ class _TraceLines(io.TextIOBase):
     def __init__(self, path: str) -> None:
         super().__init__()
         self._lines = iter_text_lines(path, "utf-8")
-        self._n_head_lines_left = N_HEAD_LINES
+        self._n_head_lines_left = N_ASC_HEAD_LINES
         self._sum_us: int | None = None
 
     def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]

@@ -22,15 +22,15 @@ from cwcli.lazy_dataclass import dataclass
 
 SEPARATORS = (";", "\t", ",", "|")
 """Characters that separate cells, the ones that are never a decimal mark first. Blanks do where none of them does."""
-N_SHOWN_LINES = 200
+N_START_LINES_SHOWING_LAYOUT = 200
 """Lines at the start that show the layout; chosen by hand."""
-BLOCK_BYTES = 4 << 20
+BYTES_PARSED_AT_ONCE = 4 << 20
 """Number of bytes that Arrow parses at a time, 4 MiB. Chosen by hand."""
 _NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
 _VALUE = re.compile(r"^[+-]?[\d.,:/ TZeE+-]+$")
-MAX_LINES_OF_CELL = 10
+MAX_LINES_IN_QUOTED_CELL = 10
 """Greatest number of lines of a text in quotes. Chosen by hand."""
-MAX_BAD_SHARE = 0.05
+MAX_SHARE_OF_ROWS_WITH_WRONG_CELL_COUNT = 0.05
 """Largest share of rows with a wrong number of cells that are left out; more is an error. Chosen by hand."""
 
 
@@ -85,7 +85,7 @@ def find_separator_names_and_units(head: TextHead, where: str) -> TextLayout:
         AmbiguousError: There is no line of names.
         DataError: No separator divides the lines alike.
     """
-    numbered = [(k, line) for k, line in enumerate(head.lines[:N_SHOWN_LINES]) if line.strip()]
+    numbered = [(k, line) for k, line in enumerate(head.lines[:N_START_LINES_SHOWING_LAYOUT]) if line.strip()]
     if not numbered:
         raise InputError("it is empty", where=where)
     if re.fullmatch(r"sep=.", numbered[0][1].strip(), re.IGNORECASE):
@@ -241,7 +241,10 @@ def _read_rows(
             reader = arrow_csv.open_csv(
                 _TabsForBlanks(file) if layout.separator == " " else file,
                 read_options=arrow_csv.ReadOptions(
-                    column_names=list(layout.names), encoding=head.encoding, block_size=BLOCK_BYTES, use_threads=False
+                    column_names=list(layout.names),
+                    encoding=head.encoding,
+                    block_size=BYTES_PARSED_AT_ONCE,
+                    use_threads=False,
                 ),
                 parse_options=arrow_csv.ParseOptions(
                     delimiter=layout.separator.replace(" ", "\t"), invalid_row_handler=skip
@@ -264,7 +267,7 @@ def _read_rows(
                 raise InputError("it has a line of names and no rows", where=where) from error
             raise InputError(f"it can't be read as separated text: {said}", where=where) from error
     _require_closed_quotes(longest[0], where)
-    if n_bad[0] > MAX_BAD_SHARE * (n_rows + n_bad[0]):
+    if n_bad[0] > MAX_SHARE_OF_ROWS_WITH_WRONG_CELL_COUNT * (n_rows + n_bad[0]):
         raise DataError(
             f"{n_bad[0]} of {n_rows + n_bad[0]} rows have not {len(layout.names)} columns",
             where=where,
@@ -283,7 +286,7 @@ def _require_closed_quotes(text: str, where: str) -> None:
         DataError: It does.
     """
     n_lines = text.count("\n")
-    if n_lines > MAX_LINES_OF_CELL:
+    if n_lines > MAX_LINES_IN_QUOTED_CELL:
         raise DataError(
             f"a quote is opened and not closed: {n_lines} lines would be one cell, which begins {text[:40]!r}",
             where=where,

@@ -2,7 +2,8 @@
 
 One vehicle is the ego: its positions, speeds and angles become sensor channels. The others become V2X messages (BSM),
 as if each sent at each step. Angles are degrees clockwise from north, positions those of the front bumper. A plane
-without a place on the globe is put at `PLANE_ORIGIN`. Source: sumo.dlr.de/docs/Simulation/Output/FCDOutput.html.
+without a place on the globe is put at `PLANE_ORIGIN_LATITUDE_LONGITUDE_DEG`.
+Source: sumo.dlr.de/docs/Simulation/Output/FCDOutput.html.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.simulate.v2x import BSM_SCHEMA, encode_bsm_json
 from cwcli.simulation.v2x_link import ReceivedMessages
 
-PLANE_ORIGIN = (52.0, 10.0)
+PLANE_ORIGIN_LATITUDE_LONGITUDE_DEG = (52.0, 10.0)
 """Latitude and longitude of the origin of a plane that has no place on the globe, degrees; chosen by hand."""
-MAX_VALUE = 1e10
+MAX_MAGNITUDE_OF_VEHICLE_NUMBER = 1e10
 """Greatest size of a time, place, angle or speed of a simulated vehicle. Chosen by hand: ten thousand times the size of
 a map."""
 ROWS = ("time", "x", "y", "angle", "speed")
 """The time, and the attributes of a vehicle at a step that are read."""
-REMOTE_TOPIC = "/v2x/bsm"
+OTHER_VEHICLES_TOPIC = "/v2x/bsm"
 """Topic of the others' messages."""
 
 
@@ -48,7 +49,7 @@ def _read_fcd_tables(path: str, answers: Answers) -> Sequence[SourceTable | Reco
     tables = {name: np.array(rows, np.float64) for name, rows in vehicles.items()}
     is_geographic = _is_geographic(tables[ego])
     places = {name: _latitudes_and_longitudes(rows, is_geographic) for name, rows in tables.items()}
-    origin = LocalMap(*PLANE_ORIGIN)
+    origin = LocalMap(*PLANE_ORIGIN_LATITUDE_LONGITUDE_DEG)
     latitude, longitude = places[ego]
     stamps = np.rint(tables[ego][:, 0] * 1e6).astype(np.int64) * 1000
     columns = {
@@ -67,8 +68,9 @@ def _read_fcd_tables(path: str, answers: Answers) -> Sequence[SourceTable | Reco
     }
     notes = [f"the ego is {ego}; positions are those of front bumpers"]
     if not is_geographic:
+        latitude_deg, longitude_deg = PLANE_ORIGIN_LATITUDE_LONGITUDE_DEG
         notes.append(
-            f"the plane has no place on the globe: its origin is put at {PLANE_ORIGIN[0]:g} N {PLANE_ORIGIN[1]:g} E"
+            f"the plane has no place on the globe: its origin is put at {latitude_deg:g} N {longitude_deg:g} E"
         )
     table = SourceTable.of_arrays(path, ego, "sumo fcd", columns, presets=presets, notes=notes)
     others = {}
@@ -113,7 +115,9 @@ def _seconds_of_time(text: str) -> float:
 
 def _complete_row_indices_by_time(rows: FloatArray) -> Int64Array:
     """Return the rows with every value that a message needs, one a time, in the order of time."""
-    complete = np.flatnonzero(np.isfinite(rows).all(axis=1) & (np.abs(rows) < MAX_VALUE).all(axis=1))
+    complete = np.flatnonzero(
+        np.isfinite(rows).all(axis=1) & (np.abs(rows) < MAX_MAGNITUDE_OF_VEHICLE_NUMBER).all(axis=1)
+    )
     stamps = np.rint(rows[complete, 0] * 1e6).astype(np.int64)
     return complete[np.unique(stamps, return_index=True)[1]]
 
@@ -145,7 +149,9 @@ def _is_geographic(rows: FloatArray) -> bool:
 def _latitudes_and_longitudes(rows: FloatArray, is_geographic: bool) -> tuple[FloatArray, FloatArray]:
     if is_geographic:
         return rows[:, 2], rows[:, 1]
-    latitude, longitude, _ = LocalMap(*PLANE_ORIGIN).wgs84_from_map(rows[:, 1], rows[:, 2], np.zeros(len(rows)))
+    latitude, longitude, _ = LocalMap(*PLANE_ORIGIN_LATITUDE_LONGITUDE_DEG).wgs84_from_map(
+        rows[:, 1], rows[:, 2], np.zeros(len(rows))
+    )
     return latitude, longitude
 
 
@@ -165,7 +171,7 @@ class OtherVehicles:
     @property
     def topics(self) -> Sequence[tuple[str, str, int]]:
         """One channel with the messages of all."""
-        return [(REMOTE_TOPIC, BSM_SCHEMA["title"], sum(len(rows) for rows, _ in self.vehicles.values()))]
+        return [(OTHER_VEHICLES_TOPIC, BSM_SCHEMA["title"], sum(len(rows) for rows, _ in self.vehicles.values()))]
 
     def write(self, log: LogWriter) -> None:
         """Write the messages in the order of time."""
@@ -182,7 +188,7 @@ class OtherVehicles:
         log_time_ns = np.concatenate(times)
         order = np.argsort(log_time_ns, kind="stable")
         schema = log.add_schema(BSM_SCHEMA["title"], "jsonschema", json.dumps(BSM_SCHEMA).encode())
-        channel = log.add_channel(REMOTE_TOPIC, "json", schema)
+        channel = log.add_channel(OTHER_VEHICLES_TOPIC, "json", schema)
         log.write_messages(channel, log_time_ns[order], [messages[i] for i in order.tolist()])
 
 

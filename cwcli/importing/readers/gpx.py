@@ -14,7 +14,7 @@ from cwcli.importing.bounded_xml import iter_xml_events
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable
 
-POINTS_AT_ONCE = 50_000
+TRACK_POINTS_PER_BATCH = 50_000
 """Number of track points in a batch of rows. Chosen by hand: a batch takes a few megabytes."""
 PRESETS = {
     "time": Preset("time"),
@@ -60,7 +60,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
             if track != tracks[wanted][0]:
                 continue
             rows.append(point)
-            if len(rows) == POINTS_AT_ONCE:
+            if len(rows) == TRACK_POINTS_PER_BATCH:
                 yield {name: pa.array([row.get(name, "") for row in rows]) for name in names}
                 rows = []
         if rows:
@@ -84,7 +84,7 @@ def _names_of_points(path: str, track: str) -> Iterator[str]:
     for k, (name, point) in enumerate(_iter_track_points(path)):
         if name == track:
             yield from point
-        if k > POINTS_AT_ONCE:
+        if k > TRACK_POINTS_PER_BATCH:
             return
 
 

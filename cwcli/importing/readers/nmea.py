@@ -25,7 +25,7 @@ from cwcli.signals.units import NS_PER_S
 
 NS_PER_DAY = 86_400 * NS_PER_S
 """Number of nanoseconds in a day."""
-SENTENCE = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*(\*[0-9A-Fa-f]{2}|,)")
+NMEA_SENTENCE_PATTERN = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*(\*[0-9A-Fa-f]{2}|,)")
 """Pattern of an NMEA sentence, with or without its checksum."""
 COLUMNS = {
     "position": ("latitude_deg", "longitude_deg", "altitude_m"),
@@ -74,7 +74,7 @@ class CollectedSentences:
 
 
 def _accepts_nmea_file(head: FileHead) -> bool:
-    found = sum(bool(SENTENCE.search(line)) for line in head.lines)
+    found = sum(bool(NMEA_SENTENCE_PATTERN.search(line)) for line in head.lines)
     return found > 0 and found >= 0.3 * len(head.lines)
 
 

@@ -15,17 +15,17 @@ from cwcli.importing.tables import Answers, Batch, SourceTable
 if TYPE_CHECKING:
     from cwcli.importing.cells import ArrowArray
 
-MAGIC = b"PAR1"
+FIRST_AND_LAST_BYTES = b"PAR1"
 """First and last bytes of a Parquet file."""
 MAX_FOOTER_BYTES = 16_000_000
 """Greatest size of the description at the end of a file; it takes ten times as much memory. Chosen by hand: a thousand
 columns in a thousand groups of rows take 100 MB, and those of vehicles a hundredth of it."""
-ROWS_AT_ONCE = 65_536
+ROWS_PER_BATCH = 65_536
 """Number of rows of a batch. Chosen by hand: a batch takes a few megabytes."""
 
 
 def _accepts_parquet_file(head: FileHead) -> bool:
-    return head.data.startswith(MAGIC)
+    return head.data.startswith(FIRST_AND_LAST_BYTES)
 
 
 def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
@@ -48,7 +48,7 @@ def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
 
     def read(columns: Sequence[str]) -> Iterator[Batch]:
         try:
-            for batch in file.iter_batches(ROWS_AT_ONCE, columns=list(columns)):
+            for batch in file.iter_batches(ROWS_PER_BATCH, columns=list(columns)):
                 yield {name: _arrow_column_as_plain_values(_leaf_column(batch, name)) for name in columns}
         except (pa.ArrowException, OSError) as error:
             raise InputError(f"the Parquet file is damaged: {str(error).splitlines()[0]}", where=path) from error

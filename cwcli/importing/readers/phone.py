@@ -29,13 +29,13 @@ from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS, parse_start_ns
 from cwcli.text import format_count
 
-MAX_MEMBER_BYTES = 256 << 20
+MAX_UNPACKED_TABLE_BYTES = 256 << 20
 """Largest table in a zip that is unpacked: 256 MiB, five hours of 100 rows a second."""
-MAX_TABLES = 20
+MAX_TABLES_READ_FROM_ZIP = 20
 """Largest number of tables of a zip that are read; apps write one for each sensor. Chosen by hand."""
-MAX_RATIO = 200
+MAX_UNPACKED_TO_ZIPPED_SIZE_RATIO = 200
 """Largest ratio of a table's size to that in the zip: text of numbers has less than 20."""
-MAX_MEMBERS = 1000
+MAX_FILES_IN_ZIP = 1000
 """Largest number of files in a zip. Chosen by hand; not fitted."""
 LOCATIONS = ("location", "locationgps", "gps", "locationnetwork")
 """Tables of positions, the best first."""
@@ -104,7 +104,7 @@ def _archive_members_by_table_name(archive: zipfile.ZipFile, path: str) -> dict[
         InputError: There are too many files, or one unpacks to too much.
     """
     infos = [info for info in archive.infolist() if not info.is_dir()]
-    if len(infos) > MAX_MEMBERS:
+    if len(infos) > MAX_FILES_IN_ZIP:
         raise InputError(f"the zip holds {len(infos)} files; recordings of phones hold few", where=path)
     tables = {
         stem_of_table(info.filename): info
@@ -133,11 +133,11 @@ def _require_bounded_total(members: dict[str, zipfile.ZipInfo], wanted: list[str
         InputError: They are.
     """
     n_bytes = sum(members[name].file_size for name in wanted)
-    if len(wanted) > MAX_TABLES or n_bytes > MAX_MEMBER_BYTES:
+    if len(wanted) > MAX_TABLES_READ_FROM_ZIP or n_bytes > MAX_UNPACKED_TABLE_BYTES:
         raise InputError(
             f"{format_count(len(wanted), 'table')} unpack to {n_bytes / 1e6:,.0f} MB: it is no recording of a phone",
             where=path,
-            hint=f"unpack it, and import at most {MAX_TABLES} tables",
+            hint=f"unpack it, and import at most {MAX_TABLES_READ_FROM_ZIP} tables",
         )
 
 
@@ -180,7 +180,9 @@ def _unpack_archive_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, path
     Raises:
         InputError: It unpacks to more than a recording does.
     """
-    too_large = info.file_size > MAX_MEMBER_BYTES or info.file_size > MAX_RATIO * max(info.compress_size, 4096)
+    too_large = info.file_size > MAX_UNPACKED_TABLE_BYTES or info.file_size > MAX_UNPACKED_TO_ZIPPED_SIZE_RATIO * max(
+        info.compress_size, 4096
+    )
     if too_large:
         raise InputError(
             f"{info.filename} unpacks to {info.file_size / 1e6:,.0f} MB: it is not a recording", where=path

@@ -21,7 +21,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 NUMBER = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
-LINES_AT_ONCE = 50_000
+LINES_PARSED_AT_ONCE = 50_000
 """Number of lines that are parsed at a time. Chosen by hand: they take a few megabytes."""
 POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Position and quaternion, in the order of TUM."""
@@ -31,12 +31,12 @@ POSE_PRESETS = {
     **{f"q{axis}": Preset(f"quaternion_{axis}") for axis in "xyzw"},
 }
 """Column -> the quantity and unit that the format fixes."""
-MAX_LENGTH_ERROR = 0.05
+MAX_QUATERNION_LENGTH_ERROR = 0.05
 """Largest deviation of the length of a quaternion from 1; numbers beyond it are no quaternion. Chosen by hand."""
-MAX_VOLUME_ERROR = 0.05
+MAX_ROTATION_DETERMINANT_ERROR = 0.05
 """Largest deviation of the determinant of a rotation matrix from 1; numbers beyond it are no rotation. Chosen by
 hand."""
-MAX_UNEQUAL_LINES = 0.05
+MAX_SHARE_OF_LINES_WITH_WRONG_COLUMN_COUNT = 0.05
 """Largest share of lines with a wrong number of columns that are left out; more is an error. Chosen by hand."""
 
 
@@ -74,14 +74,14 @@ def iter_number_lines(path: str, n: int, notes: list[str]) -> Iterator[list[list
     """
     n_bad = n_good = 0
     lines = iter_text_lines(path)
-    while block := list(islice(lines, LINES_AT_ONCE)):
+    while block := list(islice(lines, LINES_PARSED_AT_ONCE)):
         rows = [_split_line_into_cells(line) for line in block if line.strip() and line[0] not in "#%"]
         good = [row for row in rows if len(row) == n and all(NUMBER.match(cell) for cell in row)]
         n_bad += len(rows) - len(good)
         n_good += len(good)
         if good:
             yield good
-    if n_bad > MAX_UNEQUAL_LINES * (n_bad + n_good):
+    if n_bad > MAX_SHARE_OF_LINES_WITH_WRONG_COLUMN_COUNT * (n_bad + n_good):
         raise DataError(
             f"{n_bad} of {n_bad + n_good} lines are not {n} numbers", where=path, hint="the file may be damaged"
         )
@@ -198,7 +198,9 @@ def xyzw_quaternions_of_rotations(rotation: FloatArray) -> FloatArray:
 
 def _accepts_tum_file(head: FileHead) -> bool:
     rows = first_lines_as_numbers(head, 8)
-    return rows is not None and bool((np.abs(np.linalg.norm(rows[:, 4:], axis=1) - 1.0) < MAX_LENGTH_ERROR).all())
+    return rows is not None and bool(
+        (np.abs(np.linalg.norm(rows[:, 4:], axis=1) - 1.0) < MAX_QUATERNION_LENGTH_ERROR).all()
+    )
 
 
 def _accepts_kitti_file(head: FileHead) -> bool:
@@ -206,7 +208,7 @@ def _accepts_kitti_file(head: FileHead) -> bool:
     if rows is None:
         return False
     volume = np.linalg.det(rows.reshape(-1, 3, 4)[:, :, :3])
-    return bool((np.abs(volume - 1.0) < MAX_VOLUME_ERROR).all())
+    return bool((np.abs(volume - 1.0) < MAX_ROTATION_DETERMINANT_ERROR).all())
 
 
 TUM = ImportKind("TUM trajectories", (".tum", ".txt"), _accepts_tum_file, read_tum_poses)

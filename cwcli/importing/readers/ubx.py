@@ -22,22 +22,22 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
-SYNC = b"\xb5\x62"
+UBX_SYNC_BYTES = b"\xb5\x62"
 """The first two bytes of a UBX message (u-blox M8 protocol specification, 32.2)."""
-NAV_PVT = b"\x01\x07"
+NAV_PVT_CLASS_AND_NUMBER = b"\x01\x07"
 """Class and number of the message NAV-PVT (u-blox M8 protocol specification, 32.17.14)."""
-HEAD = struct.Struct("<2s2sH")
+UBX_MESSAGE_HEAD_STRUCT = struct.Struct("<2s2sH")
 """The beginning of a message: sync bytes, class and number, length of the payload."""
 CHECKSUM_BYTES = 2
 """The number of bytes of the checksum behind the payload."""
-SOLUTION = struct.Struct("<4xH5BB4xiBB2x4i8x2i")
+NAV_PVT_PAYLOAD_STRUCT = struct.Struct("<4xH5BB4xiBB2x4i8x2i")
 """The used fields of NAV-PVT: year, month, day, hour, minute, second, valid, nano, fixType, flags, longitude, latitude,
 height, height above the sea, north and east velocity."""
-LEAST_SOLUTION_BYTES = 84
+MIN_NAV_PVT_PAYLOAD_BYTES = 84
 """The least length of NAV-PVT: that of u-blox 7; later receivers send 92 bytes."""
-MAX_MESSAGE_BYTES = HEAD.size + 0xFFFF + CHECKSUM_BYTES
+MAX_UBX_MESSAGE_BYTES = UBX_MESSAGE_HEAD_STRUCT.size + 0xFFFF + CHECKSUM_BYTES
 """The greatest length of a message."""
-BLOCK_BYTES = 1 << 20
+BYTES_READ_AT_ONCE = 1 << 20
 """Number of bytes that are read at a time, 1 MiB. Chosen by hand."""
 DATE_AND_TIME_VALID, FIX_OK = 0b11, 0b1
 """The bits of the fields valid and flags that say that date, time and fix can be used."""
@@ -56,8 +56,8 @@ PRESETS = {
 
 
 def _accepts_ubx_file(head: FileHead) -> bool:
-    at = head.data.find(SYNC + b"\x01")
-    return head.data.startswith(SYNC) or (0 <= at < 4096 and head.text is None)
+    at = head.data.find(UBX_SYNC_BYTES + b"\x01")
+    return head.data.startswith(UBX_SYNC_BYTES) or (0 <= at < 4096 and head.text is None)
 
 
 def _read_ubx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
@@ -82,9 +82,9 @@ def _read_solutions_and_count_skipped(path: str) -> tuple[list[tuple[float, ...]
     try:
         with Path(path).open("rb") as file:
             while not is_end:
-                block = file.read(BLOCK_BYTES)
+                block = file.read(BYTES_READ_AT_ONCE)
                 data, is_end = data + block, not block
-                stop = len(data) if is_end else max(len(data) - MAX_MESSAGE_BYTES, 0)
+                stop = len(data) if is_end else max(len(data) - MAX_UBX_MESSAGE_BYTES, 0)
                 payloads, n_damaged, at = _find_solution_payloads_damaged_count_and_next_place(data, stop)
                 counts["damaged"] += n_damaged
                 for payload in payloads:
@@ -104,11 +104,13 @@ def _find_solution_payloads_damaged_count_and_next_place(data: bytes, stop: int)
         The payloads, the number of damaged ones, and the place where the next search must begin.
     """
     octets = np.frombuffer(data, np.uint8).astype(np.int64)
-    starts = np.flatnonzero((octets[:-1] == SYNC[0]) & (octets[1:] == SYNC[1]))
-    starts = starts[(starts < stop) & (starts + HEAD.size <= len(octets))]
-    ends = starts + HEAD.size + octets[starts + 4] + 256 * octets[starts + 5] + CHECKSUM_BYTES
-    is_solution = (octets[starts + 2] == NAV_PVT[0]) & (octets[starts + 3] == NAV_PVT[1])
-    is_solution &= ends - starts >= HEAD.size + LEAST_SOLUTION_BYTES + CHECKSUM_BYTES
+    starts = np.flatnonzero((octets[:-1] == UBX_SYNC_BYTES[0]) & (octets[1:] == UBX_SYNC_BYTES[1]))
+    starts = starts[(starts < stop) & (starts + UBX_MESSAGE_HEAD_STRUCT.size <= len(octets))]
+    ends = starts + UBX_MESSAGE_HEAD_STRUCT.size + octets[starts + 4] + 256 * octets[starts + 5] + CHECKSUM_BYTES
+    is_solution = (octets[starts + 2] == NAV_PVT_CLASS_AND_NUMBER[0]) & (
+        octets[starts + 3] == NAV_PVT_CLASS_AND_NUMBER[1]
+    )
+    is_solution &= ends - starts >= UBX_MESSAGE_HEAD_STRUCT.size + MIN_NAV_PVT_PAYLOAD_BYTES + CHECKSUM_BYTES
     is_sound = ends <= len(octets)
     is_sound[is_sound] = _have_right_checksums(octets, starts[is_sound], ends[is_sound])
     damaged = starts[is_solution & ~is_sound]
@@ -122,7 +124,7 @@ def _find_solution_payloads_damaged_count_and_next_place(data: bytes, stop: int)
         if len(damaged):
             n_inside += int(np.searchsorted(damaged, end) - np.searchsorted(damaged, start))
         if has_position:
-            payloads.append(data[start + HEAD.size : end - CHECKSUM_BYTES])
+            payloads.append(data[start + UBX_MESSAGE_HEAD_STRUCT.size : end - CHECKSUM_BYTES])
     return payloads, len(damaged) - n_inside, max(at, stop)
 
 
@@ -130,7 +132,7 @@ def _have_right_checksums(octets: Int64Array, starts: Int64Array, ends: Int64Arr
     """Tell of each message whether its checksum is right: the 8-bit Fletcher algorithm of RFC 1145, by running sums."""
     sums = np.concatenate([[0], np.cumsum(octets)])
     weighted = np.concatenate([[0], np.cumsum(octets * np.arange(len(octets)))])
-    begin, end = starts + len(SYNC), ends - CHECKSUM_BYTES
+    begin, end = starts + len(UBX_SYNC_BYTES), ends - CHECKSUM_BYTES
     first = sums[end] - sums[begin]
     second = end * first - (weighted[end] - weighted[begin])
     is_right: BoolArray = (first & 0xFF == octets[end]) & (second & 0xFF == octets[end + 1])
@@ -139,7 +141,7 @@ def _have_right_checksums(octets: Int64Array, starts: Int64Array, ends: Int64Arr
 
 def _append_solution_or_count(rows: list[tuple[float, ...]], counts: Counter[str], payload: bytes) -> None:
     year, month, day, hour, minute, second, valid, nano, fix, flags, lon, lat, height, _, north, east = (
-        SOLUTION.unpack_from(payload)
+        NAV_PVT_PAYLOAD_STRUCT.unpack_from(payload)
     )
     if valid & DATE_AND_TIME_VALID != DATE_AND_TIME_VALID:
         counts["no time"] += 1

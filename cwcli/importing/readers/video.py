@@ -22,7 +22,7 @@ from cwcli.signals.columns import Int64Array, OutputField, Ragged, StreamedChann
 
 CAMERA_TOPIC, CAMERA_SCHEMA = "/camera/image", "foxglove.CompressedImage"
 """Topic and schema of the frames."""
-JPEG_QUALITY = 90
+FRAME_JPEG_QUALITY_PERCENT = 90
 """Quality of the frames, 0 to 100; chosen by hand."""
 
 
@@ -141,7 +141,7 @@ class _JpegRows:
             found = next(self._frames, None)
             if found is None:
                 raise DataError("a frame can't be decoded", where=self._path)
-            _, data = cv2.imencode(".jpg", found[1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+            _, data = cv2.imencode(".jpg", found[1], [cv2.IMWRITE_JPEG_QUALITY, FRAME_JPEG_QUALITY_PERCENT])
             self._kept.append(np.asarray(data).reshape(-1))
             if self._start + len(self._kept) <= start:
                 self._start += len(self._kept)

@@ -14,7 +14,11 @@ from cwcli.signals.builders.gnss import (
     velocity_from_speed_and_course,
 )
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, SIGMAS_PER_95_PERCENT_ELLIPSE, rotate_plane_covariance
+from cwcli.signals.covariances import (
+    SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS,
+    SIGMAS_PER_95_PERCENT_HALF_WIDTH,
+    rotate_plane_covariance,
+)
 from cwcli.signals.leaf_fields import read_matrix, read_numbers, read_stamps
 from cwcli.signals.quality import RowLedger
 
@@ -24,7 +28,7 @@ def read_gps_fix(columns: Columns, ledger: RowLedger) -> GnssFix:
     matrices = read_matrix(columns, "position_covariance", 9)[:, [0, 1, 4]]
     is_known = (read_numbers(columns, "position_covariance_type") > 0) & (matrices[:, 0] > 0.0)
     by_error = isotropic_covariance(
-        _one_sigma_from_stated_error(columns, "err_horz", SIGMAS_PER_95_PERCENT_ELLIPSE) ** 2
+        _one_sigma_from_stated_error(columns, "err_horz", SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS) ** 2
     )
     speed_mps, course_deg = read_numbers(columns, "speed"), read_numbers(columns, "track")
     return GnssFix(
@@ -47,8 +51,10 @@ def _one_sigma_from_stated_error(columns: Columns, name: str, sigmas: float) -> 
 
 def _velocity_covariance_from_errors(columns: Columns, speed_mps: FloatArray, course_deg: FloatArray) -> FloatArray:
     """Return velocity covariances (n, 3) from the errors of speed and track; without a track error, they are round."""
-    along = _one_sigma_from_stated_error(columns, "err_speed", SIGMAS_PER_95_PERCENT)
-    across = np.abs(speed_mps) * np.deg2rad(_one_sigma_from_stated_error(columns, "err_track", SIGMAS_PER_95_PERCENT))
+    along = _one_sigma_from_stated_error(columns, "err_speed", SIGMAS_PER_95_PERCENT_HALF_WIDTH)
+    across = np.abs(speed_mps) * np.deg2rad(
+        _one_sigma_from_stated_error(columns, "err_track", SIGMAS_PER_95_PERCENT_HALF_WIDTH)
+    )
     across = np.where(np.isfinite(across) & (across > 0.0), across, along)
     own = np.stack([along**2, 0.0 * along, across**2], axis=1)
     with np.errstate(invalid="ignore"):

@@ -17,8 +17,8 @@ from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.leaf_fields import read_frame_id, read_matrix, read_numbers, read_stamps
 from cwcli.signals.limits import (
+    MAX_ROAD_WHEEL_STEER_RAD,
     MAX_SPEED_MPS,
-    MAX_STEER_RAD,
     MAX_TURN_RATE_RADPS,
     nan_beyond_limit,
     reject_rows_beyond_limit,
@@ -126,7 +126,7 @@ def build_steering_report(columns: Columns, reading: Reading) -> tuple[SteerSign
     """Build a steering angle of the front wheels; both message types count it in radians, left positive."""
     ledger = RowLedger(columns, reading.role)
     steer_rad = read_numbers(columns, "steering_tire_angle", "drive.steering_angle")
-    reject_rows_beyond_limit(ledger, steer_rad, MAX_STEER_RAD)
+    reject_rows_beyond_limit(ledger, steer_rad, MAX_ROAD_WHEEL_STEER_RAD)
     timeline = repair_and_order_times(ledger, *read_stamps(columns), reading.clock, [steer_rad])
     return build_signal_and_quality(SteerSignal, ledger, timeline, steer_rad=steer_rad)
 

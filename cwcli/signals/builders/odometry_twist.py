@@ -19,12 +19,12 @@ MIN_SPEED_FOR_AXES_MPS = 0.5
 """Least speed in m/s of rows that tell in which axes a twist is. Chosen by hand."""
 MIN_ROWS_FOR_AXES = 10
 """Least number of rows in motion that tell in which axes a twist is. Chosen by hand; not fitted."""
-MAX_SLIP = 0.1
+MAX_SIDEWAYS_TO_FORWARD_SPEED_RATIO = 0.1
 """Greatest sideways part of a car's velocity, as a share of its forward part. Chosen by hand."""
-MOVED_M = 2.0
+MIN_POSITION_EXTENT_OF_MOVED_CAR_M = 2.0
 """Least extent of the positions, m, of a car that moved: a twist of zeros throughout was then never filled. Chosen by
 hand."""
-UNMEASURED_M2PS2 = 1e3
+MAX_MEASURED_VELOCITY_VARIANCE_M2PS2 = 1e3
 """Greatest variance of a measured component of a velocity, (m/s)^2; one of more than 30 m/s of sigma is stated but not
 measured. Chosen by hand."""
 
@@ -103,7 +103,7 @@ def _is_twist_never_filled(columns: Columns, ledger: RowLedger, position_m: Floa
     if len(columns) < 2 or _read_twist_vector(columns, "linear").any():
         return False
     known = position_m[np.isfinite(position_m[:, :2]).all(axis=1), :2]
-    if not len(known) or float(np.ptp(known, axis=0).max()) < MOVED_M:
+    if not len(known) or float(np.ptp(known, axis=0).max()) < MIN_POSITION_EXTENT_OF_MOVED_CAR_M:
         return False
     ledger.add_note("the twist is exactly 0 in every message though the position moves, taken as not measured")
     return True
@@ -113,7 +113,7 @@ def _zero_unmeasured_components(velocity_mps: FloatArray, variance: FloatArray) 
     """Velocities (n, 3) and covariances (n, 3, 3) in which sideways and upward components are 0 where not measured."""
     velocity_mps, variance = velocity_mps.copy(), variance.copy()
     for axis in (1, 2):
-        is_unmeasured = variance[:, axis, axis] > UNMEASURED_M2PS2
+        is_unmeasured = variance[:, axis, axis] > MAX_MEASURED_VELOCITY_VARIANCE_M2PS2
         velocity_mps[is_unmeasured, axis] = 0.0
         variance[is_unmeasured, axis, :] = 0.0
         variance[is_unmeasured, :, axis] = 0.0
@@ -125,7 +125,7 @@ def _speed_and_direction_without_orientation(ledger: RowLedger, linear: FloatArr
     towards = np.zeros_like(linear)
     towards[:, 0] = 1.0
     x, y = linear[:, 0], linear[:, 1]
-    if np.nansum(np.abs(y)) <= MAX_SLIP * np.nansum(np.abs(x)):
+    if np.nansum(np.abs(y)) <= MAX_SIDEWAYS_TO_FORWARD_SPEED_RATIO * np.nansum(np.abs(x)):
         return x, towards
     ledger.add_note("the speed is the magnitude of the twist")
     angle = np.arctan2(y, x)

@@ -15,9 +15,9 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
-MIN_IMAGE_SIZE_PX = (64, 48)
+MIN_IMAGE_WIDTH_AND_HEIGHT_PX = (64, 48)
 """Smallest width and height of a rendered image, px. Chosen by hand; not fitted."""
-MAX_IMAGE_SIZE_PX = (4096, 3072)
+MAX_IMAGE_WIDTH_AND_HEIGHT_PX = (4096, 3072)
 """Largest width and height of a rendered image, px. Chosen by hand; not fitted."""
 
 
@@ -103,18 +103,18 @@ def wide_camera(width_px: int = 1280, height_px: int = 720) -> RoadCamera:
     return RoadCamera(width_px, height_px, focal, focal, (width_px - 1) / 2, (height_px - 1) / 2, 1.3, pitch)
 
 
-CAMERAS = {"paper": camera_of_zhang2011, "wide": wide_camera}
+CAMERA_MAKERS_BY_NAME = {"paper": camera_of_zhang2011, "wide": wide_camera}
 """Functions from width and height in pixels to a camera, by the name that `--set camera` takes."""
 
 
 def _check_image_size(width_px: int, height_px: int) -> None:
     """Refuse an image size that can't be rendered."""
     if not (
-        MIN_IMAGE_SIZE_PX[0] <= width_px <= MAX_IMAGE_SIZE_PX[0]
-        and MIN_IMAGE_SIZE_PX[1] <= height_px <= MAX_IMAGE_SIZE_PX[1]
+        MIN_IMAGE_WIDTH_AND_HEIGHT_PX[0] <= width_px <= MAX_IMAGE_WIDTH_AND_HEIGHT_PX[0]
+        and MIN_IMAGE_WIDTH_AND_HEIGHT_PX[1] <= height_px <= MAX_IMAGE_WIDTH_AND_HEIGHT_PX[1]
     ):
         raise UsageError(
             f"an image of {width_px} x {height_px} pixels can't be rendered",
-            hint=f"from {MIN_IMAGE_SIZE_PX[0]} x {MIN_IMAGE_SIZE_PX[1]} to {MAX_IMAGE_SIZE_PX[0]} x "
-            f"{MAX_IMAGE_SIZE_PX[1]}",
+            hint=f"from {MIN_IMAGE_WIDTH_AND_HEIGHT_PX[0]} x {MIN_IMAGE_WIDTH_AND_HEIGHT_PX[1]} "
+            f"to {MAX_IMAGE_WIDTH_AND_HEIGHT_PX[0]} x {MAX_IMAGE_WIDTH_AND_HEIGHT_PX[1]}",
         )

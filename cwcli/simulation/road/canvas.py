@@ -13,7 +13,7 @@ from cwcli.simulation.road.truth import BoolArray
 
 FINE_SUBSAMPLES, COARSE_SUBSAMPLES = 4, 2
 """Sub-samples per pixel in each direction, for small and for large objects. Chosen by hand; not fitted."""
-LARGE_AREA_PX = 12000
+MIN_AREA_FOR_COARSE_SUBSAMPLES_PX = 12000
 """Area of the drawn part of the image from which coarse sub-samples are used, px. Chosen by hand; not fitted."""
 CORNER_FRACTION_BITS = 4
 """Number of fraction bits of the polygons' corners. Chosen by hand; not fitted."""
@@ -50,7 +50,7 @@ def draw_shapes(
     u1, v1 = (int(value) for value in np.clip(high, 0, (width, height)))
     if u1 <= u0 or v1 <= v0:
         return
-    scale = COARSE_SUBSAMPLES if (u1 - u0) * (v1 - v0) > LARGE_AREA_PX else FINE_SUBSAMPLES
+    scale = COARSE_SUBSAMPLES if (u1 - u0) * (v1 - v0) > MIN_AREA_FOR_COARSE_SUBSAMPLES_PX else FINE_SUBSAMPLES
     grey = np.zeros(((v1 - v0) * scale, (u1 - u0) * scale), np.uint8)
     mask = np.zeros_like(grey)
     for shape in shapes:

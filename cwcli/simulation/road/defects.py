@@ -33,7 +33,7 @@ RAMP_PHASE_DURATIONS_S = (6.0, 2.5, 5.0, 2.5)
 (docs/road-renderer.md)."""
 LANE_CHANGE_DURATION_S = 5.0
 """Duration of a lane change, s. Chosen by hand (docs/road-renderer.md)."""
-BRIDGE_SHADOW_LENGTH_M = (8.0, 25.0)
+BRIDGE_SHADOW_LENGTH_RANGE_M = (8.0, 25.0)
 """Smallest and largest length of a bridge's shadow along the road, m. Chosen by hand (docs/road-renderer.md)."""
 JOINT_LENGTH_M = 0.05
 """Length of the joint between two concrete slabs along the road, m. Chosen by hand; not fitted."""
@@ -133,7 +133,7 @@ def with_bridge_shadows(scene: RoadScene, per_km: float, length_m: float, rng: n
         return scene
     starts, lengths, slants = (
         rng.uniform(0.0, length_m, n),
-        rng.uniform(*BRIDGE_SHADOW_LENGTH_M, n),
+        rng.uniform(*BRIDGE_SHADOW_LENGTH_RANGE_M, n),
         rng.normal(0.0, 0.3, n),
     )
     bands = tuple(Shadow(*each) for each in zip(starts.tolist(), lengths.tolist(), slants.tolist(), strict=True))

@@ -22,7 +22,7 @@ ARC_LENGTH_GRID_M: FloatArray = np.concatenate(
 first 40 m at a radius of 300 m: below 0.02 pixel."""
 ROAD_END_M = 400.0
 """Distance ahead at which the road's surface ends, m. Chosen by hand; not fitted."""
-TURNED_AWAY_RAD = np.radians(75.0)
+MAX_SEEN_ROAD_DIRECTION_RAD = np.radians(75.0)
 """Angle from the camera's axis at which the road has turned away and is no longer seen, rad. Chosen by hand; not
 fitted."""
 
@@ -79,7 +79,7 @@ class RoadAhead:
     @cached_property
     def n_grid_points_ahead(self) -> int:
         """The number of grid points before the road turns away from the camera (75 deg)."""
-        away = np.flatnonzero(np.abs(self.direction_rad) > TURNED_AWAY_RAD)
+        away = np.flatnonzero(np.abs(self.direction_rad) > MAX_SEEN_ROAD_DIRECTION_RAD)
         return int(away[0]) if len(away) else len(ARC_LENGTH_GRID_M)
 
     def line_y_at_distance_m(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:

@@ -26,28 +26,28 @@ from cwcli.simulation.road.truth import BoolArray
 
 JUNCTION_KINDS = ("none", "exits", "merges")
 """Kinds of junctions that `--set junctions` takes."""
-TAPER_LENGTH_M = (60.0, 240.0)
+TAPER_LENGTH_RANGE_M = (60.0, 240.0)
 """Shortest and longest taper, m; from the design guides above."""
-AUXILIARY_LANE_LENGTH_M = (100.0, 250.0)
+AUXILIARY_LANE_LENGTH_RANGE_M = (100.0, 250.0)
 """Shortest and longest lane beside the own one, m; the longest is that of RAA 2008, the shortest is chosen by hand."""
 AUXILIARY_LANE_CHANCE = 0.7
 """Chance that a lane beside the own one follows the taper. Chosen by hand (docs/road-renderer.md)."""
 UNPAINTED_TAPER_CHANCE = 0.5
 """Chance that nothing is painted between the lane and a taper. Chosen by hand (docs/road-renderer.md)."""
-RAMP_LENGTH_PER_OFFSET = (12.0, 25.0)
+RAMP_LENGTH_PER_OFFSET_RANGE = (12.0, 25.0)
 """Smallest and largest length over which a ramp leaves by one metre, m. Chosen by hand (docs/road-renderer.md)."""
 RAMP_END_OFFSET_M = 8.0
 """Offset from the lane at which a ramp ends, because it has turned away, m. Chosen by hand (docs/road-renderer.md)."""
-PLAIN_ROAD_BEFORE_JUNCTION_M = (60.0, 200.0)
+PLAIN_ROAD_BEFORE_JUNCTION_RANGE_M = (60.0, 200.0)
 """Shortest and longest plain road before each junction, m. Chosen by hand (docs/road-renderer.md)."""
-DIVIDING_LINE_DASHES_M = ((6.0, 3.0), (1.0, 1.0), (0.9, 2.7))
+DIVIDING_LINE_DASH_AND_GAP_LENGTHS_M = ((6.0, 3.0), (1.0, 1.0), (0.9, 2.7))
 """Lengths of dash and gap of dividing lines, m: RMS, others, MUTCD (above)."""
-DIVIDING_LINE_WIDTH_M = (0.2, 0.3)
+DIVIDING_LINE_WIDTH_RANGE_M = (0.2, 0.3)
 """Smallest and largest width of dividing lines, m: all broader than lane lines. Chosen by hand
 (docs/road-renderer.md)."""
-SHOULDER_WIDTH_M = (0.5, 2.5)
+SHOULDER_WIDTH_RANGE_M = (0.5, 2.5)
 """Smallest and largest width of the pavement right of the junction's lines, m. Chosen by hand; not fitted."""
-PAVEMENT_BEYOND_RAMP_M = 10.0
+PAVEMENT_END_LENGTH_OF_RAMP_M = 10.0
 """Length over which the pavement of a ramp ends, m. Chosen by hand; not fitted."""
 
 
@@ -63,14 +63,16 @@ def add_junctions_to_scene(scene: RoadScene, kind: str, length_m: float, rng: np
     scene = with_free_left_lane(scene)
     width_m, right_m = scene.lane_width_m, scene.right.offset_m
     solid = replace(scene.right, dash_m=(0.0, 0.0), is_double=False)
-    shoulder_m = rng.uniform(*SHOULDER_WIDTH_M)
+    shoulder_m = rng.uniform(*SHOULDER_WIDTH_RANGE_M)
     lines: list[Marking] = []
     painted, edge = [-math.inf], [(0.0, right_m)]
-    begin_m = rng.uniform(*PLAIN_ROAD_BEFORE_JUNCTION_M)
+    begin_m = rng.uniform(*PLAIN_ROAD_BEFORE_JUNCTION_RANGE_M)
     while begin_m < length_m:
-        taper_m = rng.uniform(*TAPER_LENGTH_M)
-        gore_m = taper_m + (rng.uniform(*AUXILIARY_LANE_LENGTH_M) if rng.random() < AUXILIARY_LANE_CHANCE else 0.0)
-        end_m = gore_m + RAMP_END_OFFSET_M * rng.uniform(*RAMP_LENGTH_PER_OFFSET)
+        taper_m = rng.uniform(*TAPER_LENGTH_RANGE_M)
+        gore_m = taper_m + (
+            rng.uniform(*AUXILIARY_LANE_LENGTH_RANGE_M) if rng.random() < AUXILIARY_LANE_CHANCE else 0.0
+        )
+        end_m = gore_m + RAMP_END_OFFSET_M * rng.uniform(*RAMP_LENGTH_PER_OFFSET_RANGE)
         inner = ((gore_m, 0.0), (end_m, RAMP_END_OFFSET_M))
         outer = ((0.0, 0.0), (taper_m, width_m), (gore_m, width_m), (end_m, width_m + RAMP_END_OFFSET_M))
         divided_m = (taper_m if rng.random() < UNPAINTED_TAPER_CHANCE else 0.0, gore_m)
@@ -78,20 +80,26 @@ def add_junctions_to_scene(scene: RoadScene, kind: str, length_m: float, rng: np
         for line in (inner, outer):
             path = sorted((start + sign * along_m, right_m - beside_m) for along_m, beside_m in line)
             lines.append(replace(solid, path_m=tuple(path), painted_stretches_m=((path[0][0], path[-1][0]),)))
-        edge += [(path[0][0] - PAVEMENT_BEYOND_RAMP_M, right_m), *path, (path[-1][0] + PAVEMENT_BEYOND_RAMP_M, right_m)]
+        edge += [
+            (path[0][0] - PAVEMENT_END_LENGTH_OF_RAMP_M, right_m),
+            *path,
+            (path[-1][0] + PAVEMENT_END_LENGTH_OF_RAMP_M, right_m),
+        ]
         if divided_m[1] > divided_m[0]:
             low_m, high_m = sorted(start + sign * along_m for along_m in divided_m)
-            dash_m = DIVIDING_LINE_DASHES_M[int(rng.integers(0, len(DIVIDING_LINE_DASHES_M)))]
+            dash_m = DIVIDING_LINE_DASH_AND_GAP_LENGTHS_M[
+                int(rng.integers(0, len(DIVIDING_LINE_DASH_AND_GAP_LENGTHS_M)))
+            ]
             lines.append(
                 replace(
                     solid,
-                    width_m=rng.uniform(*DIVIDING_LINE_WIDTH_M),
+                    width_m=rng.uniform(*DIVIDING_LINE_WIDTH_RANGE_M),
                     dash_m=dash_m,
                     painted_stretches_m=((low_m, high_m),),
                 )
             )
         painted += sorted((start, start + sign * gore_m))
-        begin_m += end_m + rng.uniform(*PLAIN_ROAD_BEFORE_JUNCTION_M)
+        begin_m += end_m + rng.uniform(*PLAIN_ROAD_BEFORE_JUNCTION_RANGE_M)
     painted.append(math.inf)
     return replace(
         scene,

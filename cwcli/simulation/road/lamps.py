@@ -9,9 +9,9 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.road.surface import Float32Array
 
-HALO_TO_LAMP_RADIUS = 9.0
+HALO_TO_LAMP_RADIUS_RATIO = 9.0
 """Radius of the halo in radii of the lamp. Chosen by hand; not fitted."""
-DAYLIGHT_LAMP_STRENGTH = 0.25
+DAY_TO_NIGHT_LAMP_STRENGTH_RATIO = 0.25
 """Strength of a lamp by day relative to night. Chosen by hand; not fitted."""
 
 
@@ -29,7 +29,7 @@ def draw_lamps(image: Float32Array, lamps: Sequence[Lamp], *, at_night: bool) ->
     """Draw lamps into the image, in place."""
     height, width = image.shape
     for lamp in lamps:
-        reach = int(min(lamp.radius_px * HALO_TO_LAMP_RADIUS, width / 5)) + 2
+        reach = int(min(lamp.radius_px * HALO_TO_LAMP_RADIUS_RATIO, width / 5)) + 2
         u0, u1 = max(int(lamp.u_px) - reach, 0), min(int(lamp.u_px) + reach + 1, width)
         v0, v1 = max(int(lamp.v_px) - reach, 0), min(int(lamp.v_px) + reach + 1, height)
         if u0 >= u1 or v0 >= v1:
@@ -39,5 +39,5 @@ def draw_lamps(image: Float32Array, lamps: Sequence[Lamp], *, at_night: bool) ->
         far = np.sqrt(du * du + dv * dv)
         edge = np.clip(1.0 - far / reach, 0.0, 1.0)
         far /= np.float32(lamp.radius_px)
-        strength = lamp.strength * (1.0 if at_night else DAYLIGHT_LAMP_STRENGTH)
+        strength = lamp.strength * (1.0 if at_night else DAY_TO_NIGHT_LAMP_STRENGTH_RATIO)
         image[v0:v1, u0:u1] += strength * edge * (230.0 * np.exp(-(far**2)) + 120.0 * np.exp(-far / 1.8))

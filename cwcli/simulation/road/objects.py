@@ -29,7 +29,7 @@ POST_SPACING_M = 50.0
 """Distance between guide posts along the road, m. Chosen by hand; not fitted."""
 TREE_SPACING_M = 14.0
 """Mean distance between trees along the road, m. Chosen by hand; not fitted."""
-RAIL_BANDS = ((0.5, 0.78, 150.0), (0.62, 0.66, 105.0))
+RAIL_BAND_LOW_M_HIGH_M_GREY = ((0.5, 0.78, 150.0), (0.62, 0.66, 105.0))
 """Bands of a guard rail and of the groove in it: lower and upper edge above the road (m), grey. Chosen by hand; not
 fitted."""
 RAIL_PIECE_EDGES_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
@@ -174,7 +174,7 @@ def _draw_guard_rail(image: Float32Array, view: _RoadView, offset_m: float) -> N
         inside = np.concatenate([[near], x[(x > near) & (x < far)], [far]])
         side = np.interp(inside, x, y)
         there_and_back = np.concatenate([inside, inside[::-1]]), np.concatenate([side, side[::-1]])
-        for low, high, grey in RAIL_BANDS:
+        for low, high, grey in RAIL_BAND_LOW_M_HIGH_M_GREY:
             up = np.repeat([low, high], len(inside))
             shapes.append(FilledShape(view.project_body_points(*there_and_back, up), view.grey_at_distance(grey, near)))
     draw_shapes(image, shapes)

@@ -20,7 +20,7 @@ from cwcli.simulation.road.surface import (
     remaining_paint_texture_and_mean,
 )
 
-UNWORN_PAINT_SHARE = 0.97
+MIN_PAINT_SHARE_WITHOUT_WEAR = 0.97
 """Share of paint that is left from which a marking is drawn without wear. Chosen by hand; not fitted."""
 
 
@@ -68,7 +68,7 @@ def _paint_stripe(
     start = columns[:, :, None] - 0.5
     overlap = np.clip(right[:, None, :] - start, 0.0, 1.0) - np.clip(left[:, None, :] - start, 0.0, 1.0)
     cover = (overlap * shares[:, None, :]).mean(axis=2)
-    if marking.remaining_paint_share < UNWORN_PAINT_SHARE:
+    if marking.remaining_paint_share < MIN_PAINT_SHARE_WITHOUT_WEAR:
         middle_px, width_px = (left + right)[:, :, None].mean(axis=1) / 2, (right - left).mean(axis=1)[:, None]
         cover *= _remaining_paint_share(rows, at, columns, middle_px, width_px, marking, offset_m)
     inside = (columns >= 0) & (columns < camera.width_px)

@@ -20,7 +20,7 @@ READ_NOISE_GREY = 1.6
 SHOT_NOISE_VARIANCE_PER_GREY = 0.035
 """Variance of the sensor's noise per grey level, which adds to that in the dark, grey levels. Chosen by hand; not
 fitted."""
-VIGNETTE_LOSS = 0.22
+CORNER_LIGHT_LOSS_SHARE = 0.22
 """Share of light that is lost in the image's corners, 0 to 1. Chosen by hand; not fitted."""
 
 
@@ -129,7 +129,7 @@ def _vignette_factor(height: int, width: int) -> Float32Array:
     """Factor of the vignette on the light, shape (height, width); 1 in the middle."""
     u = (np.arange(width, dtype=np.float32)[None, :] - (width - 1) / 2) / (width / 2)
     v = (np.arange(height, dtype=np.float32)[:, None] - (height - 1) / 2) / (width / 2)
-    return np.asarray(1.0 - VIGNETTE_LOSS * (u * u + v * v) / 1.5625, np.float32)
+    return np.asarray(1.0 - CORNER_LIGHT_LOSS_SHARE * (u * u + v * v) / 1.5625, np.float32)
 
 
 def simulate_image_sensor(image: Float32Array, light: Light, rng: np.random.Generator) -> npt.NDArray[np.uint8]:

@@ -13,7 +13,7 @@ from cwcli.signals.canonical import ImuSignal, Signal, SpeedSignal, VelocitySign
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import SensorSignals
 
-UP_AXIS = 2
+UP_AXIS_COLUMN_OF_GYRO = 2
 """Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 
 
@@ -64,8 +64,8 @@ def _apply_calibration(signal: Signal, calibration: Calibration) -> Signal:
         mounting = calibrated_imu_mountings(calibration).get(signal.source)
         gyro_radps = signal.gyro_radps.copy()
         if mounting is not None:
-            gyro_radps[:, UP_AXIS] = signal.gyro_radps @ mounting.up_unit_vector_in_imu_axes
-        gyro_radps[:, UP_AXIS] -= _calibrated_bias(calibration, signal.source)
+            gyro_radps[:, UP_AXIS_COLUMN_OF_GYRO] = signal.gyro_radps @ mounting.up_unit_vector_in_imu_axes
+        gyro_radps[:, UP_AXIS_COLUMN_OF_GYRO] -= _calibrated_bias(calibration, signal.source)
         stamp_ns = signal.stamp_ns - _calibrated_latency_ns(calibration, signal.source, Kind.YAW_RATE)
         return replace(signal, stamp_ns=stamp_ns, gyro_radps=gyro_radps)
     return signal

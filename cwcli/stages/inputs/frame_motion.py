@@ -22,7 +22,7 @@ from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.calibrated import apply_calibration_to_sources
 from cwcli.stages.inputs.sources import read_sensor_signals
 
-UP_AXIS = 2
+UP_AXIS_COLUMN_OF_GYRO = 2
 """Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 
 
@@ -60,5 +60,5 @@ def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | 
                 yaw_rate = Series(signal.stamp_ns, signal.yaw_rate_radps)
     for signal in sources.by_role.get(Role.IMU, ()):
         if isinstance(signal, ImuSignal):
-            yaw_rate = Series(signal.stamp_ns, signal.gyro_radps[:, UP_AXIS])
+            yaw_rate = Series(signal.stamp_ns, signal.gyro_radps[:, UP_AXIS_COLUMN_OF_GYRO])
     return MotionSeries(speed, yaw_rate, sources.input_message_counts(), sources.notes)

@@ -26,19 +26,19 @@ from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import SensorSignals
 from cwcli.vision.method import LaneState
 
-UP_AXIS = 2
+UP_AXIS_COLUMN_OF_GYRO = 2
 """Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
-PREVIEW_VALUE_LIMITS = np.array([1e3, math.pi / 2.0, 1.0])
+MAX_PREVIEW_LATERAL_HEADING_CURVATURE = np.array([1e3, math.pi / 2.0, 1.0])
 """Greatest magnitudes of the values at the preview point (m, rad, 1/m); larger ones are left out. Chosen by hand."""
 MAX_PREVIEW_SIGMA = 1e3
 """Greatest sigma of a preview value (m, rad or 1/m) that is believed; chosen by hand."""
-PREVIEW_RANGE_M = (0.1, 1e3)
+PREVIEW_DISTANCE_RANGE_M = (0.1, 1e3)
 """Least and greatest distance of the preview point that is accepted [m]; chosen by hand."""
 
 REPEATED_STAMP = "stamp repeated"
 """The reason for rejecting a frame whose stamp an earlier frame has."""
 OUT_OF_RANGE = "value out of range, left out"
-"""The name of the repair that drops preview values beyond `PREVIEW_VALUE_LIMITS`."""
+"""The name of the repair that drops preview values beyond `MAX_PREVIEW_LATERAL_HEADING_CURVATURE`."""
 NO_STAMP = "no usable stamp"
 """The reason for rejecting a frame whose stamp is missing or no time."""
 NO_VALUE = "no boundary found"
@@ -84,7 +84,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     rows = usable[rows_by_stamp_without_repeats(stamp_ns[usable])]
     values, sigma = lanes.preview[rows], lanes.preview_sigma[rows]
     with np.errstate(invalid="ignore"):
-        is_beyond = np.abs(values) > PREVIEW_VALUE_LIMITS
+        is_beyond = np.abs(values) > MAX_PREVIEW_LATERAL_HEADING_CURVATURE
         sigma = np.where((sigma > 0.0) & (sigma <= MAX_PREVIEW_SIGMA), sigma, np.nan)  # the observer then takes its own
     is_held = np.isin(lanes.state[rows], (LaneState.HELD, LaneState.CARRIED))  # what no frame shows is no measurement
     values = np.where(is_beyond | is_held[:, None], np.nan, values)
@@ -125,7 +125,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
 def _common_preview_distance_m(previews_m: FloatArray, where: str) -> float:
     """Return the preview distance that all frames share [m]; raise `DataError` if they share none."""
     distinct = sort_distinct_values(previews_m)
-    low, high = PREVIEW_RANGE_M
+    low, high = PREVIEW_DISTANCE_RANGE_M
     if len(distinct) > 1:
         told = f"{distinct[0]:g} and {distinct[1]:g} m"
         raise DataError(f"the preview distance changes within the channel: {told}", where=where)
@@ -214,8 +214,8 @@ def _choose_yaw_rate_and_topic(sources: SensorSignals) -> tuple[ScalarSamples | 
     """Return the yaw rate of the gyroscope, else that of the speed channel, and its topic."""
     for signal in sources.by_role.get(Role.IMU, ()):
         if isinstance(signal, ImuSignal):
-            sigma = _sigma_from_variance(signal.gyro_variance[:, UP_AXIS])
-            return ScalarSamples(signal.stamp_ns, signal.gyro_radps[:, UP_AXIS], sigma), signal.source
+            sigma = _sigma_from_variance(signal.gyro_variance[:, UP_AXIS_COLUMN_OF_GYRO])
+            return ScalarSamples(signal.stamp_ns, signal.gyro_radps[:, UP_AXIS_COLUMN_OF_GYRO], sigma), signal.source
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal) and np.isfinite(signal.yaw_rate_radps).any():
             sigma = _sigma_from_variance(signal.yaw_rate_variance_rad2ps2)

@@ -31,9 +31,9 @@ from cwcli.warning.types import median_length_and_width_m
 
 OTHER_VEHICLE_ROLES = (REMOTE_STATE.role, TARGETS.role)
 """Roles of the channels that hold other road users: remote vehicles and tracked targets."""
-MAX_GAP_S = 0.5
+MAX_INTERPOLATED_STATE_GAP_S = 0.5
 """Longest gap between two states of a vehicle [s] over which it is interpolated; chosen by hand."""
-COVARIANCE_SLICE_NS = 30 * NS_PER_S
+COVARIANCE_SLICE_DURATION_NS = 30 * NS_PER_S
 """Length of the part of the log whose covariances are in memory at once, ns. Chosen by hand."""
 FIELDS_WITH_COVARIANCE = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
 """Leaf fields of a state channel that are read when covariances are wanted."""
@@ -68,7 +68,7 @@ class TracksOfLog:
             self._actual_track(theirs),
             median_length_and_width_m(own.length_m, own.width_m),
             median_length_and_width_m(theirs.length_m, theirs.width_m),
-            MAX_GAP_S,
+            MAX_INTERPOLATED_STATE_GAP_S,
         )
 
     def _actual_track(self, states: VehicleStates) -> ActualTrack:
@@ -190,7 +190,7 @@ def _iter_states_near_stamps(
         logged.append(states.log_time_ns[np.isin(states.stamp_ns, stamps[vehicle])])
     times = sort_distinct_values(np.concatenate(logged))
     while len(times):
-        last = int(np.searchsorted(times, times[0] + COVARIANCE_SLICE_NS))
+        last = int(np.searchsorted(times, times[0] + COVARIANCE_SLICE_DURATION_NS))
         span = (int(times[0]), int(times[last - 1]) + 1)
         yield read_vehicle_states(log.load_topics({topic: FIELDS_WITH_COVARIANCE}, logged=span)[topic])
         times = times[last:]

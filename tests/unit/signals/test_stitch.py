@@ -102,7 +102,7 @@ def test_who_reverses_is_joined_too() -> None:
 
 
 def test_too_many_pairs_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cwcli.signals.stitch.MAX_PAIRS", 0)
+    monkeypatch.setattr("cwcli.signals.stitch.MAX_COMPARED_ID_PAIRS", 0)
     with pytest.raises(UsageError, match="2 ids are too many to be joined: 1 pairs are less than 3 s apart"):
         join_changed_ids(alone().signal, HERE)
 

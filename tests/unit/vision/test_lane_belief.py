@@ -12,8 +12,8 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import Pinhole
 from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.boundary_probability import (
-    LAPSE_PROBABILITY,
     LOG_ODDS_COEFFICIENTS,
+    PROBABILITY_OF_WELL_SEEN_OTHER_LINE,
     boundary_probabilities,
     left_and_right_paint_shares,
     probability_features_of_left_and_right,
@@ -58,7 +58,7 @@ def test_probability_by_hand() -> None:
     own = math.sqrt(left_and_right_paint_shares(seen, LANE)[0])
     by_hand = LOG_ODDS_COEFFICIENTS @ [1.0, own, math.log(0.4 + 0.02), math.sqrt(road_clutter_share(seen, LANE))]
     assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx(
-        (1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-by_hand))
+        (1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE) / (1.0 + math.exp(-by_hand))
     )
     features = probability_features_of_left_and_right(seen, LANE, -1e30)
     np.testing.assert_array_equal(np.array(features)[:, 2], math.log(0.02))
@@ -73,7 +73,7 @@ def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
     by_hand = LOG_ODDS_COEFFICIENTS @ [1.0, 0.0, math.log(0.02), math.sqrt(road_clutter_share(seen, LANE))]
     told = boundary_probabilities(seen, LANE, 0.4, 1)
     assert told[0] == boundary_probabilities(seen, LANE, 0.4)[0]
-    assert told[1] == pytest.approx((1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-by_hand)))
+    assert told[1] == pytest.approx((1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE) / (1.0 + math.exp(-by_hand)))
     own = left_and_right_paint_shares(seen, LANE)[0]  # of a lane both of whose boundaries are like this one
     assert boundary_probabilities(seen, LANE, 9.0, 0)[0] == boundary_probabilities(seen, LANE, 2.0 * own)[0]
 

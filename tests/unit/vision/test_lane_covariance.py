@@ -12,7 +12,7 @@ from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_covariance as module
 from cwcli.vision.ground import GeometrySigmas, compute_lane_geometry
 from cwcli.vision.lane_covariance import (
-    COVARIANCE_SCALE,
+    COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE,
     covariance_of_first_five_lane_numbers,
     propagate_covariance_to_fit,
 )
@@ -50,7 +50,9 @@ def test_the_covariance_of_a_known_objective(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(module, "CURVATURE_CHANGE_SIGMA_1PM2", 0.0)
     monkeypatch.setattr(module, "MAX_SIGMA_IN_STEPS", 1e6)
     made = covariance_of_first_five_lane_numbers(evidence, lane, first_frame_prior(mounted()).table, mounted())
-    np.testing.assert_allclose(made, COVARIANCE_SCALE / 2e-3 * np.linalg.inv(information), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        made, COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE / 2e-3 * np.linalg.inv(information), rtol=1e-6, atol=1e-9
+    )
 
 
 def test_what_is_hidden_is_less_exact(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_mean import NORMAL_POINTS, OBJECTIVE_SCALE, weighted_mean_lane
+from cwcli.vision.lane_mean import NORMAL_POINTS, OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E, weighted_mean_lane
 from cwcli.vision.lane_model import BEND, HIGH, LOW, MIDDLE, WIDTH
 
 SIZE = (640, 360)
@@ -19,7 +19,7 @@ NARROW = np.array([2.0, 0.02, 0.03, 60.0, 1.0, 1.0])
 
 def peak(centre: FloatArray, sigmas: FloatArray, lanes: FloatArray) -> FloatArray:
     """A normal distribution's logarithm, as objective."""
-    return np.asarray(-0.5 * OBJECTIVE_SCALE * (((lanes - centre) / sigmas) ** 2).sum(axis=1))
+    return np.asarray(-0.5 * OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E * (((lanes - centre) / sigmas) ** 2).sum(axis=1))
 
 
 def test_points_fill_a_normal_distribution() -> None:

@@ -13,7 +13,7 @@ from cwcli.vision import lane_detect
 from cwcli.vision.boundary_probability import left_and_right_paint_shares
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.lane_detect import (
-    PRIOR_WEIGHT,
+    OBJECTIVE_LOSS_PER_SQUARED_PRIOR_SIGMA,
     StripeEvidence,
     lane_objectives,
     measure_stripe_evidence,
@@ -137,10 +137,10 @@ def test_objective_equals_the_plain_twin() -> None:
             evidence.rows,
             lane,
             prior.table,
-            weight=PRIOR_WEIGHT,
+            weight=OBJECTIVE_LOSS_PER_SQUARED_PRIOR_SIGMA,
             min_h=evidence.min_depth_px,
             beside=lane_detect.NEIGHBOUR_WEIGHT,
-            half=lane_detect.HALF_EVIDENCE_SHARE * segment,
+            half=lane_detect.EVIDENCE_SHARE_COUNTING_ONE_HALF * segment,
             segment=segment,
             pinhole=evidence.pinhole[:2],
         )
@@ -180,7 +180,7 @@ def test_supports_equal_the_plain_twin() -> None:
             evidence.rows,
             lane,
             min_h=evidence.min_depth_px,
-            half=lane_detect.HALF_EVIDENCE_SHARE * segment,
+            half=lane_detect.EVIDENCE_SHARE_COUNTING_ONE_HALF * segment,
             segment=segment,
             pinhole=evidence.pinhole[:2],
         )
