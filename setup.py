@@ -7,6 +7,7 @@ every memoryview stands in one more extension that the others share: most of the
 
 from __future__ import annotations
 
+import compileall
 import os
 import shlex
 import shutil
@@ -79,6 +80,9 @@ class BuildKernels(build_ext):
         for path in KERNELS.glob("*.cpython-*"):  # an older checkout's: Python prefers a build for its own version
             path.unlink()
         super().copy_extensions_to_source()
+        # an installation of a checkout has no other step that does it, and where PYTHONDONTWRITEBYTECODE is set, as in
+        # many containers, every command would compile some hundred modules anew
+        compileall.compile_dir("cwcli", quiet=1, workers=os.cpu_count() or 1)
 
 
 if int(setuptools.__version__.partition(".")[0]) < LEAST_SETUPTOOLS:

@@ -99,6 +99,7 @@ def _iter_texts_on_exceeded_limits(report: SourceReport) -> Iterator[str]:
         yield _exceeded_limit_text("a latency", report.latency.found_s, LATENCY_RANGE)
     if (
         report.kind in WHITE_NOISE_RANGES
+        and report.noise_origin != "message"  # stated, and not found against another source
         and not WHITE_NOISE_RANGES[report.kind].contains_or_is_nan(report.sigma)
         and report.n_used
     ):

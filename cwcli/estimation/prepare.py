@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.coarse_fixes import find_coarse_east_north_steps_m, note_on_coarse_fixes
 from cwcli.estimation.coarse_headings import find_coarse_headings
-from cwcli.estimation.imu import ImuMounting, level_imu
+from cwcli.estimation.imu import ImuMounting, LevelledImu, level_imu
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
+from cwcli.estimation.sensor_limits import WHITE_NOISE_RANGES
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray, Int64Array, ValueRows, median_of_values
 from cwcli.signals.units import NS_PER_S
@@ -30,6 +31,8 @@ MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
 MIN_NOISE_TO_ROUGHNESS_RATIO = 0.5
 """Least noise that is fitted to an IMU, as a share of the noise that its second differences show. Chosen by hand; not
 fitted."""
+_RATE_NAMES: Mapping[Kind, str] = {Kind.ACCEL: "the acceleration", Kind.YAW_RATE: "the yaw rate"}
+"""Names of the rates in notes, without unit."""
 
 
 @dataclass(frozen=True)
@@ -110,14 +113,8 @@ def clean_and_sort_measurements_and_note(
             imu = level_imu(time, values, variance, mountings.get(m.source))
             if imu.n_interpolated:
                 notes.append(f"{m.source}: {imu.n_interpolated} interpolated IMU samples left out")
-            pairs = (
-                (Kind.ACCEL, imu.accel_mps2, imu.accel_variance),
-                (Kind.YAW_RATE, imu.yaw_rate_radps, imu.yaw_rate_variance),
-            )
-            for kind, value, var in pairs:
-                series = _build_series_with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
-                if kind is Kind.ACCEL and len(series):
-                    series = replace(series, pitch_rate=PitchRateSeries(imu.time_s, imu.pitch_rate_radps))
+            for series, note in _accel_and_yaw_rate_series_with_notes(m.source, imu):
+                notes += note
                 prepared.append(
                     PreparedSeries(
                         series, True, len(m), lost, imu.n_interpolated, stale.n_repeated,
@@ -279,7 +276,7 @@ def _build_series_with_noise(
             determinant = noise[:, 0] * noise[:, 2] - noise[:, 1] ** 2
             said = (noise[:, 0] > 0) & (noise[:, 2] > 0) & (determinant > 0) & np.isfinite(noise).all(axis=1)
         else:
-            said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0])
+            said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0]) & ~_is_sigma_beyond_limit(kind, noise[:, 0])
     guess = (_initial_noise_sigma(kind, time_s, values) if looks_ahead else QUANTITIES[kind].default_sigma) ** 2
     noise[~said] = (guess, 0.0, guess)
     if width == 1:
@@ -292,6 +289,35 @@ def _build_series_with_noise(
         floor = max(floor, MIN_NOISE_TO_ROUGHNESS_RATIO * guess**0.5)
     interval_s = float("nan") if looks_ahead else float("inf")
     return SensorSeries(source, kind, time_s, padded, noise, noise_origin=origin, floor=floor, interval_s=interval_s)
+
+
+def _accel_and_yaw_rate_series_with_notes(source: str, imu: LevelledImu) -> Iterator[tuple[SensorSeries, list[str]]]:
+    """Yield the two series of a levelled IMU, each with notes on its stated noise."""
+    for kind, value, variance in (
+        (Kind.ACCEL, imu.accel_mps2, imu.accel_variance),
+        (Kind.YAW_RATE, imu.yaw_rate_radps, imu.yaw_rate_variance),
+    ):
+        series = _build_series_with_noise(source, kind, imu.time_s, value[:, None], variance[:, None, None])
+        if kind is Kind.ACCEL and len(series):
+            series = replace(series, pitch_rate=PitchRateSeries(imu.time_s, imu.pitch_rate_radps))
+        beyond = variance[_is_sigma_beyond_limit(kind, variance)]
+        yield series, [_note_on_sigma_beyond_limit(source, kind, beyond)] if len(beyond) else []
+
+
+def _is_sigma_beyond_limit(kind: Kind, variance: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether a message states more noise of a rate than such a sensor has, as where the field is filled with ones."""
+    if kind not in RATE_KINDS:  # a fix may be that bad, and then its row counts little
+        return np.zeros(len(variance), np.bool_)
+    return variance >= WHITE_NOISE_RANGES[kind].high ** 2
+
+
+def _note_on_sigma_beyond_limit(source: str, kind: Kind, variance: FloatArray) -> str:
+    limit = WHITE_NOISE_RANGES[kind]
+    return (
+        f"{source}: {len(variance)} messages state a sigma of {_RATE_NAMES[kind]} of up to "
+        f"{np.sqrt(variance.max()):.3g} {limit.unit}, and no such sensor has {limit.high:g} {limit.unit}: the noise is "
+        "found from the log instead"
+    )
 
 
 def _initial_noise_sigma(kind: Kind, time_s: FloatArray, values: ValueRows) -> float:

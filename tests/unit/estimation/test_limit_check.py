@@ -45,6 +45,8 @@ PITCHED = ImuMounting(0.5, 0.0)  # 29 degrees nose up: 9.80665 sin 0.5 = 4.70 m/
         (SPEED, {"sigma": 2.9}, ""),
         (SPEED, {"sigma": 3.1}, "white noise of 3.1 m/s"),
         (SPEED, {"sigma": 3.1, "n_used": 0}, ""),
+        (SPEED, {"sigma": 3.1, "noise_origin": "message"}, ""),
+        (SPEED, {"sigma": 3.1, "noise_origin": "message, scaled"}, "white noise of 3.1 m/s"),
         (FIX, {"ahead_m": Parameter(6.1, 0.1, USED)}, "a place ahead of 6.1 m"),
         (FIX, {"slow_error": SlowError(9.0, 30.0, USED)}, ""),
         (FIX, {"slow_error": SlowError(22.2, status=BEYOND)}, "a slow error of 22.2 m, and such"),

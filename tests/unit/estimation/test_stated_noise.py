@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cwcli.errors import UsageError
-from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, prepare_without_looking_ahead
 from cwcli.estimation.stated_noise import (
     apply_stated_noise,
     parse_sigmas_by_role_or_topic,
@@ -65,3 +66,39 @@ def test_an_imu_has_one_value_for_each_of_its_sensors() -> None:
         require_known_names_and_sigma_counts({"imu": (0.05,)}, [], where="a.mcap")
     with pytest.raises(UsageError, match="neither a role nor a topic"):
         require_known_names_and_sigma_counts({"ego_sped": (0.05,)}, ["/speed"], where="a.mcap")
+
+
+def imu_that_states(accel_variance: float, yaw_rate_variance: float) -> Measurements:
+    """An IMU at rest with noise of 0.05 m/s^2 and 0.01 rad/s, whatever its messages say."""
+    rng = np.random.default_rng(4)
+    values = rng.standard_normal((500, 6)) * ([0.05] * 3 + [0.01] * 3)
+    values[:, 2] += 9.81
+    variances = np.diag([accel_variance] * 3 + [yaw_rate_variance] * 3)
+    stamp_ns = np.arange(500, dtype=np.int64) * 10_000_000
+    return Measurements("/imu", Kind.IMU, stamp_ns, values, np.tile(variances, (500, 1, 1)))
+
+
+def test_noise_that_no_such_sensor_has_is_found_from_the_log_and_said() -> None:
+    """Ones on the diagonal are a field that nobody filled: 1 rad/s would leave the gyroscope without any weight."""
+    prepared, notes = clean_and_sort_measurements_and_note([imu_that_states(1.0, 1.0)], 0)
+    accel, yaw_rate = (each.series for each in prepared)
+    assert (accel.noise_origin, yaw_rate.noise_origin) == ("message", "default")
+    np.testing.assert_allclose(accel.noise[:, 0], 1.0)  # half of gravity is the limit of an accelerometer
+    assert np.sqrt(yaw_rate.noise[0, 0]) == pytest.approx(0.01, rel=0.2)
+    assert notes == [
+        "/imu: 500 messages state a sigma of the yaw rate of up to 1 rad/s, and no such sensor has 0.3 rad/s: the "
+        "noise is found from the log instead"
+    ]
+
+
+def test_noise_within_the_limits_is_taken_as_stated() -> None:
+    prepared, notes = clean_and_sort_measurements_and_note([imu_that_states(1.0, 0.04)], 0)
+    assert [each.series.noise_origin for each in prepared] == ["message", "message"]
+    assert prepared[1].series.noise[0, 0] == pytest.approx(0.04)
+    assert notes == []
+
+
+def test_noise_beyond_the_limits_is_no_noise_without_looking_ahead_either() -> None:
+    yaw_rate = prepare_without_looking_ahead([imu_that_states(1.0, 1.0)], 0, {})[1].series
+    assert yaw_rate.noise_origin == "default"
+    assert np.sqrt(yaw_rate.noise[0, 0]) == QUANTITIES[Kind.YAW_RATE].default_sigma
