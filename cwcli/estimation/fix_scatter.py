@@ -25,6 +25,9 @@ without a fault."""
 MAX_AGREEING_RATIO = 1.5
 """Greatest such ratio of sources that agree after one was left out. Chosen by hand, between that without a fault and
 the greatest one."""
+MIN_CLEAR_EXCESS, EXCESS_SIGMAS = 0.15, 4.0
+"""Least share by which noise is clearly larger than the scatter, and least excess in sigmas of the ratio, which is about
+1 / sqrt(n) for n rows. Chosen by hand: the greatest ratio in simulated drives without a fault is 1.1, of 181 rows."""
 ROUNDING_SIGMA_IN_STEPS = 12.0**-0.5
 """One sigma of the error of a rounded value, in steps: that of a uniform distribution."""
 MIN_LASTING_ERROR_BY_KIND: Mapping[Kind, float] = {
@@ -36,6 +39,13 @@ MIN_LASTING_ERROR_BY_KIND: Mapping[Kind, float] = {
 """Least noise of each kind that is compared with its scatter, in m, m/s and rad. Chosen by hand: the errors of a
 receiver under open sky last for minutes and are 1.5 m; 0.7 m/s is twice, and 0.07 rad (4 degrees) is twice the default
 noise of the kind in `QUANTITIES`."""
+
+
+DOUBTED_SHARE_OF_LASTING_ERROR = 0.25
+"""Least lasting error that raises a doubt, as a share of those of `MIN_LASTING_ERROR_BY_KIND`. Chosen by hand: as much
+as a car's place is off by half a degree of heading in 4 s."""
+DOUBTED_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
+"""Kinds whose lasting errors raise a doubt. The velocity of a receiver is smoothed, so its errors always last."""
 
 
 def noise_sigma_from_scatter_about_neighbours(s: SensorSeries) -> float:
@@ -59,6 +69,32 @@ def is_sigma_a_lasting_error(kind: Kind, sigma: float, scatter: float) -> bool:
     )
 
 
+def is_sigma_clearly_above_scatter(sigma: float, scatter: float, n_rows: int) -> bool:
+    """Whether the noise that the estimator found of n rows is larger than their scatter, beyond chance."""
+    excess = max(MIN_CLEAR_EXCESS, EXCESS_SIGMAS / math.sqrt(max(n_rows, 1)))
+    return sigma > (1.0 + excess) * scatter
+
+
+def lasting_sigma(report: SourceReport) -> float:
+    """Return one sigma of the errors of a source that last, in its unit; 0 where its scatter explains its noise.
+
+    It is 0, too, where messages state the noise.
+    """
+    if report.kind not in QUANTITIES or report.noise_origin not in ("log", "message, scaled"):
+        return 0.0
+    scatter = max(report.scatter, QUANTITIES[report.kind].floor_sigma)  # NaN stays, and no noise is beyond it
+    if not is_sigma_clearly_above_scatter(report.sigma, scatter, report.n_used):
+        return 0.0
+    return math.sqrt(report.sigma**2 - scatter**2)
+
+
+def do_errors_raise_doubt(report: SourceReport) -> bool:
+    """Whether errors of a source that last are large enough to doubt that all sources are right."""
+    return report.kind in DOUBTED_KINDS and lasting_sigma(report) > (
+        DOUBTED_SHARE_OF_LASTING_ERROR * MIN_LASTING_ERROR_BY_KIND[report.kind]
+    )
+
+
 def is_sigma_explained_by_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
     """Whether the noise is clearly that of the source alone: half of what would be an error that lasts, or less."""
     if kind not in MIN_LASTING_ERROR_BY_KIND:
@@ -74,15 +110,10 @@ def covariance_from_lasting_errors(reports: Sequence[SourceReport]) -> StateCova
     """
     added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
     variances_m2 = [
-        _lasting_variance_m2(r) if r.noise_origin in ("log", "message, scaled") else 0.0
+        lasting_sigma(r) ** 2 if r.slow_error.status is not ParameterStatus.USED else 0.0
         for r in reports
         if r.kind is Kind.POSITION and r.n_used
     ]
     added[X, X] = added[Y, Y] = min(variances_m2, default=0.0)
     return added
 
-
-def _lasting_variance_m2(fixes: SourceReport) -> float:
-    scatter_m = max(fixes.scatter, QUANTITIES[Kind.POSITION].floor_sigma)  # NaN stays, and no noise is beyond it
-    is_lasting = fixes.sigma > MAX_AGREEING_RATIO * scatter_m and fixes.slow_error.status is not ParameterStatus.USED
-    return fixes.sigma**2 - scatter_m**2 if is_lasting else 0.0

@@ -3,6 +3,7 @@
 The search compares each source with one reference, which may itself be late. A measurement can't be stamped before it
 was made. So where at least as many sources agree on a clock ahead of the reference as on that of the reference, the
 reference is late. Of two groups of one size the one with a position counts: a receiver has the satellites' clock.
+Sources whose latencies drift alike, and that are ahead, show in the same way that the reference's clock drifts.
 """
 
 from __future__ import annotations
@@ -14,6 +15,10 @@ import numpy as np
 from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.measurements import Kind
 from cwcli.lazy_dataclass import dataclass, replace
+
+MAX_DRIFT_DIFFERENCE = 0.2
+"""Greatest difference of two drifts of one clock, as a share of the larger one. Chosen by hand: the drift of a latency is
+found to some percent."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,9 @@ def shift_latencies_to_agreed_clock_and_note(
     if LatencyStatus.REFERENCE not in statuses or LatencyStatus.GIVEN in statuses:
         return latencies, []
     early = [
-        each for each in source_latencies if each.latency.status is LatencyStatus.APPLIED and each.latency.found_s < 0.0
+        each
+        for each in source_latencies
+        if each.latency.status in (LatencyStatus.APPLIED, LatencyStatus.DRIFTS) and each.latency.found_s < 0.0
     ]
     groups = [[other for other in early if _do_latencies_agree(other.latency, each.latency)] for each in early]
     group = max(groups, key=_count_source_votes, default=[])
@@ -86,17 +93,22 @@ def _shift_latencies_to_mean_clock_and_note(
     weight = np.array([each.latency.sigma_s**-2.0 for each in group])
     early_s = float(weight @ [each.latency.found_s for each in group] / weight.sum())
     sigma_s = float(weight.sum() ** -0.5)
+    drift = float(weight @ [each.latency.drift for each in group] / weight.sum())
+    middle_s = float(weight @ [each.latency.middle_s for each in group] / weight.sum())
     moved = []
     for each in source_latencies:
         latency = each.latency
         if each.is_reference:
             bound_s = max(one.latency.bound_s for one in group)
-            moved.append(Latency(LatencyStatus.APPLIED, -early_s, sigma_s, bound_s))
+            status = LatencyStatus.DRIFTS if drift else LatencyStatus.APPLIED
+            moved.append(Latency(status, -early_s, sigma_s, bound_s, drift=-drift, middle_s=middle_s))
         elif each in group:
             moved.append(Latency(LatencyStatus.REFERENCE))
         elif latency.status is LatencyStatus.DRIFTS:
             both_s = float(np.hypot(latency.sigma_s, sigma_s))
-            moved.append(replace(latency, found_s=latency.found_s - early_s, sigma_s=both_s))
+            moved.append(
+                replace(latency, found_s=latency.found_s - early_s, sigma_s=both_s, drift=latency.drift - drift)
+            )
         elif latency.status in (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT):
             found_s, both_s = latency.found_s - early_s, float(np.hypot(latency.sigma_s, sigma_s))
             is_clear = abs(found_s) > SIGNIFICANT_SIGMAS * both_s
@@ -111,6 +123,9 @@ def _shift_latencies_to_mean_clock_and_note(
 
 
 def _do_latencies_agree(one: Latency, other: Latency) -> bool:
+    """Whether two latencies are those of one clock: by their drifts, and by their values within sigma."""
+    if abs(one.drift - other.drift) > MAX_DRIFT_DIFFERENCE * max(abs(one.drift), abs(other.drift)):
+        return False
     return abs(one.found_s - other.found_s) <= SIGNIFICANT_SIGMAS * float(np.hypot(one.sigma_s, other.sigma_s))
 
 

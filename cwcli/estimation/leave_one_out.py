@@ -14,7 +14,11 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
-from cwcli.estimation.fix_scatter import is_sigma_a_lasting_error, is_sigma_explained_by_scatter
+from cwcli.estimation.fix_scatter import (
+    do_errors_raise_doubt,
+    is_sigma_a_lasting_error,
+    is_sigma_explained_by_scatter,
+)
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import RATE_KINDS, Kind
@@ -36,6 +40,11 @@ MAX_USUAL_GRADE_SIGMA_MPS2 = 0.6
 MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT = 10.0 * MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 """Least gain of log-likelihood of all other sources by which one is left out. Chosen: ten parameters, because all noise
 is fitted anew and errors last."""
+MAX_UNDOUBTED_GATED_ROW_SHARE = 0.01
+"""Greatest share of gated rows that raises no doubt: ten times what the gate rejects by chance. Chosen by hand."""
+MAX_UNDOUBTED_LATENCY_DRIFT = 1e-3
+"""Greatest change of a latency per second that raises no doubt: twice the 500 ppm by which NTP slews a clock at most (RFC
+5905). What drifts more is rarely a clock."""
 
 _MOTIONS_OF_KIND = {
     Kind.VELOCITY: frozenset({"along", "turning"}),
@@ -64,6 +73,21 @@ def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> s
         )
     }
     return found | {each.who for each in find_values_beyond_sensor_limits(reports)}
+
+
+def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
+    """Return the quantities whose errors last, whose clock drifts, or that the gate rejects more often than by chance."""
+    return {
+        SourceQuantity(r.source, r.kind)
+        for r in reports
+        if r.n_used
+        and r.kind not in RATE_KINDS
+        and (
+            do_errors_raise_doubt(r)
+            or abs(r.latency.drift) > MAX_UNDOUBTED_LATENCY_DRIFT
+            or r.n_gated > MAX_UNDOUBTED_GATED_ROW_SHARE * (r.n_used + r.n_gated)
+        )
+    }
 
 
 def quantity_groups_to_leave_out(
@@ -133,17 +157,20 @@ def find_spoiling_sources(
     Args:
         trusted: Sources that are never left out.
     """
-    if not quantities_with_unusual_noise_or_error(reports):
+    is_misfit = bool(quantities_with_unusual_noise_or_error(reports))
+    if not is_misfit and not quantities_in_doubt(reports):
         return ()
     best: tuple[SourceQuantity, ...] = ()
     best_gain = MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT
     groups = quantity_groups_to_leave_out(reports, trusted)
+    if not is_misfit:  # a receiver may err like that, too
+        groups = [group for group in groups if can_third_source_judge(reports, group)]
     if any(r.latency.status is LatencyStatus.CONTRADICTS for r in reports):
         # A clock stamps all that a source measures. Without a part of it the latency is only measured worse.
         groups = [group for group in groups if _is_whole_source(group, reports)]
     for group in groups:
         found = reports_without(group)
-        if not _do_sources_agree_clearly(found):
+        if not _do_sources_agree_clearly(found) or (not is_misfit and quantities_in_doubt(found)):
             continue
         gain = _log_likelihood_of_others(found, group) - _log_likelihood_of_others(reports, group)
         if gain > best_gain:

@@ -325,6 +325,111 @@ def mixed_in_eights(m: Measurements) -> list[Measurements]:
     return [replace(m, values=m.values[order])]
 
 
+def at_least(limit: float) -> Change:
+    return lambda _, values: np.maximum(values, limit)
+
+
+def growing_scale(most: float) -> Change:
+    """A scale that grows evenly from 1 to this, as tyres that lose pressure or are changed."""
+    return lambda time_s, values: values * (1.0 + (most - 1.0) * time_s / time_s[-1])[:, None]
+
+
+def held_for(step_s: float) -> Change:
+    """Values that are measured once in a while and repeated in between."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return values[np.searchsorted(time_s, np.floor(time_s / step_s) * step_s)]
+
+    return change
+
+
+def only(change: Change, *columns: int) -> Change:
+    """A change of some columns alone."""
+
+    def changed(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        values[:, list(columns)] = change(time_s, values[:, list(columns)])
+        return values
+
+    return changed
+
+
+def with_iron(once_deg: float, twice_deg: float) -> Change:
+    """A magnetic compass beside iron: deviations that go once and twice round with the heading."""
+    return lambda _, values: (
+        values + np.radians(once_deg) * np.sin(values) + np.radians(twice_deg) * np.sin(2.0 * values)
+    )
+
+
+def course_at_random_below(limit_mps: float) -> Change:
+    """A course over ground as heading, which has no meaning where the car hardly moves."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        slow = np.interp(time_s, *STANDING_SPEED) < limit_mps
+        return np.where(slow[:, None], np.random.default_rng(3).uniform(-np.pi, np.pi, values.shape), values)
+
+    return change
+
+
+def of_two_antennas(ahead_m: float) -> Change:
+    """Every other fix is one of a second antenna."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        other = np.arange(len(values))[:, None] % 2 == 1
+        return np.where(other, ahead_of_car(ahead_m)(time_s, values.copy()), values)
+
+    return change
+
+
+def snapped_to_road(step_s: float) -> Change:
+    """Fixes moved to the nearest point of a coarse map: chords between places of the way some seconds apart."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        knots_s = np.append(np.arange(time_s[0], time_s[-1], step_s), time_s[-1])
+        knots = np.column_stack([np.interp(knots_s, time_s, column) for column in values.T])
+        piece = np.clip(np.searchsorted(knots_s, time_s, side="right") - 1, 0, len(knots) - 2)
+        along = knots[piece + 1] - knots[piece]
+        share = np.einsum("ni,ni->n", values - knots[piece], along) / np.maximum((along**2).sum(axis=1), 1e-9)
+        return knots[piece] + np.clip(share, 0.0, 1.0)[:, None] * along
+
+    return change
+
+
+def guessed_between(begin: float, end: float) -> Change:
+    """A receiver that goes on straight at its last speed between two shares of the log, as in a tunnel."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        rows = np.flatnonzero((time_s >= begin * time_s[-1]) & (time_s <= end * time_s[-1]))
+        first = rows[0]
+        before = np.searchsorted(time_s, time_s[first] - 1.0)
+        velocity = (values[first] - values[before]) / max(time_s[first] - time_s[before], 1e-3)
+        values[rows] = values[first] + velocity * (time_s[rows] - time_s[first])[:, None]
+        return values
+
+    return change
+
+
+def lost_rows(share: float) -> Change:
+    """Zeros instead of some of the values."""
+    return lambda _, values: np.where(np.random.default_rng(4).random(len(values))[:, None] < share, 0.0, values)
+
+
+def with_late_copy(delay_s: float) -> Rewrite:
+    return lambda m: [m, replace(m, source=f"{m.source}_copy", stamp_ns=m.stamp_ns + int(delay_s * 1e9))]
+
+
+def with_pairs_exchanged(m: Measurements) -> list[Measurements]:
+    order = np.arange(len(m) // 2 * 2).reshape(-1, 2)[:, ::-1].ravel()
+    return [replace(m, values=np.concatenate([m.values[order], m.values[len(order) :]]))]
+
+
+def stamped_late_by_up_to(most_s: float) -> Rewrite:
+    def rewrite(m: Measurements) -> list[Measurements]:
+        delay_ns = (1e9 * most_s * np.random.default_rng(5).random(len(m))).astype(np.int64)
+        return [replace(m, stamp_ns=np.maximum.accumulate(m.stamp_ns + delay_ns))]
+
+    return rewrite
+
+
 FAULTS = (
     Fault("speed in km/h", Kind.SPEED, scaled(3.6), ("km/h",)),
     Fault("speed / 3.6", Kind.SPEED, scaled(1 / 3.6), ("divided by 3.6",)),
@@ -441,3 +546,42 @@ LATER_FAULTS = (
 )  # fmt: skip
 """Faults that were thought of when the detection stood. In short drives some of them show nowhere: a heading that drifts,
 a sensor that is late from mid-log, a clock that drifts, a map of another scale."""
+
+ROAD_FAULTS = (
+    Fault("heading of the course, any below 2 m/s", Kind.HEADING, course_at_random_below(2.0), ("ego_heading",)),
+    Fault("heading beside iron", Kind.HEADING, with_iron(20.0, 12.0), ("ego_heading",)),
+    Fault("heading of an axis, half a turn", Kind.HEADING, lambda _, v: v % np.pi, ("ego_heading",)),
+    Fault("heading smoothed over 3 s", Kind.HEADING, lambda t, v: low_passed(3.0)(t, np.unwrap(v, axis=0)), ("ego_heading",)),
+    Fault("heading measured once in 5 s, repeated", Kind.HEADING, held_for(5.0), ("ego_heading", "repeat")),
+    Fault("speed never below 5 km/h", Kind.SPEED, at_least(5 / 3.6), ("ego_speed",)),
+    Fault("speed scale grows to 1.12", Kind.SPEED, growing_scale(1.12), ("ego_speed",)),
+    Fault("speed rounded to 1 km/h", Kind.SPEED, rounded(1 / 3.6, 0)),
+    Fault("speed measured once in 2 s, repeated", Kind.SPEED, held_for(2.0), ("ego_speed", "repeat")),
+    Fault("speed of wheels that block, 3 % zeros", Kind.SPEED, lost_rows(0.03), ("ego_speed",)),
+    Fault("speed wraps at 8 m/s", Kind.SPEED, lambda _, v: v % 8.0, ("ego_speed",)),
+    Fault("speed in 0.1 km/h", Kind.SPEED, scaled(36.0), ("ego_speed",)),
+    Fault("speed clock - 2 h", Kind.SPEED, unchanged, ("clock",), rewrite=clock_ahead(-7200.0)),
+    Fault("speed with a late copy", Kind.SPEED, unchanged, ("copy", "ego_speed"), rewrite=with_late_copy(0.6)),
+    Fault("gyro smoothed over 1 s", Kind.IMU, only(low_passed(1.0), 3, 4, 5), ("yaw rate", "imu (imu)")),
+    Fault("gyro bias grows to 0.06 rad/s", Kind.IMU, lambda t, v: v + np.outer(t / t[-1], [0, 0, 0, 0, 0, 0.06]), ("yaw rate",)),
+    Fault("gyro x for z", Kind.IMU, columns(1, 2, 3, 6, 5, 4), ("yaw rate", "mounted")),
+    Fault("gyro in turns/s", Kind.IMU, imu(gyro=1 / (2 * np.pi)), ("yaw rate",)),
+    Fault("accel z down, gyro z up", Kind.IMU, columns(1, -2, -3, 4, 5, 6), ("imu", "accel", "gravity")),
+    Fault("accel without gravity", Kind.IMU, added(0, 0, -G, 0, 0, 0)),
+    Fault("accel clipped at 1 m/s^2", Kind.IMU, clipped(1.0, 0), ("accel", "satur")),
+    Fault("IMU of a vendor: x back, z down", Kind.IMU, columns(-1, 2, -3, -4, 5, -6), ("mounted",)),
+    Fault("IMU of a vendor, g and deg/s", Kind.IMU, imu(np.diag([-1 / G, 1 / G, -1 / G]), np.diag([-57.29578, 57.29578, -57.29578])), ("in g", "mounted")),
+    Fault("fix of two antennas in turns", Kind.POSITION, of_two_antennas(3.0), ("ego_position", "antenna", "gnss"), ahead_m=1.5),
+    Fault("fix snapped to a coarse road", Kind.POSITION, snapped_to_road(6.0), ("ego_position",)),
+    Fault("fix without its minus for a while", Kind.POSITION, partly(columns(-1, 2), 0.55, 0.7), ("ego_position",)),
+    Fault("fix guessed in a tunnel", Kind.POSITION, guessed_between(0.4, 0.48), ("ego_position",)),
+    Fault("fix in feet", Kind.POSITION, scaled(3.28084), ("ego_position", "gnss is wrong")),
+    Fault("fix turned by 8 deg", Kind.POSITION, lambda _, v: v @ rotation(2, 8.0)[:2, :2].T, ("ego_position", "ego_heading"), is_drift=True),
+    Fault("fix zero in 3 % of rows", Kind.POSITION, lost_rows(0.03), ("ego_position",)),
+    Fault("fix rows exchanged in pairs", Kind.POSITION, unchanged, ("stamps", "latency"), rewrite=with_pairs_exchanged),
+    Fault("fix late by up to 0.5 s", Kind.POSITION, unchanged, ("stamps", "latency"), rewrite=stamped_late_by_up_to(0.5)),
+    Fault("fix with a late copy", Kind.POSITION, unchanged, ("copy",), rewrite=with_late_copy(0.4)),
+    Fault("fix clock - 1 h", Kind.POSITION, unchanged, ("clock",), rewrite=clock_ahead(-3600.0)),
+)  # fmt: skip
+"""Faults of cars on the road and of their drivers' software, thought of by a tester who did not build the detection. An
+IMU whose gravity was removed, and a speed in steps of 1 km/h, are no faults and may not do harm."""

@@ -18,9 +18,11 @@ FIX = SourceReport("/fix", Kind.POSITION, n_used=500, sigma=1.3, scatter=0.5, no
     ("reports", "variance_m2"),
     [
         ([FIX], 1.44),
+        ([replace(FIX, scatter=0.9)], 0.88),  # 1.44 times the scatter, where 1.18 times is clear for 500 rows
         ([replace(FIX, noise_origin="message, scaled")], 1.44),
         ([replace(FIX, noise_origin="message")], 0.0),
-        ([replace(FIX, scatter=0.9)], 0.0),
+        ([replace(FIX, scatter=0.9, n_used=50)], 0.0),  # 1.44 times of 50 rows may be chance
+        ([replace(FIX, scatter=1.2)], 0.0),
         ([replace(FIX, scatter=float("nan"))], 0.0),
         ([replace(FIX, sigma=0.05, scatter=0.001)], 0.0),  # the least noise that the estimator takes
         ([replace(FIX, slow_error=SlowError(1.0, 30.0, ParameterStatus.USED))], 0.0),
