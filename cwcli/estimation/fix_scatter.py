@@ -16,7 +16,7 @@ from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_v
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.result import SourceReport
-from cwcli.signals.columns import StateCovariance
+from cwcli.signals.columns import FloatArray, StateCovariance
 from cwcli.signals.vehicle_state import X, Y
 
 MAX_NOISE_TO_SCATTER_RATIO = 2.0
@@ -26,7 +26,7 @@ MAX_AGREEING_RATIO = 1.5
 """Greatest such ratio of sources that agree after one was left out. Chosen by hand, between that without a fault and
 the greatest one."""
 MIN_CLEAR_EXCESS, EXCESS_SIGMAS = 0.15, 4.0
-"""Least share by which noise is clearly larger than the scatter, and least excess in sigmas of the ratio, which is about
+"""Least share by which noise is clearly larger than the scatter, and least excess in sigmas of the ratio, which is
 1 / sqrt(n) for n rows. Chosen by hand: the greatest ratio in simulated drives without a fault is 1.1, of 181 rows."""
 ROUNDING_SIGMA_IN_STEPS = 12.0**-0.5
 """One sigma of the error of a rounded value, in steps: that of a uniform distribution."""
@@ -57,9 +57,13 @@ def noise_sigma_from_scatter_about_neighbours(s: SensorSeries) -> float:
     if len(s) < 3:
         return math.nan
     x = np.unwrap(s.values[:, :1], axis=0) if s.kind is Kind.HEADING else s.values[:, : s.n_values_per_row]
-    second_difference = x[2:] - 2.0 * x[1:-1] + x[:-2]
-    scatter = MEDIAN_ABSOLUTE_TO_SIGMA * median_of_finite_values(np.abs(second_difference).ravel()) / math.sqrt(6.0)
-    return max(scatter, ROUNDING_SIGMA_IN_STEPS * max(s.coarse_steps_m))
+    return max(scatter_about_neighbours(x), ROUNDING_SIGMA_IN_STEPS * max(s.coarse_steps_m))
+
+
+def scatter_about_neighbours(values: FloatArray) -> float:
+    """Return one sigma of the white noise of three or more rows (n, d) on each axis, by their second differences."""
+    second_difference = values[2:] - 2.0 * values[1:-1] + values[:-2]
+    return MEDIAN_ABSOLUTE_TO_SIGMA * median_of_finite_values(np.abs(second_difference).ravel()) / math.sqrt(6.0)
 
 
 def is_sigma_a_lasting_error(kind: Kind, sigma: float, scatter: float) -> bool:
@@ -116,4 +120,3 @@ def covariance_from_lasting_errors(reports: Sequence[SourceReport]) -> StateCova
     ]
     added[X, X] = added[Y, Y] = min(variances_m2, default=0.0)
     return added
-

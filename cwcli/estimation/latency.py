@@ -21,6 +21,9 @@ SIGNIFICANT_SIGMAS = 3.0
 MAX_DRIFT_EXTRAPOLATION_S = 150.0
 """Time from the middle up to which a drift is extrapolated, s: half of the window of the search."""
 
+MS_PER_MINUTE_OF_UNIT_DRIFT = 6e4
+"""Milliseconds per minute in a drift of one second per second."""
+
 
 class LatencyStatus(StrEnum):
     """How the latency of a source was treated.

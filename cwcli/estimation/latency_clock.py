@@ -17,7 +17,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.lazy_dataclass import dataclass, replace
 
 MAX_DRIFT_DIFFERENCE = 0.2
-"""Greatest difference of two drifts of one clock, as a share of the larger one. Chosen by hand: the drift of a latency is
+"""Greatest difference of two drifts of one clock, as a share of the larger one. Chosen by hand: a drift of a latency is
 found to some percent."""
 
 

@@ -27,6 +27,7 @@ from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
+from cwcli.estimation.sensor_limits import LATENCY_DRIFT_RANGE
 from cwcli.estimation.slow_drift import find_contradictions_of_drifting_fixes
 from cwcli.estimation.source_vote import quantity_of_series, without_any_rows
 from cwcli.estimation.tolerances import MAX_GATED_ROW_SHARE
@@ -42,9 +43,6 @@ MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT = 10.0 * MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 is fitted anew and errors last."""
 MAX_UNDOUBTED_GATED_ROW_SHARE = 0.01
 """Greatest share of gated rows that raises no doubt: ten times what the gate rejects by chance. Chosen by hand."""
-MAX_UNDOUBTED_LATENCY_DRIFT = 1e-3
-"""Greatest change of a latency per second that raises no doubt: twice the 500 ppm by which NTP slews a clock at most (RFC
-5905). What drifts more is rarely a clock."""
 
 _MOTIONS_OF_KIND = {
     Kind.VELOCITY: frozenset({"along", "turning"}),
@@ -76,7 +74,7 @@ def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> s
 
 
 def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
-    """Return the quantities whose errors last, whose clock drifts, or that the gate rejects more often than by chance."""
+    """Return the quantities whose errors last, whose latency changes, or that the gate often rejects."""
     return {
         SourceQuantity(r.source, r.kind)
         for r in reports
@@ -84,7 +82,7 @@ def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
         and r.kind not in RATE_KINDS
         and (
             do_errors_raise_doubt(r)
-            or abs(r.latency.drift) > MAX_UNDOUBTED_LATENCY_DRIFT
+            or not LATENCY_DRIFT_RANGE.contains_or_is_nan(r.latency.drift)
             or r.n_gated > MAX_UNDOUBTED_GATED_ROW_SHARE * (r.n_used + r.n_gated)
         )
     }

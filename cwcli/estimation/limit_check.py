@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
-from cwcli.estimation.fix_scatter import is_sigma_a_lasting_error
-from cwcli.estimation.latency import LatencyStatus
-from cwcli.estimation.measurements import RATE_KINDS, Kind
+from cwcli.estimation.fix_scatter import do_errors_raise_doubt, is_sigma_a_lasting_error, lasting_sigma
+from cwcli.estimation.latency import MS_PER_MINUTE_OF_UNIT_DRIFT, LatencyStatus
+from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
 from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.sensor_limits import (
     ACCEL_BIAS_RANGE,
+    LATENCY_DRIFT_RANGE,
     LATENCY_RANGE,
     STAMP_SIGMA_RANGE,
     WHITE_NOISE_RANGES,
@@ -56,6 +57,45 @@ def _find_lasting_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -
     if most is None or _bias_share_of_limit(most) < MIN_BLAMED_BIAS_SHARE_OF_LIMIT:
         return [Contradiction(who, quantity_compared_with(fixes, reports), f"its fixes {what}")]
     return [Contradiction(SourceQuantity(most.source, most.kind), who, f"with it the fixes {what}")]
+
+
+def find_contradictions_of_changing_latencies(
+    reports: Sequence[SourceReport], known_contradictions: Sequence[Contradiction]
+) -> list[Contradiction]:
+    """Return contradictions of the sources whose latency changes faster than clocks drift.
+
+    Such a latency steps, or the stamps are wrong. The line is used all the same: it is nearer to the truth than a
+    constant.
+    """
+    told = {quantity.source for each in known_contradictions for quantity in (each.who, *each.allies)}
+    found: dict[str, Contradiction] = {}
+    for report in reports:
+        drift = report.latency.drift
+        if report.source in told or not report.n_used or LATENCY_DRIFT_RANGE.contains_or_is_nan(drift):
+            continue
+        who = SourceQuantity(report.source, Kind.IMU if report.kind in RATE_KINDS else report.kind)
+        what = (
+            f"its latency changes by {MS_PER_MINUTE_OF_UNIT_DRIFT * drift:.0f} ms a minute, and a clock's by at most "
+            f"{MS_PER_MINUTE_OF_UNIT_DRIFT * LATENCY_DRIFT_RANGE.high:.0f} ms: it steps, or the stamps are wrong"
+        )
+        found.setdefault(report.source, Contradiction(who, quantity_compared_with(report, reports), what))
+    return list(found.values())
+
+
+def doubt_about_lasting_errors(reports: Sequence[SourceReport]) -> str:
+    """Return a sentence on a source whose errors last although no sensor is clearly wrong; "" where there is none."""
+    for report in reports:
+        if report.n_used and report.slow_error.status is not ParameterStatus.USED and do_errors_raise_doubt(report):
+            unit = QUANTITIES[report.kind].unit
+            others = ", ".join(
+                str(SourceQuantity(r.source, r.kind))
+                for r in reports
+                if r.n_used and r.kind not in (report.kind, Kind.POSITION)
+            )
+            who = SourceQuantity(report.source, report.kind)
+            how = f"errs by {lasting_sigma(report):.2g} {unit} for long, and scatters by {report.scatter:.2g} {unit}"
+            return f"{who} {how}: it wanders, or one of {others or 'the others'} is late, smoothed or of another scale"
+    return ""
 
 
 def _bias_share_of_limit(report: SourceReport) -> float:

@@ -75,6 +75,10 @@ LATENCY_RANGE = ParameterRange(
     "early by more than the period of half a second that slow buses have",
 )
 """Range of a latency, s; positive is late; its field `source` gives the reason."""
+LATENCY_DRIFT_RANGE = ParameterRange(
+    -1e-3, 1e-3, "", "twice the 500 ppm by which NTP slews a clock at most (RFC 5905); quartz drifts by 100 ppm"
+)
+"""Range of the change of a latency in a second, s/s; its field `source` gives the reason."""
 UNKNOWN_DELAY_SIGMA_S = 0.05
 """One sigma of the delay of a source of which nothing is known, s: a receiver with ten fixes a second computes for 30
 to 100 ms before it sends, a car's bus and an operating system delay by 5 to 50 ms. Chosen as a round number of

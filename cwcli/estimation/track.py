@@ -35,7 +35,11 @@ from cwcli.estimation.leave_one_out import (
     raise_noise_of_fixes_to_reported,
 )
 from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
-from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
+from cwcli.estimation.limit_check import (
+    doubt_about_lasting_errors,
+    find_contradictions_of_changing_latencies,
+    find_values_beyond_sensor_limits,
+)
 from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
@@ -336,6 +340,9 @@ def _filter_and_smooth(
     contradictions = tuned_measurements.contradictions
     if not config.blind:
         contradictions = (*contradictions, *find_values_beyond_sensor_limits(reports, contradictions))
+        contradictions = (*contradictions, *find_contradictions_of_changing_latencies(reports, contradictions))
+        if not contradictions and (doubt := doubt_about_lasting_errors(reports)):
+            notes.append(doubt)
     return Track(
         output_stamp_ns,
         state,

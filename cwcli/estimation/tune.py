@@ -16,6 +16,7 @@ from cwcli.estimation.calibrated import (
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.delay_variance import DelaySigmas, delay_sigmas_of_best_known_sources, unphysical_lead_of_fixes_s
 from cwcli.estimation.latency import (
+    MS_PER_MINUTE_OF_UNIT_DRIFT,
     SIGNIFICANT_SIGMAS,
     Latency,
     LatencyStatus,
@@ -53,8 +54,6 @@ ACCEL_BIAS_PRIOR_SIGMA_MPS2 = 3.0
 """One sigma of an accelerometer's bias, m/s^2. Chosen: gravity through 18 degrees of pitch."""
 YAW_RATE_BIAS_PRIOR_SIGMA_RADPS = 0.02
 """One sigma of a gyroscope's bias, rad/s. Chosen by hand; not fitted."""
-MS_PER_MINUTE_OF_UNIT_DRIFT = 6e4
-"""Milliseconds per minute in a drift of one second per second."""
 
 
 @dataclass(frozen=True)

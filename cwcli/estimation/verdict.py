@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from cwcli.estimation.limit_check import doubt_about_lasting_errors
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.result import SourceReport, TrackSummary
 from cwcli.estimation.tolerances import (
@@ -76,6 +77,8 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
         more = f", and {len(faults) - MAX_LISTED_FAULTS} more" if len(faults) > MAX_LISTED_FAULTS else ""
         return f"not consistent: {'; '.join(faults[:MAX_LISTED_FAULTS])}{more}"
     agreed, exception = "consistent", _exception_for_unseen_drift_text(track, nees)
+    if all(math.isnan(each.per_dof) for each in nees) and (doubt := doubt_about_lasting_errors(sources)):
+        exception = f"; but {doubt}{exception}"
     if exception:
         agreed = "no contradiction"
     careful = [

@@ -9,7 +9,9 @@ import numpy.typing as npt
 
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction
+from cwcli.estimation.fix_scatter import scatter_about_neighbours
 from cwcli.estimation.frozen_rows import FixMotion, frozen_row_mask
+from cwcli.estimation.jumping_fixes import fixes_jumped_away_mask
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_zero_time
 from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
@@ -24,7 +26,10 @@ STANDSTILL_CHECK_WINDOW_S = 2.0
 def set_wrong_rows_aside_and_list_them(
     measurements: Sequence[Measurements], trusted: Collection[str]
 ) -> tuple[list[Measurements], list[Correction]]:
-    """Return the measurements without stuck rows and without headings that are turned round while the car stands."""
+    """Return the measurements without rows that are wrong, and what was set aside.
+
+    These are rows that are stuck, fixes that jump away and back, and headings that are turned round at standstill.
+    """
     zero_ns = earliest_stamp_ns(measurements)
     fixes = _motion_of_first_position_source(measurements, zero_ns)
     corrected: list[Measurements] = []
@@ -40,6 +45,16 @@ def set_wrong_rows_aside_and_list_them(
                 kept = _without_measurement_rows(kept, rows[frozen])
                 what = "repeats one value for long, as a sensor that is stuck or saturated"
                 corrections.append(_correction_of_rows_set_aside(m, "stuck", what, frozen, time_s))
+            if m.kind is Kind.POSITION:
+                rest = np.flatnonzero(~frozen)
+                jumped = np.zeros(len(rows), np.bool_)
+                jumped[rest] = fixes_jumped_away_mask(
+                    time_s[rest], values[rest], max(scatter_about_neighbours(values[rest, k : k + 1]) for k in (0, 1))
+                )
+                if jumped.any():
+                    kept = _without_measurement_rows(kept, rows[jumped])
+                    what = "jumps away and back, as no car does"
+                    corrections.append(_correction_of_rows_set_aside(m, "jump", what, jumped, time_s))
             if m.kind is Kind.HEADING and has_heading_jumps(time_s, values[:, 0]):
                 flipped = heading_flipped_at_standstill_mask(
                     time_s, values[:, 0], _absolute_speed_at_mps(time_s, measurements, fixes, zero_ns)

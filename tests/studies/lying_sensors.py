@@ -48,6 +48,8 @@ from tests.studies.sensor_faults import FAULTS, LATER_FAULTS, ROAD_FAULTS, Fault
 from tests.studies.sensor_model import measurements_of
 
 LEAN = (Kind.POSITION, Kind.IMU)
+DOUBT_WORDS = "for long, and scatters"
+"""Words of a doubt about all sources; it names one only where there are two."""
 TOLD_WORDS = (
     "stuck",
     "saturat",
@@ -58,6 +60,7 @@ TOLD_WORDS = (
     "interpolated",
     "repeat",
     "clock",
+    DOUBT_WORDS,
 )
 """Words of notes that name a fault of a source."""
 FIRST_SEED = 9301
@@ -193,6 +196,9 @@ def is_named(fault: Fault, track: Track) -> bool:
     """Whether a sentence that blames the right source has a word of the fault; of two alone both may be blamed."""
     topics = {Kind.SPEED: ("speed",), Kind.IMU: ("imu",), Kind.HEADING: ("heading",),
               Kind.POSITION: ("gnss)", "gnss:", "gnss_copy:")}  # fmt: skip
+    doubts = [note for note in track.notes if DOUBT_WORDS in note]
+    if len({r.source for r in track.sources if r.n_used}) > 2:
+        track = replace(track, notes=tuple(note for note in track.notes if note not in doubts))
     of_two = [c for c in track.contradictions if "no third source tells" in c.consequence_text]
     if of_two and fault.kind in (Kind.POSITION, Kind.IMU):
         return any(topic in str(who) for c in of_two for who in (c.who, c.against) for topic in topics[fault.kind])

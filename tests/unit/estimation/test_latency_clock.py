@@ -79,3 +79,31 @@ def test_the_imus_clock_stays(latencies: dict[str, Latency]) -> None:
 def test_a_given_latency_names_the_clock() -> None:
     latencies = {**said(gnss=(-100.0, 10.0)), "wheel": Latency(LatencyStatus.GIVEN, 0.0)}
     assert agreed(latencies)[0]["imu"] == Latency(LatencyStatus.REFERENCE)
+
+
+def drifting(found_s: float, drift: float, sigma_s: float = 0.01) -> Latency:
+    return Latency(LatencyStatus.DRIFTS, found_s, sigma_s, 1e-3, drift=drift, middle_s=120.0)
+
+
+def test_an_imu_whose_clock_drifts_is_corrected_where_the_others_drift_alike() -> None:
+    latencies = {"gnss": drifting(-0.241, -2.0e-3), "wheel": drifting(-0.244, -2.1e-3)}
+    found, notes = agreed(latencies)
+    assert found["imu"].status is LatencyStatus.DRIFTS
+    assert found["imu"].found_s == pytest.approx(0.2425)
+    assert found["imu"].drift == pytest.approx(2.05e-3)
+    assert found["imu"].middle_s == pytest.approx(120.0)
+    assert found["gnss"] == found["wheel"] == Latency(LatencyStatus.REFERENCE)
+    assert len(notes) == 1
+
+
+def test_a_source_that_drifts_late_has_a_clock_of_its_own() -> None:
+    latencies = {"gnss": drifting(0.241, 2e-3)}
+    assert agreed(latencies) == ({"imu": Latency(LatencyStatus.REFERENCE), **latencies}, [])
+
+
+def test_a_drift_does_not_agree_with_a_constant() -> None:
+    latencies = {"gnss": drifting(-0.241, -2e-3), **said(wheel=(-241.0, 10.0))}
+    found, _ = agreed(latencies)
+    assert found["gnss"] == Latency(LatencyStatus.REFERENCE)
+    assert found["imu"].drift == pytest.approx(2e-3)
+    assert found["wheel"] != Latency(LatencyStatus.REFERENCE)

@@ -11,6 +11,7 @@ from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.leave_one_out import (
     find_spoiling_sources,
+    quantities_in_doubt,
     quantities_with_unusual_noise_or_error,
     quantity_groups_to_leave_out,
 )
@@ -53,6 +54,42 @@ SPEED_QUANTITY, IMU = SourceQuantity("/speed", Kind.SPEED), (
 )
 def test_what_is_a_misfit(report: SourceReport, is_misfit: bool) -> None:
     assert bool(quantities_with_unusual_noise_or_error([report])) is is_misfit
+
+
+@pytest.mark.parametrize(
+    ("report", "is_doubt"),
+    [
+        (SPEED, False),
+        (replace(SPEED, sigma=0.25), True),
+        (replace(SPEED, sigma=0.25, scatter=0.22), False),  # 1.14 times the scatter
+        (replace(SPEED, sigma=0.15), False),  # 0.11 m/s last, less than a quarter of what a wrong source does
+        (replace(SPEED, sigma=0.25, scatter=0.2, n_used=50), False),  # 1.25 times of 50 rows may be chance
+        (replace(SPEED, sigma=0.25, noise_origin="message"), False),
+        (replace(SPEED, kind=Kind.VELOCITY, sigma=0.25), False),  # receivers smooth it
+        (replace(HEADING, sigma=0.025), True),
+        (replace(FIX, sigma=0.8), True),
+        (replace(SPEED, n_gated=6), True),
+        (replace(SPEED, n_gated=5), False),
+        (replace(SPEED, latency=Latency(LatencyStatus.DRIFTS, 0.1, 0.01, drift=1.1e-3)), True),
+        (replace(SPEED, latency=Latency(LatencyStatus.DRIFTS, 0.1, 0.01, drift=0.9e-3)), False),
+    ],
+)
+def test_what_is_in_doubt(report: SourceReport, is_doubt: bool) -> None:
+    assert bool(quantities_in_doubt([report])) is is_doubt
+    assert not quantities_with_unusual_noise_or_error([report])
+
+
+def test_a_doubt_leaves_no_source_out_that_no_third_one_judges() -> None:
+    doubtful = replace(FIX, sigma=1.2, log_likelihood=-900.0)
+    tried = []
+
+    def reports_without(quantities: Sequence[SourceQuantity]) -> Sequence[SourceReport]:
+        tried.append(tuple(quantities))
+        return [FIX, *(r for r in ALL[1:] if SourceQuantity(r.source, r.kind) not in quantities)]
+
+    assert find_spoiling_sources((doubtful, ACCEL, YAW_RATE), reports_without) == ()
+    assert tried == []
+    assert find_spoiling_sources((doubtful, *ALL[1:]), reports_without) != ()
 
 
 def test_positions_and_trusted_sources_are_never_left_out_and_an_imu_also_as_a_whole() -> None:

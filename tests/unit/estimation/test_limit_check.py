@@ -14,7 +14,11 @@ from cwcli.estimation import EstimatorConfig, estimate_track, sensor_limits
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import Latency, LatencyStatus, mark_latency_beyond_limits
-from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
+from cwcli.estimation.limit_check import (
+    doubt_about_lasting_errors,
+    find_contradictions_of_changing_latencies,
+    find_values_beyond_sensor_limits,
+)
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport
@@ -158,6 +162,7 @@ def test_the_table_of_the_docs_has_these_bounds() -> None:
         "position: slow error": sensor_limits.SLOW_POSITION_SIGMA_RANGE,
         "position: stamp jitter (sigma)": sensor_limits.STAMP_SIGMA_RANGE,
         "place ahead": sensor_limits.AHEAD_RANGE,
+        "latency: change in a second": sensor_limits.LATENCY_DRIFT_RANGE,
         "latency": sensor_limits.LATENCY_RANGE,
         **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGES.items()},
     }
@@ -188,3 +193,24 @@ def test_a_speed_in_km_h_that_nobody_compares_is_absorbed_by_no_parameter() -> N
     assert consistency_verdict_sentence(summarise_track(track)).startswith(
         "not consistent: ego_position (gnss) contradicts ego_speed (speed)"
     )
+
+
+def test_a_latency_that_changes_faster_than_a_clock_is_told_once_and_used() -> None:
+    drifting = Latency(LatencyStatus.DRIFTS, 0.3, 0.01, drift=5.8e-3)
+    imu = [replace(each, latency=drifting) for each in (ACCEL, YAW_RATE)]
+    (found,) = find_contradictions_of_changing_latencies([FIX, *imu], ())
+    assert str(found.who) == "imu (/imu)"
+    assert "changes by 348 ms a minute, and a clock's by at most 60 ms" in found.what
+    assert found.left_out == ()
+    assert find_contradictions_of_changing_latencies([FIX, *imu], [found]) == []
+    steady = replace(FIX, latency=replace(drifting, drift=-9e-4))
+    assert find_contradictions_of_changing_latencies([steady], ()) == []
+
+
+def test_a_doubt_names_the_source_that_errs_for_long_and_all_that_it_is_compared_with() -> None:
+    fixes = replace(FIX, sigma=1.0, scatter=0.6, noise_origin="log")
+    words = doubt_about_lasting_errors([fixes, YAW_RATE])
+    assert words.startswith("ego_position (/fix) errs by 0.8 m for long, and scatters by 0.6 m")
+    assert "imu yaw rate (/imu)" in words
+    assert doubt_about_lasting_errors([replace(fixes, sigma=0.65), YAW_RATE]) == ""
+    assert doubt_about_lasting_errors([replace(fixes, slow_error=SlowError(1.0, 30.0, USED)), YAW_RATE]) == ""
