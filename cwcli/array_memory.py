@@ -17,11 +17,11 @@ from typing import Any
 
 from cwcli.kernels import spill
 
-MOST_ARRAY_BYTES = 128 << 20
+MAX_LARGE_ARRAY_BYTES_IN_MEMORY = 128 << 20
 """Size of the large arrays that lie in memory before further ones go to the file, 128 MiB; chosen by hand."""
-MOST_MAPPED_BYTES = 64 << 20
+MAX_MAPPED_BYTES_OF_ARRAY_FILE = 64 << 20
 """Size of the pages of the large arrays' file that the process holds in memory, about 64 MiB; chosen by hand."""
-MOST_FILE_BYTES = 1 << 40
+MAX_ARRAY_FILE_BYTES = 1 << 40
 """Greatest size of the large arrays' file, 1 TiB; chosen by hand, since it takes only the disk space that is used."""
 FOLDER_ON_DISK = "/var/tmp"
 """The folder of the file that holds large arrays where /tmp is in memory."""
@@ -41,7 +41,7 @@ def bounded_array_memory() -> Iterator[None]:
 
 
 def bound_array_memory_and_get_old_handler() -> object | None:
-    """Put large arrays that this thread allocates from now on into the file, once they exceed `MOST_ARRAY_BYTES`.
+    """Put large arrays of this thread into the file from now on, beyond `MAX_LARGE_ARRAY_BYTES_IN_MEMORY`.
 
     This does nothing outside of Linux, or without a folder on a disk whose file system has files without a name.
 
@@ -61,7 +61,9 @@ def _open_file_and_get_memory_handler() -> Any:
             descriptor = os.open(folder(), os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
             handler = None
             if spill.is_on_disk(descriptor):
-                handler = spill.spill_beyond(descriptor, MOST_ARRAY_BYTES, MOST_MAPPED_BYTES, MOST_FILE_BYTES)
+                handler = spill.spill_beyond(
+                    descriptor, MAX_LARGE_ARRAY_BYTES_IN_MEMORY, MAX_MAPPED_BYTES_OF_ARRAY_FILE, MAX_ARRAY_FILE_BYTES
+                )
             if handler is not None:
                 return handler
             os.close(descriptor)

@@ -37,7 +37,7 @@ CLOCK_TICK_NS = 10_000_000
 second."""
 MAX_CHUNK_BYTES = 256_000_000
 """Greatest size of a chunk, stored or unpacked, that is read by default [bytes]; chosen by hand."""
-MAX_RATIO = 64.0
+MAX_UNPACKED_TO_STORED_SIZE_RATIO = 64.0
 """Greatest ratio of unpacked to stored bytes of a whole file that is read by default; chosen by hand."""
 NO_LIMIT_BYTES = 1 << 62
 """Number of bytes that stands for no limit: no file reaches 4 EiB. Chosen by hand."""
@@ -78,7 +78,7 @@ class InputFile:
         self.name = name
         self.descriptor = descriptor
         self.max_chunk_bytes = MAX_CHUNK_BYTES
-        self.max_ratio = MAX_RATIO
+        self.max_ratio = MAX_UNPACKED_TO_STORED_SIZE_RATIO
         self.refused_from: int | None = None
         self.notes: dict[str, int] = {}
         self._path = path

@@ -12,7 +12,7 @@ from threading import Thread
 
 from cwcli.errors import InputError, OutputError
 
-BUFFER_BYTES = 1 << 20
+WRITE_BUFFER_BYTES = 1 << 20
 """Number of bytes that are collected before they are written, 1 MiB; chosen by hand."""
 BYTES_BETWEEN_BACKGROUND_SYNCS = 16 << 20
 """Number of bytes after which the disk is asked to store them in the background, 16 MiB; chosen by hand."""
@@ -63,7 +63,7 @@ class OutputStream:
     def write(self, data: Bytes) -> int:
         """Append the data; returns its length in bytes."""
         view = memoryview(data).cast("B")
-        if len(view) + len(self._pending) < BUFFER_BYTES:
+        if len(view) + len(self._pending) < WRITE_BUFFER_BYTES:
             self._pending += view
         else:
             self.flush()
@@ -131,7 +131,7 @@ class OutputStream:
                     raise OutputError(os_error_text(error), where=self.name) from error
                 self._copies_in_kernel = False
         try:
-            data = os.pread(source, min(BUFFER_BYTES, length), start)
+            data = os.pread(source, min(WRITE_BUFFER_BYTES, length), start)
         except OSError as error:
             raise InputError(f"the input can't be read: {error.strerror}") from error
         self._write_unbuffered(memoryview(data))

@@ -12,9 +12,9 @@ import secrets
 from contextlib import suppress
 from pathlib import Path
 
-MAX_NAME_IN_TEMPORARY = 200
+MAX_TARGET_NAME_CHARACTERS = 200
 """Number of characters of the target's name in the hidden name. Chosen by hand: most file systems allow 255 bytes."""
-NEW_FILE_MODE = 0o666
+NEW_FILE_PERMISSIONS = 0o666
 """Permissions of a new file (POSIX, rw for all), from which the system takes the user's umask away."""
 
 
@@ -31,12 +31,12 @@ class TemporaryFile:
 
     def __init__(self, target: Path) -> None:
         self.target = target
-        self._hidden = target.parent / f".{target.name[:MAX_NAME_IN_TEMPORARY]}.{secrets.token_hex(4)}.part"
+        self._hidden = target.parent / f".{target.name[:MAX_TARGET_NAME_CHARACTERS]}.{secrets.token_hex(4)}.part"
         descriptor = _open_unnamed_file_or_none(target.parent)
         self._is_nameless = descriptor is not None
         if descriptor is None:
             flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
-            descriptor = os.open(self._hidden, flags, NEW_FILE_MODE)
+            descriptor = os.open(self._hidden, flags, NEW_FILE_PERMISSIONS)
         self.descriptor = descriptor
 
     def publish(self) -> None:
@@ -74,7 +74,7 @@ def _open_unnamed_file_or_none(folder: Path) -> int | None:
     if flag is None:
         return None
     try:
-        descriptor = os.open(folder, flag | os.O_WRONLY | os.O_CLOEXEC, NEW_FILE_MODE)
+        descriptor = os.open(folder, flag | os.O_WRONLY | os.O_CLOEXEC, NEW_FILE_PERMISSIONS)
     except OSError:
         return None  # what is really wrong comes out with the hidden file
     if not os.path.exists(_proc_path_of_descriptor(descriptor)):  # noqa: PTH110 - the link itself is meant

@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
-_SURROGATE = re.compile("[\ud800-\udfff]")
+_SURROGATE_PATTERN = re.compile("[\ud800-\udfff]")
 """Code points that are halves of a pair and no characters."""
 
 
@@ -32,7 +32,7 @@ def escape_surrogates(text: str) -> str:
 
     Python keeps bytes of a file name that are not UTF-8 as surrogates, and JSON may hold halves of a pair.
     """
-    return _SURROGATE.sub(lambda found: _escape_character_as_code_point(found.group()), text)
+    return _SURROGATE_PATTERN.sub(lambda found: _escape_character_as_code_point(found.group()), text)
 
 
 def _escape_character_as_code_point(char: str) -> str:

@@ -36,9 +36,9 @@ SAS_NAMES = frozenset(
     | {"sp", "spr", "sr", "srt", "ss", "st", "suoid", "sv"}
 )
 """Names of the query parameters of Azure's shared access signatures, beside `sig` (Azure Storage REST API)."""
-DIGEST_ROUNDS = 50_000
+PBKDF2_ROUNDS_OF_SECRET_DIGEST = 50_000
 """Number of PBKDF2 rounds. Chosen by hand: each guess at a short secret in an unknown parameter costs 30 ms."""
-DIGEST_HEX_DIGITS = 8
+SECRET_DIGEST_HEX_DIGITS = 8
 """Number of hexadecimal digits of a digest; so few that many secrets have the same one. Chosen by hand."""
 MIN_CHARS_OF_HIDDEN_VALUE = 3
 """Least number of characters of a value that is hidden in the words of others: `t=1` would hide every 1. Chosen by
@@ -107,8 +107,8 @@ def display_name_of_url(url: str) -> str:
 
     salt = f"cwcli {shown}".encode("utf-8", "surrogateescape")
     basis = repr(telling).encode("utf-8", "surrogateescape")
-    digest = hashlib.pbkdf2_hmac("sha256", basis, salt, DIGEST_ROUNDS).hex()
-    return f"{shown} ({digest[:DIGEST_HEX_DIGITS]})"
+    digest = hashlib.pbkdf2_hmac("sha256", basis, salt, PBKDF2_ROUNDS_OF_SECRET_DIGEST).hex()
+    return f"{shown} ({digest[:SECRET_DIGEST_HEX_DIGITS]})"
 
 
 def path_of_url(url: str) -> str:

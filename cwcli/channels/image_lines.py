@@ -14,7 +14,7 @@ LINE_LOOP, LINE_STRIP = 2, 3
 """The kinds of lines: values of `foxglove.PointsAnnotation.Type`."""
 IMAGE_WIDTH_PER_LINE_THICKNESS = 320.0
 """Width of the image per width of a line, both in pixels; chosen by eye."""
-MIN_THICKNESS_PX = 2.0
+MIN_LINE_THICKNESS_PX = 2.0
 """Least width of a line in pixels; chosen by eye."""
 Colour = Sequence[float]
 """A colour as red, green, blue and, where needed, alpha, each 0 to 1."""
@@ -54,7 +54,7 @@ class ImageLabel:
 
 def line_thickness_px(width_px: float) -> float:
     """The width in pixels of a line that is easily visible on an image of this width."""
-    return max(float(width_px) / IMAGE_WIDTH_PER_LINE_THICKNESS, MIN_THICKNESS_PX)
+    return max(float(width_px) / IMAGE_WIDTH_PER_LINE_THICKNESS, MIN_LINE_THICKNESS_PX)
 
 
 def make_image_annotation_channel(

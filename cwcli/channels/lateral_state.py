@@ -21,7 +21,7 @@ TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *LANE
 """Fields that are read from a channel of the lateral truth."""
 PREVIEW_MATCH_TOLERANCE_M = 1e-6
 """Greatest difference of two preview distances that count as equal, m. Chosen: rounding errors only."""
-STATUS_OFFSET = 1
+PUBLISHED_STATUS_MINUS_FRAME_STATUS = 1
 """Offset from `FrameStatus` to the enum of `cwcli.v1.LateralState`, where 0 means unspecified."""
 
 
@@ -50,7 +50,7 @@ def make_observer_channel(observed: ObservedDrive) -> OutputChannel:
         "steer_rad": track.steer_rad,
         "speed_mps": track.speed_mps,
         "curvature_1pm": track.curvature_1pm,
-        "status": track.status.astype(np.int32) + STATUS_OFFSET,
+        "status": track.status.astype(np.int32) + PUBLISHED_STATUS_MINUS_FRAME_STATUS,
         "covariance": track.covariance.reshape(n, N_STATES**2),
         "mass_kg": track.mass_kg,
         "mass_sigma_kg": track.mass_sigma_kg,
@@ -72,7 +72,7 @@ def read_observed_drive(columns: Columns) -> ObservedDrive:
     def column(name: str, *, required: bool = True) -> FloatArray:
         return read_numbers(columns, name, required=required)[order]
 
-    number = column("status").astype(np.int64) - STATUS_OFFSET
+    number = column("status").astype(np.int64) - PUBLISHED_STATUS_MINUS_FRAME_STATUS
     if n and not np.isin(number, [status.value for status in FrameStatus]).all():
         raise unusable_field_error(columns, "status")
     status = number.astype(np.int8)

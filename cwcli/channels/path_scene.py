@@ -28,7 +28,7 @@ from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 
 MIN_DRAWING_PERIOD_NS = 190_000_000
 """Time between drawn paths of a vehicle; chosen just below 0.2 s, so that jitter of states at 5 or 10 Hz skips none."""
-POINTS_PER_LINE = 11
+POINTS_PER_DRAWN_PATH = 11
 """Points of a drawn path; chosen by eye."""
 EMPTY_TIMES_NS = np.zeros(0, np.int64)
 """An empty array of times, for concatenation."""
@@ -58,7 +58,11 @@ def make_path_scene_channel(predicted: Sequence[AnyPaths]) -> OutputChannel:
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
         n = stop - start
-        stamp_ns, points, names = np.zeros(n, np.int64), np.zeros((n, POINTS_PER_LINE, 2)), np.empty(n, np.object_)
+        stamp_ns, points, names = (
+            np.zeros(n, np.int64),
+            np.zeros((n, POINTS_PER_DRAWN_PATH, 2)),
+            np.empty(n, np.object_),
+        )
         for k, each in enumerate(predicted):
             here = np.flatnonzero(which[start:stop] == k)
             own = row[start:stop][here]
@@ -77,7 +81,7 @@ def _first_path_rows_of_each_vehicle_and_period(predicted: AnyPaths) -> Rows:
 
 def _evenly_spaced_path_points_m(predicted: AnyPaths, rows: Rows) -> FloatArray:
     """Evenly spaced points along n paths, shape (n, N_POINTS, 2), m."""
-    at = np.linspace(0, len(predicted.time_s) - 1, POINTS_PER_LINE).round().astype(np.intp)
+    at = np.linspace(0, len(predicted.time_s) - 1, POINTS_PER_DRAWN_PATH).round().astype(np.intp)
     points, place = np.unique(at, return_inverse=True)
     return round_to_binary_step(predicted.positions_m_of_points(rows, points)[:, place], LENGTH_FRACTION_BITS)
 
@@ -102,7 +106,7 @@ def _scene_entity_fields_of_lines(
         "pose.orientation.w": np.ones(n),
         "thickness": np.full(n, LINE_THICKNESS_M),
         "points": Repeated(
-            one_each * POINTS_PER_LINE, {"x": flat[:, 0], "y": flat[:, 1], "z": np.zeros(len(flat), np.float64)}
+            one_each * POINTS_PER_DRAWN_PATH, {"x": flat[:, 0], "y": flat[:, 1], "z": np.zeros(len(flat), np.float64)}
         ),
         **{f"color.{part}": color[:, k] for k, part in enumerate("rgba")},
     }

@@ -35,12 +35,12 @@ TARGET_LIFETIME_NS = 1_000_000_000
 """Time for which a viewer shows a target that is not updated, ns; chosen by hand."""
 BALL_DIAMETER_M = 1.5
 """Diameter of the ball that marks a target, m; chosen by eye."""
-TEXT_HEIGHT_M = 1.0
+TARGET_ID_LETTER_HEIGHT_M = 1.0
 """Height of the letters of a target's id, m; chosen by eye."""
 BALL_COLOR = (1.0, 0.55, 0.0, 0.8)
 """Orange, the colour in which a viewer shows targets' balls and arrows: red, green, blue and opacity, each 0 to 1.
 Chosen by eye."""
-TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
+TARGET_ID_TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
 """White, the colour in which a viewer shows targets' ids: red, green, blue and opacity, each 0 to 1. Chosen by eye."""
 
 
@@ -149,7 +149,7 @@ def _target_scene_channel(
     }
     text: dict[str, OutputField] = {
         "billboard": np.ones(n, np.bool_),
-        "font_size": np.full(n, TEXT_HEIGHT_M),
+        "font_size": np.full(n, TARGET_ID_LETTER_HEIGHT_M),
         "text": ids,
     }
     still = np.zeros(n)
@@ -162,7 +162,9 @@ def _target_scene_channel(
             one_each, {**pose_fields(0.5 * BALL_DIAMETER_M, still), **size, **color_fields(BALL_COLOR)}
         ),
         "arrows": Repeated(one_each, {**pose_fields(0.5 * BALL_DIAMETER_M, half), **arrow, **color_fields(BALL_COLOR)}),
-        "texts": Repeated(one_each, {**pose_fields(2.0 * BALL_DIAMETER_M, still), **text, **color_fields(TEXT_COLOR)}),
+        "texts": Repeated(
+            one_each, {**pose_fields(2.0 * BALL_DIAMETER_M, still), **text, **color_fields(TARGET_ID_TEXT_COLOR)}
+        ),
     }
     offsets = np.append(first, n).astype(np.int64)
     return OutputChannel(TARGET_SCENE.topic, TARGET_SCENE.schema, times, {"entities": Repeated(offsets, entities)})

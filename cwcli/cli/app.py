@@ -28,7 +28,7 @@ from cwcli.input import remember_inputs
 from cwcli.text import shorten_and_escape
 from cwcli.version import __version__
 
-MAX_VALUE_CHARS = 60
+MAX_SHOWN_VALUE_CHARACTERS = 60
 """Longest part of a wrong value that an error shows, in characters; chosen by hand."""
 MAX_OPTIONS_WITHOUT_HEADINGS = 15
 """Greatest number of options that the help of a command lists without headings. Chosen by hand."""
@@ -159,8 +159,8 @@ def _usage_error_from_typer(error: typer.TyperException, arguments: list[str]) -
         reason = " ".join(str(getattr(error, "message", what)).split()).removesuffix(".")
         option = error.param.opts[0]  # type: ignore[attr-defined]
         return UsageError(
-            f"the environment variable {variable}={shorten_and_escape(os.environ[variable], MAX_VALUE_CHARS)}: "
-            f"{reason}",
+            f"the environment variable {variable}="
+            f"{shorten_and_escape(os.environ[variable], MAX_SHOWN_VALUE_CHARACTERS)}: {reason}",
             hint=f"see {option} in `{command} --help`",
         )
     return UsageError(what[:1].lower() + what[1:], hint=f"see `{command} --help`")

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 MAX_COMMENT_CHARS = 60_000
 """Longest comment in characters. GitHub refuses a body of more than 65,536; the rest is for what a job adds."""
-MAX_ROWS_PER_LOG = 20
+MAX_METRICS_LISTED_PER_LOG = 20
 """Greatest number of metrics that the table of one log lists. Chosen by hand."""
-MAX_NAMED_LOGS = 10
+MAX_LEFT_OUT_LOGS_NAMED = 10
 """Greatest number of left-out logs that the last sentence names. Chosen by hand."""
 MAX_NAME_CHARS = 200
 """Longest log name, in characters, that is shown in full; chosen by hand."""
@@ -65,9 +65,9 @@ def format_changes_of_log(log: LogChange) -> str:
             format_number(change.after),
             _format_change_with_direction(change.direction.value, change.worsening, change.before, change.after),
         )
-        for change in log.changes[:MAX_ROWS_PER_LOG]
+        for change in log.changes[:MAX_METRICS_LISTED_PER_LOG]
     ]
-    more = len(log.changes) - MAX_ROWS_PER_LOG
+    more = len(log.changes) - MAX_METRICS_LISTED_PER_LOG
     directions = Counter(change.direction.value for change in log.changes)
     told = ", ".join(f"{directions[word]} {word}" for word in ("worse", "gone", "better", "new") if directions[word])
     parts = [f"**{name}**: {told}", markdown.format_markdown_table(HEADINGS, rows)]
@@ -85,7 +85,7 @@ def _format_change_with_direction(word: str, worsening: float, before: float, af
 
 def _left_out_sentence(logs: Sequence[LogChange]) -> str:
     """Return the last sentence of a comment that is cut."""
-    names = [markdown.format_code(_shorten_name(log.id)) for log in logs[:MAX_NAMED_LOGS]]
+    names = [markdown.format_code(_shorten_name(log.id)) for log in logs[:MAX_LEFT_OUT_LOGS_NAMED]]
     more = len(logs) - len(names)
     named = join_names([*names, *([f"{more} more"] if more else [])])
     verb = "is" if len(logs) == 1 else "are"

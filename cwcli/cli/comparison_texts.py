@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cwcli.report.addresses import WarningDifferences
 
 Document = dict[str, Any]
-MAX_NAMED_LOGS = 5
+MAX_LOGS_NAMED_IN_NOTE = 5
 """Largest number of logs that a note names; chosen by hand."""
 TABLE_HEADINGS = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
 """Headings of the table of metrics."""
@@ -118,10 +118,10 @@ def _change_cells(change: MetricChange) -> tuple[Cell, ...]:
 
 def _comparison_notes(comparison: RunComparison, *, exact: bool) -> list[str]:
     """Notes on logs that are too few, missing, failed, or made from another input."""
-    from cwcli.metrics.pooling import MIN_LOGS
+    from cwcli.metrics.pooling import MIN_LOGS_FOR_BOOTSTRAP
 
     notes = []
-    if 0 < comparison.n_pairs < MIN_LOGS and not exact:
+    if 0 < comparison.n_pairs < MIN_LOGS_FOR_BOOTSTRAP and not exact:
         notes.append(
             f"with {format_count(comparison.n_pairs, 'log')} chance cannot be excluded; --exact gives the "
             "verdict on these logs alone"
@@ -206,7 +206,7 @@ def _unlisted_warning_notes(differing: WarningDifferences | None) -> list[str]:
 
 def join_first_names(names: Sequence[str]) -> str:
     """Join the first names to a text, with "others" for the rest."""
-    return join_names([*names[:MAX_NAMED_LOGS], *(["others"] if len(names) > MAX_NAMED_LOGS else [])])
+    return join_names([*names[:MAX_LOGS_NAMED_IN_NOTE], *(["others"] if len(names) > MAX_LOGS_NAMED_IN_NOTE else [])])
 
 
 def format_markdown_summary(compared: ComparedRuns) -> str:

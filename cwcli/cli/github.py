@@ -23,7 +23,7 @@ MAX_ANNOTATIONS = 10
 annotations)."""
 MAX_LISTED_CHECKS = 20
 """Greatest number of failed checks that the message of one annotation lists. Chosen by hand."""
-MAX_MESSAGE_CHARS = 4000
+MAX_ANNOTATION_CHARACTERS = 4000
 """Longest message in characters; GitHub cuts what is longer than 4096 bytes in places. Chosen by hand."""
 
 
@@ -37,7 +37,7 @@ def format_error_command(message: str, *, title: str, file: str = "") -> str:
     """
     properties = {"file": file, "title": redact_urls(title)}
     named = ",".join(f"{name}={escape_property(text)}" for name, text in properties.items() if text)
-    lines = [escape_control_characters(line) for line in redact_urls(message)[:MAX_MESSAGE_CHARS].split("\n")]
+    lines = [escape_control_characters(line) for line in redact_urls(message)[:MAX_ANNOTATION_CHARACTERS].split("\n")]
     return f"::error {named}::{escape_message(chr(10).join(lines))}"
 
 

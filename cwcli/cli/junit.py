@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 ALL_LOGS_NAME = "all logs"
 """Name of a test case that is about all logs."""
-MAX_DETAIL_CHARS = 4000
+MAX_TEST_CASE_DETAIL_CHARACTERS = 4000
 """Longest detail of a test case, in characters; chosen by hand."""
 
 
@@ -58,7 +58,7 @@ def _add_test_case(
         name=escape_control_characters(check.log) or ALL_LOGS_NAME,
         time=_format_seconds(time_s),
     )
-    detail = escape_control_characters(check.detail)[:MAX_DETAIL_CHARS]
+    detail = escape_control_characters(check.detail)[:MAX_TEST_CASE_DETAIL_CHARACTERS]
     if check.status.value == "failed":
         links = [] if addresses is None else addresses.warning_and_conflict_links_of_check(gate, check)
         lines = (detail, *(f"{escape_control_characters(link.words)}: {link.address}" for link in links))

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from cwcli.evaluation.setting_changes import SettingChange
     from cwcli.fleet.message_changes import RunDifference
 
-MAX_VALUE_CHARS = 60
+MAX_SHOWN_VALUE_CHARACTERS = 60
 """Longest value, in characters, that a sentence shows; chosen by hand."""
 MAX_LINES_PER_KIND = 10
 """Settings, warnings and further channels of a log that are listed; chosen by hand."""
@@ -60,13 +60,17 @@ def _first_lines(lines: list[str]) -> list[str]:
 
 
 def _describe_setting(change: SettingChange) -> str:
-    values = [shorten_and_escape(each, MAX_VALUE_CHARS) or "nothing" for each in (change.before, change.after)]
+    values = [
+        shorten_and_escape(each, MAX_SHOWN_VALUE_CHARACTERS) or "nothing" for each in (change.before, change.after)
+    ]
     return f"{change.stage}: {shorten_and_escape(change.name)} was {values[0]}, is {values[1]}"
 
 
 def _describe_channel(change: ChannelChange, found: LogDifference) -> str:
     at = f"{shorten_and_escape(change.topic)} at {found.seconds_since_start(change.at_ns):.3f} s"
-    values = [shorten_and_escape(each, MAX_VALUE_CHARS) or "nothing" for each in (change.before, change.after)]
+    values = [
+        shorten_and_escape(each, MAX_SHOWN_VALUE_CHARACTERS) or "nothing" for each in (change.before, change.after)
+    ]
     what = f" {shorten_and_escape(change.field)}" if change.field else ""
     largest = "" if math.isnan(change.largest) else f", at most {format_number(change.largest)} apart"
     count = f"{change.n_different} of {format_count(change.n_messages, 'message')} differ"

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from cwcli.metrics.table import Table
 
 
-N_HEAD_BYTES = 16
+N_BYTES_TO_RECOGNISE_LOG = 16
 """Bytes by which a log is told from a file that may be imported."""
 
 
@@ -153,7 +153,7 @@ def _source_or_imported_log(source: Source) -> Source | InputFile:
         return source
     try:
         with InputFile.open(source) as file:
-            head = bytes(file[0:N_HEAD_BYTES])
+            head = bytes(file[0:N_BYTES_TO_RECOGNISE_LOG])
     except CwcliError:  # whoever reads the log says it
         return source
     if not is_importable_head(head):

@@ -24,7 +24,7 @@ from cwcli.errors import UsageError
 
 CODE_SUFFIXES = (".py", ".pyx", ".toml", ".csv", ".json")
 """File name endings of what results can depend on; compiled files come from the sources."""
-MAX_FILE_BYTES = 512 * 2**20
+MAX_REPETITIONS_FILE_BYTES = 512 * 2**20
 """Largest file of repetitions that is read. Chosen by hand: a million repetitions."""
 
 
@@ -59,8 +59,10 @@ class RepetitionCache:
             Path(folder).mkdir(parents=True, exist_ok=True)
             if not self.path.exists():
                 return
-            if self.path.stat().st_size > MAX_FILE_BYTES:
-                raise UsageError(f"{self.path.name} is larger than {MAX_FILE_BYTES >> 20} MiB", where=folder)
+            if self.path.stat().st_size > MAX_REPETITIONS_FILE_BYTES:
+                raise UsageError(
+                    f"{self.path.name} is larger than {MAX_REPETITIONS_FILE_BYTES >> 20} MiB", where=folder
+                )
             text = self.path.read_text(encoding="utf-8", errors="replace")
         except OSError as error:
             raise UsageError(

@@ -63,7 +63,7 @@ TRIAL_KEYS = {"name", "scene", "judge", "given", "demands", "combine", "rule"}
 """The keys that the tables of a clause's file may have."""
 CLAUSE_SUFFIX = ".toml"
 """File name ending of clauses."""
-MAX_TRIALS = 200
+MAX_TRIALS_OF_CLAUSE = 200
 """Largest number of trials of a clause. Chosen by hand: the largest published grid has about 100."""
 
 
@@ -215,8 +215,8 @@ def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
         for key, table in _table_or_empty(document, "tolerances", where).items()
     }
     trials = [trial for table in document["trials"] for trial in _parse_trials(table, numbers, where)]
-    if not 0 < len(trials) <= MAX_TRIALS:
-        raise UsageError(f"it has {len(trials)} trials; permitted: 1 to {MAX_TRIALS}", where=where)
+    if not 0 < len(trials) <= MAX_TRIALS_OF_CLAUSE:
+        raise UsageError(f"it has {len(trials)} trials; permitted: 1 to {MAX_TRIALS_OF_CLAUSE}", where=where)
     names = [trial.name for trial in trials]
     for trial_name in names:
         if names.count(trial_name) > 1:

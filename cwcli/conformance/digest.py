@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult
 from cwcli.text import format_count
 
-MAX_LINES = 12
+MAX_DIGEST_LINES = 12
 """Largest number of lines of a digest."""
-MAX_COLUMNS = 80
+MAX_LINE_CHARACTERS = 80
 """Largest number of characters of a line."""
 NAME_COLUMNS = 40
 """Width of the column of names, characters."""
@@ -34,7 +34,7 @@ def format_digest(results: Sequence[ClauseResult]) -> list[str]:
     )
     heading = f"{format_count(len(results), 'clause')}: {counts} ({PUBLISHED_WORDS})"
     return _cut_to_digest_size(
-        [heading, *_format_rows(rows, MAX_LINES - 2, "clauses")], "`cwcli conform NAME` shows the trials"
+        [heading, *_format_rows(rows, MAX_DIGEST_LINES - 2, "clauses")], "`cwcli conform NAME` shows the trials"
     )
 
 
@@ -46,7 +46,7 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     settings = ", ".join(value if name == "grade" else f"{name} {value}" for name, value in result.settings.items())
     lines = [
         f"{clause.name}: {result.outcome} ({PUBLISHED_WORDS}; {settings})",
-        *_format_rows(rows, MAX_LINES - 4, "trials"),
+        *_format_rows(rows, MAX_DIGEST_LINES - 4, "trials"),
     ]
     n_idle = len(result.trials) - len(driven)
     if n_idle:
@@ -66,8 +66,8 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
 
 def _cut_to_digest_size(lines: Sequence[str], last: str) -> list[str]:
     """The lines, cut to the digest's size, and a last one."""
-    cut = [line if len(line) <= MAX_COLUMNS else line[: MAX_COLUMNS - 3] + "..." for line in lines]
-    return [*cut[: MAX_LINES - 1], last]
+    cut = [line if len(line) <= MAX_LINE_CHARACTERS else line[: MAX_LINE_CHARACTERS - 3] + "..." for line in lines]
+    return [*cut[: MAX_DIGEST_LINES - 1], last]
 
 
 def _format_rows(rows: Sequence[tuple[str, str, str, str]], n_lines: int, words: str) -> list[str]:

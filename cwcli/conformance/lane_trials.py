@@ -23,7 +23,7 @@ DRIFT_START_S = 3.0
 """Time at which the drift begins, s. Chosen by hand: the observer settles within 1 s."""
 TRIAL_END_BEYOND_BOUNDARY_M = 1.0
 """Distance of the drift beyond the boundary at which a trial ends, m. Chosen by hand: more than every latest line."""
-KEEPING_S = 60.0
+DURATION_OF_DRIVE_WITHOUT_DRIFT_S = 60.0
 """Duration of a drive without a drift, s. Chosen by hand."""
 
 
@@ -90,7 +90,11 @@ def simulate_lane_trial(given: Mapping[str, float], seed: int) -> LaneTrial:
     road = Road() if radius_m is None else Road(np.array([0.0, 50.0, 150.0]), np.array([0.0, 0.0, bend]))
     car = load_vehicle()
     half_m = 0.5 * (road.lane_width_m - car.width_m)
-    duration_s = KEEPING_S if rate == 0.0 else DRIFT_START_S + 2.0 + (half_m + TRIAL_END_BEYOND_BOUNDARY_M) / abs(rate)
+    duration_s = (
+        DURATION_OF_DRIVE_WITHOUT_DRIFT_S
+        if rate == 0.0
+        else DRIFT_START_S + 2.0 + (half_m + TRIAL_END_BEYOND_BOUNDARY_M) / abs(rate)
+    )
     start_s = math.inf if rate == 0.0 else DRIFT_START_S
     runs = LaneRuns(np.array([speed]), np.array([rate]), np.array([start_s]), 0.0, duration_s)
     truth = simulate_lane_runs(road, car, runs, seed=seed)

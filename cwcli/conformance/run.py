@@ -29,9 +29,9 @@ from cwcli.warning.rules import DEFAULT_RULE, RULES
 Tick = Callable[[str, int, int], None]
 BUILTIN_RULES = ("cwcli", "song2016", "ttc", "path-ttc", "eebl")
 """The rules of cwcli itself."""
-MAX_HORIZON_S = 10.0
+LARGEST_HORIZON_OPTION_S = 10.0
 """Longest horizon, s. Chosen by hand: no prediction means anything beyond."""
-MAX_SEEDS = 1000
+MAX_REPETITIONS_OF_TRIAL = 1000
 """Largest number of repetitions of a trial. Chosen by hand."""
 
 
@@ -60,12 +60,12 @@ class ConformConfig:
         Raises:
             UsageError: A number is out of range, or a name does not exist.
         """
-        if self.seeds is not None and not 1 <= self.seeds <= MAX_SEEDS:
-            raise UsageError(f"--seeds {self.seeds}: permitted are 1 to {MAX_SEEDS}")
+        if self.seeds is not None and not 1 <= self.seeds <= MAX_REPETITIONS_OF_TRIAL:
+            raise UsageError(f"--seeds {self.seeds}: permitted are 1 to {MAX_REPETITIONS_OF_TRIAL}")
         if self.jobs < 1:
             raise UsageError(f"--jobs {self.jobs} must be at least 1")
-        if self.horizon_s is not None and not 0.5 <= self.horizon_s <= MAX_HORIZON_S:
-            raise UsageError(f"--horizon {self.horizon_s:g}: permitted are 0.5 to {MAX_HORIZON_S:g} s")
+        if self.horizon_s is not None and not 0.5 <= self.horizon_s <= LARGEST_HORIZON_OPTION_S:
+            raise UsageError(f"--horizon {self.horizon_s:g}: permitted are 0.5 to {LARGEST_HORIZON_OPTION_S:g} s")
         RULES.require(self.rule)
         for option, value, known in (("policy", self.policy, POLICIES), ("grade", self.grade, GRADES)):
             if value is not None and value not in known:

@@ -27,7 +27,7 @@ not checked)."""
 CHECKED_TTC_S = 5.0
 """Time to collision from which on an approach is checked, s (NHTSA's confirmation test, as commonly stated, not
 checked)."""
-BRAKING_BUILD_UP_S = 1.5
+TIME_FROM_LEAD_ONSET_TO_CHECK_S = 1.5
 """Time after its onset from which on the lead's deceleration is checked, s (NHTSA's confirmation test, as commonly
 stated, not checked)."""
 DEFAULT_SPEED_TOLERANCE_MPS = 0.56
@@ -130,7 +130,7 @@ def find_tolerance_breaches(
         ("subject-onset", np.minimum(encounter.host[:, ACCEL], 0.0), rows, 0.0, "m/s^2"),
     ]
     if lead:
-        steady = rows[encounter.time_s[rows] >= encounter.event_s + BRAKING_BUILD_UP_S]
+        steady = rows[encounter.time_s[rows] >= encounter.event_s + TIME_FROM_LEAD_ONSET_TO_CHECK_S]
         steady = steady[encounter.other[steady, SPEED] > 1.0]
         checks += [
             ("gap", encounter.gap_m, before, trial.given["gap"], "m"),

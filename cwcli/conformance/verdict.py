@@ -11,7 +11,7 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
-MARGIN_TOLERANCE = 1e-9
+MARGIN_ROUNDING_TOLERANCE = 1e-9
 """A margin that is below zero by less than this is a pass, against rounding."""
 
 
@@ -99,7 +99,7 @@ class Verdict:
     @property
     def is_pass(self) -> bool:
         """Whether the repetition passes."""
-        return not self.has_failed and not self.margin < -MARGIN_TOLERANCE
+        return not self.has_failed and not self.margin < -MARGIN_ROUNDING_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -127,5 +127,5 @@ def judge_by_window(driven: DrivenTrial, window: WarningWindow) -> Verdict:
     values |= encounter.values_at(warned_s)
     late, early = window.latest_s - warned_s, warned_s - window.earliest_s
     margin = min(late, early) if math.isfinite(window.earliest_s) else late
-    side = "in time" if margin >= -MARGIN_TOLERANCE else ("too late" if late < early else "too early")
+    side = "in time" if margin >= -MARGIN_ROUNDING_TOLERANCE else ("too late" if late < early else "too early")
     return Verdict(margin, "s", f"{encounter.warning_text(values)}, {side}", values)

@@ -30,13 +30,13 @@ POLICIES = ("no-action", "fuzzy", "driver")
 """Names of the policies, in the order of the rows of every array below; `no-action` is the recorded motion itself."""
 REPLAY_BEFORE_WARNING_S = 5.0
 """Time before the warning at which a replay starts, s. Chosen by hand; not fitted."""
-MAX_TRACK_GAP_S = 1.0
+MAX_TRACK_GAP_BRIDGED_BY_REPLAY_S = 1.0
 """Longest gap between the states of a track that a replay bridges, s. Chosen by hand; not fitted."""
 EXTENSION_STEP_S = 0.05
 """Time between the states that extend a track beyond its end, s: the states' usual period (20 Hz)."""
-MIN_HEADING_SPEED_MPS = 1.0
+MIN_HOST_SPEED_FOR_HEADING_MPS = 1.0
 """Speed below which the estimated heading of the host is not used, m/s. Chosen by hand; not fitted."""
-MIN_HEADING_TRAVEL_M = 3.0
+MIN_TRAVEL_FOR_HOST_DIRECTION_M = 3.0
 """Distance that a slow host must travel before its direction replaces the heading, m. Chosen by hand; not fitted."""
 
 
@@ -145,12 +145,12 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
 
 
 def contiguous_rows_around(stamp_ns: Int64Array, at_ns: int) -> slice:
-    """The rows around a time between which there is no gap longer than `MAX_TRACK_GAP_S`.
+    """The rows around a time between which there is no gap longer than `MAX_TRACK_GAP_BRIDGED_BY_REPLAY_S`.
 
     Raises:
         ValueError: The first row is longer than that after the time.
     """
-    max_gap_ns = MAX_TRACK_GAP_S * NS_PER_S
+    max_gap_ns = MAX_TRACK_GAP_BRIDGED_BY_REPLAY_S * NS_PER_S
     # A sender whose clock is ahead may be known before its stamp.
     here = max(int(np.searchsorted(stamp_ns, at_ns, side="right")) - 1, 0)
     if stamp_ns[here] - at_ns > max_gap_ns:
@@ -240,8 +240,8 @@ def _is_other_behind_host(outcome: ReplayedRuns, other: RecordedMotion, here: in
     """
     x, y = outcome.x_m[0, here], outcome.y_m[0, here]
     heading = float(outcome.heading_rad[0, here])
-    if outcome.speed_mps[0, here] < MIN_HEADING_SPEED_MPS:
-        moved = np.hypot(outcome.x_m[0, here:] - x, outcome.y_m[0, here:] - y) > MIN_HEADING_TRAVEL_M
+    if outcome.speed_mps[0, here] < MIN_HOST_SPEED_FOR_HEADING_MPS:
+        moved = np.hypot(outcome.x_m[0, here:] - x, outcome.y_m[0, here:] - y) > MIN_TRAVEL_FOR_HOST_DIRECTION_M
         if not moved.any():
             return False
         there = here + int(moved.argmax())

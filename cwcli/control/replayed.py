@@ -16,7 +16,7 @@ from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-UNKNOWN_STAMP_NS = -1
+STAMP_OF_EVENT_THAT_NEVER_HAPPENED_NS = -1
 """Stamp that stands for an event that did not happen."""
 PUBLISH_STEP_S = 0.05
 """Time between the steps of a replay that are published, s (20 Hz, as the estimated states)."""
@@ -46,7 +46,7 @@ class PublishedReplay:
     def stamp_ns(self, time_after_warning_s: float) -> int:
         """The stamp of a time of the replay, which counts from the warning, ns; -1 for NaN."""
         if math.isnan(time_after_warning_s):
-            return UNKNOWN_STAMP_NS
+            return STAMP_OF_EVENT_THAT_NEVER_HAPPENED_NS
         return self.warning_ns + round(time_after_warning_s * NS_PER_S)
 
     @property

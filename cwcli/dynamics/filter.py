@@ -42,7 +42,7 @@ MAX_PREDICTION_STEP_S = 0.1
 """Longest time that the model is predicted in one step, s. Chosen by hand; not fitted."""
 MASS_RATIO_RANGE = (0.5, 2.0)
 """Lowest and highest permitted estimate of nominal mass / mass. Chosen by hand; not fitted."""
-RECENT_YAW_RATE_S = 0.2
+MAX_AGE_OF_MEASURED_YAW_RATE_S = 0.2
 """Age up to which an accepted yaw rate counts as measured, s: frames that do not fit then restart the lane's states
 alone. Chosen by hand; not fitted."""
 STANDSTILL_SPEED_MPS = 0.1
@@ -78,7 +78,7 @@ def build_kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model
         "eta_high": MASS_RATIO_RANGE[1],
         "gate_sigmas": noise.gate,
         "restart_after": noise.restart_after,
-        "gyro_recent_s": RECENT_YAW_RATE_S,
+        "gyro_recent_s": MAX_AGE_OF_MEASURED_YAW_RATE_S,
         "chosen_mps": REFERENCE_SPEED_MPS,
         "slowest_mps": MIN_SCALING_SPEED_MPS,
         "walk_noise": _walk_noise_intensities(noise, config.estimate_load),

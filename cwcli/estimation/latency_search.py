@@ -39,8 +39,8 @@ from cwcli.estimation.prepare import average_rows_to_rate
 from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import (
+    CONVERGED_NOISE_FACTOR,
     MAX_NOISE_MATCHINGS,
-    SETTLED_NOISE_FACTOR,
     FilterTrials,
     cut_to_window,
     with_outlier_gate,
@@ -233,7 +233,7 @@ class _LatencySearch:
         for _ in range(MAX_NOISE_MATCHINGS):
             factor = noise_variance_factor(target, self._filter_target_beside_references(target).nis[0])
             target = target.scale_noise_variance(factor)
-            if 1.0 / SETTLED_NOISE_FACTOR < factor < SETTLED_NOISE_FACTOR:
+            if 1.0 / CONVERGED_NOISE_FACTOR < factor < CONVERGED_NOISE_FACTOR:
                 break
         return target
 

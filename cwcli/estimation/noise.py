@@ -23,13 +23,13 @@ MAX_WINDOW_ROWS_WITH_IMU = 30_000
 """Greatest number of rows in the window with an IMU. Chosen: about ten minutes of a drive."""
 MAX_WINDOW_ROWS_WITHOUT_IMU = 1_500
 """Greatest number of rows in the window without an IMU. Chosen for speed, as a log may hold many remote vehicles."""
-ENOUGH_WINDOW_ROWS = 300
+N_WINDOW_ROWS_ENOUGH_FOR_NOISE = 300
 """Number of rows in the window from which the whole log is not needed for the noise. Chosen by hand; not fitted."""
 MOTION_SIGMA_LOG_STEP = np.log(2.0)
 """Step of the parabola over a sigma of the motion, natural logarithm: half, once and twice the value are tried."""
 N_MATCHING_ROUNDS = 2
 """Number of rounds of innovation matching. Chosen by hand; not fitted."""
-SETTLED_NOISE_FACTOR = 1.05
+CONVERGED_NOISE_FACTOR = 1.05
 """The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
 FIRST_POSITION_LEAD_IN_S = 2.5
 """Time in s before the first position from which rows are used. Chosen as the longest latency of the search and a
@@ -87,7 +87,7 @@ def estimate_noise_and_manoeuvres(
     settled = [replace(s.scale_noise_variance(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
     # The window shows the motion; the noise of single rows and of the slow sources needs the whole log.
     whole = every_row and any(
-        len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_WINDOW_ROWS))
+        len(w) < (len(s) if s.bias_state >= 0 else min(len(s), N_WINDOW_ROWS_ENOUGH_FOR_NOISE))
         for s, w in zip(series, found.window, strict=True)
     )
     late = _drop_rows_long_before_first_position(settled)
@@ -97,7 +97,7 @@ def estimate_noise_and_manoeuvres(
         late = [s.scale_noise_variance(f) for s, f in zip(late, change, strict=True)]
         settled = [s.scale_noise_variance(f) for s, f in zip(settled, change, strict=True)]
         factors *= change
-        if max(np.abs(np.log(change))) < np.log(SETTLED_NOISE_FACTOR):
+        if max(np.abs(np.log(change))) < np.log(CONVERGED_NOISE_FACTOR):
             break
     for i, (s, factor) in enumerate(zip(settled, factors.tolist(), strict=True)):
         if factor != 1.0:

@@ -35,8 +35,8 @@ from cwcli.estimation.sensor_model import (
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.tolerances import MIN_LOG_SPAN_S
 from cwcli.estimation.trial import (
+    CONVERGED_NOISE_FACTOR,
     MAX_NOISE_MATCHINGS,
-    SETTLED_NOISE_FACTOR,
     FilterTrials,
     cut_to_window,
     with_outlier_gate,
@@ -279,7 +279,7 @@ class _SensorModelTrials:
             scaled = [s.scale_noise_variance(float(f)) for s, f in zip(series, factors, strict=True)]
             result = self._trials.run_filter(replace(layout, series=scaled))
             change = np.array([noise_variance_factor(s, nis) for s, nis in zip(scaled, result.nis, strict=True)])
-            if (np.abs(np.log(change)) < np.log(SETTLED_NOISE_FACTOR)).all():
+            if (np.abs(np.log(change)) < np.log(CONVERGED_NOISE_FACTOR)).all():
                 break
             factors *= change
         score = bounded_log_likelihood_without_inertial_sensors(scaled, result)

@@ -32,7 +32,7 @@ MIN_STEP_ROWS, MIN_STEP_SPAN_S = 10, 3.0
 that stalls catches up sooner."""
 MAX_TRANSMISSION_DELAY_S = 30.0
 """Longest delay of a transmission, s; a longer one is another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
-ALWAYS_NS = int(np.iinfo(np.int64).min)
+EARLIEST_LOG_TIME_NS = int(np.iinfo(np.int64).min)
 """Log time in ns that is earlier than all others: the least int64."""
 MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT = 25.0
 """Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
@@ -120,7 +120,7 @@ def align_source_clocks_and_note(
     if not corrects:
         return list(given), [f"{note}; not corrected, because the stamps are trusted" for note in notes]
     return [
-        _shift_stamps(m, [(ALWAYS_NS, offsets_s[m.source])]) if m.source in offsets_s else m for m in stepped
+        _shift_stamps(m, [(EARLIEST_LOG_TIME_NS, offsets_s[m.source])]) if m.source in offsets_s else m for m in stepped
     ], notes
 
 
@@ -330,7 +330,7 @@ def is_motion_likelier_when_shifted(
     measurements: Sequence[Measurements], sources: Sequence[str], shift_s: float
 ) -> bool:
     """Return whether the filter predicts all sources clearly better when the stamps of some move by `shift_s`."""
-    shifted = [_shift_stamps(m, [(ALWAYS_NS, shift_s)]) if m.source in sources else m for m in measurements]
+    shifted = [_shift_stamps(m, [(EARLIEST_LOG_TIME_NS, shift_s)]) if m.source in sources else m for m in measurements]
     found = [_motion_log_likelihood(each) for each in (measurements, shifted)]
     return found[1] - found[0] > MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT
 

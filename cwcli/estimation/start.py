@@ -14,7 +14,7 @@ from cwcli.signals.columns import FloatArray
 
 MIN_DISPLACEMENT_M = 2.0
 """Least displacement that shows a heading, m. Chosen by hand; not fitted."""
-MIN_DISPLACEMENT_S = 0.5
+MIN_DISPLACEMENT_DURATION_S = 0.5
 """Least time over which a displacement gives a speed, s. Chosen so that a burst of rows gives none."""
 MIN_DISPLACEMENT_SIGMAS = 10.0
 """Least displacement that shows a heading, in sigmas of the position.
@@ -152,7 +152,7 @@ def _heading_candidate_from_first_displacement(s: SensorSeries) -> HeadingCandid
     # held back come in a burst, and their stamps say nothing of it either.
     near = np.flatnonzero(distance[:j] < 0.5 * far)
     i = int(near[-1]) if len(near) else 0
-    while i > 0 and time[j] - time[i] < MIN_DISPLACEMENT_S:
+    while i > 0 and time[j] - time[i] < MIN_DISPLACEMENT_DURATION_S:
         i -= 1
     dx, dy = s.values[j] - s.values[i]
     dt = max(float(time[j] - time[i]), 0.1)
@@ -176,7 +176,7 @@ def _stamp_error_variances_m2(s: SensorSeries) -> FloatArray:
     sigma_s = s.stamp_error.value
     if s.kind is not Kind.POSITION or not sigma_s > 0.0 or not len(s):
         return np.zeros(len(s))
-    span = max(MIN_DISPLACEMENT_S, MIN_DISPLACEMENT_SIGMAS * sigma_s)
+    span = max(MIN_DISPLACEMENT_DURATION_S, MIN_DISPLACEMENT_SIGMAS * sigma_s)
     before = np.maximum(np.searchsorted(s.time_s, s.time_s - span, side="right") - 1, 0)
     way = np.hypot(*(s.values - s.values[before]).T)
     return np.asarray((sigma_s * way / np.maximum(s.time_s - s.time_s[before], sigma_s)) ** 2)
@@ -184,7 +184,7 @@ def _stamp_error_variances_m2(s: SensorSeries) -> FloatArray:
 
 def _stamp_error_variance_of_row_m2(s: SensorSeries, i: int) -> float:
     """Return the variance (m^2) that stamp errors add to a row; the first rows use the speed of later ones."""
-    span = max(MIN_DISPLACEMENT_S, MIN_DISPLACEMENT_SIGMAS * s.stamp_error.value)
+    span = max(MIN_DISPLACEMENT_DURATION_S, MIN_DISPLACEMENT_SIGMAS * s.stamp_error.value)
     known = min(int(np.searchsorted(s.time_s, s.time_s[0] + span)), len(s) - 1)
     return float(_stamp_error_variances_m2(s)[max(i, known)])
 

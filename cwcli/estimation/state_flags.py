@@ -22,7 +22,7 @@ MAX_AGE_IN_WHOLE_START_STATE_S = 1.0
 senders. Chosen by hand."""
 MIN_COURSE_SIGMAS = 10.0
 """Least size of a velocity, in its sigmas, that tells the heading. Chosen: the course is then good to 0.1 rad."""
-MIN_REJECTING_S = 0.3
+MIN_TIME_FLAGGED_AFTER_REJECTION_S = 0.3
 """Time after a rejected row from which online states are flagged, too, s. Chosen: three periods of usual messages."""
 REJECTED_ROW_SHARE = 0.5
 """Share of the squared innovation that the variance of a state holds while rows are rejected.
@@ -144,7 +144,7 @@ def begins_ends_and_rows_of_rejecting_spans(
         return np.zeros(0), np.zeros(0), np.zeros(0, np.intp)
     rows = np.flatnonzero(rejected)
     is_first = ~np.append(False, rejected)[rows]
-    begins = np.where(is_first, time_s[rows] + MIN_REJECTING_S, time_s[rows])
+    begins = np.where(is_first, time_s[rows] + MIN_TIME_FLAGGED_AFTER_REJECTION_S, time_s[rows])
     ends = np.append(time_s, np.inf)[rows + 1]
     counts = begins < ends
     return begins[counts], ends[counts], rows[counts]

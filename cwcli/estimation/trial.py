@@ -39,7 +39,7 @@ RESET_AFTER_REJECTIONS_IN_SEARCH = 50
 """Rejections in a row after which a source is used again during a search. Chosen above that of the final pass."""
 MAX_NOISE_MATCHINGS = 3
 """Greatest number of rounds of innovation matching per trial. Chosen for speed; not fitted."""
-SETTLED_NOISE_FACTOR = 1.1
+CONVERGED_NOISE_FACTOR = 1.1
 """The noise of a trial has converged when its factor differs from 1 by less than this factor. Chosen by hand."""
 
 Key = TypeVar("Key", bound=Hashable)

@@ -19,7 +19,7 @@ from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 
-MAX_STATE_GAP_S = 0.5
+MAX_INTERPOLATED_STATE_GAP_S = 0.5
 """Longest gap between states that is interpolated, s. Chosen by hand; not fitted."""
 MAD_TO_SIGMA = 1.0 / 0.6745
 """Standard deviation per median absolute deviation of a normal distribution."""
@@ -50,7 +50,9 @@ def _largest_lasting_offset_as_document(
     order = np.argsort(stamp_ns, kind="stable")
     stamp_ns = stamp_ns[order]
     variance = 0.5 * (ego.covariance[:, 0, 0] + ego.covariance[:, 1, 1])
-    there = resample(ego.stamp_ns, np.column_stack([ego.state[:, :2], variance]), stamp_ns, max_gap_s=MAX_STATE_GAP_S)
+    there = resample(
+        ego.stamp_ns, np.column_stack([ego.state[:, :2], variance]), stamp_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S
+    )
     offset = fixes.values[order] - there[:, :2]
     known = np.isfinite(offset).all(axis=1)
     stamp_ns, offset, variance = stamp_ns[known], offset[known], there[known, 2]

@@ -24,7 +24,7 @@ from cwcli.signals.resample import resample
 
 REPORTED_AGE_QUANTILE = 0.95
 """Quantile of the age of the newest message that is reported."""
-MAX_EGO_GAP_S = 0.5
+MAX_INTERPOLATED_EGO_GAP_S = 0.5
 """Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
 LINK_TABLE_COLUMNS: Mapping[str, ColumnDoc] = {
     "station": ColumnDoc(doc="id of the sender"),
@@ -186,7 +186,7 @@ def _sender_distance_to_ego_m(signal: RemoteSignal, ego: Track, local_map: Local
         return np.full(len(signal.stamp_ns), np.nan)
     altitude_m = np.nan_to_num(signal.altitude_m, nan=0.0)
     x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, altitude_m)
-    ego_xy = resample(ego.stamp_ns, ego.state[:, :2], signal.log_time_ns, max_gap_s=MAX_EGO_GAP_S)
+    ego_xy = resample(ego.stamp_ns, ego.state[:, :2], signal.log_time_ns, max_gap_s=MAX_INTERPOLATED_EGO_GAP_S)
     distance_m: FloatArray = np.hypot(x_m - ego_xy[:, 0], y_m - ego_xy[:, 1])
     return distance_m
 

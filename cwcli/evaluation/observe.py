@@ -24,9 +24,9 @@ from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
 from cwcli.stages.observe import ObserveConfig, ObserverEvidence
 
-MAX_TRUTH_GAP_S = 0.5
+MAX_INTERPOLATED_TRUTH_GAP_S = 0.5
 """Longest gap of the truth that is interpolated, s. Chosen by hand; not fitted."""
-SETTLING_TIME_S = 2.0
+UNEVALUATED_TIME_AFTER_START_S = 2.0
 """Time in s after each start of the observer whose frames are not evaluated. Chosen by hand; not fitted."""
 HALF_WIDTH_90_PERCENT_SIGMAS = 1.6448536269514722
 """Half-width of the central 90 % of a normal distribution, in sigmas."""
@@ -79,8 +79,10 @@ def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
     """
     true_ns, true_state = read_lateral_truth_stamps_and_states(truth)
     settled = _settled_frame_mask(track)
-    true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_TRUTH_GAP_S)
-    at_preview = true_lateral_and_heading_deviations_at_preview(truth, track.stamp_ns, track.preview_m, MAX_TRUTH_GAP_S)
+    true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_INTERPOLATED_TRUTH_GAP_S)
+    at_preview = true_lateral_and_heading_deviations_at_preview(
+        truth, track.stamp_ns, track.preview_m, MAX_INTERPOLATED_TRUTH_GAP_S
+    )
     is_covered = np.isfinite(true[:, : -len(PREVIEW_STATES)]).any(axis=1)
     true[:, -len(PREVIEW_STATES) :] = at_preview
     rows: list[tuple[str, int, int, float, float, float, float, float]] = []
@@ -107,7 +109,8 @@ def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
     }
     docs = {
         "n": ColumnDoc(
-            doc=f"frames with a state and a truth, from {SETTLING_TIME_S:g} s after each start of the observer"
+            doc="frames with a state and a truth, "
+            f"from {UNEVALUATED_TIME_AFTER_START_S:g} s after each start of the observer"
         ),
         "left_out": ColumnDoc(doc="frames with a state whose truth has no lane at their preview point"),
         "rms": ColumnDoc(doc="root mean square of observed minus true, in the unit of the state, as bias, p95 and max"),
@@ -148,7 +151,7 @@ def _settled_frame_mask(track: LateralTrack) -> np.ndarray[tuple[int, ...], np.d
     began = np.maximum.accumulate(began) if len(began) else began
     has_begun = began > np.iinfo(np.int64).min
     age_ns = np.where(has_begun, track.stamp_ns - np.where(has_begun, began, 0), -1)
-    return np.asarray(age_ns >= SETTLING_TIME_S * 1e9, dtype=np.bool_)
+    return np.asarray(age_ns >= UNEVALUATED_TIME_AFTER_START_S * 1e9, dtype=np.bool_)
 
 
 def _count_rms_mean_p95_max_and_share_inside_90(

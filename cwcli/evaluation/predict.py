@@ -45,9 +45,9 @@ from cwcli.stages.predict import PredictConfig
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 """Times ahead at which errors of paths are reported, s."""
-MAX_TRACK_GAP_S = 0.5
+MAX_INTERPOLATED_TRACK_GAP_S = 0.5
 """Longest gap of a track that is interpolated, s. Chosen by hand; not fitted."""
-MAX_TRUTH_GAP_S = 1.0
+MAX_INTERPOLATED_TRUTH_GAP_S = 1.0
 """Longest gap of a truth that is interpolated, s. Chosen by hand; not fitted."""
 
 
@@ -94,7 +94,9 @@ def add_metrics(context: EvaluationContext) -> None:
         if who == "ego" and ego.truth is not None:
             truth = ego.truth
             every = published.select_paths(np.arange(len(published))).take(np.arange(len(published)))
-            errors = path_errors_against_track(every, published.stamp_ns, truth.stamp_ns, truth.xy, MAX_TRUTH_GAP_S)
+            errors = path_errors_against_track(
+                every, published.stamp_ns, truth.stamp_ns, truth.xy, MAX_INTERPOLATED_TRUTH_GAP_S
+            )
             with headline.label_rows_with_states(comparison_label(knows, TRUTH)):
                 add_errors_at_horizons(headline, "prediction.ego.truth_", [errors])
     table = context.tables.get("prediction")
@@ -123,7 +125,9 @@ def _add_published_path_errors(
         own = tracks[vehicle]
         paths, stamp_ns = published.select_paths(rows).take(np.arange(len(rows))), published.stamp_ns[rows]
         found.append(
-            path_errors_against_track(paths, stamp_ns, states.stamp_ns[own], states.state[own, :2], MAX_TRACK_GAP_S)
+            path_errors_against_track(
+                paths, stamp_ns, states.stamp_ns[own], states.state[own, :2], MAX_INTERPOLATED_TRACK_GAP_S
+            )
         )
     if found:
         add_errors_at_horizons(headline, f"prediction.{vehicle_label}.", found)
@@ -248,7 +252,7 @@ def model_error_records_by_horizon(
             ),
             horizons_s=horizons,
             step_s=settings.step_s,
-            max_gap_s=MAX_TRACK_GAP_S,
+            max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S,
             discretisation=settings.discretisation,
         )
         columns = horizon_error_table(compared)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.channels.lateral_state import ObservedDrive, read_lateral_truth_stamps_and_states
 from cwcli.channels.published import EGO_STATE
-from cwcli.evaluation.predict import MAX_TRACK_GAP_S, error_horizons_s
+from cwcli.evaluation.predict import MAX_INTERPOLATED_TRACK_GAP_S, error_horizons_s
 from cwcli.lazy_dataclass import replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
@@ -52,15 +52,17 @@ def _truth_poses_at_frames(
         return None
     at_ns = observed.track.stamp_ns
     xy_m = np.column_stack([truth.x_m, truth.y_m])
-    at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_TRACK_GAP_S)
+    at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S)
     left_rad = 0.0 if truth.mounting is None else truth.mounting.correction_rad
-    yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_TRACK_GAP_S) - left_rad
+    yaw_rad = (
+        resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S) - left_rad
+    )
     schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
     if schema == COURSE_SCHEMA:
         lateral_mps = observed.track.state[:, 0]
         if lateral is not None and len(lateral):
             true_ns, true_state = read_lateral_truth_stamps_and_states(lateral)
-            lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_TRACK_GAP_S)
+            lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S)
         yaw_rad = yaw_rad - side_slip_rad(lateral_mps, observed.track.speed_mps)
     return VehiclePoses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
 
@@ -84,7 +86,9 @@ def _build_path_model_error_table(body: BodyPaths, poses: VehiclePoses, config: 
     x_m, y_m = poses.at_xy_m.T
     for name, paths in made.items():
         placed = transform_paths_to_map(paths, x_m, y_m, poses.at_yaw_rad)
-        compared[name] = horizon_errors(placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_TRACK_GAP_S)
+        compared[name] = horizon_errors(
+            placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_INTERPOLATED_TRACK_GAP_S
+        )
         bands.append(_share_inside_90_percent_band(compared[name], placed))
     columns: dict[str, TableColumn] = {
         "vehicle": [EGO_ID] * (len(made) * len(horizons)),

@@ -17,7 +17,7 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE
 
-MAX_MOTION_GAP_S = 0.5
+MAX_INTERPOLATED_MOTION_GAP_S = 0.5
 """Longest gap of a motion that is interpolated, s. Chosen by hand; not fitted."""
 MIN_REPORTED_DELAY_S = 1.0
 """Median delay of the online states from which a note reports it, s. Chosen by hand; not fitted."""
@@ -45,10 +45,10 @@ class EgoMotion:
     def interpolate_motion(self, stamp_ns: Int64Array, at_ns: Int64Array) -> EgoMotion:
         """Interpolate the motion linearly at other times; NaN outside its own and in gaps."""
         xy_m, speed, yaw_rate = (
-            resample(stamp_ns, values, at_ns, max_gap_s=MAX_MOTION_GAP_S)
+            resample(stamp_ns, values, at_ns, max_gap_s=MAX_INTERPOLATED_MOTION_GAP_S)
             for values in (self.xy_m, self.speed_mps, self.yaw_rate_radps)
         )
-        heading = resample(stamp_ns, self.heading_rad, at_ns, max_gap_s=MAX_MOTION_GAP_S, is_angle=True)
+        heading = resample(stamp_ns, self.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATED_MOTION_GAP_S, is_angle=True)
         return EgoMotion(xy_m, heading, speed, yaw_rate)
 
 

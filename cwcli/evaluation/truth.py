@@ -28,7 +28,7 @@ from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import EGO_ID, HEADING, SPEED, X
 from cwcli.stages.summaries import NIS_CELLS, bounds_cell
 
-MAX_STATE_GAP_S = 0.5
+MAX_INTERPOLATED_EGO_GAP_S = 0.5
 """Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
 MIN_TRUTH_ROWS = 20
 """Least number of truth rows for a comparison. Chosen by hand; not fitted."""
@@ -135,7 +135,7 @@ def compare_track_with_truth(
     measured_xy = _interpolate_at_ns(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
     xy, notes = place_truth_in_map_with_notes(signal, inside, local_map, origin, measured_xy)
     truth: dict[str, FloatArray] = {"position": xy}
-    estimated_xy = _interpolate_at_ns(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_STATE_GAP_S)
+    estimated_xy = _interpolate_at_ns(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_INTERPOLATED_EGO_GAP_S)
     estimated: dict[str, FloatArray] = {"position": estimated_xy}
     measured: dict[str, FloatArray] = {"position": measured_xy}
     if isinstance(signal, PoseSignal):
@@ -149,10 +149,12 @@ def compare_track_with_truth(
             if values is None or not np.isfinite(values[inside]).any():
                 continue
             truth[name] = values[inside]
-            estimated[name] = _interpolate_at_ns(stamp_ns, ego.stamp_ns, ego.state[:, column], MAX_STATE_GAP_S)
+            estimated[name] = _interpolate_at_ns(
+                stamp_ns, ego.stamp_ns, ego.state[:, column], MAX_INTERPOLATED_EGO_GAP_S
+            )
             raw = _first_measured_stamps_and_values(measurements, kind)
             if raw is not None:
-                measured[name] = _interpolate_at_ns(stamp_ns, *raw, MAX_STATE_GAP_S)
+                measured[name] = _interpolate_at_ns(stamp_ns, *raw, MAX_INTERPOLATED_EGO_GAP_S)
     covariance = _covariances_nearest_in_time(stamp_ns, ego)
     rows = tuple(compare_errors_with_truth(truth, measured, estimated))
     known = np.isfinite(estimated_xy - xy).all(axis=1)

@@ -11,9 +11,9 @@ from cwcli.events.evidence import EventEvidence, lasting_row_spans
 from cwcli.measures.pair import ActualTrack, accel_yaw_rate_jerk_of_track
 from cwcli.signals.columns import FloatArray, Int64Array
 
-HARD_BRAKE_MPS2 = 3.92
+MIN_HARD_BRAKING_MPS2 = 3.92
 """Deceleration from which on braking is hard, m/s^2: 0.4 g, the event flag eventHardBraking of SAE J2735."""
-MIN_BRAKE_S = 0.3
+MIN_BRAKING_DURATION_S = 0.3
 """Shorter decelerations are shocks or errors of the state, s. Chosen by hand."""
 MAX_PAUSE_IN_BRAKING_S = 0.5
 """Decelerations with a shorter pause are one braking, s. Chosen by hand."""
@@ -40,10 +40,12 @@ def find_other_braking(evidence: EventEvidence) -> Iterator[Moment]:
 
 def _find_braking(stamp_ns: Int64Array, accel_mps2: FloatArray, actors: tuple[str, ...]) -> Iterator[Moment]:
     """Yield the stretches of hard braking in an acceleration (n,)."""
-    holds = np.nan_to_num(accel_mps2) <= -HARD_BRAKE_MPS2
-    for first, last in lasting_row_spans(holds, stamp_ns, min_s=MIN_BRAKE_S, max_pause_s=MAX_PAUSE_IN_BRAKING_S):
+    holds = np.nan_to_num(accel_mps2) <= -MIN_HARD_BRAKING_MPS2
+    for first, last in lasting_row_spans(
+        holds, stamp_ns, min_s=MIN_BRAKING_DURATION_S, max_pause_s=MAX_PAUSE_IN_BRAKING_S
+    ):
         peak_mps2 = -float(np.nanmin(accel_mps2[first : last + 1]))
-        severity = severity_of(peak_mps2, HARD_BRAKE_MPS2, "high")
+        severity = severity_of(peak_mps2, MIN_HARD_BRAKING_MPS2, "high")
         span = int(stamp_ns[first]), int(stamp_ns[last])
         yield Moment(*span, actors, peak_mps2, severity, words=f"brakes with up to {peak_mps2:.1f} m/s^2")
 
@@ -51,7 +53,7 @@ def _find_braking(stamp_ns: Int64Array, accel_mps2: FloatArray, actors: tuple[st
 EGO_EVENT = EventKind(
     summary="the ego brakes hard",
     value_name="peak_deceleration_mps2",
-    threshold=f"{HARD_BRAKE_MPS2:g} m/s^2 for {MIN_BRAKE_S:g} s",
+    threshold=f"{MIN_HARD_BRAKING_MPS2:g} m/s^2 for {MIN_BRAKING_DURATION_S:g} s",
     source="0.4 g, eventHardBraking of SAE J2735",
     needs="states",
     find=find_ego_braking,
@@ -59,7 +61,7 @@ EGO_EVENT = EventKind(
 OTHER_EVENT = EventKind(
     summary=f"another vehicle within {MAX_OTHER_DISTANCE_M:g} m brakes hard",
     value_name="peak_deceleration_mps2",
-    threshold=f"{HARD_BRAKE_MPS2:g} m/s^2 for {MIN_BRAKE_S:g} s",
+    threshold=f"{MIN_HARD_BRAKING_MPS2:g} m/s^2 for {MIN_BRAKING_DURATION_S:g} s",
     source="0.4 g, eventHardBraking of SAE J2735",
     needs="states of others",
     find=find_other_braking,

@@ -10,18 +10,18 @@ import numpy as np
 from cwcli.events.base import EventKind, Moment, severity_of
 from cwcli.events.evidence import EventEvidence
 from cwcli.events.lane_change import find_lane_changes
-from cwcli.events.own_path import HALF_LANE_M, OnOwnPath, project_on_own_path
+from cwcli.events.own_path import HALF_LANE_WIDTH_M, OnOwnPath, project_on_own_path
 from cwcli.signals.units import NS_PER_S
 
-MAX_CUT_S = 10.0
+MAX_DURATION_OF_LANE_ENTRY_OR_EXIT_S = 10.0
 """Entering or leaving the lane takes at most this long, s. Chosen by hand: lane changes take 2 s to 8 s."""
-MAX_HEADWAY_S = 4.0
+MAX_HEADWAY_OF_CUT_IN_S = 4.0
 """Farther ahead nobody cuts in, s of the ego's way. Chosen by hand: twice the recommended headway."""
-MIN_SPEED_MPS = 3.0
+MIN_SPEED_OF_BOTH_VEHICLES_MPS = 3.0
 """Below this speed of either it is a manoeuvre in a car park, m/s. Chosen by hand."""
 HEADWAY_OF_SEVERITY_1_S = 2.0
 """A cut-in has severity 1 at this time headway, s: the recommended headway."""
-MIN_TIME_IN_LANE_BEFORE_S = 0.3
+MIN_TIME_IN_OTHER_LANE_BEFORE_S = 0.3
 """The other must have been in the other lane for so long, s. Chosen by hand."""
 
 
@@ -46,9 +46,9 @@ def _find_cuts(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
                 continue  # the ego left the lane there, not the other
             gap_m = float(seen.ahead_m[last if is_in else first] - seen.half_length_m)
             headway_s = gap_m / float(seen.ego_speed_mps[last if is_in else first])
-            is_near = 0.0 <= headway_s <= MAX_HEADWAY_S
+            is_near = 0.0 <= headway_s <= MAX_HEADWAY_OF_CUT_IN_S
             slowest_mps = min(seen.ego_speed_mps[first : last + 1].min(), seen.speed_mps[first : last + 1].min())
-            if is_near and slowest_mps > MIN_SPEED_MPS:
+            if is_near and slowest_mps > MIN_SPEED_OF_BOTH_VEHICLES_MPS:
                 span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
                 severity = severity_of(headway_s, HEADWAY_OF_SEVERITY_1_S, "low")
                 words = f"{'enters' if is_in else 'leaves'} the ego's lane {gap_m:.0f} m, {headway_s:.1f} s ahead of it"
@@ -61,7 +61,7 @@ def _iter_first_and_last_crossing_row(seen: OnOwnPath, *, is_in: bool) -> Iterat
     It begins when the side nearest to the lane crosses the line, and ends when the far side does.
     """
     off_m = np.abs(seen.left_m)
-    touches_m, inside_m = HALF_LANE_M + seen.half_width_m, max(HALF_LANE_M - seen.half_width_m, 0.3)
+    touches_m, inside_m = HALF_LANE_WIDTH_M + seen.half_width_m, max(HALF_LANE_WIDTH_M - seen.half_width_m, 0.3)
     is_ahead = (seen.ahead_m > 0.0) & seen.is_same_direction
     zone = np.where(~is_ahead | np.isnan(off_m), -1, np.where(off_m > touches_m, 2, np.where(off_m < inside_m, 0, 1)))
     changes = np.concatenate([[0], np.flatnonzero(np.diff(zone)) + 1, [len(zone)]])
@@ -73,14 +73,18 @@ def _iter_first_and_last_crossing_row(seen: OnOwnPath, *, is_in: bool) -> Iterat
         lasted_s = (seen.stamp_ns[before[2] - 1] - seen.stamp_ns[before[1]]) / NS_PER_S
         took_s = (seen.stamp_ns[after[1]] - seen.stamp_ns[between[1]]) / NS_PER_S
         is_one_side = np.sign(seen.left_m[between[1]]) == np.sign(seen.left_m[between[2] - 1])
-        if lasted_s >= MIN_TIME_IN_LANE_BEFORE_S and took_s <= MAX_CUT_S and is_one_side:
+        if (
+            lasted_s >= MIN_TIME_IN_OTHER_LANE_BEFORE_S
+            and took_s <= MAX_DURATION_OF_LANE_ENTRY_OR_EXIT_S
+            and is_one_side
+        ):
             yield between[1], after[1]
 
 
 CUT_IN_EVENT = EventKind(
     summary="another enters the ego's lane ahead of it",
     value_name="headway_s",
-    threshold=f"within {MAX_HEADWAY_S:g} s of the ego's way",
+    threshold=f"within {MAX_HEADWAY_OF_CUT_IN_S:g} s of the ego's way",
     source="chosen; lanes of 3.5 m around the way that the ego drove",
     needs="states of others",
     find=find_cut_ins,
@@ -88,7 +92,7 @@ CUT_IN_EVENT = EventKind(
 CUT_OUT_EVENT = EventKind(
     summary="another leaves the ego's lane ahead of it",
     value_name="headway_s",
-    threshold=f"within {MAX_HEADWAY_S:g} s of the ego's way",
+    threshold=f"within {MAX_HEADWAY_OF_CUT_IN_S:g} s of the ego's way",
     source="chosen; lanes of 3.5 m around the way that the ego drove",
     needs="states of others",
     find=find_cut_outs,

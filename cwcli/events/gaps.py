@@ -15,13 +15,13 @@ from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
 
-MIN_OUTAGE_S = 2.0
+MIN_POSITION_OUTAGE_S = 2.0
 """Least time without a position that is an outage, s. Chosen by hand: an estimate bridges less without notice."""
-MIN_GAP_S = 0.5
+MIN_MESSAGE_GAP_S = 0.5
 """Least time without a message that is a gap, s. Chosen by hand: longer than `estimate` interpolates."""
 MIN_GAP_IN_USUAL_INTERVALS = 5.0
 """A gap is at least so many usual intervals of its topic. Chosen by hand."""
-MIN_MESSAGES = 20
+MIN_MESSAGES_FOR_USUAL_INTERVAL = 20
 """Topics with fewer messages have no usual interval. Chosen by hand."""
 MAX_USUAL_SENSOR_INTERVAL_S = 1.0
 """Topics with a longer usual interval are no sensors without pause, s. Chosen by hand."""
@@ -32,13 +32,13 @@ def find_outages(evidence: EventEvidence) -> Iterator[Moment]:
     found = []
     topics = evidence.topics_of_roles((Role.EGO_POSITION,))
     for topic in topics[:1]:
-        found += [(span, topic) for span in _gap_spans_ns(evidence.message_times_ns(topic), MIN_OUTAGE_S)]
+        found += [(span, topic) for span in _gap_spans_ns(evidence.message_times_ns(topic), MIN_POSITION_OUTAGE_S)]
     for span in _bridged_spans_ns(evidence):
         if not any(span[0] <= end and span[1] >= start for (start, end), _ in found):
             found.append((span, topics[0] if topics else EGO_STATE.topic))
     for (start_ns, end_ns), topic in sorted(found):
         lasted_s = (end_ns - start_ns) / NS_PER_S
-        severity = severity_of(lasted_s, MIN_OUTAGE_S, "high")
+        severity = severity_of(lasted_s, MIN_POSITION_OUTAGE_S, "high")
         words = f"no usable position for {lasted_s:.1f} s"
         yield Moment(start_ns, end_ns, (topic,), lasted_s, severity, words=words)
 
@@ -54,7 +54,7 @@ def _bridged_spans_ns(evidence: EventEvidence) -> list[tuple[int, int]]:
         (int(states.stamp_ns[first]), int(states.stamp_ns[last]))
         for first, last in first_and_last_rows_of_runs(is_bridged)
     ]
-    return [span for span in spans if span[1] - span[0] >= MIN_OUTAGE_S * NS_PER_S]
+    return [span for span in spans if span[1] - span[0] >= MIN_POSITION_OUTAGE_S * NS_PER_S]
 
 
 def find_sensor_gaps(evidence: EventEvidence) -> Iterator[Moment]:
@@ -63,15 +63,15 @@ def find_sensor_gaps(evidence: EventEvidence) -> Iterator[Moment]:
     for topic in evidence.topics_of_roles(SENSOR_ROLES):
         if topic in positions:
             continue
-        for start_ns, end_ns in _gap_spans_ns(evidence.message_times_ns(topic), MIN_GAP_S):
+        for start_ns, end_ns in _gap_spans_ns(evidence.message_times_ns(topic), MIN_MESSAGE_GAP_S):
             lasted_s = (end_ns - start_ns) / NS_PER_S
-            severity = severity_of(lasted_s, MIN_GAP_S, "high")
+            severity = severity_of(lasted_s, MIN_MESSAGE_GAP_S, "high")
             yield Moment(start_ns, end_ns, (topic,), lasted_s, severity, words=f"no message for {lasted_s:.1f} s")
 
 
 def _gap_spans_ns(times_ns: Int64Array, min_s: float) -> list[tuple[int, int]]:
     """Return the times of the messages before and after each gap [ns]."""
-    if len(times_ns) < MIN_MESSAGES:
+    if len(times_ns) < MIN_MESSAGES_FOR_USUAL_INTERVAL:
         return []
     apart_ns = np.diff(times_ns)
     usual_ns = float(np.median(apart_ns))
@@ -84,7 +84,7 @@ def _gap_spans_ns(times_ns: Int64Array, min_s: float) -> list[tuple[int, int]]:
 OUTAGE_EVENT = EventKind(
     summary="no position of the ego",
     value_name="duration_s",
-    threshold=f"{MIN_OUTAGE_S:g} s",
+    threshold=f"{MIN_POSITION_OUTAGE_S:g} s",
     source="chosen",
     needs="positions",
     find=find_outages,
@@ -92,7 +92,7 @@ OUTAGE_EVENT = EventKind(
 GAP_EVENT = EventKind(
     summary="a sensor of the ego sends nothing",
     value_name="duration_s",
-    threshold=f"{MIN_GAP_S:g} s, and {MIN_GAP_IN_USUAL_INTERVALS:g} usual intervals",
+    threshold=f"{MIN_MESSAGE_GAP_S:g} s, and {MIN_GAP_IN_USUAL_INTERVALS:g} usual intervals",
     source="chosen",
     needs="sensors",
     find=find_sensor_gaps,

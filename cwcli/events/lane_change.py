@@ -9,22 +9,22 @@ import numpy as np
 
 from cwcli.events.base import EventKind, Moment
 from cwcli.events.evidence import EventEvidence
-from cwcli.events.own_path import GRID_STEP_S, rows_one_grid_step_apart
+from cwcli.events.own_path import PROJECTION_TIME_STEP_S, rows_one_grid_step_apart
 from cwcli.signals.columns import FloatArray
 
 MIN_SHIFT_M, MAX_SHIFT_M = 2.4, 4.6
 """Least and greatest distance between the old and the new lane, m: lanes are 2.75 m to 3.75 m wide."""
 MIN_CHANGE_S, MAX_CHANGE_S = 1.5, 10.0
 """Least and greatest duration of a lane change, s (Toledo and Zohar 2007: 1 s to 13 s, mean 4.6 s)."""
-MIN_SPEED_MPS = 4.0
+MIN_LANE_CHANGE_SPEED_MPS = 4.0
 """Slower than this a car parks or evades, m/s. Chosen by hand."""
 ROAD_YAW_RATE_WINDOW_S = 24.0
 """The road's own yaw rate is the median over this time, s. Chosen by hand: more than twice the longest lane change."""
-MIN_LOBE_RAD = 0.006
+MIN_HEADING_CHANGE_ABOVE_NOISE_RAD = 0.006
 """Smaller changes of heading are noise, rad. Chosen by hand: a tenth of a usual lane change."""
 MAX_REMAINING_HEADING_SHARE = 0.35
 """Largest share of the change of heading that may be left over afterwards. Chosen by hand."""
-N_AROUND = 10
+N_ROWS_AROUND_HEADING_CHANGE = 10
 """Rows before and after the change of heading that belong to the lane change: 1 s, in which the heading hardly turns.
 Chosen by hand."""
 LANE_CHANGE_EDGE_SHARE = 0.05
@@ -37,12 +37,12 @@ def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the ego's lane changes."""
     rows = rows_one_grid_step_apart(evidence.stamp_ns)
     stamp_ns, state = evidence.stamp_ns[rows], evidence.ego_state[rows]
-    if len(rows) < MIN_CHANGE_S / GRID_STEP_S:
+    if len(rows) < MIN_CHANGE_S / PROJECTION_TIME_STEP_S:
         return
     speed_mps = state[:, 2]
     turned_rad = np.diff(np.unwrap(state[:, 3]))
     turned_rad = np.concatenate([turned_rad[:1], turned_rad])
-    turned_rad -= _running_median(turned_rad, round(ROAD_YAW_RATE_WINDOW_S / GRID_STEP_S))
+    turned_rad -= _running_median(turned_rad, round(ROAD_YAW_RATE_WINDOW_S / PROJECTION_TIME_STEP_S))
     lobes = _split_into_lobes(turned_rad)
     last_end = -1
     for one, other in itertools.pairwise(lobes):
@@ -55,15 +55,21 @@ def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
             or steepest_rad > MAX_LANE_CHANGE_HEADING_RAD
         ):
             continue
-        first, last = max(first - N_AROUND, 0), min(last + N_AROUND, len(rows) - 1)
+        first, last = (
+            max(first - N_ROWS_AROUND_HEADING_CHANGE, 0),
+            min(last + N_ROWS_AROUND_HEADING_CHANGE, len(rows) - 1),
+        )
         aside_m = _lateral_displacement_m(turned_rad[first : last + 1], speed_mps[first : last + 1])
         shift_m = float(aside_m[-1])
-        if not MIN_SHIFT_M <= abs(shift_m) <= MAX_SHIFT_M or speed_mps[first : last + 1].min() < MIN_SPEED_MPS:
+        if (
+            not MIN_SHIFT_M <= abs(shift_m) <= MAX_SHIFT_M
+            or speed_mps[first : last + 1].min() < MIN_LANE_CHANGE_SPEED_MPS
+        ):
             continue
         share = aside_m / shift_m
         begin = first + int(np.argmax(share >= LANE_CHANGE_EDGE_SHARE))
         end = last - int(np.argmax(share[::-1] <= 1.0 - LANE_CHANGE_EDGE_SHARE))
-        duration_s = (end - begin) * GRID_STEP_S
+        duration_s = (end - begin) * PROJECTION_TIME_STEP_S
         if MIN_CHANGE_S <= duration_s <= MAX_CHANGE_S:
             last_end = last
             side = "to the left" if shift_m > 0.0 else "to the right"
@@ -77,10 +83,10 @@ def _lateral_displacement_m(turned_rad: FloatArray, speed_mps: FloatArray) -> Fl
     The direction before and after is that of the road: what differs there is taken away linearly.
     """
     heading_rad = np.cumsum(turned_rad)
-    n = N_AROUND // 2
+    n = N_ROWS_AROUND_HEADING_CHANGE // 2
     before_rad, after_rad = heading_rad[:n].mean(), heading_rad[-n:].mean()
     heading_rad = heading_rad - np.linspace(before_rad, after_rad, len(heading_rad))
-    return np.asarray(np.cumsum(np.sin(heading_rad) * speed_mps * GRID_STEP_S))
+    return np.asarray(np.cumsum(np.sin(heading_rad) * speed_mps * PROJECTION_TIME_STEP_S))
 
 
 def _running_median(values: FloatArray, n: int) -> FloatArray:
@@ -100,9 +106,9 @@ def _split_into_lobes(turned_rad: FloatArray) -> list[tuple[int, int, float]]:
     lobes: list[tuple[int, int, float]] = []
     for first, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         change_rad = float(turned_rad[first:stop].sum())
-        if abs(change_rad) < MIN_LOBE_RAD:
+        if abs(change_rad) < MIN_HEADING_CHANGE_ABOVE_NOISE_RAD:
             continue
-        if lobes and lobes[-1][2] * change_rad > 0.0 and first - lobes[-1][1] < 1.0 / GRID_STEP_S:
+        if lobes and lobes[-1][2] * change_rad > 0.0 and first - lobes[-1][1] < 1.0 / PROJECTION_TIME_STEP_S:
             lobes[-1] = lobes[-1][0], stop - 1, lobes[-1][2] + change_rad
         else:
             lobes.append((first, stop - 1, change_rad))

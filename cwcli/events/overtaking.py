@@ -8,11 +8,11 @@ import numpy as np
 
 from cwcli.events.base import EventKind, Moment, severity_of
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
-from cwcli.events.own_path import GRID_STEP_S, project_on_own_path
+from cwcli.events.own_path import PROJECTION_TIME_STEP_S, project_on_own_path
 
-MIN_SPEED_MPS = 2.0
+MIN_OVERTAKEN_SPEED_MPS = 2.0
 """Slower vehicles are parked, or stand in a queue, m/s. Chosen by hand."""
-MAX_LATERAL_OFFSET_M = 7.0
+MAX_LATERAL_OFFSET_OF_SAME_ROAD_M = 7.0
 """Farther to the side is another road, m: two lanes of 3.5 m."""
 SIDE_GAP_OF_SEVERITY_1_M = 1.5
 """Overtaking has severity 1 at this distance of the sides, m: the least one beside cyclists (StVO, section 5)."""
@@ -23,8 +23,8 @@ def find_overtaking(evidence: EventEvidence) -> Iterator[Moment]:
     for other_id, pair in evidence.iter_pairs():
         seen = project_on_own_path(evidence, other_id)
         beside = (np.abs(seen.ahead_m) < seen.half_length_m) & seen.is_same_direction
-        beside &= (np.abs(seen.left_m) < MAX_LATERAL_OFFSET_M) & (seen.speed_mps > MIN_SPEED_MPS)
-        for first, last in lasting_row_spans(beside, seen.stamp_ns, max_pause_s=2 * GRID_STEP_S):
+        beside &= (np.abs(seen.left_m) < MAX_LATERAL_OFFSET_OF_SAME_ROAD_M) & (seen.speed_mps > MIN_OVERTAKEN_SPEED_MPS)
+        for first, last in lasting_row_spans(beside, seen.stamp_ns, max_pause_s=2 * PROJECTION_TIME_STEP_S):
             before, after = seen.ahead_m[max(first - 1, 0)], seen.ahead_m[min(last + 1, len(seen.ahead_m) - 1)]
             if not (before >= seen.half_length_m and after <= -seen.half_length_m):
                 continue
@@ -41,7 +41,7 @@ def find_overtaking(evidence: EventEvidence) -> Iterator[Moment]:
 EVENT = EventKind(
     summary="the ego passes a moving vehicle of its direction",
     value_name="side_distance_m",
-    threshold=f"within {MAX_LATERAL_OFFSET_M:g} m to the side",
+    threshold=f"within {MAX_LATERAL_OFFSET_OF_SAME_ROAD_M:g} m to the side",
     source="chosen",
     needs="states of others",
     find=find_overtaking,

@@ -12,19 +12,19 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-GRID_STEP_S = 0.1
+PROJECTION_TIME_STEP_S = 0.1
 """Step of the times at which others are projected, s. Chosen by hand: a third of the accuracy of an event's start."""
-PATH_STEP_M = 1.0
+DRIVEN_WAY_POINT_SPACING_M = 1.0
 """Distance of the points of the driven way, m. Chosen by hand: the way between them is straight."""
 BEHIND_M, AHEAD_M = 40.0, 100.0
 """How far behind and ahead of the ego others are projected on its way, m. Chosen by hand."""
-MAX_RANGE_M = 120.0
+MAX_RANGE_OF_PROJECTED_OTHERS_M = 120.0
 """Others farther away than this are not projected, m. Chosen by hand."""
 MAX_BEYOND_PATH_ENDS_M = 2.0
 """How far beyond both ends of the driven way others are projected, m. Chosen by hand: nobody knows where it goes on."""
-HALF_LANE_M = 1.75
+HALF_LANE_WIDTH_M = 1.75
 """Half the width of a lane that is assumed, m: lanes are 3.0 m to 3.75 m wide (RAA 2008, AASHTO)."""
-MAX_SAME_DIRECTION_RAD = 0.5
+MAX_HEADING_DIFFERENCE_OF_SAME_DIRECTION_RAD = 0.5
 """Two headings that differ by less are the same direction, rad. Chosen by hand."""
 
 
@@ -55,11 +55,11 @@ class OnOwnPath:
     @property
     def is_same_direction(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Where the other drives in the direction of the way."""
-        return np.asarray(np.abs(self.turn_rad) < MAX_SAME_DIRECTION_RAD)
+        return np.asarray(np.abs(self.turn_rad) < MAX_HEADING_DIFFERENCE_OF_SAME_DIRECTION_RAD)
 
 
 def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
-    """Project another vehicle on the ego's driven way, at times `GRID_STEP_S` apart."""
+    """Project another vehicle on the ego's driven way, at times `PROJECTION_TIME_STEP_S` apart."""
     pair = evidence.pair_with_ego(other_id)
     rows = rows_one_grid_step_apart(evidence.stamp_ns)
     stamp_ns = evidence.stamp_ns[rows]
@@ -67,7 +67,7 @@ def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
     way = DrivenWay(evidence.stamp_ns, evidence.ego_state)
     out = np.full((3, len(rows)), np.nan)
     passed_ns = np.zeros(len(rows), np.int64)
-    near = np.flatnonzero(pair.distance_m[rows] < MAX_RANGE_M)
+    near = np.flatnonzero(pair.distance_m[rows] < MAX_RANGE_OF_PROJECTED_OTHERS_M)
     if len(near) and len(way.along_m) > 1:
         out[:, near], passed_ns[near] = way.project_and_find_passing_ns(
             theirs[near], way.driven_distance_at_m(stamp_ns[near])
@@ -87,15 +87,15 @@ def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
 
 
 def rows_one_grid_step_apart(stamp_ns: Int64Array) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-    """Return rows that are about `GRID_STEP_S` apart."""
+    """Return rows that are about `PROJECTION_TIME_STEP_S` apart."""
     if not len(stamp_ns):
         return np.zeros(0, np.intp)
-    steps = np.arange(stamp_ns[0], stamp_ns[-1] + 1, round(GRID_STEP_S * NS_PER_S))
+    steps = np.arange(stamp_ns[0], stamp_ns[-1] + 1, round(PROJECTION_TIME_STEP_S * NS_PER_S))
     return np.unique(np.minimum(np.searchsorted(stamp_ns, steps), len(stamp_ns) - 1))
 
 
 class DrivenWay:
-    """The ego's way as points `PATH_STEP_M` apart.
+    """The ego's way as points `DRIVEN_WAY_POINT_SPACING_M` apart.
 
     Args:
         stamp_ns, state: The ego's states, (n,) and (n, 8).
@@ -109,7 +109,7 @@ class DrivenWay:
         driven_m = np.concatenate([[0.0], np.cumsum(steps_m)])
         moving = np.concatenate([[True], np.diff(driven_m) > 1e-6])
         self._driven_m, self._stamp_ns = driven_m, stamp_ns
-        self.along_m = np.arange(0.0, driven_m[-1] + PATH_STEP_M, PATH_STEP_M)
+        self.along_m = np.arange(0.0, driven_m[-1] + DRIVEN_WAY_POINT_SPACING_M, DRIVEN_WAY_POINT_SPACING_M)
         self._x_m, self._y_m = (np.interp(self.along_m, driven_m[moving], state[moving, k]) for k in (0, 1))
         self._time_ns = np.interp(self.along_m, driven_m[moving], (stamp_ns[moving] - stamp_ns[0]).astype(float))
         self._heading_rad = np.arctan2(np.gradient(self._y_m), np.gradient(self._x_m)) if len(self.along_m) > 1 else 0.0
@@ -120,8 +120,12 @@ class DrivenWay:
 
     def project_and_find_passing_ns(self, theirs: FloatArray, ego_along_m: FloatArray) -> tuple[FloatArray, Int64Array]:
         """Project states (m, 4) on the way near the ego: (ahead, left, turn), (3, m), and when the ego is there."""
-        reach = np.arange(-round(BEHIND_M / PATH_STEP_M), round(AHEAD_M / PATH_STEP_M) + 1)
-        points = np.clip(np.round(ego_along_m / PATH_STEP_M).astype(int)[:, None] + reach, 0, len(self.along_m) - 1)
+        reach = np.arange(
+            -round(BEHIND_M / DRIVEN_WAY_POINT_SPACING_M), round(AHEAD_M / DRIVEN_WAY_POINT_SPACING_M) + 1
+        )
+        points = np.clip(
+            np.round(ego_along_m / DRIVEN_WAY_POINT_SPACING_M).astype(int)[:, None] + reach, 0, len(self.along_m) - 1
+        )
         apart_m2 = (self._x_m[points] - theirs[:, :1]) ** 2 + (self._y_m[points] - theirs[:, 1:2]) ** 2
         best = points[np.arange(len(points)), apart_m2.argmin(axis=1)]
         dx_m, dy_m = theirs[:, 0] - self._x_m[best], theirs[:, 1] - self._y_m[best]

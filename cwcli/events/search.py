@@ -50,9 +50,9 @@ ALL_EVENTS = "all"
 """The word for every named event but those that are parts of another one."""
 PARTS_OF_WARNING = ("warning-true", "warning-late", "warning-false", "warning-undecided")
 """Events that `warning` finds too."""
-ID_CHARACTERS = 12
+EVENT_ID_HEX_DIGITS = 12
 """Length of an id, hexadecimal digits: two of a million events are equal with a probability of 0.2 %."""
-MAX_PAUSE_S = 0.25
+MAX_PAUSE_IN_EVENT_S = 0.25
 """Moments of an expression with a shorter pause are one, s. Chosen by hand: noise at a threshold."""
 
 BoolArray = npt.NDArray[np.bool_]
@@ -199,7 +199,7 @@ def table_of_events(found: Sequence[FoundEvent]) -> Table:
 def _found_event(key: str, name: str, log: Log, event: str, moment: Moment, value_name: str) -> FoundEvent:
     """Return a moment as an event of a log, with its id."""
     text = "\0".join((key, event, str(moment.start_ns), *moment.actors, moment.detail))
-    digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:ID_CHARACTERS]
+    digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:EVENT_ID_HEX_DIGITS]
     return FoundEvent(digest, name, event, moment, (moment.start_ns - log.start_ns) / NS_PER_S, value_name)
 
 
@@ -278,7 +278,7 @@ class _Evaluation:
         """Yield the moments in which the expression holds, with the extreme of its first comparison."""
         spans: list[tuple[int, int]] = []
         for first, last in first_and_last_rows_of_runs(self._mask_where_condition_holds(node)):
-            if spans and self._grid_ns[first] - self._grid_ns[spans[-1][1]] < MAX_PAUSE_S * NS_PER_S:
+            if spans and self._grid_ns[first] - self._grid_ns[spans[-1][1]] < MAX_PAUSE_IN_EVENT_S * NS_PER_S:
                 spans[-1] = spans[-1][0], last
             else:
                 spans.append((first, last))

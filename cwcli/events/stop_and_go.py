@@ -10,22 +10,24 @@ from cwcli.events.base import EventKind, Moment, severity_of
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
 from cwcli.signals.units import NS_PER_S
 
-STOPPED_MPS = 0.5
+MAX_STOPPED_SPEED_MPS = 0.5
 """Below this speed a car stands, m/s. Chosen by hand: above the noise of estimated speeds."""
-MIN_STOP_S = 1.0
+MIN_STOP_DURATION_S = 1.0
 """Shorter stops do not count, s. Chosen by hand."""
 MAX_TIME_BETWEEN_STOPS_S = 60.0
 """Stops that are farther apart do not belong together, s. Chosen by hand."""
 MAX_SPEED_BETWEEN_STOPS_MPS = 12.0
 """Faster driving between two stops is a road with traffic lights, m/s. Chosen by hand: about 43 km/h."""
-MIN_STOPS = 2
+MIN_STOPS_OF_STOP_AND_GO = 2
 """Least number of stops."""
 
 
 def find_stop_and_go(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the stretches of stop-and-go, from the beginning of the first stop to the end of the last one."""
     stamp_ns, speed_mps = evidence.stamp_ns, evidence.ego_state[:, 2]
-    stops = lasting_row_spans(np.abs(speed_mps) < STOPPED_MPS, stamp_ns, min_s=MIN_STOP_S, max_pause_s=0.3)
+    stops = lasting_row_spans(
+        np.abs(speed_mps) < MAX_STOPPED_SPEED_MPS, stamp_ns, min_s=MIN_STOP_DURATION_S, max_pause_s=0.3
+    )
     group: list[tuple[int, int]] = []
     groups = [group]
     for stop in stops:
@@ -37,9 +39,9 @@ def find_stop_and_go(evidence: EventEvidence) -> Iterator[Moment]:
                 groups.append(group)
         group.append(stop)
     for each in groups:
-        if len(each) >= MIN_STOPS:
+        if len(each) >= MIN_STOPS_OF_STOP_AND_GO:
             span = int(stamp_ns[each[0][0]]), int(stamp_ns[each[-1][1]])
-            severity = severity_of(len(each), MIN_STOPS, "high")
+            severity = severity_of(len(each), MIN_STOPS_OF_STOP_AND_GO, "high")
             yield Moment(*span, (evidence.ego_id,), float(len(each)), severity, words=f"{len(each)} stops")
 
 
@@ -47,7 +49,7 @@ EVENT = EventKind(
     summary="the ego stops again and again",
     value_name="stops",
     threshold=(
-        f"{MIN_STOPS} stops within {MAX_TIME_BETWEEN_STOPS_S:g} s, "
+        f"{MIN_STOPS_OF_STOP_AND_GO} stops within {MAX_TIME_BETWEEN_STOPS_S:g} s, "
         f"slower than {MAX_SPEED_BETWEEN_STOPS_MPS:g} m/s between"
     ),
     source="chosen",

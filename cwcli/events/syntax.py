@@ -34,7 +34,7 @@ WINDOW_FUNCTIONS = ("min", "max", "mean")
 """Functions of a name's values in a time window that ends at each moment."""
 RELATIONS = ("after", "before", "of")
 """Words behind `within TIME`: where the other condition holds relative to the moment."""
-MAX_WINDOW_S = 3600.0
+MAX_TIME_WINDOW_S = 3600.0
 """Greatest length of a time window, s; chosen by hand: longer ones are the whole log."""
 UNITS = {
     "s": ("s", 1.0),
@@ -225,6 +225,6 @@ class _Parser(ConditionParser):
             raise self.error_at_token("a unit behind the time, such as s")
         if number.unit != "s":
             raise self.error_at_token("a time such as 3 s", start)
-        if not 0.0 < number.value <= MAX_WINDOW_S:
-            raise self.error_at_token(f"a time above 0 s and up to {MAX_WINDOW_S:g} s", start)
+        if not 0.0 < number.value <= MAX_TIME_WINDOW_S:
+            raise self.error_at_token(f"a time above 0 s and up to {MAX_TIME_WINDOW_S:g} s", start)
         return number.value

@@ -8,20 +8,20 @@ import numpy as np
 
 from cwcli.events.base import EventKind, Moment, severity_of
 from cwcli.events.evidence import EventEvidence
-from cwcli.events.own_path import HALF_LANE_M, project_on_own_path
+from cwcli.events.own_path import HALF_LANE_WIDTH_M, project_on_own_path
 from cwcli.signals.units import NS_PER_S
 
-MAX_TIME_GAP_S = 6.0
+MAX_TIME_UNTIL_EGO_AT_CROSSING_S = 6.0
 """The ego comes to the place within this time, s. Chosen by hand: nobody waits for a longer one."""
 TIME_GAP_OF_SEVERITY_1_S = 3.0
 """A turn across has severity 1 at this time between both at the place, s. Chosen by hand."""
 MIN_TURN_RAD = np.radians(35.0)
 """The other turns by at least this while it crosses and shortly before and after, rad. Chosen by hand."""
-MIN_CROSSING_RAD = np.radians(20.0)
+MIN_CROSSING_ANGLE_RAD = np.radians(20.0)
 """Smallest angle between both ways, rad; smaller ones are lane changes. Chosen by hand."""
-TURN_AROUND_S = 3.0
+TURN_COUNTED_AROUND_CROSSING_S = 3.0
 """How long before and after the crossing the turn counts, s. Chosen by hand."""
-MIN_SPEED_MPS = 1.0
+MIN_CROSSING_SPEED_MPS = 1.0
 """Slower vehicles do not cross, m/s. Chosen by hand."""
 
 
@@ -34,14 +34,18 @@ def find_turns_across(evidence: EventEvidence) -> Iterator[Moment]:
         both = known[:-1] & known[1:]
         sign = np.sign(seen.left_m)
         angle_rad = np.abs(np.sin(seen.turn_rad))
-        crossed = both & (sign[:-1] != sign[1:]) & (angle_rad[:-1] > np.sin(MIN_CROSSING_RAD))
+        crossed = both & (sign[:-1] != sign[1:]) & (angle_rad[:-1] > np.sin(MIN_CROSSING_ANGLE_RAD))
         for row in np.flatnonzero(crossed).tolist():
             gap_s = float(seen.passed_ns[row] - seen.stamp_ns[row]) / NS_PER_S
-            around = known & (np.abs(seen.stamp_ns - seen.stamp_ns[row]) <= TURN_AROUND_S * NS_PER_S)
+            around = known & (np.abs(seen.stamp_ns - seen.stamp_ns[row]) <= TURN_COUNTED_AROUND_CROSSING_S * NS_PER_S)
             turned_rad = float(np.ptp(turn_rad[around]))
-            if abs(gap_s) > MAX_TIME_GAP_S or turned_rad < MIN_TURN_RAD or seen.speed_mps[row] < MIN_SPEED_MPS:
+            if (
+                abs(gap_s) > MAX_TIME_UNTIL_EGO_AT_CROSSING_S
+                or turned_rad < MIN_TURN_RAD
+                or seen.speed_mps[row] < MIN_CROSSING_SPEED_MPS
+            ):
                 continue
-            inside = known & (np.abs(seen.left_m) < HALF_LANE_M + seen.half_width_m)
+            inside = known & (np.abs(seen.left_m) < HALF_LANE_WIDTH_M + seen.half_width_m)
             outside = np.flatnonzero(~inside)
             first = int(outside[outside < row][-1]) + 1 if (outside < row).any() else 0
             last = int(outside[outside > row][0]) - 1 if (outside > row).any() else len(inside) - 1
@@ -54,7 +58,7 @@ def find_turns_across(evidence: EventEvidence) -> Iterator[Moment]:
 EVENT = EventKind(
     summary="another turns across the ego's way",
     value_name="time_gap_s",
-    threshold=f"the ego is there within {MAX_TIME_GAP_S:g} s",
+    threshold=f"the ego is there within {MAX_TIME_UNTIL_EGO_AT_CROSSING_S:g} s",
     source="chosen",
     needs="states of others",
     find=find_turns_across,

@@ -29,11 +29,11 @@ TRACE_TOPIC, TRACE_SCHEMA = "ground_truth", "osi3.GroundTruth"
 """Topic and schema of the only channel of a trace; chosen: OSI leaves the topic open."""
 EGO_CONTENTS = ("ego", "ego-online")
 """Contents whose track is the host vehicle."""
-DEFAULT_SIZE_M = (4.5, 1.8)
+DEFAULT_VEHICLE_LENGTH_AND_WIDTH_M = (4.5, 1.8)
 """Length and width of vehicles of unknown size, m; chosen: the same as in the criticality measures."""
 OBJECT_HEIGHT_M = 1.5
 """Height of all vehicles, m; chosen: no message holds one."""
-MAX_INTERPOLATION_GAP_S = 1.0
+MAX_INTERPOLATED_STATE_GAP_S = 1.0
 """Longest time between two states that is interpolated, s; chosen by hand."""
 TYPE_OTHER, TYPE_VEHICLE, VEHICLE_OTHER = 1, 2, 1
 """The values of MovingObject.Type and of VehicleClassification.Type that are used."""
@@ -156,7 +156,7 @@ def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int],
 def _length_and_width_or_default_m(track: Track) -> tuple[float, ...]:
     return tuple(
         size if math.isfinite(size) and size > 0.0 else default
-        for size, default in zip(track.size_m, DEFAULT_SIZE_M, strict=True)
+        for size, default in zip(track.size_m, DEFAULT_VEHICLE_LENGTH_AND_WIDTH_M, strict=True)
     )
 
 
@@ -165,6 +165,6 @@ def _interpolate_states(track: Track, at_ns: Int64Array) -> FloatArray:
     nothing = np.zeros(len(track.stamp_ns))
     motion = [nothing if each is None else np.nan_to_num(each) for each in (track.accel_mps2, track.yaw_rate_radps)]
     lines = np.stack([track.x_m, track.y_m, track.speed_mps, *motion], axis=1)
-    found = resample(track.stamp_ns, lines, at_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
-    heading = resample(track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATION_GAP_S, is_angle=True)
+    found = resample(track.stamp_ns, lines, at_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S)
+    heading = resample(track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S, is_angle=True)
     return np.column_stack([found[:, :3], heading, found[:, 3:]])

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 RERUN_TIMELINE = "message_log_time"
 """Rerun's name for the timeline of log times of MCAP messages."""
 
-EYE_HEIGHT_M = 150.0
+VIEWER_EYE_HEIGHT_M = 150.0
 """Height of the viewer's eye above the ego, m; chosen by eye."""
 
 
@@ -107,7 +107,7 @@ def _make_blueprint() -> Any:
     import rerun.blueprint as rrb
 
     above = rrb.EyeControls3D(
-        position=(0, 0, EYE_HEIGHT_M), look_target=(0, 0, 0), eye_up=(0, 1, 0), tracking_entity=EGO_POSE.topic
+        position=(0, 0, VIEWER_EYE_HEIGHT_M), look_target=(0, 0, 0), eye_up=(0, 1, 0), tracking_entity=EGO_POSE.topic
     )
     return rrb.Blueprint(
         rrb.Horizontal(

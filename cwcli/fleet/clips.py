@@ -12,14 +12,14 @@ from cwcli.logs.write.cut import MAX_LOG_TIME_NS, CutSpan, cut_log
 from cwcli.output import make_folder
 from cwcli.signals.units import NS_PER_S
 
-MAX_NAME_CHARACTERS = 80
+MAX_LOG_NAME_CHARACTERS_IN_CLIP_NAME = 80
 """Longest part of a clip's name that comes from the log's name, in characters; chosen by hand."""
 
 
 def clip_file_name(event: FoundEvent) -> str:
     """Return the file name of an event's clip: log, event and id."""
     stem = Path(event.log.rstrip("/")).name.removesuffix(".mcap") or "log"
-    stem = re.sub(r"[^\w.-]+", "_", stem)[:MAX_NAME_CHARACTERS]
+    stem = re.sub(r"[^\w.-]+", "_", stem)[:MAX_LOG_NAME_CHARACTERS_IN_CLIP_NAME]
     return f"{stem}_{event.event}_{event.id}.mcap"
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cwcli.fleet.spawned import SpawnedWorker, SpawningServer
     from cwcli.fleet.worker_call import PipeWorker
 
-MAX_ATTEMPTS = 2
+MAX_ATTEMPTS_AT_LOG = 2
 """Greatest number of attempts at a log whose worker dies. Chosen: one repetition, because another process may have
 caused it."""
 
@@ -87,7 +87,7 @@ class _WorkerPool:
         Raises:
             WorkerDied: The worker died at every attempt.
         """
-        for attempt in range(1, MAX_ATTEMPTS + 1):
+        for attempt in range(1, MAX_ATTEMPTS_AT_LOG + 1):
             try:
                 done: TaskResult = self._worker_of_thread().call_function(self._do, task, self._plan)
             except WorkerLost:

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 from cwcli.url import HIDDEN
 
-MAX_NAME_CHARS = 80
+MAX_FILE_NAME_CHARACTERS = 80
 """Longest name in characters; chosen by hand."""
-MAX_NAME_BYTES = 160
+MAX_FILE_NAME_BYTES = 160
 """Longest name in bytes of UTF-8; chosen: file systems take 255, and a digest and a suffix follow."""
-DIGEST_CHARS = 8
+NAME_DIGEST_HEX_DIGITS = 8
 """Hexadecimal digits of the hash that makes a changed name unique; chosen by hand."""
 PLAIN_UNICODE_CATEGORIES = frozenset({"Lu", "Ll", "Lt", "Lm", "Lo", "Mn", "Mc", "Nd"})
 """Unicode categories of letters, their marks, and digits."""
@@ -41,7 +41,7 @@ def safe_file_name(text: str) -> str:
             return name
     if name == text:
         return name
-    digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:DIGEST_CHARS]
+    digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:NAME_DIGEST_HEX_DIGITS]
     return f"{name}-{digest}"
 
 
@@ -53,7 +53,7 @@ def _is_plain_character(char: str) -> bool:
 
 
 def _cut_to_max_length(name: str) -> str:
-    return name[:MAX_NAME_CHARS].encode()[:MAX_NAME_BYTES].decode(errors="ignore")
+    return name[:MAX_FILE_NAME_CHARACTERS].encode()[:MAX_FILE_NAME_BYTES].decode(errors="ignore")
 
 
 def safe_topic_name(topic: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 from cwcli.fleet.input_states import FileState
 from cwcli.fleet.shard import Shard
 from cwcli.fleet.table_schemas import TABLES_SCHEMA_VERSION
-from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
+from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES
 from cwcli.pipeline.call import StageCall
@@ -48,7 +48,7 @@ class FleetPlan:
     recover: bool = False
     max_chunk_bytes: int = MAX_CHUNK_BYTES
     max_pipe_bytes: int = MAX_PIPE_BYTES
-    max_ratio: float = MAX_RATIO
+    max_ratio: float = MAX_UNPACKED_TO_STORED_SIZE_RATIO
     strict: bool = False
     ego_station: str | None = None
     replace: bool = False

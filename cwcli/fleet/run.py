@@ -40,7 +40,7 @@ from cwcli.fleet.input_states import (
     file_states_to_document,
 )
 from cwcli.fleet.inputs import expand_sources
-from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
+from cwcli.fleet.local import MAX_ATTEMPTS_AT_LOG, WorkerDied, run_on_local_processes
 from cwcli.fleet.names import unique_log_ids
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
 from cwcli.fleet.remote_folder import StoreFolder
@@ -328,7 +328,7 @@ def _record_failed_log_of_dead_worker(task: LogTask, plan: FleetPlan) -> TaskRes
         "hint": "run `cwcli run` on this log alone, or with fewer --jobs",
     }
     write_log_entry(LogOutputs(Path(task.out), task.id), entry, [])
-    return TaskResult(task.id, "failed", 0.0, 0.0, attempts=MAX_ATTEMPTS)
+    return TaskResult(task.id, "failed", 0.0, 0.0, attempts=MAX_ATTEMPTS_AT_LOG)
 
 
 @contextmanager

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 END_MAGIC = b"CWTABLE1"
 """The last bytes of a file; chosen here."""
-ALIGNMENT = 64
+STREAM_ALIGNMENT_BYTES = 64
 """Each stream begins at a multiple of this many bytes, as Arrow recommends for its buffers."""
 
 
@@ -57,7 +57,7 @@ def write_staged_tables(tables: Iterable[tuple[str, Table]], path: Path) -> None
             content = sink.getvalue()
             index.append(StagedTable(name, fingerprint_of_schema(arrow.schema), offset))
             output.write(memoryview(content))
-            padding = bytes(-content.size % ALIGNMENT)
+            padding = bytes(-content.size % STREAM_ALIGNMENT_BYTES)
             output.write(padding)
             offset += content.size + len(padding)
         encoded = json.dumps(index).encode()

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
 from cwcli.errors import UsageError
-from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO
+from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read import reader
 from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES
@@ -37,7 +37,7 @@ class Limits:
 
     max_chunk_bytes: int = MAX_CHUNK_BYTES
     max_input_bytes: int = MAX_PIPE_BYTES
-    max_ratio: float = MAX_RATIO
+    max_ratio: float = MAX_UNPACKED_TO_STORED_SIZE_RATIO
     timeout_s: float = DEFAULT_TIMEOUT_S
 
 

@@ -139,7 +139,7 @@ TTC_STAR = Measure(
 )
 
 
-WORST_ACCEL_MPS2 = 11.5
+WORST_CASE_ACCEL_MPS2 = 11.5
 """Largest acceleration of each vehicle in any direction (CommonRoad vehicle 2, see `limits.CAR_BRAKING_LIMIT_MPS2`)."""
 N_WTTC_ITERATIONS = 24
 """Number of steps of the iteration that solves for the time. Chosen by hand."""
@@ -153,7 +153,7 @@ def worst_time_to_collision(pair: Pair) -> SecondsAtStamps:
     """
     at = pair.relative_motion
     radius = sum(np.hypot(length / 6.0, width / 2.0) for length, width in (pair.host_size, pair.other_size))
-    together = 2.0 * WORST_ACCEL_MPS2
+    together = 2.0 * WORST_CASE_ACCEL_MPS2
     speed = np.hypot(at.dvx_mps, at.dvy_mps)
     time = np.zeros(len(speed))
     for _ in range(N_WTTC_ITERATIONS):

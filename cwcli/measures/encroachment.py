@@ -15,9 +15,9 @@ from cwcli.measures.pair import Pair, PairNumber, interpolate_x_y_speed_heading
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
-MAX_LAG_S = 5.0
+MAX_SEARCHED_LAG_S = 5.0
 """The longest lag that is looked for, s. Chosen by hand; not fitted."""
-GRID_STEP_S = 0.1
+LAG_SEARCH_STEP_S = 0.1
 """Step of the grid on which the least lag is searched, s. Chosen by hand."""
 FINE_STEP_S, N_REFINED_STEPS = 0.01, 2
 """The least lag is refined in steps of 0.01 s over 2 grid steps around it: a grid step may hide a contact."""
@@ -39,11 +39,11 @@ def encroachment_lag_and_states(pair: Pair) -> tuple[float, FloatArray, FloatArr
         return np.nan, np.full(2, np.nan), np.full(2, np.nan)
     mine, other = found.astype(int)
     own, theirs = np.split(pair.evaluate_measure(_STATES_ON_GRID), 2, axis=1)
-    return abs(mine - other) * GRID_STEP_S, own[mine, 2:], theirs[other, 2:]
+    return abs(mine - other) * LAG_SEARCH_STEP_S, own[mine, 2:], theirs[other, 2:]
 
 
 def host_encroachment_duration_s(pair: Pair) -> float:
-    """How long the host is where the other is within `MAX_LAG_S`, around the least lag, s; NaN for parallel
+    """How long the host is where the other is within `MAX_SEARCHED_LAG_S`, around the least lag, s; NaN for parallel
     headings."""
     found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
     if not len(found):
@@ -52,7 +52,7 @@ def host_encroachment_duration_s(pair: Pair) -> float:
     own, theirs = np.split(pair.evaluate_measure(_STATES_ON_GRID), 2, axis=1)
     if np.abs(np.sin(own[mine, 3] - theirs[other, 3])) < MIN_CROSSING_SINE:
         return np.nan
-    last, poses = round(MAX_LAG_S / GRID_STEP_S), pair.evaluate_measure(_POSES_ON_GRID)
+    last, poses = round(MAX_SEARCHED_LAG_S / LAG_SEARCH_STEP_S), pair.evaluate_measure(_POSES_ON_GRID)
     inside = np.zeros(len(own), dtype=bool)
     for lag in range(-last, last + 1):
         rows, _ = _host_and_other_rows_overlapping_at_lag(poses, lag, pair)
@@ -61,7 +61,7 @@ def host_encroachment_duration_s(pair: Pair) -> float:
     before, after = outside[outside < mine], outside[outside > mine]
     if not (len(before) and len(after)):
         return np.nan
-    return float(after[0] - before[-1] - 1) * GRID_STEP_S
+    return float(after[0] - before[-1] - 1) * LAG_SEARCH_STEP_S
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _states_of_both_on_time_grid(pair: Pair) -> FloatArray:
     if not (len(host) and len(other)):
         return np.zeros((0, 8))
     first, last = max(int(host[0]), int(other[0])), min(int(host[-1]), int(other[-1]))
-    at_ns = np.arange(first, last + 1, round(GRID_STEP_S * NS_PER_S))
+    at_ns = np.arange(first, last + 1, round(LAG_SEARCH_STEP_S * NS_PER_S))
     return np.concatenate(
         [interpolate_x_y_speed_heading(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other)], axis=1
     )
@@ -93,7 +93,7 @@ def _grid_rows_of_least_lag(pair: Pair) -> FloatArray:
     """Grid rows of the host and of the other whose outlines overlap at the least lag, (2,); (0,) if none do."""
     poses = pair.evaluate_measure(_POSES_ON_GRID)
     n = poses.shape[1]
-    n_lags = min(round(MAX_LAG_S / GRID_STEP_S), n - 1) + 1 if n > 1 else 0
+    n_lags = min(round(MAX_SEARCHED_LAG_S / LAG_SEARCH_STEP_S), n - 1) + 1 if n > 1 else 0
     for lag in range(n_lags):
         for signed in dict.fromkeys((lag, -lag)):
             mine, them = _host_and_other_rows_overlapping_at_lag(poses, signed, pair)
@@ -105,22 +105,22 @@ def _grid_rows_of_least_lag(pair: Pair) -> FloatArray:
 def _refine_least_lag_s(pair: Pair, host_row: int, other_row: int) -> float:
     """Refine the least lag around two rows of the grid, s."""
     first_ns = max(int(pair.host.stamp_ns[0]), int(pair.other.stamp_ns[0]))
-    n = round(N_REFINED_STEPS * GRID_STEP_S / FINE_STEP_S)
+    n = round(N_REFINED_STEPS * LAG_SEARCH_STEP_S / FINE_STEP_S)
     fine_s = np.arange(-n, n + 1) * FINE_STEP_S
     tracks = []
     for track, row in ((pair.host, host_row), (pair.other, other_row)):
-        at_ns = first_ns + np.rint((row * GRID_STEP_S + fine_s) * NS_PER_S).astype(np.int64)
+        at_ns = first_ns + np.rint((row * LAG_SEARCH_STEP_S + fine_s) * NS_PER_S).astype(np.int64)
         tracks.append(interpolate_x_y_speed_heading(track, at_ns, pair.max_gap_s))
     own, theirs = tracks
     i, j = (each.ravel() for each in np.meshgrid(np.arange(len(fine_s)), np.arange(len(fine_s)), indexing="ij"))
-    lag_s = np.abs((host_row - other_row) * GRID_STEP_S + fine_s[i] - fine_s[j])
-    i, j, lag_s = (each[lag_s <= abs(host_row - other_row) * GRID_STEP_S] for each in (i, j, lag_s))
+    lag_s = np.abs((host_row - other_row) * LAG_SEARCH_STEP_S + fine_s[i] - fine_s[j])
+    i, j, lag_s = (each[lag_s <= abs(host_row - other_row) * LAG_SEARCH_STEP_S] for each in (i, j, lag_s))
     dx, dy = (theirs[j, k] - own[i, k] for k in (0, 1))
     known = np.isfinite(dx * dy)
     margin = outline_separation_m(
         dx[known], dy[known], own[i[known], 3], theirs[j[known], 3], pair.host_size, pair.other_size
     )
-    return float(lag_s[known][margin <= 0.0].min(initial=abs(host_row - other_row) * GRID_STEP_S))
+    return float(lag_s[known][margin <= 0.0].min(initial=abs(host_row - other_row) * LAG_SEARCH_STEP_S))
 
 
 _STATES_ON_GRID, _POSES_ON_GRID, _GRID_ROWS_OF_LEAST_LAG = (

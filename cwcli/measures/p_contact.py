@@ -14,11 +14,11 @@ from cwcli.measures.collision_probability import UncertainPaths, collision_proba
 from cwcli.measures.pair import Pair, RatiosAtStamps
 from cwcli.signals.columns import FloatArray
 
-HORIZON_S = 2.5
+CONTACT_HORIZON_S = 2.5
 """Time ahead within which a contact counts, s: song2016's horizon."""
-STEP_S = 0.05
+PATH_TIME_STEP_S = 0.05
 """Step of the paths, s. Chosen by hand."""
-PATH_TIMES_S = np.arange(round(HORIZON_S / STEP_S) + 1) * STEP_S
+PATH_TIMES_S = np.arange(round(CONTACT_HORIZON_S / PATH_TIME_STEP_S) + 1) * PATH_TIME_STEP_S
 """Times of the paths' points, s."""
 N_PATH_STATES = 6
 """Number of states that move a path: x, y, speed, heading, acceleration, yaw rate."""
@@ -65,10 +65,10 @@ def propagate_to_x_y_heading_and_xy_covariance(
         ahead = np.where(speed < -STANDSTILL_SPEED_MPS, -accel, accel)  # one that stands does not set off backwards
         stops_s = np.where(ahead < 0.0, np.abs(speed / accel), np.inf)
     turns_s = np.where((np.abs(speed) < STANDSTILL_SPEED_MPS) & (accel == 0.0), 0.0, stops_s)
-    middle_s = PATH_TIMES_S[:-1] + 0.5 * STEP_S
-    moves = np.clip((stops_s - PATH_TIMES_S[:-1]) / STEP_S, 0.0, 1.0)  # share of each step until it stands
+    middle_s = PATH_TIMES_S[:-1] + 0.5 * PATH_TIME_STEP_S
+    moves = np.clip((stops_s - PATH_TIMES_S[:-1]) / PATH_TIME_STEP_S, 0.0, 1.0)  # share of each step until it stands
     turn = heading + yaw_rate * np.minimum(middle_s, turns_s)
-    rate = np.where(moves > 0.0, speed + accel * (PATH_TIMES_S[:-1] + 0.5 * moves * STEP_S), 0.0)
+    rate = np.where(moves > 0.0, speed + accel * (PATH_TIMES_S[:-1] + 0.5 * moves * PATH_TIME_STEP_S), 0.0)
     cosine, sine = np.cos(turn), np.sin(turn)
     along = {  # per second of a step: the way, and its slopes by speed, acceleration and yaw rate
         "way": (rate * cosine, rate * sine),
@@ -76,7 +76,10 @@ def propagate_to_x_y_heading_and_xy_covariance(
         "accel": (middle_s * cosine, middle_s * sine),
         "yaw_rate": (-rate * middle_s * sine, rate * middle_s * cosine),
     }
-    gone = {name: [_cumulative_sum_from_zero(part * moves * STEP_S) for part in parts] for name, parts in along.items()}
+    gone = {
+        name: [_cumulative_sum_from_zero(part * moves * PATH_TIME_STEP_S) for part in parts]
+        for name, parts in along.items()
+    }
     way_x, way_y = gone["way"]
     one, zero = np.ones_like(way_x), np.zeros_like(way_x)
     slopes = np.stack(

@@ -11,7 +11,7 @@ from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s
 from cwcli.measures.pair import Pair, RatiosAtStamps
 from cwcli.signals.columns import FloatArray
 
-HORIZON_S = 3.0
+CONTACT_HORIZON_S = 3.0
 """Time ahead within which a contact counts, s. Chosen by hand; not fitted."""
 ACCEL_SIGMA_MPS2 = 2.875
 """Sigma of the host's random accelerations along and across (CommonRoad-CriMe's random manoeuvre: 11.5 / 4)."""
@@ -28,13 +28,16 @@ def share_of_sampled_manoeuvres_touching(pair: Pair) -> RatiosAtStamps:
     at = pair.other_in_host_axes
     found = np.zeros(len(at.x_m))
     radius = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
-    way = np.hypot(at.vx_mps, at.vy_mps) * HORIZON_S + 0.5 * MAX_ACCEL_SIGMAS * ACCEL_SIGMA_MPS2 * HORIZON_S**2
+    way = (
+        np.hypot(at.vx_mps, at.vy_mps) * CONTACT_HORIZON_S
+        + 0.5 * MAX_ACCEL_SIGMAS * ACCEL_SIGMA_MPS2 * CONTACT_HORIZON_S**2
+    )
     rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + way)
     whole, accel = EdgeProjections.from_pair(pair), sample_accelerations_mps2()
     for first in range(0, len(rows), MOMENTS_PER_BATCH):
         part = rows[first : first + MOMENTS_PER_BATCH]
         ax, ay = (np.tile(each, len(part)) for each in accel)
-        hit = accelerated_contact_time_s(whole.select_rows(np.repeat(part, N_SAMPLES)), -ax, -ay) <= HORIZON_S
+        hit = accelerated_contact_time_s(whole.select_rows(np.repeat(part, N_SAMPLES)), -ax, -ay) <= CONTACT_HORIZON_S
         found[part] = hit.reshape(len(part), N_SAMPLES).mean(axis=1)
     return pair.expand_to_all_rows(found)
 

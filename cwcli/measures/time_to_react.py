@@ -20,7 +20,7 @@ from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2, CAR_LATERAL_LIMIT_MPS2
 from cwcli.measures.pair import Pair, SecondsAtStamps
 from cwcli.signals.columns import FloatArray
 
-N_HALVINGS = 10
+N_REACTION_TIME_BISECTIONS = 10
 """Number of bisections: the result is exact to a thousandth of the time to collision."""
 BoolArray = npt.NDArray[np.bool_]
 AvoidanceCheck = Callable[[EdgeProjections, FloatArray], BoolArray]
@@ -45,7 +45,7 @@ def _bisect_latest_start_s(
     """Bisect the latest time in [0, ttc_s] from which the manoeuvre avoids contact, (m,); NaN if it never does."""
     low, high = np.zeros(len(ttc_s)), ttc_s.copy()
     helps = evades(start, host_mps)
-    for _ in range(N_HALVINGS):
+    for _ in range(N_REACTION_TIME_BISECTIONS):
         middle = 0.5 * (low + high)
         avoided = evades(_advance_straight(start, middle), host_mps)
         low, high = np.where(avoided, middle, low), np.where(avoided, high, middle)

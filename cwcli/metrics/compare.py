@@ -26,7 +26,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import Metric, find_metric
 from cwcli.metrics.pooling import (
-    MIN_LOGS,
+    MIN_LOGS_FOR_BOOTSTRAP,
     LogMetrics,
     MetricRow,
     UInt16Array,
@@ -153,7 +153,7 @@ def compare_runs(
         p[judged] = _adjust_p_values_holm(
             _sign_flip_p_values(np.column_stack([e.changes for e in effects if e.is_tested]), seed)
         )
-    drawn = bootstrap_draw_counts(len(pairs), seed) if len(pairs) >= MIN_LOGS else None
+    drawn = bootstrap_draw_counts(len(pairs), seed) if len(pairs) >= MIN_LOGS_FOR_BOOTSTRAP else None
     tried = {log.id for log in candidate}
     return RunComparison(
         changes=tuple(
@@ -303,10 +303,10 @@ def _judge_metric_change(effect: _MetricEffect, p: float, drawn: UInt16Array | N
 
 
 def _bootstrap_interval_of_mean(changes: FloatArray, draw_counts: UInt16Array | None) -> tuple[float, float]:
-    """Return the percentile bootstrap interval of the mean change; NaN with fewer than `MIN_LOGS` values."""
+    """Return the percentile bootstrap interval of the mean change; NaN below `MIN_LOGS_FOR_BOOTSTRAP` values."""
     present = np.isfinite(changes)
     n = int(present.sum())
-    if draw_counts is None or n < MIN_LOGS:
+    if draw_counts is None or n < MIN_LOGS_FOR_BOOTSTRAP:
         return math.nan, math.nan
     counts = resampled_sums(draw_counts, present.astype(np.float64))
     sums = resampled_sums(draw_counts, np.nan_to_num(changes, nan=0.0))

@@ -21,9 +21,9 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.field_condition import COMPARISONS_BY_SIGN
 
-MAX_LENGTH = 2000
+MAX_CONDITION_CHARACTERS = 2000
 """Greatest number of characters of a condition; chosen by hand."""
-MAX_DEPTH = 50
+MAX_PARENTHESIS_NESTING = 50
 """Greatest depth of nested parentheses, which bounds the recursion of the parser; chosen by hand."""
 NUMBER_PATTERN = r"(?P<number>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 """Pattern of a number, without the parenthesis at its end: a grammar may allow a sign behind it."""
@@ -81,8 +81,10 @@ class ConditionParser(ABC):
     token: ClassVar[re.Pattern[str]]
 
     def __init__(self, text: str) -> None:
-        if len(text) > MAX_LENGTH:
-            raise UsageError(f"{self.what} of {len(text)} characters is longer than {MAX_LENGTH}", hint=self.example)
+        if len(text) > MAX_CONDITION_CHARACTERS:
+            raise UsageError(
+                f"{self.what} of {len(text)} characters is longer than {MAX_CONDITION_CHARACTERS}", hint=self.example
+            )
         self.text = text
         self.at = 0
         self._depth = 0
@@ -108,8 +110,8 @@ class ConditionParser(ABC):
     def parse_condition(self) -> Any:
         """Parse `condition` of the grammar."""
         self._depth += 1
-        if self._depth > MAX_DEPTH:
-            raise UsageError(f"the {self._noun} has more than {MAX_DEPTH} parentheses inside each other")
+        if self._depth > MAX_PARENTHESIS_NESTING:
+            raise UsageError(f"the {self._noun} has more than {MAX_PARENTHESIS_NESTING} parentheses inside each other")
         parts = [self._parse_and()]
         while self.take_if_next("name", "or"):
             parts.append(self._parse_and())

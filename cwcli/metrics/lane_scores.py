@@ -17,28 +17,28 @@ from cwcli.signals.columns import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
-TUSIMPLE_PIXELS = 20.0
+TUSIMPLE_COLUMN_TOLERANCE_PX = 20.0
 """Tolerance of a column in a vertical lane [px], from TuSimple's public scorer (evaluate/lane.py)."""
-TUSIMPLE_MATCH = 0.85
+TUSIMPLE_MIN_ROW_SHARE_OF_MATCH = 0.85
 """Smallest share of rows within the tolerance that matches a lane, from TuSimple's public scorer."""
-TUSIMPLE_TIME_MS = 200.0
+TUSIMPLE_MAX_FRAME_TIME_MS = 200.0
 """Longest time for a frame [ms] that is accepted, from TuSimple's public scorer."""
-TUSIMPLE_ABSENT = -100.0
+TUSIMPLE_ABSENT_POINT_COLUMN_PX = -100.0
 """Column that stands for an absent point, from TuSimple's public scorer."""
-TUSIMPLE_LANES = 4
+TUSIMPLE_LANES_ABOVE_WHICH_ONE_MAY_BE_MISSED = 4
 """Number of labelled lanes above which one, of a lane change, may be missed; from TuSimple's public scorer."""
-TUSIMPLE_SPARE = 2
+TUSIMPLE_MAX_EXTRA_PREDICTIONS = 2
 """Greatest number of predictions beyond the labelled lanes before a frame scores 0; from TuSimple's public scorer."""
 
-EGO_ROWS = 8
+N_LANE_POINTS_EXTRAPOLATED_DOWN = 8
 """Number of lowest points of a lane that are extrapolated to the image's lower edge; chosen by hand."""
 
-VISUAL_PIXELS = 6.0
-"""Tolerance of the visual standard [px] in an image of `VISUAL_WIDTH_PX`; chosen by hand."""
-VISUAL_SHARE = 0.85
+VISUAL_TOLERANCE_PX = 6.0
+"""Tolerance of the visual standard [px] in an image of `VISUAL_REFERENCE_IMAGE_WIDTH_PX`; chosen by hand."""
+VISUAL_MIN_ROW_SHARE = 0.85
 """Smallest share of a boundary's visible rows within the tolerance; chosen by hand."""
-VISUAL_WIDTH_PX = 320
-"""Width of the image [px] to which `VISUAL_PIXELS` belongs: 320 x 240, the images of zhang2011."""
+VISUAL_REFERENCE_IMAGE_WIDTH_PX = 320
+"""Width of the image [px] to which `VISUAL_TOLERANCE_PX` belongs: 320 x 240, the images of zhang2011."""
 
 
 @dataclass(frozen=True)
@@ -91,23 +91,23 @@ def tusimple_score(
     for name, lines in (("truth", truth), ("prediction", predicted)):
         if any(len(lane) != n for lane in lines):
             raise ValueError(f"a lane of the {name} does not have a column for every row")
-    if time_ms > TUSIMPLE_TIME_MS or len(predicted) > len(truth) + TUSIMPLE_SPARE:
+    if time_ms > TUSIMPLE_MAX_FRAME_TIME_MS or len(predicted) > len(truth) + TUSIMPLE_MAX_EXTRA_PREDICTIONS:
         return TuSimpleScore(0.0, 0.0, 1.0)
     rows = np.asarray(h_samples, np.float64)
     lanes = [np.asarray(lane, np.float64) for lane in truth]
     guesses = [_absent_as_minus_100(np.asarray(lane, np.float64)) for lane in predicted]
     best = []
     for lane in lanes:
-        near_px = TUSIMPLE_PIXELS / math.cos(_lane_angle_rad(lane, rows))
+        near_px = TUSIMPLE_COLUMN_TOLERANCE_PX / math.cos(_lane_angle_rad(lane, rows))
         at = _absent_as_minus_100(lane)
         best.append(max((float(np.mean(np.abs(guess - at) < near_px)) for guess in guesses), default=0.0))
-    missed = sum(share < TUSIMPLE_MATCH for share in best)
+    missed = sum(share < TUSIMPLE_MIN_ROW_SHARE_OF_MATCH for share in best)
     unmatched = len(guesses) - (len(lanes) - missed)
     total = sum(best)
-    if len(lanes) > TUSIMPLE_LANES:
+    if len(lanes) > TUSIMPLE_LANES_ABOVE_WHICH_ONE_MAY_BE_MISSED:
         missed -= missed > 0
         total -= min(best)
-    n_lanes = max(min(TUSIMPLE_LANES, len(lanes)), 1)
+    n_lanes = max(min(TUSIMPLE_LANES_ABOVE_WHICH_ONE_MAY_BE_MISSED, len(lanes)), 1)
     return TuSimpleScore(
         accuracy=total / n_lanes,
         false_positive=unmatched / len(guesses) if guesses else 0.0,
@@ -119,7 +119,8 @@ def lanes_beside_ego(lanes: FloatArray, h_samples: FloatArray, width_px: float, 
     """Return the labelled lanes beside the car: on each side the one nearest to the middle of the image's lower edge.
 
     TuSimple's benchmark judges up to five lanes; methods that look for the car's own lane only are judged by these two.
-    A lane is prolonged to the lower edge by the straight line through its `EGO_ROWS` lowest points.
+    A lane is prolonged to the lower edge by the straight line through its `N_LANE_POINTS_EXTRAPOLATED_DOWN` lowest
+    points.
 
     Args:
         lanes: Shape (k, h): a column for every row; negative is absent.
@@ -133,7 +134,7 @@ def lanes_beside_ego(lanes: FloatArray, h_samples: FloatArray, width_px: float, 
     for lane in lanes:
         present = np.flatnonzero(lane >= 0.0)
         if len(present) > 1:
-            low = present[np.argsort(h_samples[present])][-EGO_ROWS:]
+            low = present[np.argsort(h_samples[present])][-N_LANE_POINTS_EXTRAPOLATED_DOWN:]
             slope, foot = np.polyfit(h_samples[low] - height_px, lane[low], 1)
             del slope
             feet.append((float(foot) - 0.5 * width_px, lane))
@@ -154,8 +155,8 @@ def _lane_angle_rad(lane: FloatArray, rows: FloatArray) -> float:
 
 
 def _absent_as_minus_100(lane: FloatArray) -> FloatArray:
-    """Return the lane with `TUSIMPLE_ABSENT` for absent points."""
-    return np.where(lane >= 0, lane, TUSIMPLE_ABSENT)
+    """Return the lane with `TUSIMPLE_ABSENT_POINT_COLUMN_PX` for absent points."""
+    return np.where(lane >= 0, lane, TUSIMPLE_ABSENT_POINT_COLUMN_PX)
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ def share_of_rows_within_tolerance(
     truth_u_px: FloatArray,
     visible: BoolArray,
     *,
-    tolerance_px: float = VISUAL_PIXELS,
+    tolerance_px: float = VISUAL_TOLERANCE_PX,
     half_width_px: FloatArray | float = 0.0,
 ) -> float:
     """Return the share of the visible rows on which a boundary is at most tolerance_px from the truth.
@@ -217,7 +218,7 @@ class BoundaryColumns(NamedTuple):
 
 
 def visual_standard_score(
-    left: BoundaryColumns, right: BoundaryColumns, *, width_px: int = VISUAL_WIDTH_PX
+    left: BoundaryColumns, right: BoundaryColumns, *, width_px: int = VISUAL_REFERENCE_IMAGE_WIDTH_PX
 ) -> VisualScore:
     """Judge one frame by the visual standard.
 
@@ -225,7 +226,7 @@ def visual_standard_score(
         left, right: The boundaries.
         width_px: Of the image: the tolerance of 6 pixels belongs to 320 and scales.
     """
-    tolerance = VISUAL_PIXELS * width_px / VISUAL_WIDTH_PX
+    tolerance = VISUAL_TOLERANCE_PX * width_px / VISUAL_REFERENCE_IMAGE_WIDTH_PX
     shares = [
         share_of_rows_within_tolerance(
             each.u_px, each.truth_u_px, each.is_visible, tolerance_px=tolerance, half_width_px=each.half_width_px
@@ -233,7 +234,7 @@ def visual_standard_score(
         for each in (left, right)
     ]
     judged = [share for share in shares if not math.isnan(share)]
-    return VisualScore(shares[0], shares[1], bool(judged) and all(share >= VISUAL_SHARE for share in judged))
+    return VisualScore(shares[0], shares[1], bool(judged) and all(share >= VISUAL_MIN_ROW_SHARE for share in judged))
 
 
 @dataclass(frozen=True)

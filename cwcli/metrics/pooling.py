@@ -26,7 +26,7 @@ from cwcli.signals.columns import FloatArray
 
 UInt16Array = npt.NDArray[np.uint16]
 
-MIN_LOGS = 5
+MIN_LOGS_FOR_BOOTSTRAP = 5
 """Least number of logs over which a bootstrap interval is computed; chosen by hand."""
 N_RESAMPLES = 2000
 """Number of bootstrap resamples over the logs; chosen by hand."""
@@ -181,7 +181,7 @@ def _weighted_sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
 
 def _bootstrap_interval_over_logs(pool: str, rows: Sequence[MetricRow], seed: int) -> tuple[float, float]:
     """Return the 95 % percentile interval of a pooled root mean square or mean, by resampling the logs."""
-    if pool not in {"rms", "mean"} or len(rows) < MIN_LOGS:
+    if pool not in {"rms", "mean"} or len(rows) < MIN_LOGS_FOR_BOOTSTRAP:
         return UNKNOWN_INTERVAL
     drawn = bootstrap_draw_counts(len(rows), seed)
     totals = resampled_sums(drawn, np.array([row.total for row in rows]))

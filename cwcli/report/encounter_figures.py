@@ -34,7 +34,7 @@ from cwcli.report.signal_figures import other_system_warning_lines
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
-OTHER_COLOUR = OTHER_VEHICLE_COLOURS[0]
+OTHER_VEHICLE_COLOUR = OTHER_VEHICLE_COLOURS[0]
 """Colour of the other vehicle."""
 DISTANCE_FIGURE_BEFORE_S = 4.0
 """Time before a warning that the distance figure shows, in s. Chosen by hand; not fitted."""
@@ -96,7 +96,7 @@ def predicted_paths_figure(
     tracks = [(ego, EGO_COLOUR, "the car", ego_length_and_width_m(drive.ego))]
     if encounter.other is not None:
         tracks.append(
-            (encounter.other.track, OTHER_COLOUR, escaped_vehicle_name(encounter.other), encounter.other.size_m)
+            (encounter.other.track, OTHER_VEHICLE_COLOUR, escaped_vehicle_name(encounter.other), encounter.other.size_m)
         )
     data: list[Trace] = []
     for path, (_, colour, name, _) in zip(paths, tracks, strict=False):

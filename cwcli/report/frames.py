@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 THUMBNAIL_WIDTH_PX = 320
 """Width of a thumbnail in pixels. Chosen by hand; not fitted."""
-JPEG_QUALITY = 60
+THUMBNAIL_JPEG_QUALITY_PERCENT = 60
 """Quality of the thumbnails' JPEG files, 0 to 100. Chosen by hand; not fitted."""
 MAX_FRAME_OFFSET_NS = 500_000_000
 """Greatest difference in ns of a shown frame from the wanted time. Chosen by hand; not fitted."""
@@ -136,7 +136,7 @@ def _make_thumbnail(image: Image, stamp_ns: int, lanes: LaneRows | None) -> Thum
         small = np.repeat(small[..., None], 3, axis=2)
     lines = _left_and_right_boundary_px(lanes, stamp_ns, (THUMBNAIL_WIDTH_PX, height_px))
     drawn = small if lines is None else draw_boundaries(small, lines)
-    done, data = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    done, data = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, THUMBNAIL_JPEG_QUALITY_PERCENT])
     if not done:
         raise RuntimeError("OpenCV could not encode a JPEG")
     text = base64.b64encode(data.tobytes()).decode("ascii")

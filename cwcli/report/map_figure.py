@@ -42,7 +42,7 @@ TOLERANCES_PER_EXTENT = 4000.0
 """The track's extent divided by this is the tolerance of its simplification. Chosen by hand; not fitted."""
 MIN_TRACK_TOLERANCE_M = 0.02
 """The least tolerance of a track's simplification, in m. Chosen by hand; not fitted."""
-LINE_BREAK_S = 2.0
+MAX_GAP_OF_DRAWN_LINE_S = 2.0
 """Longest gap in s across which a line is drawn. Chosen by hand; not fitted."""
 LABEL_ABOVE_MIN_COSINE = 0.7
 """Least cosine of the heading at which a label stands above the car, else to its left. Chosen by hand; not fitted."""
@@ -135,7 +135,7 @@ def escaped_vehicle_name(other: OtherTrack) -> str:
 
 
 def insert_nan_rows_in_time_gaps(
-    stamp_ns: Int64Array, values: FloatArray, break_s: float = LINE_BREAK_S
+    stamp_ns: Int64Array, values: FloatArray, break_s: float = MAX_GAP_OF_DRAWN_LINE_S
 ) -> tuple[Int64Array, FloatArray]:
     """Insert a row of NaN in each gap longer than `break_s`, so that no line is drawn there."""
     after = np.flatnonzero(np.diff(stamp_ns) > break_s * 1e9) + 1

@@ -21,7 +21,7 @@ PRINT_TIMEOUT_S = 120.0
 """Time that the browser may take to start and to print, in s. Chosen by hand; not fitted."""
 PRINT_TIMEOUT_PER_FIGURE_S = 2.0
 """Time that the browser may take in addition for each figure, in s. Chosen by hand; not fitted."""
-CPU_S_PER_S = 8
+BROWSER_CPU_S_PER_ALLOWED_S = 8
 """Processor time that one process of the browser may take for each second that the browser may take: it has threads.
 Chosen by hand; not fitted."""
 MAX_BROWSER_FILE_BYTES = 2_000_000_000
@@ -85,7 +85,10 @@ def _print_pdf_in_folder(folder: Path, html: bytes, browser: str, limit_s: float
     ]
     # no limit of memory: the browser reserves terabytes of addresses, and has a limit for each page
     limits = Limits(
-        ceil(limit_s) * CPU_S_PER_S, MAX_BROWSER_FILE_BYTES, n_files=MAX_BROWSER_OPEN_FILES, has_threads=True
+        ceil(limit_s) * BROWSER_CPU_S_PER_ALLOWED_S,
+        MAX_BROWSER_FILE_BYTES,
+        n_files=MAX_BROWSER_OPEN_FILES,
+        has_threads=True,
     )
     # without privileges, giving up the network takes the right to a sandbox, which is worth more
     command = command_with_limits(command, limits, has_no_network=os.geteuid() == 0)

@@ -49,9 +49,9 @@ SIGMA_PER_MAD = 1.4826
 MIN_SIGMA_SHARE_OF_MEDIAN = 0.05
 """The least sigma as a share of the median, so that values that nearly agree have no outliers.
 Chosen by hand; not fitted."""
-MIN_COUNT_SIGMA = 1.0
+MIN_SIGMA_OF_COUNTS = 1.0
 """The least sigma of counts, as one more or less is ordinary where most logs have none. Chosen by hand; not fitted."""
-MIN_TIME_SIGMA_S = 0.005
+MIN_SIGMA_OF_TIMES_S = 0.005
 """The least sigma of times, in s. Chosen by hand; not fitted."""
 MAX_DRAWN_MAGNITUDE = 1e300
 """Magnitude at which larger values are drawn, as their differences would overflow a double."""
@@ -221,8 +221,8 @@ def build_histogram_and_axis_ends(values: FloatArray, metric_name: str) -> tuple
 def min_outlier_sigma(name: str, unit: str) -> float:
     """Return the least sigma of a metric in the search for outlier logs, in its unit."""
     if name.endswith(("_count", ".count")):
-        return MIN_COUNT_SIGMA
-    return MIN_TIME_SIGMA_S if unit == "s" else 0.0
+        return MIN_SIGMA_OF_COUNTS
+    return MIN_SIGMA_OF_TIMES_S if unit == "s" else 0.0
 
 
 def find_outlier_logs(
@@ -311,5 +311,5 @@ def _pool_source(group: Sequence[SourceInLog], anchors: Mapping[str, str]) -> Po
         nis=f"{np.median(nis):.2f}" if nis else "-",
         outside=f"{judged.count(False)} of {len(judged)}" if judged else "-",
         gated=f"{shown(100.0 * gated / (gated + used), 3)} %" if 0.0 < gated + used < math.inf else "-",
-        odd=find_outlier_logs("", latencies, anchors, 0.0, 1.0, 1e3 * MIN_TIME_SIGMA_S),
+        odd=find_outlier_logs("", latencies, anchors, 0.0, 1.0, 1e3 * MIN_SIGMA_OF_TIMES_S),
     )

@@ -13,9 +13,9 @@ WIDTH_PX, HEIGHT_PX = 56, 36
 """Size of a thumbnail, px. Chosen by hand: two lines of the table high."""
 THUMBNAIL_MARGIN_PX = 2
 """Least distance of the track from the edge, px: half of the line's width and of the dot at the start."""
-MAX_POINTS = 32
+MAX_THUMBNAIL_POINTS = 32
 """Greatest number of points of a thumbnail. Chosen by hand: a path of them takes at most 6 bytes each."""
-MIN_LENGTH_M = 1.0
+MIN_DRAWN_WAY_M = 1.0
 """Least length of the way of which a thumbnail is drawn, m. Chosen by hand: less is the noise of the positions."""
 
 
@@ -44,9 +44,9 @@ def build_track_svg_path(x_m: FloatArray, y_m: FloatArray) -> str:
     x, y = x_m[known], y_m[known]
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     extent = float(np.ptp(x)), float(np.ptp(y))
-    if not (max(extent) >= MIN_LENGTH_M and np.isfinite(way[-1])):
+    if not (max(extent) >= MIN_DRAWN_WAY_M and np.isfinite(way[-1])):
         return ""
-    at = np.linspace(0.0, way[-1], MAX_POINTS)
+    at = np.linspace(0.0, way[-1], MAX_THUMBNAIL_POINTS)
     scale = min(
         (WIDTH_PX - 2 * THUMBNAIL_MARGIN_PX) / max(extent[0], 1e-9),
         (HEIGHT_PX - 2 * THUMBNAIL_MARGIN_PX) / max(extent[1], 1e-9),

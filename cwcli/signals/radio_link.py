@@ -16,7 +16,7 @@ from cwcli.signals.columns import FloatArray, Int64Array, median_of_values, quan
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
-MIN_GAP_S = 1.0
+MIN_RECEPTION_GAP_S = 1.0
 """The shortest pause that counts as a gap, in seconds. Chosen by hand; not fitted."""
 MIN_GAP_IN_SENDING_PERIODS = 5.0
 """The shortest pause that counts as a gap, in sending periods. Chosen by hand; not fitted."""
@@ -169,7 +169,7 @@ def _measure_station_link(
     counted = np.isfinite(n_lost).all() and len(n_lost) > 0
     n_sent = len(order) + float(n_lost.sum()) if counted else float("nan")
     n_steps = (n_sent if counted else len(order)) - 1 - np.count_nonzero(is_absence)
-    is_gap = present & (pause_s > max(MIN_GAP_S, MIN_GAP_IN_SENDING_PERIODS * period_s))
+    is_gap = present & (pause_s > max(MIN_RECEPTION_GAP_S, MIN_GAP_IN_SENDING_PERIODS * period_s))
     known_m = distance_m[order][np.isfinite(distance_m[order])]
     nothing = float("nan")
     return StationLink(

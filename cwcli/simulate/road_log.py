@@ -60,18 +60,18 @@ CAMERA_FRAME_ID = "camera"
 """Frame id of the camera."""
 BODY_FRAME_ID = "base_link"
 """Frame id of the body frame, below the camera."""
-START_NS = 1_475_308_800_000_000_000
+DRIVE_START_STAMP_NS = 1_475_308_800_000_000_000
 """Stamp of the drive's start, ns since 1970: 2016-10-01T08:00:00Z, as in the scenarios."""
 CAMERA_DELAY_NS, SENSOR_DELAY_NS = 20_000_000, 5_000_000
 """Time from the stamp of a frame, or of a sensor's message, to its log time, ns. Chosen by hand; not fitted."""
 SPEED_RATE_HZ, IMU_RATE_HZ = 50.0, 100.0
 """Message rates of the speed sensor and of the IMU, Hz. Chosen by hand as usual rates."""
-SPEED_SIGMA_MPS = 0.05
+SPEED_SENSOR_SIGMA_MPS = 0.05
 """Standard deviation of the speed sensor's noise, m/s. Chosen by hand; not fitted."""
 IMU_NOISE_SIGMA = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
 """Standard deviations of the IMU's noise, shape (6,): accelerations in m/s^2, then angular rates in rad/s. Chosen by
 hand."""
-JPEG_QUALITY = 95
+FRAME_JPEG_QUALITY_PERCENT = 95
 """JPEG quality of the frames, 0 to 100. Chosen by hand; not fitted."""
 LABEL_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
 """Distances ahead at which the lane labels give the boundaries in the body frame, m. Chosen by hand."""
@@ -212,7 +212,7 @@ def write_road_log(
     Raises:
         OutputError: The target can't be written.
     """
-    stamp_ns = START_NS + seconds_to_ns(drive.time_s)
+    stamp_ns = DRIVE_START_STAMP_NS + seconds_to_ns(drive.time_s)
     truths = [drive.lane_truth_at(index) for index in range(len(drive))]
     with LogWriter(target, force=force) as log:
         channels = [
@@ -272,7 +272,9 @@ def _encode_image(grey: npt.NDArray[np.uint8], kind: str) -> npt.NDArray[np.uint
     """Encode a grey image (height, width) as JPEG or PNG; shape (n bytes,)."""
     import cv2
 
-    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if kind == "jpeg" else [cv2.IMWRITE_PNG_COMPRESSION, 3]
+    options = (
+        [cv2.IMWRITE_JPEG_QUALITY, FRAME_JPEG_QUALITY_PERCENT] if kind == "jpeg" else [cv2.IMWRITE_PNG_COMPRESSION, 3]
+    )
     _, data = cv2.imencode(f".{kind}", grey, options)
     return np.asarray(data, np.uint8).ravel()
 
@@ -281,7 +283,7 @@ def _calibration_and_mounting_channels(drive: RoadDrive) -> tuple[OutputChannel,
     """The channels of the camera's calibration and of its mounting at rest, one message per second each."""
     camera = drive.camera
     n = int(drive.time_s[-1]) + 1
-    stamp_ns = START_NS + seconds_to_ns(np.arange(n, dtype=np.float64))
+    stamp_ns = DRIVE_START_STAMP_NS + seconds_to_ns(np.arange(n, dtype=np.float64))
     k = camera.intrinsic_matrix()
     calibration = OutputChannel(
         CALIBRATION_TOPIC,
@@ -414,14 +416,14 @@ def _add_noise_and_stamps(
 ) -> SensorData:
     """Add noise, stamps and log times to exact values (n, k) of a sensor."""
     noise = random_stream(seed, "road-drive", name).standard_normal(values.shape) * sigma
-    stamp_ns = START_NS + seconds_to_ns(time_s)
+    stamp_ns = DRIVE_START_STAMP_NS + seconds_to_ns(time_s)
     return SensorData(name, stamp_ns, stamp_ns + SENSOR_DELAY_NS, values + noise, sigma, 0)
 
 
 def _simulate_speed_sensor(drive: RoadDrive) -> SensorData:
     time_s = _sensor_times_s(drive, SPEED_RATE_HZ)
     return _add_noise_and_stamps(
-        "speed", time_s, drive.speed_at_mps(time_s)[:, None], np.array([SPEED_SIGMA_MPS]), drive.config.seed
+        "speed", time_s, drive.speed_at_mps(time_s)[:, None], np.array([SPEED_SENSOR_SIGMA_MPS]), drive.config.seed
     )
 
 

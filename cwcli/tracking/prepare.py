@@ -26,7 +26,7 @@ Mask = npt.NDArray[np.bool_]
 Int8Array = npt.NDArray[np.int8]
 MAX_RANGE_RATE_MPS = 200.0
 """Greatest possible range rate, m/s; rows beyond it are left out. Chosen by hand."""
-MAX_LATENESS_S = 1.0
+MAX_DETECTION_LATENESS_S = 1.0
 """Greatest time in s by which a detection may arrive later than a newer one. Chosen by hand; not fitted."""
 MIN_VARIANCE, MAX_VARIANCE = 1e-12, 1e8
 """Stated variances outside of these limits are absurd, and the sensor model's are used. Chosen by hand."""
@@ -315,7 +315,7 @@ def prepare_detections(
     ego: EgoStates | None = None,
     *,
     max_scan: int = 20_000,
-    max_lateness_s: float = MAX_LATENESS_S,
+    max_lateness_s: float = MAX_DETECTION_LATENESS_S,
 ) -> PreparedDetections:
     """Check the detections, bring them into the tracking frame and put them in the order of time.
 

@@ -18,7 +18,7 @@ from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.prepare import DetectionRows
 from cwcli.tracking.single_target import log_likelihood_of_rows
 
-MAX_NOISE_FACTOR = 300.0
+MAX_TUNED_NOISE_FACTOR = 300.0
 """Largest factor on a noise, and the inverse of the smallest. Chosen by hand."""
 MAX_TUNING_ROWS = 20_000
 """Largest number of rows that the noise is fitted to: more rows take longer and hardly improve it. Chosen by hand."""
@@ -145,7 +145,7 @@ def tune_noise(targets: Sequence[DetectionRows], config: FilterConfig) -> TunedF
         return tuned, scale
 
     def cost(theta: FloatArray) -> float:
-        if np.abs(theta).max() > math.log(MAX_NOISE_FACTOR):
+        if np.abs(theta).max() > math.log(MAX_TUNED_NOISE_FACTOR):
             return 1e300
         tuned, scale = decode(theta)
         return -sum(log_likelihood_of_rows(scale_sigmas(t, scale), tuned) for t in targets)

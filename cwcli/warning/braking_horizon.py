@@ -2,7 +2,7 @@
 
 A driver who is warned at time T before contact reacts, and then brakes the closing speed v away with b, so
 
-    T = REACTION_S + v / (2 b).
+    T = TIME_FROM_WARNING_TO_BRAKING_S + v / (2 b).
 
 With 4 m/s^2 that is what UN Regulation 131 asks for (0.8 s before braking with 4 m/s^2 must begin), and it is more than
 2.5 s above 12 m/s. The longer look counts for what drives ahead in the host's own direction, or stands there, and while
@@ -22,25 +22,25 @@ from cwcli.warning.measures import MEASURE_ARRAY_NAMES, Measures, measure_paths
 from cwcli.warning.remote_alignment import PathPoints, interpolate_paths
 from cwcli.warning.types import WarningConfig
 
-REACTION_S = 1.1
+TIME_FROM_WARNING_TO_BRAKING_S = 1.1
 """Time from the warning to the braking, s: 0.8 s of the driver (UN R131, UN R152, ISO 15623), and 0.3 s that messages
 and evaluations take. Chosen by hand."""
-BRAKING_MPS2 = 4.0
+DECELERATION_AFTER_WARNING_MPS2 = 4.0
 """Deceleration after the reaction, m/s^2: that of UN R131."""
-LONGEST_TTC_S = 4.0
+MAX_TTC_OF_LONGER_LOOK_S = 4.0
 """Time to collision at the present speeds, s, above which the longer look does not count: that of ISO 15623."""
-SEARCHED_TTC_S = 5.0
+MAX_TTC_OF_MEASURED_PAIRS_S = 5.0
 """Time to collision at the present speeds, s, up to which pairs are measured: a lead that brakes takes it from there to
-`LONGEST_TTC_S` in more than the persistence. Chosen by hand."""
-MAX_ANGLE_RAD = np.radians(30.0)
+`MAX_TTC_OF_LONGER_LOOK_S` in more than the persistence. Chosen by hand."""
+MAX_HEADING_DIFFERENCE_IN_STREAM_RAD = np.radians(30.0)
 """Greatest angle between headings of vehicles in one stream, rad. Chosen by hand."""
-STANDING_MPS = 0.5
+MAX_STANDING_SPEED_MPS = 0.5
 """Speed below which a vehicle stands, m/s; its heading says nothing. Chosen by hand."""
-MIN_CLOSING_MPS = 2.5
+MIN_CLOSING_SPEED_MPS = 2.5
 """Least closing speed at which gentle braking is not waited for, m/s: UN R152 begins at 10 km/h. Chosen by hand."""
-MAX_BEND_M = 0.3
+MAX_DISTANCE_OF_ARC_FROM_LINE_M = 0.3
 """Greatest distance between the host's arc and the straight line that continues its path, m. Chosen by hand."""
-END_STEP_S = 0.1
+CONTACT_PROBABILITY_STEP_S = 0.1
 """Step of the times by which the probability of contact is computed, s; between them it is interpolated."""
 
 
@@ -66,7 +66,11 @@ def measure_to_braking_horizon(
     m = len(measures.distance_m)
     whole = replace(measures, probability=np.zeros(m), late_probability=np.zeros(m))
     ttc_s = _outline_ttc_s(measures, pairs)
-    rows = np.flatnonzero(ttc_s <= SEARCHED_TTC_S if is_wanted is None else is_wanted & (ttc_s <= SEARCHED_TTC_S))
+    rows = np.flatnonzero(
+        ttc_s <= MAX_TTC_OF_MEASURED_PAIRS_S
+        if is_wanted is None
+        else is_wanted & (ttc_s <= MAX_TTC_OF_MEASURED_PAIRS_S)
+    )
     if not len(rows):
         return whole
     time_s = _host_path_times_until_s(pairs, config.max_horizon_s + persistence_s)
@@ -78,12 +82,14 @@ def measure_to_braking_horizon(
     )  # fmt: skip
     gap_m = far.distance_m - 0.5 * (sizes[0][0] + sizes[1][0])
     need_s = _braking_horizon_s(own, theirs, gap_m, far.overlap_s, time_s, config)
-    is_straight = _bend_beyond_path_end_m(pairs, rows, need_s) <= MAX_BEND_M
+    is_straight = _bend_beyond_path_end_m(pairs, rows, need_s) <= MAX_DISTANCE_OF_ARC_FROM_LINE_M
     applies = is_straight & np.isfinite(need_s)
     chosen = np.flatnonzero(applies)
     if not len(chosen):
         return whole
-    ends_s = sort_distinct_values(np.append(np.arange(0.0, time_s[-1], END_STEP_S).round(9), time_s[-1]))
+    ends_s = sort_distinct_values(
+        np.append(np.arange(0.0, time_s[-1], CONTACT_PROBABILITY_STEP_S).round(9), time_s[-1])
+    )
     by_end = pairs.select_rows(rows[chosen]).contact_probability_by_times(
         far.min_distance_m[chosen], time_s, tuple(ends_s)
     )
@@ -96,7 +102,7 @@ def measure_to_braking_horizon(
         for more_s in (0.0, persistence_s)
     )
     whole.probability[:], whole.late_probability[:] = 0.0, 0.0
-    whole.probability[rows[chosen]] = np.where(ttc_s[rows[chosen]] <= LONGEST_TTC_S, within, 0.0)
+    whole.probability[rows[chosen]] = np.where(ttc_s[rows[chosen]] <= MAX_TTC_OF_LONGER_LOOK_S, within, 0.0)
     whole.late_probability[rows[chosen]] = late
     return whole
 
@@ -123,8 +129,8 @@ def _rows_and_paths_in_one_stream(
     own = interpolate_paths(pairs.host, pairs.host_row[rows], np.zeros(len(rows)), now)
     theirs = interpolate_paths(pairs.other, pairs.other_row[rows], pairs.age_s[rows], now)
     turn = np.cos(theirs.heading_rad[:, 0] - own.heading_rad[:, 0])
-    stands = np.abs(theirs.speed_mps[:, 0]) < STANDING_MPS
-    kept = rows[stands | (turn > np.cos(MAX_ANGLE_RAD))]
+    stands = np.abs(theirs.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
+    kept = rows[stands | (turn > np.cos(MAX_HEADING_DIFFERENCE_IN_STREAM_RAD))]
     host = interpolate_paths(pairs.host, pairs.host_row[kept], np.zeros(len(kept)), time_s)
     other = interpolate_paths(pairs.other, pairs.other_row[kept], pairs.age_s[kept], time_s)
     return kept, host, other
@@ -145,9 +151,11 @@ def _braking_horizon_s(
     Below the rule's own horizon the need counts for a vehicle that stands, of which gentle braking warns too late.
     """
     closing_mps = _contact_speed_at_present_accel_mps(own, theirs, gap_m, float(time_s[1]))
-    need_s = np.minimum(REACTION_S + closing_mps / (2.0 * BRAKING_MPS2), config.max_horizon_s)
-    stands = np.abs(theirs.speed_mps[:, 0]) < STANDING_MPS
-    counts = np.isfinite(overlap_s) & (closing_mps >= MIN_CLOSING_MPS) & (stands | (need_s > config.horizon_s))
+    need_s = np.minimum(
+        TIME_FROM_WARNING_TO_BRAKING_S + closing_mps / (2.0 * DECELERATION_AFTER_WARNING_MPS2), config.max_horizon_s
+    )
+    stands = np.abs(theirs.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
+    counts = np.isfinite(overlap_s) & (closing_mps >= MIN_CLOSING_SPEED_MPS) & (stands | (need_s > config.horizon_s))
     return np.where(counts, need_s, np.nan)
 
 

@@ -24,11 +24,11 @@ from cwcli.warning.rules import RULES
 from cwcli.warning.rules.base import Rule
 from cwcli.warning.types import VehicleTrack, WarningConfig
 
-MAX_COLLISION_DISTANCE_M = 1e4
+LARGEST_COLLISION_DISTANCE_OPTION_M = 1e4
 """Largest permitted collision distance, m. Chosen by hand."""
-MAX_HORIZON_S = 10.0
+LONGEST_LOOK_BEYOND_HORIZON_S = 10.0
 """Longest look beyond the horizon, s: no prediction means anything behind it. Chosen by hand."""
-MAX_PERSISTENCE_S = 60.0
+LARGEST_PERSISTENCE_OPTION_S = 60.0
 """Longest permitted persistence, s. Chosen by hand."""
 
 
@@ -122,10 +122,12 @@ def check_warning_config(config: WarningConfig) -> None:
     for name, value in positive.items():
         if not (np.isfinite(value) and value > 0.0):
             raise UsageError(f"a {name} of {value:g} is not positive")
-    if not 0.0 <= config.max_horizon_s <= MAX_HORIZON_S:
-        raise UsageError(f"a max horizon of {config.max_horizon_s:g} s is not between 0 and {MAX_HORIZON_S:g} s")
-    if config.distance_m > MAX_COLLISION_DISTANCE_M:
-        raise UsageError(f"a distance of {config.distance_m:g} m is above {MAX_COLLISION_DISTANCE_M:g} m")
+    if not 0.0 <= config.max_horizon_s <= LONGEST_LOOK_BEYOND_HORIZON_S:
+        raise UsageError(
+            f"a max horizon of {config.max_horizon_s:g} s is not between 0 and {LONGEST_LOOK_BEYOND_HORIZON_S:g} s"
+        )
+    if config.distance_m > LARGEST_COLLISION_DISTANCE_OPTION_M:
+        raise UsageError(f"a distance of {config.distance_m:g} m is above {LARGEST_COLLISION_DISTANCE_OPTION_M:g} m")
     if not 0.0 <= config.probability <= 1.0:
         raise UsageError(f"a probability of {config.probability:g} is not between 0 and 1")
     if not (np.isfinite(config.min_deceleration_mps2) and config.min_deceleration_mps2 >= 0.0):
@@ -133,8 +135,8 @@ def check_warning_config(config: WarningConfig) -> None:
     for name, value in {"hold-off": config.hold_off_s, "persistence": config.persistence_s or 0.0}.items():
         if not (np.isfinite(value) and value >= 0.0):
             raise UsageError(f"a {name} of {value:g} s is negative")
-    if (config.persistence_s or 0.0) > MAX_PERSISTENCE_S:
-        raise UsageError(f"a persistence of {config.persistence_s:g} s is above {MAX_PERSISTENCE_S:g} s")
+    if (config.persistence_s or 0.0) > LARGEST_PERSISTENCE_OPTION_S:
+        raise UsageError(f"a persistence of {config.persistence_s:g} s is above {LARGEST_PERSISTENCE_OPTION_S:g} s")
     if not (np.isfinite(config.max_lead_s) and config.max_lead_s >= 0.0):
         raise UsageError(f"a max lead of {config.max_lead_s:g} is negative")
     parse_conflict_definition(config.conflict, distance_m=config.distance_m)

@@ -21,7 +21,7 @@ from cwcli.warning.measures import PairStates
 
 MAX_FOLLOWING_ANGLE_RAD = np.radians(30.0)
 """Greatest angle between the headings of a vehicle and one that follows it, rad. Chosen by hand; not fitted."""
-MIN_HOST_SPEED_MPS = -0.5
+MIN_HOST_SPEED_TO_AVOID_FOLLOWER_MPS = -0.5
 """Speed in m/s, negative in reverse, below which the host can avoid who is behind it. Chosen by hand; not fitted."""
 FOLLOWING_MARGIN_M = 0.5
 """Lateral distance in m from the host's line, beyond half of both widths, up to which a vehicle counts as following.
@@ -31,13 +31,13 @@ MAX_PARALLEL_ANGLE_RAD = np.radians(10.0)
 MIN_LANE_CLEARANCE_M = 1.0
 """Least lateral distance of the outlines of vehicles in lanes of their own, m: lanes are 3 m wide or more, cars 2 m.
 Chosen by hand; not fitted."""
-MAX_LANE_SPEED_MPS = 1.0
+MAX_LATERAL_SPEED_IN_LANE_MPS = 1.0
 """Greatest speed towards the other's line in a lane, m/s: a change of lanes (3.5 m in 4 to 6 s) has 0.9 on average."""
 STANDSTILL_SPEED_MPS = 0.5
 """Speed in m/s up to which a host stands that does not drive off. Chosen by hand; not fitted."""
 MAX_STANDING_ACCEL_MPS2 = 0.5
 """Acceleration in m/s^2 above which a host that stands drives off: cars start with 1 m/s^2 and more. Chosen by hand."""
-MAX_LANE_ACCEL_MPS2 = 1.0
+MAX_LATERAL_ACCEL_IN_LANE_MPS2 = 1.0
 """Greatest lateral acceleration of a vehicle that keeps a straight lane, m/s^2. Chosen by hand; not fitted."""
 
 
@@ -80,7 +80,7 @@ def _follower_mask(
     is_behind = ahead_m < np.where(overlap_m > 0.0, 0.0, -0.5 * (length_m + other_length_m))
     is_in_line = overlap_m > -FOLLOWING_MARGIN_M
     is_in_line &= np.abs(angle_rad) < MAX_FOLLOWING_ANGLE_RAD
-    return np.asarray(is_behind & is_in_line & (host_states[:, SPEED] > MIN_HOST_SPEED_MPS))
+    return np.asarray(is_behind & is_in_line & (host_states[:, SPEED] > MIN_HOST_SPEED_TO_AVOID_FOLLOWER_MPS))
 
 
 def _drives_parallel_at_distance_mask(
@@ -94,7 +94,7 @@ def _drives_parallel_at_distance_mask(
     skew_rad = np.abs(np.where(np.abs(angle_rad) > 0.5 * np.pi, np.pi - np.abs(angle_rad), angle_rad))
     clearance_m = np.abs(left_m) - 0.5 * (host_and_other_size[0][1] + host_and_other_size[1][1])
     sideways_mps = np.abs(other_states[:, SPEED] * np.sin(angle_rad))
-    is_straight = np.abs(host_states[:, SPEED] * host_states[:, YAW_RATE]) < MAX_LANE_ACCEL_MPS2
-    is_straight &= np.abs(other_states[:, SPEED] * other_states[:, YAW_RATE]) < MAX_LANE_ACCEL_MPS2
-    is_parallel = (skew_rad < MAX_PARALLEL_ANGLE_RAD) & (sideways_mps < MAX_LANE_SPEED_MPS)
+    is_straight = np.abs(host_states[:, SPEED] * host_states[:, YAW_RATE]) < MAX_LATERAL_ACCEL_IN_LANE_MPS2
+    is_straight &= np.abs(other_states[:, SPEED] * other_states[:, YAW_RATE]) < MAX_LATERAL_ACCEL_IN_LANE_MPS2
+    is_parallel = (skew_rad < MAX_PARALLEL_ANGLE_RAD) & (sideways_mps < MAX_LATERAL_SPEED_IN_LANE_MPS)
     return np.asarray(is_parallel & is_straight & (clearance_m > MIN_LANE_CLEARANCE_M))

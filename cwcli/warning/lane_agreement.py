@@ -24,7 +24,7 @@ BoolArray = npt.NDArray[np.bool_]
 MAX_BOUNDARY_STEP_M, MAX_BOUNDARY_SPEED_MPS = 0.1, 1.5
 """A boundary beside the camera moves by at most 0.1 m plus 1.5 m/s times the time between two frames; more is a jump.
 Chosen by hand; not fitted."""
-MAX_GAP_S = 0.5
+MAX_GAP_BETWEEN_COMPARED_FRAMES_S = 0.5
 """Longest time in s between two frames that are compared. Chosen by hand; not fitted."""
 APPROACH_WINDOW_S = 0.5
 """The approach of a boundary is measured over this time, s. Chosen: 1 cm of noise at 10 frames a second is 0.02 m/s."""
@@ -73,7 +73,7 @@ def agreement_duration_s(stamp_ns: Int64Array, place_m: FloatArray, is_seen: Boo
     with np.errstate(invalid="ignore"):
         agrees = np.abs(np.diff(place_m)) <= MAX_BOUNDARY_STEP_M + MAX_BOUNDARY_SPEED_MPS * dt_s
     goes_on = np.zeros(n, np.bool_)
-    goes_on[1:] = seen[1:] & seen[:-1] & agrees & (dt_s <= MAX_GAP_S)
+    goes_on[1:] = seen[1:] & seen[:-1] & agrees & (dt_s <= MAX_GAP_BETWEEN_COMPARED_FRAMES_S)
     begin = np.maximum.accumulate(np.where(goes_on, 0, np.arange(n)))
     return np.where(seen, (stamp_ns - stamp_ns[begin]) / NS_PER_S if n else 0.0, -1.0)
 

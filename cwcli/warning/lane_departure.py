@@ -48,7 +48,7 @@ SIDES = ("left", "right")
 
 EARLIEST_LINE_SLOW_M = 0.75
 """Earliest warning line, m inside the boundary, at rates of departure up to 0.5 m/s (ISO 17361)."""
-EARLIEST_LINE_S = 1.5
+EARLIEST_LINE_TIME_PER_DEPARTURE_RATE_S = 1.5
 """Time that the rate of departure is multiplied with for the earliest warning line, up to 1.0 m/s (ISO 17361)."""
 EARLIEST_LINE_FAST_M = 1.5
 """Earliest warning line, m inside the boundary, at higher rates of departure (ISO 17361)."""
@@ -56,13 +56,17 @@ LATEST_LINE_CAR_M = -0.3
 """Latest warning line of passenger cars, m inside the boundary; negative: outside of it (ISO 17361)."""
 CLASS_II_MIN_SPEED_MPS = 17.0
 """Speed from which a system of class II must work (ISO 17361)."""
-DEFAULT_RELEASE_S = 1.5
+DEFAULT_RELEASE_TIME_TO_LINE_CROSSING_S = 1.5
 """Time to line crossing in s beyond which a warning ends. Chosen by hand; not fitted."""
 
 
 def earliest_warning_line_m(rate_mps: FloatArray) -> FloatArray:
     """Distance inside the boundary before which no warning may come, at a rate of departure (ISO 17361)."""
-    return np.clip(EARLIEST_LINE_S * np.asarray(rate_mps, dtype=np.float64), EARLIEST_LINE_SLOW_M, EARLIEST_LINE_FAST_M)
+    return np.clip(
+        EARLIEST_LINE_TIME_PER_DEPARTURE_RATE_S * np.asarray(rate_mps, dtype=np.float64),
+        EARLIEST_LINE_SLOW_M,
+        EARLIEST_LINE_FAST_M,
+    )
 
 
 @dataclass(frozen=True)
@@ -72,8 +76,8 @@ class LaneDepartureConfig:
     Attributes:
         warn_s: Warn when the time to line crossing falls to this.
         min_rate_mps: A slower approach is no departure until the tyre is on the line.
-        release_s: The warning is held until the time to line crossing is longer than this (None: `DEFAULT_RELEASE_S`,
-            or `warn_s` if that is longer)
+        release_s: The warning is held until the time to line crossing is longer than this (None:
+            `DEFAULT_RELEASE_TIME_TO_LINE_CROSSING_S`, or `warn_s` if that is longer)
         release_m: and the tyre is farther than this inside the boundary.
         persistence_s: The condition must have held this long.
         agree_s: No warning is raised from a boundary that was not seen, or that jumped, within this time.
@@ -119,7 +123,7 @@ class LaneDepartureConfig:
     @property
     def effective_release_s(self) -> float:
         """The time to line crossing beyond which a warning ends."""
-        return max(DEFAULT_RELEASE_S, self.warn_s) if self.release_s is None else self.release_s
+        return max(DEFAULT_RELEASE_TIME_TO_LINE_CROSSING_S, self.warn_s) if self.release_s is None else self.release_s
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from cwcli.warning.events import EventSpan, EventTiming, find_events
 from cwcli.warning.kinds import WarningKind, kind_of_each_warning
 from cwcli.warning.measures import (
     MEASURE_ARRAY_NAMES,
-    MIN_ONSET_DIFFERENCE_M,
+    MIN_ONSET_PATH_ADVANTAGE_M,
     Measures,
     add_contact_probabilities,
     measure_paths,
@@ -32,10 +32,10 @@ from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]
 
-REACH_MARGIN_M = 15.0
+REACH_BEYOND_COLLISION_DISTANCE_M = 15.0
 """Distance in m beyond the collision distance up to which a pair counts as within reach and is evaluated. Chosen by
 hand."""
-NEAR_MARGIN_M = 6.0
+NEAR_BEYOND_COLLISION_DISTANCE_M = 6.0
 """Distance in m beyond the collision distance up to which a pair is measured at every path point. Chosen by hand."""
 COARSE_POINT_STRIDE = 5
 """Stride of the path points at which pairs that are not near are measured: every fifth. Chosen by hand."""
@@ -187,7 +187,7 @@ def _evaluate_window(
     if rule.uses_onset and other.onset_paths is not None:
         begun = other.onset_paths.take(chosen)
         onset, _ = _measures_and_short_paths_coarse_then_fine(window.points, begun, near, time_s, config, sizes)
-        nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_DIFFERENCE_M
+        nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_PATH_ADVANTAGE_M
         nearer &= np.abs(other.state[other_row, SPEED]) > STANDSTILL_SPEED_MPS
         begun_pairs = replace(pairs, other=begun)
         onset = judged(onset, begun_pairs, is_wanted=nearer)
@@ -289,7 +289,7 @@ def _within_reach_mask(
     top_theirs = np.abs(theirs.speed_mps).max(axis=1, initial=0.0)
     apart = np.hypot(theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0])
     reach = top_own[host_row] * span_s + top_theirs[other_row] * (span_s + config.max_age_s)
-    return np.asarray(~(apart > reach + config.distance_m + REACH_MARGIN_M))
+    return np.asarray(~(apart > reach + config.distance_m + REACH_BEYOND_COLLISION_DISTANCE_M))
 
 
 def _measures_and_short_paths_coarse_then_fine(
@@ -306,7 +306,7 @@ def _measures_and_short_paths_coarse_then_fine(
         np.concatenate([np.arange(0, len(time_s), COARSE_POINT_STRIDE), [horizon_index, len(time_s) - 1]])
     )
     coarse, beyond = _measures_and_short_paths_at_times(host_points, paths, at_moments, time_s, thinned, config, sizes)
-    near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_MARGIN_M)
+    near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_BEYOND_COLLISION_DISTANCE_M)
     at_near = (at_moments[0][near], at_moments[1][near], at_moments[2][near])
     every = np.arange(len(time_s))
     fine, _ = _measures_and_short_paths_at_times(host_points, paths, at_near, time_s, every, config, sizes)

@@ -28,7 +28,7 @@ from pathlib import Path
 from cwcli import array_memory
 from cwcli.cli.main import run_command_line
 from cwcli.kernels import spill
-array_memory.MOST_ARRAY_BYTES = array_memory.MOST_MAPPED_BYTES = int(sys.argv[1]) << 20
+array_memory.MAX_LARGE_ARRAY_BYTES_IN_MEMORY = array_memory.MAX_MAPPED_BYTES_OF_ARRAY_FILE = int(sys.argv[1]) << 20
 code = run_command_line(sys.argv[2:])
 peak_kb = int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
 print(json.dumps({"code": code, "peak_mb": peak_kb / 1024, "file_mb": spill.counts()["most_in_file"] / 2**20}))

@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-from cwcli.metrics.lane_scores import VISUAL_SHARE, BoundaryColumns, lanes_beside_ego, visual_standard_score
+from cwcli.metrics.lane_scores import VISUAL_MIN_ROW_SHARE, BoundaryColumns, lanes_beside_ego, visual_standard_score
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.conditions import CONDITIONS
@@ -115,7 +115,7 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
                     if np.isnan(share):
                         continue
                     rows.append(probability_features_of_left_and_right(evidence, lanes[0], float(values[0]))[side])
-                    right.append(float(share >= VISUAL_SHARE and name not in EMPTY))
+                    right.append(float(share >= VISUAL_MIN_ROW_SHARE and name not in EMPTY))
                     empty.append(float(EMPTY.index(name) + 1 if name in EMPTY else 0))
     return np.array(rows), np.array(right), np.array(empty)
 

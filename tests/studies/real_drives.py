@@ -30,7 +30,12 @@ import numpy as np
 from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_of_rows_within_tolerance
+from cwcli.metrics.lane_scores import (
+    VISUAL_TOLERANCE_PX,
+    VISUAL_MIN_ROW_SHARE,
+    VISUAL_REFERENCE_IMAGE_WIDTH_PX,
+    share_of_rows_within_tolerance,
+)
 from cwcli.metrics.table import Table
 from cwcli.prediction.lateral import predict_paths_from_observer
 from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
@@ -152,7 +157,7 @@ def judged(shot: Shot, fit: LaneFit, camera: Camera) -> tuple[FloatArray, FloatA
     wide = np.abs(shot.lines[1] - shot.lines[0]) / LANE_WIDTH_MEAN_AND_SIGMA_M[0]
     error = (lines - shot.lines)[:, at] / wide[at]
     inside = (shot.lines >= 0.0) & (shot.lines <= width - 1.0) & (rows > shot.horizon_px + 0.15 * depth)
-    tolerance = VISUAL_PIXELS * width / VISUAL_WIDTH_PX
+    tolerance = VISUAL_TOLERANCE_PX * width / VISUAL_REFERENCE_IMAGE_WIDTH_PX
     share = [
         share_of_rows_within_tolerance(line, true, use, tolerance_px=tolerance)
         for line, true, use in zip(lines, shot.lines, inside, strict=True)
@@ -197,7 +202,7 @@ def counted(seen: Seen) -> Counts:
     for k, chance in enumerate(SURE):
         use = is_judged & (seen.fits.probability > chance)
         counts.sure[k] = np.count_nonzero(use)
-        counts.wrong[k] = np.count_nonzero(use & (seen.share < VISUAL_SHARE))
+        counts.wrong[k] = np.count_nonzero(use & (seen.share < VISUAL_MIN_ROW_SHARE))
     counts.departures, counts.seconds = len(departures(seen)), float(seen.stamp_ns[-1] - seen.stamp_ns[0]) / 1e9
     return counts
 

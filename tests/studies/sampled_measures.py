@@ -20,7 +20,7 @@ from cwcli.measures.cpi import (
     AVAILABLE_BRAKING_MEAN_MPS2,
     AVAILABLE_BRAKING_SIGMA_MPS2,
 )
-from cwcli.measures.p_mc import HORIZON_S
+from cwcli.measures.p_mc import CONTACT_HORIZON_S
 from cwcli.measures.p_mc import ACCEL_SIGMA_MPS2 as MANOEUVRE_MPS2
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.columns import FloatArray
@@ -49,7 +49,9 @@ def sampled_p_mc(pair: Pair, n_samples: int, rng: np.random.Generator) -> FloatA
         for first in range(0, n_samples, AT_ONCE):
             n = min(AT_ONCE, n_samples - first)
             ax, ay = rng.normal(0.0, MANOEUVRE_MPS2, (2, n))
-            n_hit += int((accelerated_contact_time_s(at.select_rows(np.full(n, row)), ax, ay) <= HORIZON_S).sum())
+            n_hit += int(
+                (accelerated_contact_time_s(at.select_rows(np.full(n, row)), ax, ay) <= CONTACT_HORIZON_S).sum()
+            )
         found.append(n_hit / n_samples)
     return np.array(found)
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from cwcli import array_memory
 from cwcli.kernels import spill
-array_memory.MOST_ARRAY_BYTES, array_memory.MOST_MAPPED_BYTES = 32 << 20, 16 << 20
+array_memory.MAX_LARGE_ARRAY_BYTES_IN_MEMORY, array_memory.MAX_MAPPED_BYTES_OF_ARRAY_FILE = 32 << 20, 16 << 20
 def anonymous_mb():
     return int(re.search(r"RssAnon:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) / 1024
 def mapped_mb():

@@ -38,9 +38,9 @@ EVIDENCE_TEXTS = {
 SHOWN_CONSTANTS = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale",
         "stamp_sigma_s", "slow_sigma", "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
 """Names of the constants that the table shows; the file holds some more."""
-MAX_CLOCK_ERROR_S = 0.01
+MAX_DIFFERENCE_OF_SYNCHRONISED_CLOCKS_S = 0.01
 """Largest difference of synchronised clocks in one car, s; chosen: NTP over a vehicle network keeps milliseconds."""
-MAX_NAMED_LOGS = 4
+MAX_LOGS_NAMED_IN_NOTE = 4
 """Largest number of logs that a note names; chosen by hand."""
 CONSTANTS_WITH_NOTES = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "stamp_sigma_s", "nose_up_rad",
          "left_up_rad", "pitch_rad")  # fmt: skip
@@ -175,13 +175,13 @@ def _notes_on_constant(constant: Constant, name: str) -> list[str]:
     notes = []
     if constant.status is ConstantStatus.DISAGREE:
         values = [f"{log} {value:.3g} +- {sigma:.2g}" for log, value, sigma in constant.of_logs]
-        more = f", and {len(values) - MAX_NAMED_LOGS} more" if len(values) > MAX_NAMED_LOGS else ""
+        more = f", and {len(values) - MAX_LOGS_NAMED_IN_NOTE} more" if len(values) > MAX_LOGS_NAMED_IN_NOTE else ""
         used = "" if name != "latency_s" or constant.is_usable_in_any_drive else "; it will not be used"
         notes.append(
-            f"the logs disagree ({', '.join(values[:MAX_NAMED_LOGS])}{more}), one drive differs from the next by "
-            f"{constant.spread:.3g}{used}"
+            f"the logs disagree ({', '.join(values[:MAX_LOGS_NAMED_IN_NOTE])}{more}), one drive differs from the next "
+            f"by {constant.spread:.3g}{used}"
         )
-    if name == "latency_s" and constant.value < -max(MAX_CLOCK_ERROR_S, 3.0 * constant.sigma):
+    if name == "latency_s" and constant.value < -max(MAX_DIFFERENCE_OF_SYNCHRONISED_CLOCKS_S, 3.0 * constant.sigma):
         notes.append(
             "below zero: nothing is stamped before it is measured, so the reference is late by at least as much, "
             "or the clocks differ"

@@ -43,7 +43,7 @@ EXAMPLES = (
 Document = dict[str, Any]
 MAX_LISTED_NAMES = 100
 """Largest number of attachments or metadata records that are named; chosen by hand."""
-MAX_FACT_CHARS = 5000
+MAX_LOG_FACT_CHARACTERS = 5000
 """Longest text of one fact about a log, in characters; chosen by hand."""
 
 
@@ -319,7 +319,7 @@ def print_log_description(console: Console, document: Document) -> None:
     console.print_heading(document["name"])
     for name, text in _log_facts(document):
         console.print_summary(
-            wrap_paragraph(shorten_and_escape(text, MAX_FACT_CHARS), first=f"{name:<12}", rest=" " * 12)
+            wrap_paragraph(shorten_and_escape(text, MAX_LOG_FACT_CHARACTERS), first=f"{name:<12}", rest=" " * 12)
         )
     console.print_summary("")
     rows: list[tuple[Cell, ...]] = [

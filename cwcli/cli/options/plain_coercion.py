@@ -55,7 +55,7 @@ _KIND_TEXT = {
     list[str]: "a list of texts",
 }
 """Type of a value -> its description in an error."""
-MAX_VALUE_CHARS = 60
+MAX_SHOWN_VALUE_CHARACTERS = 60
 """Longest part of a wrong value that an error shows, in characters; chosen by hand."""
 
 
@@ -73,7 +73,7 @@ def _expected_value_text(annotation: Any, info: Any) -> str:
 
 def _shorten_repr(value: Any) -> str:
     text = repr(value)
-    return text if len(text) <= MAX_VALUE_CHARS else f"{text[: MAX_VALUE_CHARS - 1]}…"
+    return text if len(text) <= MAX_SHOWN_VALUE_CHARACTERS else f"{text[: MAX_SHOWN_VALUE_CHARACTERS - 1]}…"
 
 
 def coerce_plain_value(annotation: Any, value: Any) -> Any:

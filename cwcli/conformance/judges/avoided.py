@@ -20,18 +20,21 @@ from cwcli.errors import UsageError
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
-SEARCHED_S = 8.0
+WARNING_SEARCH_TIME_BEFORE_CONTACT_S = 8.0
 """Time before the contact from which on the latest warning is sought, s. Chosen by hand: no car needs longer."""
 COARSE_STEP_S, SEARCH_STEP_S = 0.4, 0.02
 """Time steps of the search for the latest warning, s: a coarse one, and a fine one within it. Chosen by hand."""
 KMH_PER_MPS = 3.6
-DRIVER_STEP_S = 0.1
+REGULATION_DRIVER_TIME_STEP_S = 0.1
 """Time step of the regulation's driver, s; that of its criterion."""
 
 
 def warning_window(encounter: Encounter, demands: dict[str, float], policy: str = "full") -> WarningWindow:
     """The window that ends with the latest warning after which the policy limits the impact."""
-    begin_s, end_s = max(encounter.event_s, encounter.contact_s - SEARCHED_S), encounter.contact_s
+    begin_s, end_s = (
+        max(encounter.event_s, encounter.contact_s - WARNING_SEARCH_TIME_BEFORE_CONTACT_S),
+        encounter.contact_s,
+    )
     latest_s = math.nan
     for step_s in (COARSE_STEP_S, SEARCH_STEP_S):  # a later warning never lessens the impact
         times_s = np.arange(begin_s, end_s, step_s)
@@ -48,8 +51,8 @@ def warning_window(encounter: Encounter, demands: dict[str, float], policy: str 
 
 def r157_driver_avoids(encounter: Encounter) -> bool:
     """Whether the regulation's own driver avoids the contact."""
-    n = int((encounter.time_s[-1] - encounter.time_s[0]) / DRIVER_STEP_S)
-    rows = np.searchsorted(encounter.time_s, encounter.time_s[0] + DRIVER_STEP_S * np.arange(n) - 1e-9)
+    n = int((encounter.time_s[-1] - encounter.time_s[0]) / REGULATION_DRIVER_TIME_STEP_S)
+    rows = np.searchsorted(encounter.time_s, encounter.time_s[0] + REGULATION_DRIVER_TIME_STEP_S * np.arange(n) - 1e-9)
     start, heading = encounter.host[0], float(encounter.host[0, HEADING])
     sizes = encounter.host_size, encounter.other_size
 
@@ -62,7 +65,7 @@ def r157_driver_avoids(encounter: Encounter) -> bool:
         return start[X] + way * math.cos(heading), start[Y] + way * math.sin(heading), np.full(len(way), heading)
 
     ego = EgoCases(np.array([start[SPEED]]), pose_at, sizes[0])
-    outcome = simulate_driver_cases(R157_DRIVER, ego, other_at, n_steps=n, step_s=DRIVER_STEP_S)
+    outcome = simulate_driver_cases(R157_DRIVER, ego, other_at, n_steps=n, step_s=REGULATION_DRIVER_TIME_STEP_S)
     return not bool(outcome.crashed[0])
 
 

@@ -130,7 +130,7 @@ NOISE = DoubtRule(
 )
 
 
-MAX_RESETS = 1
+MIN_RESETS_FOR_DOUBT = 1
 """Number of resets from which the estimate is doubted. Chosen by hand: a jump is never the car's motion."""
 
 
@@ -138,14 +138,14 @@ def find_resets(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source that was believed again only after repeated rejections."""
     for source in evidence.ego_sources:
         n = read_finite_number_or_nan(source, "resets")
-        if n >= MAX_RESETS:
+        if n >= MIN_RESETS_FOR_DOUBT:
             yield Finding(n, f"{source_name(source)} jumped {format_count(int(n), 'time')}, and the track with it.")
 
 
 RESETS = DoubtRule(
     summary="a track that jumps because a source jumped",
     short_name="jumps",
-    threshold=MAX_RESETS,
+    threshold=MIN_RESETS_FOR_DOUBT,
     unit="",
     source="chosen: no car jumps",
     advice="Do not use the states flagged after_reset.",

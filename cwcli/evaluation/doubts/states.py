@@ -60,7 +60,7 @@ ERRORS = DoubtRule(
 MAX_TOTAL_STANDSTILL_S = 5.0
 """Greatest total time of standstill in a log, s, up to which a missing sensor of the heading is not doubted. Chosen by
 hand: one or two stops at a sign take less."""
-STANDSTILL_MPS = 0.3
+MAX_STANDSTILL_SPEED_MPS = 0.3
 """Speed in m/s below which a car stands. Chosen: fixes that scatter by 0.1 m look as fast."""
 MAX_STANDSTILL_STEP_S = 1.0
 """Longest step between two states, s, that counts as standing. Chosen by hand; not fitted."""
@@ -76,7 +76,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
     ego = evidence.ego.sort_by_stamp_without_repeats()
     step_s = np.diff(ego.stamp_ns) / NS_PER_S
     counted = step_s <= MAX_STANDSTILL_STEP_S
-    stands = np.abs(ego.state[:-1, SPEED]) < STANDSTILL_MPS
+    stands = np.abs(ego.state[:-1, SPEED]) < MAX_STANDSTILL_SPEED_MPS
     standing_s, all_s = float(step_s[stands & counted].sum()), float(step_s[counted].sum())
     if standing_s > MAX_TOTAL_STANDSTILL_S:
         yield Finding(

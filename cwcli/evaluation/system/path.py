@@ -13,7 +13,7 @@ from cwcli.evaluation.evaluation_context import EvaluationContext
 from cwcli.evaluation.knowledge import HINDSIGHT, SYSTEM, TRUTH, comparison_label
 from cwcli.evaluation.predict import (
     ERROR_HORIZONS_S,
-    MAX_TRACK_GAP_S,
+    MAX_INTERPOLATED_TRACK_GAP_S,
     add_errors_at_horizons,
     path_errors_against_track,
 )
@@ -80,12 +80,14 @@ def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, Fr
     with context.headline.label_rows_with_states(comparison_label(SYSTEM, HINDSIGHT)):
         states = context.ego.states
         assert states is not None  # or the reference is missing, or a truth that needs them
-        errors = path_errors_against_track(paths, stamp_ns, states.stamp_ns, states.state[:, :2], MAX_TRACK_GAP_S)
+        errors = path_errors_against_track(
+            paths, stamp_ns, states.stamp_ns, states.state[:, :2], MAX_INTERPOLATED_TRACK_GAP_S
+        )
         add_errors_at_horizons(context.headline, "system.prediction.ego.", [errors])
     if context.ego.truth is not None:
         truth = context.ego.truth
         with context.headline.label_rows_with_states(comparison_label(SYSTEM, TRUTH)):
-            errors = path_errors_against_track(paths, stamp_ns, truth.stamp_ns, truth.xy, MAX_TRACK_GAP_S)
+            errors = path_errors_against_track(paths, stamp_ns, truth.stamp_ns, truth.xy, MAX_INTERPOLATED_TRACK_GAP_S)
             add_errors_at_horizons(context.headline, "system.prediction.ego.truth_", [errors])
 
 

@@ -47,13 +47,13 @@ from cwcli.signals.vehicle_state import BODY_FRAME, EGO_ID, HEADING, MAP_FRAME, 
 Fields = Mapping[str, OutputField]
 POSE_COVARIANCE_SIZE = 36
 """Number of values in the 6 x 6 covariance of x, y, z, roll, pitch and yaw (geometry_msgs/PoseWithCovariance)."""
-YAW_ROW = 5
+YAW_ROW_OF_POSE_COVARIANCE = 5
 """The row and column of yaw in a 6 x 6 covariance of position and rotation (geometry_msgs/PoseWithCovariance)."""
 WARNING_CLEARED = 3
 """The value of `cwcli.v1.Warning.State` for a cleared warning."""
 LEVEL_OK, LEVEL_WARN = 0, 1
 """The values of OK and WARN for the level of a `diagnostic_msgs/DiagnosticStatus`."""
-LOG_LEVEL_STEP = 10
+ROS_LOG_LEVEL_PER_FOXGLOVE_LEVEL = 10
 """Factor from levels of foxglove.Log (1, 2, ...) to those of rcl_interfaces/Log (10, 20, ...)."""
 MAX_FOXGLOVE_LOG_LEVEL = 25
 """Largest level of foxglove.Log whose converted level, ten times as large, still fits into a byte."""
@@ -125,11 +125,11 @@ def _odometry_fields_of_states(columns: Columns, local_map: LocalMap | None) -> 
     pose, twist = np.zeros((2, len(state), 6, 6))
     if has_covariance:
         covariance = states.covariance
-        for a, row in ((X, 0), (Y, 1), (HEADING, YAW_ROW)):
-            for b, column in ((X, 0), (Y, 1), (HEADING, YAW_ROW)):
+        for a, row in ((X, 0), (Y, 1), (HEADING, YAW_ROW_OF_POSE_COVARIANCE)):
+            for b, column in ((X, 0), (Y, 1), (HEADING, YAW_ROW_OF_POSE_COVARIANCE)):
                 pose[:, row, column] = covariance[:, a, b]
-        for a, row in ((SPEED, 0), (YAW_RATE, YAW_ROW)):
-            for b, column in ((SPEED, 0), (YAW_RATE, YAW_ROW)):
+        for a, row in ((SPEED, 0), (YAW_RATE, YAW_ROW_OF_POSE_COVARIANCE)):
+            for b, column in ((SPEED, 0), (YAW_RATE, YAW_ROW_OF_POSE_COVARIANCE)):
                 twist[:, row, column] = covariance[:, a, b]
     x_m, y_m, speed, heading = state[:, [X, Y, SPEED, HEADING]].T
     motion = speed, heading, state[:, YAW_RATE]
@@ -246,7 +246,8 @@ def _diagnostics_fields(columns: Columns, _map: LocalMap | None) -> Fields:
 def _rcl_log_fields(columns: Columns, _map: LocalMap | None) -> Fields:
     return {
         "stamp": read_stamps(columns)[0],
-        "level": LOG_LEVEL_STEP * np.clip(read_integers(columns, "level", required=True)[0], 0, MAX_FOXGLOVE_LOG_LEVEL),
+        "level": ROS_LOG_LEVEL_PER_FOXGLOVE_LEVEL
+        * np.clip(read_integers(columns, "level", required=True)[0], 0, MAX_FOXGLOVE_LOG_LEVEL),
         "name": read_texts(columns, "name", required=True),
         "msg": read_texts(columns, "message", required=True),
     }

@@ -10,7 +10,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import InputError
-from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO, InputFile
+from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO, InputFile
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.records import MESSAGE_HEADER_BYTES, Channel, Schema
 
@@ -43,7 +43,7 @@ class JoinedFile(InputFile):
         self.name = name
         self.descriptor = -1
         self.max_chunk_bytes = MAX_CHUNK_BYTES
-        self.max_ratio = MAX_RATIO
+        self.max_ratio = MAX_UNPACKED_TO_STORED_SIZE_RATIO
         self.refused_from = None
         self.numbering = IdAssignment()
         self.notes: dict[str, int] = {}

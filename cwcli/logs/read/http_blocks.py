@@ -22,7 +22,7 @@ from cwcli.errors import InputError
 from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.url import display_name_of_url, redact_url
 
-BLOCK_BYTES = 1 << 18
+HTTP_BLOCK_BYTES = 1 << 18
 """Bytes that are read at a time, at most. Chosen by hand."""
 MAX_REDIRECTS = 5
 """The greatest number of redirects that are followed. Chosen by hand: stores need one or two."""
@@ -98,7 +98,7 @@ def _iter_body(url: str, response: Any) -> Iterator[bytes]:
     """
     length = response.length
     n_bytes = 0
-    while block := response.read1(BLOCK_BYTES):
+    while block := response.read1(HTTP_BLOCK_BYTES):
         n_bytes += len(block)
         yield block
     if length is not None and n_bytes < length:
@@ -118,7 +118,7 @@ def _iter_unpacked(blocks: Iterator[bytes], url: str, bounds: ReadBounds) -> Ite
             n_in += len(block)
             data = block
             while data and not unpacker.eof:
-                piece = unpacker.decompress(data, BLOCK_BYTES)
+                piece = unpacker.decompress(data, HTTP_BLOCK_BYTES)
                 data = unpacker.unconsumed_tail
                 n_out += len(piece)
                 if n_out > bounds.max_unpacked_bytes(n_in):

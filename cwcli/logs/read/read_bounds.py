@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO, NO_LIMIT_BYTES
+from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO, NO_LIMIT_BYTES
 from cwcli.lazy_dataclass import dataclass
 
 BYTES_PER_GIGABYTE = 1_000_000_000
@@ -28,7 +28,7 @@ class ReadBounds:
 
     max_chunk_bytes: int = MAX_CHUNK_BYTES
     max_input_bytes: int = MAX_PIPE_BYTES
-    max_ratio: float = MAX_RATIO
+    max_ratio: float = MAX_UNPACKED_TO_STORED_SIZE_RATIO
     recover: bool = False
     timeout_s: float = DEFAULT_TIMEOUT_S
 

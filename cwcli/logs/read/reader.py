@@ -23,7 +23,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from cwcli.errors import InputError, MissingSignalError
-from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO, InputFile
+from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO, InputFile
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.open_index import open_index
@@ -130,7 +130,7 @@ class Log:
         recover: bool = False,
         max_chunk_bytes: int = MAX_CHUNK_BYTES,
         max_pipe_bytes: int = MAX_PIPE_BYTES,
-        max_ratio: float = MAX_RATIO,
+        max_ratio: float = MAX_UNPACKED_TO_STORED_SIZE_RATIO,
         timeout_s: float = DEFAULT_TIMEOUT_S,
     ) -> Log:
         """Open a log.

@@ -17,7 +17,7 @@ from cwcli.errors import InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.ros1.cdr_conversion import ConversionError, Ros1Converter
-from cwcli.logs.ros1.chunks import COMPRESSIONS, iter_unpacked_pieces
+from cwcli.logs.ros1.chunks import BAG_CHUNK_COMPRESSIONS, iter_unpacked_pieces
 from cwcli.logs.ros1.definitions import (
     MAX_DEFINITION_BYTES,
     definition_checksum,
@@ -194,7 +194,7 @@ class BagReader:
         self._source.n_chunks += 1
         compression = header_text(head.header, b"compression")
         size = header_number(head.header, b"size")
-        if compression not in COMPRESSIONS:
+        if compression not in BAG_CHUNK_COMPRESSIONS:
             self._count_damage_or_raise(f"chunks with the compression {compression[:40]!r}, which is not read")
             return
         self._source.add_compression("" if compression == "none" else compression)

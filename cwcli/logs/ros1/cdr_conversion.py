@@ -36,13 +36,13 @@ ALLOWED_ELEMENTS_PER_BYTE = 8
 hand."""
 MAX_REPEATED_PIECES = 64
 """Fixed arrays of messages up to this number of pieces are copied without a loop. Chosen by hand."""
-MAX_PLANS = 200
+MAX_CACHED_PLANS_PER_TYPE = 200
 """The greatest number of plans that are kept for a type. Chosen by hand: most types have one for each frame's name."""
 MAX_PLAN_PIECES = 64
 """The greatest number of pieces, and of lengths, in a plan. Chosen by hand: what has more is rare, and long."""
 MAX_PLAN_BYTES = 256
 """The greatest number of bytes that a plan puts between the pieces. Chosen by hand."""
-PADDING = tuple(bytes(n) for n in range(8))
+ALIGNMENT_PADDING_BY_SIZE = tuple(bytes(n) for n in range(8))
 """The zero bytes of the gap in front of an aligned number in CDR, by the size of the gap in bytes."""
 _LENGTH = struct.Struct("<I")
 """A length in front of a text or a sequence."""
@@ -142,7 +142,7 @@ class Ros1Converter:
         conversion.run(self._layout)
         if conversion.at != len(data):
             raise ConversionError("the message is longer than its definition")
-        if self._n_plans < MAX_PLANS and conversion.is_plannable:
+        if self._n_plans < MAX_CACHED_PLANS_PER_TYPE and conversion.is_plannable:
             self._store_plan_if_small(conversion, len(data))
         return bytes(conversion.out)
 
@@ -295,7 +295,7 @@ class _Conversion:
                 for size, n_bytes in step[2]:
                     gap = -len(out) & (size - 1) if size < 8 else 4 - len(out) & 7
                     if gap:
-                        out += PADDING[gap]
+                        out += ALIGNMENT_PADDING_BY_SIZE[gap]
                     self._copy_bytes(n_bytes)
             elif kind == Kind.TEXT:
                 self._copy_text()
@@ -309,7 +309,7 @@ class _Conversion:
                 self._require_bytes(step[1])
                 self.at += step[1]
             else:
-                out += PADDING[1]
+                out += ALIGNMENT_PADDING_BY_SIZE[1]
 
     def _copy_bytes(self, n: int) -> None:
         """Copy the next `n` bytes, which are there."""
@@ -337,7 +337,7 @@ class _Conversion:
     def _copy_and_return_length(self) -> int:
         """Take a length from the message, and write it."""
         n = self._take_length()
-        self.out += PADDING[-len(self.out) & 3]
+        self.out += ALIGNMENT_PADDING_BY_SIZE[-len(self.out) & 3]
         self.out += _LENGTH.pack(n)
         return n
 
@@ -347,10 +347,10 @@ class _Conversion:
         out = self.out
         gap = -len(out) & 3
         if gap:
-            out += PADDING[gap]
+            out += ALIGNMENT_PADDING_BY_SIZE[gap]
         out += _LENGTH.pack(n + 1)
         self._copy_bytes(n)
-        out += PADDING[1]
+        out += ALIGNMENT_PADDING_BY_SIZE[1]
 
     def _copy_texts(self, count: int | None) -> None:
         n = self._copy_and_return_length() if count is None else count
@@ -362,7 +362,7 @@ class _Conversion:
         n_bytes = self._copy_and_return_length() * n_element_bytes
         self._require_bytes(n_bytes)
         if n_bytes:
-            self.out += PADDING[4 - len(self.out) & (size - 1)]
+            self.out += ALIGNMENT_PADDING_BY_SIZE[4 - len(self.out) & (size - 1)]
             self._copy_bytes(n_bytes)
 
     def _convert_messages(self, layout: Layout, count: int | None) -> None:

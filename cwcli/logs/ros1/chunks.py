@@ -9,9 +9,9 @@ from typing import Any
 from cwcli.input import InputFile
 from cwcli.logs.ros1.records import BagError, iter_file_pieces
 
-PIECE_BYTES = 1 << 20
+BYTES_UNPACKED_AT_ONCE = 1 << 20
 """Bytes that are unpacked at a time, 1 MiB. Chosen by hand."""
-COMPRESSIONS = ("none", "bz2", "lz4")
+BAG_CHUNK_COMPRESSIONS = ("none", "bz2", "lz4")
 """The compressions of chunks (http://wiki.ros.org/Bags/Format/2.0)."""
 
 
@@ -22,7 +22,7 @@ def iter_unpacked_pieces(file: InputFile, start: int, n_bytes: int, compression:
         file: The bag.
         start: Place of the chunk's data.
         n_bytes: Size of the chunk's data, which may end behind the end of the file.
-        compression: One of `COMPRESSIONS`.
+        compression: One of `BAG_CHUNK_COMPRESSIONS`.
         size: Size of the content as the chunk declares it.
 
     Raises:
@@ -59,7 +59,7 @@ def _iter_decompressed(stored: Iterator[bytes], compression: str) -> Iterator[by
             data = next(stored, b"") if decompressor.needs_input else b""
             if decompressor.needs_input and not data:
                 return
-            piece = decompressor.decompress(data, PIECE_BYTES)
+            piece = decompressor.decompress(data, BYTES_UNPACKED_AT_ONCE)
             if piece:
                 yield piece
     except faults as error:

@@ -37,7 +37,7 @@ ROS1_HEADER_FIELDS = (
     MessageField("frame_id", STRING_TYPE, is_sequence=False, length=None),
 )
 """The fields of ROS 1's header (http://docs.ros.org/en/api/std_msgs/html/msg/Header.html)."""
-RULE = "=" * 80
+DEFINITION_SEPARATOR_LINE = "=" * 80
 """The line between two message definitions in the text of a connection (rosbag format 2.0)."""
 _CONSTANT = re.compile(r"^\s*(\w+)\s+(\w+)\s*=(.*)$")
 """The pattern of a line with a constant: type, name, value."""
@@ -174,6 +174,6 @@ def ros2_definition_text(definition: Ros1Definition) -> str:
         lines = [f"{each.type} {each.name}={each.value}" for each in definition.constants.get(name, ())]
         fields = definition.fields[name][1 if drops_sequence and name == HEADER_TYPE else 0 :]
         lines += [f"{field.type}{_array_brackets_of_field(field)} {field.name}" for field in fields]
-        head = f"{RULE}\nMSG: {name}\n" if parts else ""
+        head = f"{DEFINITION_SEPARATOR_LINE}\nMSG: {name}\n" if parts else ""
         parts.append(head + "".join(f"{line}\n" for line in lines))
     return "".join(parts)

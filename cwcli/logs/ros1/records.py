@@ -18,7 +18,7 @@ MAX_HEADER_FIELDS = 64
 """The greatest number of fields in a header. Chosen by hand: the format has eight at most."""
 NS_PER_S = 1_000_000_000
 """Nanoseconds in a second."""
-READ_BYTES = 1 << 20
+BAG_BYTES_READ_AT_ONCE = 1 << 20
 """Bytes of a file that are read at a time. Chosen by hand."""
 LENGTH = struct.Struct("<I")
 """The length in front of a header, a field, or data."""
@@ -121,8 +121,8 @@ class PieceSource:
 
 def iter_file_pieces(file: InputFile, start: int, stop: int) -> Iterator[bytes]:
     """Yield the bytes of a part of a file."""
-    for at in range(start, stop, READ_BYTES):
-        yield bytes(file[at : min(at + READ_BYTES, stop)])
+    for at in range(start, stop, BAG_BYTES_READ_AT_ONCE):
+        yield bytes(file[at : min(at + BAG_BYTES_READ_AT_ONCE, stop)])
 
 
 class RecordHead(NamedTuple):
@@ -220,7 +220,7 @@ def find_next_chunk_offset(file: InputFile, start: int) -> int | None:
     """Return the place of the next record of a chunk at or behind `start`, by the look of its header; None if none."""
     at = start
     while at < len(file):
-        block = bytes(file[at : at + READ_BYTES])
+        block = bytes(file[at : at + BAG_BYTES_READ_AT_ONCE])
         mark = block.find(CHUNK_MARK)
         while mark >= 0:
             found = _chunk_offset_around_mark(file, at + mark, start)

@@ -20,7 +20,7 @@ from cwcli.simulation.scenario import HOST_NAME, Scenario
 
 MOTION_GRID_STEP_S = 0.01
 """Time step of the replayed motion, in s. Chosen by hand; not fitted."""
-EXTRA_DURATION_S = 6.0
+TIME_AFTER_COLLISION_S = 6.0
 """Time after the scenario's end, the collision, in which the car comes to rest, in s. Chosen by hand; not fitted."""
 FIGURES_BY_SCENARIO = {"rear-end": ("fig 12", "fig 13"), "intersection": ("fig 14", "fig 15")}
 """Scenario -> the paper's figures of its distance and of its speed."""
@@ -79,9 +79,9 @@ def braking_control_part(name: str, moments: WarningMoments) -> StudyPart:
 
 def true_recorded_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
     """Return a vehicle's true motion; beyond the scenario's end at its last speed and yaw rate for
-    `EXTRA_DURATION_S`."""
+    `TIME_AFTER_COLLISION_S`."""
     time_s = (
-        np.arange(round((scenario.duration_s + EXTRA_DURATION_S) / MOTION_GRID_STEP_S) + 1, dtype=np.float64)
+        np.arange(round((scenario.duration_s + TIME_AFTER_COLLISION_S) / MOTION_GRID_STEP_S) + 1, dtype=np.float64)
         * MOTION_GRID_STEP_S
     )
     state = scenario.vehicles[vehicle].motion.states_at(np.minimum(time_s, scenario.duration_s))

@@ -39,11 +39,11 @@ PRINTED_NOISE_SIGMAS = np.array([0.6, 0.6, 0.5, np.radians(1.0), 0.5 / PERCENT_O
 FIT_SPEED_MPS = 15.0
 """Speed at which the covariance is computed, m/s: that of figure 3's drive at its end. The speed only couples heading
 and position; from 10 to 20 m/s the fitted Q changes by 3 %."""
-FIRST_GUESS = np.array([0.03, 0.02, 0.001, 0.02, 0.0004])
+FIRST_GUESS_OF_NOISE_ROOTS = np.array([0.03, 0.02, 0.001, 0.02, 0.0004])
 """The search for Q begins with these roots of its diagonal, in SI units. Chosen by hand; not fitted."""
 MAX_FIT_STEPS = 30
 """Largest number of Newton steps of the search. Chosen by hand; not fitted: five are enough."""
-SLOPE_WINDOWS = (2, 3)
+SLOPE_WINDOWS_IN_SAMPLES = (2, 3)
 """Windows, in samples, whose largest errors enclose figure 7's printed one."""
 PRINTED_HORIZON_S = 2.9
 """Horizon of figure 7's printed error, in s."""
@@ -66,7 +66,7 @@ def stationary_filter_sigmas(step_sigmas: FloatArray) -> FloatArray:
 
 def fit_diagonal_noise_sigmas() -> FloatArray:
     """Return the roots of Q's diagonal, (5,), for which `stationary_filter_sigmas` are the printed ones (Newton)."""
-    logs = np.log(FIRST_GUESS)
+    logs = np.log(FIRST_GUESS_OF_NOISE_ROOTS)
     for _ in range(MAX_FIT_STEPS):
         error = np.log(stationary_filter_sigmas(np.exp(logs)) / PRINTED_SIGMAS)
         if np.abs(error).max() < 1e-10:
@@ -111,12 +111,12 @@ def slope_window_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
     """Compute figure 7's largest error with short windows of the slope, and what they cost at the paper's horizon."""
     scenario = load_scenario("straight")
     motion = scenario.vehicles[HOST_NAME].motion
-    largest: dict[int, list[float]] = {window: [] for window in SLOPE_WINDOWS}
-    means: dict[int, list[float]] = {window: [] for window in SLOPE_WINDOWS}
+    largest: dict[int, list[float]] = {window: [] for window in SLOPE_WINDOWS_IN_SAMPLES}
+    means: dict[int, list[float]] = {window: [] for window in SLOPE_WINDOWS_IN_SAMPLES}
     for seed in range(n_seeds):
         run = measure_vehicle(scenario, HOST_NAME, seed)
         filtered = paper_filter_states_with_derivatives(run)[:, :6]
-        for window in SLOPE_WINDOWS:
+        for window in SLOPE_WINDOWS_IN_SAMPLES:
             slopes = (trailing_slope(filtered[:, k], window) for k in (4, 5))
             states = np.column_stack([filtered, *slopes])
             for horizon, found in ((PRINTED_HORIZON_S, largest), (PREDICTION_HORIZON_S, means)):
@@ -125,7 +125,7 @@ def slope_window_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
                 found[window].append(float(error_m.max() if found is largest else error_m.mean()))
         tick()
     measured = []
-    for window in SLOPE_WINDOWS:
+    for window in SLOPE_WINDOWS_IN_SAMPLES:
         what = f"straight: largest error of constant jerk, {PRINTED_HORIZON_S:g} s ahead, slope over {window} samples"
         measured.append(MeasuredNumber("fig 7", what, *median_and_interval_bounds(np.array(largest[window]))))
         what = f"straight: mean error of constant jerk, {PREDICTION_HORIZON_S:g} s ahead, slope over {window} samples"

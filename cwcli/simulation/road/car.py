@@ -22,7 +22,7 @@ MIN_DRIVEN_SPEED_MPS = 3.0
 
 LATERAL_SPEED, YAW_RATE, STATION, OFFSET, HEADING, X, Y, BEARING, STEER = range(9)
 """Columns of the car's states, in the order of the integrated model."""
-N_STATES = 9
+N_CAR_STATES = 9
 """Number of the car's states."""
 
 
@@ -58,9 +58,9 @@ def times_and_states_of_drive_along_lane(
     mass, front_m, rear_m = vehicle.mass_kg, vehicle.front_axle_m, vehicle.rear_axle_m
     wheelbase_m, understeer = vehicle.wheelbase_m, understeer_factor_s2pm2(vehicle)
     n = round(duration_s / INTEGRATION_STEP_S) + 1
-    states = np.zeros((n, N_STATES))
+    states = np.zeros((n, N_CAR_STATES))
     k0, v0 = curvature_at(0.0), max(speed_at(0.0), MIN_DRIVEN_SPEED_MPS)
-    state = np.zeros(N_STATES)
+    state = np.zeros(N_CAR_STATES)
     # Start as the car would go round a steady bend of this curvature.
     state[YAW_RATE] = k0 * v0
     state[LATERAL_SPEED] = k0 * v0 * (rear_m - mass * front_m * v0**2 / (wheelbase_m * vehicle.rear_stiffness_nprad))

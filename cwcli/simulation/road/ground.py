@@ -8,7 +8,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road import surface
 from cwcli.simulation.road.rows import ImageRows
 from cwcli.simulation.road.scene import Patch, RoadScene, Shadow
-from cwcli.simulation.road.surface import CELL_OFFSETS_M, CELL_WIDTH_M, TEXTURE_HALF_WIDTH_M, Float32Array
+from cwcli.simulation.road.surface import CELL_OFFSETS_M, TEXTURE_CELL_WIDTH_M, TEXTURE_HALF_WIDTH_M, Float32Array
 
 VERGE_GREY = 78.0
 """Mean grey of the verge beside the pavement, 0 to 255. Chosen by hand; not fitted."""
@@ -92,7 +92,7 @@ def _cell_share_between_offsets(low_m: float | FloatArray, high_m: float, soft_m
 
     `low_m` is a number, or of shape (n, 1) for n rows.
     """
-    soft = max(soft_m, CELL_WIDTH_M)
+    soft = max(soft_m, TEXTURE_CELL_WIDTH_M)
     rise = np.clip((CELL_OFFSETS_M - low_m) / soft + 0.5, 0.0, 1.0)
     return np.asarray(np.minimum(rise, np.clip((high_m - CELL_OFFSETS_M) / soft + 0.5, 0.0, 1.0)), np.float32)
 

@@ -9,7 +9,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.geometry import ROAD_END_M, RoadAhead
-from cwcli.simulation.road.surface import CELL_WIDTH_M, TEXTURE_HALF_WIDTH_M, Float32Array
+from cwcli.simulation.road.surface import TEXTURE_CELL_WIDTH_M, TEXTURE_HALF_WIDTH_M, Float32Array
 
 SUB_ROWS_PER_ROW = 4
 """Number of sub-rows of each row, for anti-aliasing. Chosen by hand; not fitted."""
@@ -66,6 +66,6 @@ def compute_road_rows(camera: RoadCamera, road: RoadAhead) -> ImageRows:
         per_px = 2 * MAPPED_HALF_WIDTH_M / np.minimum(left - right, -1e-6)
     columns = np.arange(camera.width_px, dtype=np.float32)
     lateral = ((columns[None, :] - right[:, None]) * per_px[:, None] - MAPPED_HALF_WIDTH_M).astype(np.float32)
-    map_u = np.nan_to_num((lateral + TEXTURE_HALF_WIDTH_M) / CELL_WIDTH_M - 0.5)
+    map_u = np.nan_to_num((lateral + TEXTURE_HALF_WIDTH_M) / TEXTURE_CELL_WIDTH_M - 0.5)
     map_v = np.repeat(np.arange(len(v), dtype=np.float32)[:, None], camera.width_px, axis=1)
     return ImageRows(camera, road, v, x_m, edge, fine[:, 1::2], start, end, map_u.astype(np.float32), map_v)

@@ -17,19 +17,19 @@ from cwcli.signals.columns import FloatArray
 
 Float32Array = npt.NDArray[np.float32]
 
-CELL_WIDTH_M = 0.04
+TEXTURE_CELL_WIDTH_M = 0.04
 """Width of a texture's cell across the road, m. Chosen by hand; not fitted."""
 TEXTURE_HALF_WIDTH_M = 12.0
 """Largest offset that the textures cover on each side, m. Chosen by hand; not fitted."""
-CELL_LENGTH_M = 0.05
+TEXTURE_CELL_LENGTH_M = 0.05
 """Length of a texture's cell along the road, m. Chosen by hand; not fitted."""
-N_CELLS_ALONG = 2048
+N_TEXTURE_CELLS_ALONG_ROAD = 2048
 """Number of a texture's cells along the road, after which it repeats. Chosen by hand; not fitted."""
-N_CELLS_ACROSS = round(2 * TEXTURE_HALF_WIDTH_M / CELL_WIDTH_M)
+N_TEXTURE_CELLS_ACROSS_ROAD = round(2 * TEXTURE_HALF_WIDTH_M / TEXTURE_CELL_WIDTH_M)
 """Number of a texture's cells across the road."""
-CELL_OFFSETS_M: Float32Array = ((np.arange(N_CELLS_ACROSS) + 0.5) * CELL_WIDTH_M - TEXTURE_HALF_WIDTH_M).astype(
-    np.float32
-)
+CELL_OFFSETS_M: Float32Array = (
+    (np.arange(N_TEXTURE_CELLS_ACROSS_ROAD) + 0.5) * TEXTURE_CELL_WIDTH_M - TEXTURE_HALF_WIDTH_M
+).astype(np.float32)
 """Offsets of the cells' centres from the lane's centre, shape (cells,), m."""
 
 REMAINING_PAINT_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)
@@ -71,8 +71,8 @@ class Texture:
 
     def _running_sum_at(self, station_m: FloatArray) -> Float32Array:
         """The running sum from station 0 to the stations (n,), shape (n, cells); it repeats with the texture."""
-        place = np.mod(station_m / CELL_LENGTH_M, N_CELLS_ALONG)
-        low = np.minimum(place.astype(np.intp), N_CELLS_ALONG - 1)
+        place = np.mod(station_m / TEXTURE_CELL_LENGTH_M, N_TEXTURE_CELLS_ALONG_ROAD)
+        low = np.minimum(place.astype(np.intp), N_TEXTURE_CELLS_ALONG_ROAD - 1)
         part = (place - low).astype(np.float32)[:, None]
         below = self.sums[low]
         return np.asarray(below + part * (self.sums[low + 1] - below))
@@ -80,7 +80,7 @@ class Texture:
 
 def _make_texture(values: FloatArray) -> Texture:
     """Make a texture of mean 0 from values (cells along, cells across)."""
-    centred = (values - values.mean(axis=0)) * CELL_LENGTH_M
+    centred = (values - values.mean(axis=0)) * TEXTURE_CELL_LENGTH_M
     return Texture(np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(centred, axis=0)]).astype(np.float32))
 
 
@@ -96,7 +96,7 @@ def _draw_smooth_noise(rng: np.random.Generator, shape: tuple[int, int], size: t
 def asphalt_texture() -> Texture:
     """The relative grey of asphalt: grain, streaks along the road, blotches."""
     rng = np.random.default_rng(101)
-    shape = (N_CELLS_ALONG, N_CELLS_ACROSS)
+    shape = (N_TEXTURE_CELLS_ALONG_ROAD, N_TEXTURE_CELLS_ACROSS_ROAD)
     grain = rng.standard_normal(shape)
     streaks = _draw_smooth_noise(rng, shape, (80.0, 1.5))
     blotches = _draw_smooth_noise(rng, shape, (25.0, 12.0))
@@ -107,7 +107,7 @@ def asphalt_texture() -> Texture:
 def verge_texture() -> Texture:
     """The relative grey of grass and gravel beside the road."""
     rng = np.random.default_rng(102)
-    shape = (N_CELLS_ALONG, N_CELLS_ACROSS)
+    shape = (N_TEXTURE_CELLS_ALONG_ROAD, N_TEXTURE_CELLS_ACROSS_ROAD)
     return _make_texture(
         0.22 * _draw_smooth_noise(rng, shape, (1.5, 2.0)) + 0.16 * _draw_smooth_noise(rng, shape, (20.0, 12.0))
     )
@@ -117,18 +117,23 @@ def verge_texture() -> Texture:
 def crack_texture() -> Texture:
     """The relative grey of sealed cracks: thin dark lines along and across the road."""
     rng = np.random.default_rng(103)
-    made = np.zeros((N_CELLS_ALONG, N_CELLS_ACROSS))
+    made = np.zeros((N_TEXTURE_CELLS_ALONG_ROAD, N_TEXTURE_CELLS_ACROSS_ROAD))
     for _ in range(9):  # along, wandering
         length = int(rng.integers(100, 500))
-        start = int(rng.integers(0, N_CELLS_ALONG))
-        path = rng.integers(60, N_CELLS_ACROSS - 60) + np.cumsum(rng.normal(0.0, 0.25, length))
+        start = int(rng.integers(0, N_TEXTURE_CELLS_ALONG_ROAD))
+        path = rng.integers(60, N_TEXTURE_CELLS_ACROSS_ROAD - 60) + np.cumsum(rng.normal(0.0, 0.25, length))
         made[
-            (start + np.arange(length)) % N_CELLS_ALONG, np.clip(path.round().astype(int), 0, N_CELLS_ACROSS - 1)
+            (start + np.arange(length)) % N_TEXTURE_CELLS_ALONG_ROAD,
+            np.clip(path.round().astype(int), 0, N_TEXTURE_CELLS_ACROSS_ROAD - 1),
         ] = -0.35
     for _ in range(7):  # across
-        start, slant = int(rng.integers(0, N_CELLS_ALONG)), rng.normal(0.0, 0.15)
-        at = start + slant * np.arange(N_CELLS_ACROSS) + np.cumsum(rng.normal(0.0, 0.4, N_CELLS_ACROSS))
-        made[at.round().astype(int) % N_CELLS_ALONG, np.arange(N_CELLS_ACROSS)] = -0.35
+        start, slant = int(rng.integers(0, N_TEXTURE_CELLS_ALONG_ROAD)), rng.normal(0.0, 0.15)
+        at = (
+            start
+            + slant * np.arange(N_TEXTURE_CELLS_ACROSS_ROAD)
+            + np.cumsum(rng.normal(0.0, 0.4, N_TEXTURE_CELLS_ACROSS_ROAD))
+        )
+        made[at.round().astype(int) % N_TEXTURE_CELLS_ALONG_ROAD, np.arange(N_TEXTURE_CELLS_ACROSS_ROAD)] = -0.35
     return _make_texture(np.minimum(made, np.roll(made, 1, axis=0)))
 
 
@@ -136,7 +141,7 @@ def crack_texture() -> Texture:
 def leaf_shadow_texture() -> Texture:
     """The shadow of leaves: 1 in shadow, 0 in sun, half the road each, less the mean."""
     rng = np.random.default_rng(104)
-    shape = (N_CELLS_ALONG, N_CELLS_ACROSS)
+    shape = (N_TEXTURE_CELLS_ALONG_ROAD, N_TEXTURE_CELLS_ACROSS_ROAD)
     field = _draw_smooth_noise(rng, shape, (14.0, 14.0)) + 0.7 * _draw_smooth_noise(rng, shape, (4.0, 4.0))
     return _make_texture(1.0 / (1.0 + np.exp(-6.0 * field)))
 
@@ -145,7 +150,7 @@ def leaf_shadow_texture() -> Texture:
 def remaining_paint_texture_and_mean(level: float) -> tuple[Texture, FloatArray]:
     """The texture of worn paint, 1 where paint is left and 0 where it is gone less the mean, and the mean per cell."""
     rng = np.random.default_rng(105)
-    shape = (N_CELLS_ALONG, N_WEAR_CELLS)
+    shape = (N_TEXTURE_CELLS_ALONG_ROAD, N_WEAR_CELLS)
     field = (
         _draw_smooth_noise(rng, shape, (5.0, 5.0))
         + 0.8 * _draw_smooth_noise(rng, shape, (60.0, 30.0))

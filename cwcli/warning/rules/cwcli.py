@@ -6,9 +6,9 @@ Three conditions, each against one kind of false warning:
    the threshold (`measures.collision_probability`). Two cars side by side, an oncoming car in its own lane and a turn
    past a standing car bring the centres near, and do not touch; a path that only just scrapes does not warn either.
 2. It is serious: were the host to brake gently from now on (`min_deceleration_mps2`, 2 m/s^2), contact would still be
-   possible, with a probability of `AVOIDED_PROBABILITY` at least. A lead that needs only 1 m/s^2 is no conflict.
-   At a great closing speed that is too late, so there the rule looks farther: contact within the time that a driver
-   needs to react and brake with 4 m/s^2 is serious, too (`warning.braking_horizon`).
+   possible, with a probability of `MAX_PROBABILITY_OF_AVOIDED_CONTACT` at least. A lead that needs only 1 m/s^2 is no
+   conflict. At a great closing speed that is too late, so there the rule looks farther: contact within the time that a
+   driver needs to react and brake with 4 m/s^2 is serious, too (`warning.braking_horizon`).
 3. Condition 1 has held for the persistence time. To cost no lead it may look farther ahead by just that time while it
    is being confirmed; the warning itself comes when contact is within the horizon.
 
@@ -34,9 +34,9 @@ from cwcli.warning.measures import MEASURE_ARRAY_NAMES, Measures
 from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
-RELEASE_SHARE = 0.5
+RELEASE_SHARE_OF_PROBABILITY_THRESHOLD = 0.5
 """Share of the probability threshold below which a warning ends. Chosen by hand; not fitted."""
-AVOIDED_PROBABILITY = 0.01
+MAX_PROBABILITY_OF_AVOIDED_CONTACT = 0.01
 """Probability of contact below which it counts as avoided. Chosen by hand; not fitted."""
 
 
@@ -46,7 +46,7 @@ def decide_by_contact_probability(
     """Decide by the probability of contact: it must be probable, serious and persistent."""
     armed = _is_contact_probable(measures.late_probability, config)
     raised = armed & _is_probable_despite_gentle_braking(measures, config)
-    held = measures.late_probability > RELEASE_SHARE * config.probability
+    held = measures.late_probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
     shown, at_once = measures, None
     if measures.farther is not None:
         farther = measures.farther
@@ -54,7 +54,7 @@ def decide_by_contact_probability(
         shown = _select_by_row(needs_braking & ~raised, farther, measures)
         armed |= _is_contact_probable(farther.late_probability, config)
         raised |= needs_braking
-        held |= farther.late_probability > RELEASE_SHARE * config.probability
+        held |= farther.late_probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
     if onset is not None:
         at_once = _is_probable_despite_gentle_braking(onset, config)
         shown = _select_by_row(at_once & ~raised, onset, shown)
@@ -62,8 +62,8 @@ def decide_by_contact_probability(
             needs_braking = _is_contact_probable(onset.farther.probability, config)
             shown = _select_by_row(needs_braking & ~raised & ~at_once, onset.farther, shown)
             at_once |= needs_braking
-            held |= onset.farther.probability > RELEASE_SHARE * config.probability
-        held |= onset.probability > RELEASE_SHARE * config.probability
+            held |= onset.farther.probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
+        held |= onset.probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
     return Decision(
         armed=armed,
         raised=raised,
@@ -84,7 +84,8 @@ def _is_contact_probable(probability: FloatArray, config: WarningConfig) -> Bool
 def _is_probable_despite_gentle_braking(measures: Measures, config: WarningConfig) -> BoolArray:
     """Whether contact within the horizon is probable, and gentle braking does not avoid it, (m,)."""
     return np.asarray(
-        _is_contact_probable(measures.probability, config) & ~(measures.braked_probability < AVOIDED_PROBABILITY)
+        _is_contact_probable(measures.probability, config)
+        & ~(measures.braked_probability < MAX_PROBABILITY_OF_AVOIDED_CONTACT)
     )
 
 

@@ -4,8 +4,8 @@ It needs no collision course: the car may be hidden behind a lorry, and the host
 
 1. the other drives ahead of the host and the same way, in its lane or in one beside it: along the arc that the host is
    driving on (its yaw rate over its speed), not along a straight line;
-2. it brakes with `HARD_BRAKING_MPS2` at least by its estimated state, for as long as the persistence says, or has said
-   so itself (`eventHardBraking` of a BSM, above 0.4 g; a DENM of an emergency brake): then at once;
+2. it brakes with `MIN_HARD_BRAKING_MPS2` at least by its estimated state, for as long as the persistence says, or has
+   said so itself (`eventHardBraking` of a BSM, above 0.4 g; a DENM of an emergency brake): then at once;
 3. it matters to the host: were the other to brake on until it stands, and the host to go on for the horizon before it
    does anything, the host would then have to brake with `--min-deceleration` at least.
 
@@ -25,9 +25,9 @@ from cwcli.warning.measures import Measures, PairStates
 from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
-HARD_BRAKING_MPS2 = 4.0
+MIN_HARD_BRAKING_MPS2 = 4.0
 """Least deceleration of hard braking, m/s^2: about the 0.4 g of `eventHardBraking` (SAE J2735)."""
-RELEASE_SHARE = 0.5
+RELEASE_SHARE_OF_HARD_BRAKING = 0.5
 """Share of hard braking below which the other's braking ends a warning. Chosen by hand; not fitted."""
 LANE_WIDTH_M = 3.6
 """Assumed width of a lane, m: 12 feet, as on US highways."""
@@ -49,10 +49,10 @@ def decide_by_hard_braking_ahead(
     gap_m, follows = _gap_and_mask_of_vehicle_ahead(states)
     braking_mps2 = -states.other[:, ACCEL] * np.where(states.other[:, SPEED] < 0.0, -1.0, 1.0)
     needed_mps2, left_m = _deceleration_and_distance_to_stop_behind(
-        states, gap_m, np.fmax(braking_mps2, HARD_BRAKING_MPS2), config.horizon_s
+        states, gap_m, np.fmax(braking_mps2, MIN_HARD_BRAKING_MPS2), config.horizon_s
     )
     matters = follows & ~(needed_mps2 < config.min_deceleration_mps2)
-    hard = matters & (braking_mps2 >= HARD_BRAKING_MPS2)
+    hard = matters & (braking_mps2 >= MIN_HARD_BRAKING_MPS2)
     said = matters & states.says_hard_braking
     closing = states.host[:, SPEED] - states.other[:, SPEED]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -60,7 +60,8 @@ def decide_by_hard_braking_ahead(
     return Decision(
         armed=hard | said,
         raised=hard | said,
-        held=follows & ((braking_mps2 >= RELEASE_SHARE * HARD_BRAKING_MPS2) | states.says_hard_braking),
+        held=follows
+        & ((braking_mps2 >= RELEASE_SHARE_OF_HARD_BRAKING * MIN_HARD_BRAKING_MPS2) | states.says_hard_braking),
         time_to_event_s=time_s,
         predicted_distance_m=np.where(np.isfinite(left_m), np.maximum(left_m, 0.0), measures.min_distance_m),
         at_once=said,

@@ -12,7 +12,7 @@ from scipy import stats
 from cwcli.errors import UsageError
 from cwcli.measures import MEASURES
 from cwcli.measures.outlines import outline_separation_m
-from cwcli.measures.p_contact import HORIZON_S, PATH_TIMES_S, propagate_to_x_y_heading_and_xy_covariance
+from cwcli.measures.p_contact import CONTACT_HORIZON_S, PATH_TIMES_S, propagate_to_x_y_heading_and_xy_covariance
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.packed_covariances import PackedCovariances
 from cwcli.warning.conflict_definition import parse_conflict_definition
@@ -47,9 +47,9 @@ def sigmas(**named: float) -> FloatArray:
 @pytest.mark.parametrize("left_m", [-2.0, 0.0, 1.5])
 def test_who_closes_up_touches_if_its_speed_and_place_are_far_enough_off(left_m: float) -> None:
     """After 2.5 s at 4 m/s more the two are `left_m` apart; the sigma then is that of place and speed together."""
-    other = of(4.5 + left_m + 4.0 * HORIZON_S, 0.0, 8.0, 0.0)
+    other = of(4.5 + left_m + 4.0 * CONTACT_HORIZON_S, 0.0, 8.0, 0.0)
     found = pair(of(0.0, 0.0, 12.0, 0.0), other, sigmas(x=0.5, v=0.4), sigmas(x=0.3)).evaluate_measure(MEASURE)
-    sigma = math.sqrt(0.5**2 + (0.4 * HORIZON_S) ** 2 + 0.3**2)
+    sigma = math.sqrt(0.5**2 + (0.4 * CONTACT_HORIZON_S) ** 2 + 0.3**2)
     assert found[0] == pytest.approx(float(stats.norm.cdf(-left_m / sigma)), abs=0.005)
 
 

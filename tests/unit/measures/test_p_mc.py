@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.measures import MEASURES
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s
-from cwcli.measures.p_mc import ACCEL_SIGMA_MPS2, HORIZON_S
+from cwcli.measures.p_mc import ACCEL_SIGMA_MPS2, CONTACT_HORIZON_S
 from cwcli.measures.pair import ActualTrack, Pair
 
 N_ENCOUNTERS, N_RANDOM = 8, 60_000
@@ -27,7 +27,7 @@ def test_against_random_samples() -> None:
     expected = []
     for row in range(N_ENCOUNTERS):
         ax, ay = rng.normal(0.0, ACCEL_SIGMA_MPS2, (2, N_RANDOM))
-        hit = accelerated_contact_time_s(at.select_rows(np.full(N_RANDOM, row)), ax, ay) <= HORIZON_S
+        hit = accelerated_contact_time_s(at.select_rows(np.full(N_RANDOM, row)), ax, ay) <= CONTACT_HORIZON_S
         expected.append(hit.mean())
     spread = np.array(expected)
     assert ((spread > 0.02) & (spread < 0.98)).sum() >= 3

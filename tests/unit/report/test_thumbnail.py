@@ -8,7 +8,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from cwcli.report.thumbnail import HEIGHT_PX, MAX_POINTS, WIDTH_PX, build_track_svg_path
+from cwcli.report.thumbnail import HEIGHT_PX, MAX_THUMBNAIL_POINTS, WIDTH_PX, build_track_svg_path
 
 
 def points(path: str) -> list[tuple[int, int]]:
@@ -22,14 +22,14 @@ def test_north_is_up_and_both_axes_have_one_scale() -> None:
     drawn = points(build_track_svg_path(x, y))
     assert (drawn[0], drawn[-1]) == ((2, 31), (54, 5))
     assert (54, 31) in {(px, round((py + 1) / 2) * 2 - 1) for px, py in drawn}  # the corner, to a pixel
-    assert len(drawn) <= MAX_POINTS
+    assert len(drawn) <= MAX_THUMBNAIL_POINTS
 
 
 @pytest.mark.parametrize("n", [2, 100_000])
 def test_a_thumbnail_is_small_and_inside_its_frame(n: int) -> None:
     rng = np.random.default_rng(5)
     path = build_track_svg_path(np.cumsum(rng.normal(0, 9, n)) + 4e5, np.cumsum(rng.normal(0, 9, n)) + 5e6)
-    assert len(path) <= 6 * MAX_POINTS
+    assert len(path) <= 6 * MAX_THUMBNAIL_POINTS
     assert all(0 <= x <= WIDTH_PX and 0 <= y <= HEIGHT_PX for x, y in points(path))
 
 
