@@ -19,6 +19,12 @@ from cwcli.reproduction.findings_report import (
 
 PICTURE_FOLDER_NAME = "figures"
 """Name of the folder of pictures next to the page."""
+KEYS_OF_REPEATED_SECTIONS = frozenset({"looks", "settings"})
+"""Keys of sections whose numbers are all among the findings of the figure `where`."""
+COLUMNS_THAT_MAY_BE_EMPTY = frozenset({"paper", "tolerance", "why"})
+"""Columns of findings that a table leaves out where no row has anything in them."""
+COLUMNS_THAT_MAY_BE_SHARED = frozenset({"tolerance", "class", "why"})
+"""Columns of findings that stand once above a table where all rows have the same."""
 
 
 def picture_folder_path(paper: str) -> str:
@@ -33,12 +39,12 @@ def format_markdown_page(reproduction: Reproduction) -> str:
     parts = [
         f"# {expected.paper}: the paper beside ours",
         f"\n{expected.source}.\n",
-        f"Made by `cwcli reproduce {expected.paper} --report DIR`: nothing on this page is written by hand. What it",
-        "says of the paper, and the reasons, come from its `expectations.toml`, numbers and classes from the run.\n",
+        f"Made by `cwcli reproduce {expected.paper} --report DIR`: the words from `expectations.toml`, the numbers and",
+        "classes from the run. A cell that all rows of a table share stands once, above it.\n",
         *(f"- {note}" for note in reproduction.summary.notes),
         *(f"- see also [{name}]({name})" for name in expected.notes),
         "\n## Classes\n",
-        class_counts_table(reproduction.findings).to_markdown(),
+        _classes_that_occur(class_counts_table(reproduction.findings)).to_markdown(),
         "\n## Figures and tables",
     ]
     for name, figure in expected.figures.items():
@@ -62,14 +68,35 @@ def _format_groups(reproduction: Reproduction) -> list[str]:
         at = section.columns.index("class")
         rows = tuple(row for row in section.rows if row[at] != NOT_IN_PAPER)
         if rows:
-            parts += [f"\n## {section.title}\n", replace(section, rows=rows).to_markdown()]
+            parts += [f"\n## {section.title}", *_format_findings(replace(section, rows=rows))]
     return parts
+
+
+def _classes_that_occur(counts: SummaryTable) -> SummaryTable:
+    """Return the table of classes without those that no number has."""
+    return replace(counts, rows=tuple(row for row in counts.rows if any(row[1:4])))
+
+
+def _format_findings(table: SummaryTable) -> list[str]:
+    """Format a table of findings; empty columns are left out, and a shared class or key stands above the table."""
+    shared, kept = [], []
+    for at, column in enumerate(table.columns):
+        cells = {row[at] for row in table.rows}
+        if column in COLUMNS_THAT_MAY_BE_EMPTY and cells <= {"", "-"}:
+            continue
+        if column in COLUMNS_THAT_MAY_BE_SHARED and len(cells) == 1 < len(table.rows):
+            shared.append(f"{column}: {cells.pop()}")
+        else:
+            kept.append(at)
+    rows = tuple(tuple(row[at] for at in kept) for row in table.rows)
+    short = replace(table, columns=tuple(table.columns[at] for at in kept), rows=rows)
+    return [*(["", f"All rows: {'; '.join(shared)}."] if shared else []), "", short.to_markdown()]
 
 
 def sections_at_page_end(reproduction: Reproduction) -> list[SummaryTable]:
     """Return the tables at the end of the page: what a study adds to its findings, without this machine's times."""
     figures = {name.replace(" ", "_") for name in reproduction.expectations.figures}
-    elsewhere = {"fits", "assumptions", "reasons", "classes", TIMES_KEY, *figures}
+    elsewhere = {"fits", "assumptions", "reasons", "classes", TIMES_KEY, *figures, *KEYS_OF_REPEATED_SECTIONS}
     return [
         section
         for section in reproduction.summary.sections
@@ -89,7 +116,7 @@ def _format_figure(
         lines.append(f"Ours: none, {figure.reason_for_absence}.")
     if findings:
         rows = tuple(finding_cells(finding) for finding in findings)
-        lines += ["", SummaryTable(name, name, FINDING_COLUMNS, rows).to_markdown()]
+        lines += _format_findings(SummaryTable(name, name, FINDING_COLUMNS, rows))
     elif any(row.group == "" for row in figure.expectation_by_number.values()):
         lines.append("Ours: not in this run.")
     drawn = {plot.figure: plot.title for plot in reproduction.plots}
