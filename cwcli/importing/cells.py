@@ -29,7 +29,7 @@ _INSTANT_PATTERN = r"^(?P<sign>[+-]?)(?P<whole>\d{1,19})(?:[.](?P<part>\d*))?$"
 _HEMISPHERE_PATTERN = r"^(?P<a>[NSEWnsew]?)\s*(?P<number>[+-]?\d+[.]?\d*)\s*°?\s*(?P<b>[NSEWnsew]?)$"
 """A latitude or longitude with a hemisphere before or behind it."""
 _DEGREES_MINUTES_PATTERN = (
-    r"^(?P<a>[NSEWnsew]?)\s*(?P<sign>-?)(?P<deg>\d{1,3})\s*°\s*(?P<min>\d{1,2}(?:\.\d*)?)\s*['\x{2032}]\s*"
+    r"^(?P<a>[NSEWnsew]?)\s*(?P<sign>-?)(?P<deg>\d{1,3})\s*(?:°|deg|\s)\s*(?P<min>\d{1,2}(?:\.\d*)?)\s*['\x{2032}]?\s*"
     r"(?:(?P<sec>\d{1,2}(?:\.\d*)?)\s*(?:[\"\x{2033}]|'')\s*)?(?P<b>[NSEWnsew]?)$"
 )
 """A latitude or longitude in degrees, minutes and perhaps seconds: 48°08'13.2"N."""

@@ -121,6 +121,10 @@ def _build_velocity_or_speed_channels(meaning: Meaning) -> list[OutputChannel]:
             "twist.angular.z": values.get("yaw_rate", nothing),
         }
         rows = np.isfinite(speed) & _new_value_of_receiver_mask(meaning, speed)
+        rate = fields["twist.angular.z"]
+        if np.isfinite(rate).any() and not np.isfinite(rate[rows]).any():  # a row for each message of a bus
+            fields["twist.linear.x"] = np.where(rows, speed, np.nan)
+            rows = rows | np.isfinite(rate)
         channels.append(
             _build_quantity_channel(meaning, SPEED_TOPIC, "geometry_msgs/msg/TwistStamped", rows, BODY_FRAME_ID, fields)
         )

@@ -21,12 +21,14 @@ from cwcli.importing.cells import (
     trimmed_texts_or_null,
     unit_behind_every_number_or_empty,
 )
-from cwcli.importing.names import QUANTITIES, quantities_of_name
+from cwcli.importing.names import QUANTITIES, quantities_of_name, split_name
+from cwcli.importing.position_pairs import with_columns_of_position_pairs
 from cwcli.importing.tables import Answers, Batch, Question, SourceTable
 from cwcli.importing.times import (
     Instants,
     TextTimes,
     is_clock_of_digits,
+    is_since_1970,
     join_text_times,
     parse_short_dates,
     parse_text_times,
@@ -35,6 +37,10 @@ from cwcli.importing.times import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 
+EPOCH_WORDS = frozenset(
+    "time timestamp unix epoch posix stamp utc gentime received created ts s sec ms us ns".split()  # noqa: SIM905
+)
+"""Words of which a column of numbers since 1970 has one, beside any others, in a table that names no time."""
 MAX_NON_NUMBER_CELL_SHARE = 0.05
 """Largest share of cells without a number in a column of numbers; a column with more is none. Chosen by hand."""
 COMMA_BEFORE_THREE_DIGITS_PATTERN = r"^[+-]?\d{1,3}(,\d{3})+$"
@@ -130,8 +136,11 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         AmbiguousError: The decimal mark is not clear.
     """
     candidates = candidate_columns_by_quantity(table, answers)
+    if not {"latitude", "longitude"} & set(candidates):
+        table = with_columns_of_position_pairs(table)
+        candidates = candidate_columns_by_quantity(table, answers)
     if candidates and "time" not in candidates and "date" not in candidates:
-        candidates |= _date_columns_as_times_by_quantity(table)
+        candidates |= _date_columns_as_times_by_quantity(table) or _epoch_columns_as_times_by_quantity(table)
     wanted = list(dict.fromkeys(column for columns in candidates.values() for column in columns))
     loaded = LoadedTable(table, candidates, unused=tuple(name for name in table.columns if name not in wanted))
     if not wanted:
@@ -178,6 +187,23 @@ def _date_columns_as_times_by_quantity(table: SourceTable) -> dict[str, list[str
     for column, array in batch.items():
         times = parse_text_times(array) if is_text_column(array) else None
         if times is not None and times.has_date and times.has_clock:
+            found.append(column)
+    return {"time": found} if found else {}
+
+
+def _epoch_columns_as_times_by_quantity(table: SourceTable) -> dict[str, list[str]]:
+    """Return the columns whose first cells are numbers since 1970 that advance, as the times of a table without any.
+
+    A name must not say anything against it: other large numbers are ids and counters.
+    """
+    batch = next(iter(table.read_batches(table.columns)), {})
+    found = []
+    for column, array in batch.items():
+        words = split_name(column).words
+        if quantities_of_name(column) or not EPOCH_WORDS & {*words, *column.lower().replace("_", " ").split()}:
+            continue
+        instants = Instants(*read_whole_units_fraction_and_validity(array, "."))
+        if instants.valid.mean() > 0.5 and is_since_1970(instants):
             found.append(column)
     return {"time": found} if found else {}
 

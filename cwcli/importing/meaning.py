@@ -19,6 +19,9 @@ MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS = 1e-4
 """Largest relative difference of two columns that count as the same quantity. Chosen by hand: rounding of a text
 changes less."""
 
+CONVERTED_SHARE = 0.01
+"""The same for two columns in different units, which are rounded one by one. Chosen by hand: 0.1 mph is less."""
+
 
 @dataclass
 class Meaning:
@@ -77,8 +80,7 @@ class Meaning:
         if not columns:
             return None
         if len(columns) > 1:
-            first = self.unscaled_numbers(columns[0])
-            if not all(_do_columns_hold_same_values(first, self.unscaled_numbers(column)) for column in columns[1:]):
+            if not all(self._do_both_hold_same_quantity(quantity, columns[0], column) for column in columns[1:]):
                 self.add_question(
                     f"{_join_column_names(columns)} can each be the {quantity.replace('_', ' ')}",
                     " or ".join(f"--column {quantity}='{column}'" for column in columns[:4]),
@@ -87,6 +89,18 @@ class Meaning:
             self.notes.append(f"{_join_column_names(columns)} hold the same {quantity}: the first one is read")
         self.chosen[quantity] = columns[0]
         return columns[0]
+
+    def _do_both_hold_same_quantity(self, quantity: str, first: str, second: str) -> bool:
+        """Tell whether two columns hold the same values, or do so after a change of the units that they state."""
+        numbers = self.unscaled_numbers(first), self.unscaled_numbers(second)
+        if _do_columns_hold_same_values(*numbers, MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS):
+            return True
+        units = [self.stated_unit(quantity, column).unit for column in (first, second)]
+        factors = FACTORS.get(QUANTITIES[quantity].kind, {})
+        if units[0] == units[1] or not all(unit in factors for unit in units):
+            return False
+        scaled = [values * factors[unit] for values, unit in zip(numbers, units, strict=True)]
+        return _do_columns_hold_same_values(scaled[0], scaled[1], CONVERTED_SHARE)
 
     def stated_unit(self, quantity: str, column: str) -> UnitChoice:
         """Return the unit of a column that the user, the format or the header states; "" where nothing does."""
@@ -121,12 +135,12 @@ class Meaning:
         return split_name(column).words
 
 
-def _do_columns_hold_same_values(first: FloatArray, second: FloatArray) -> bool:
+def _do_columns_hold_same_values(first: FloatArray, second: FloatArray, share: float) -> bool:
     both = np.isfinite(first) & np.isfinite(second)
     if not both.any():
         return False
     scale = max(float(np.ptp(first[both])), 1e-9)
-    return bool(np.abs(first[both] - second[both]).max() <= MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS * scale)
+    return bool(np.abs(first[both] - second[both]).max() <= share * scale)
 
 
 def _join_column_names(columns: Sequence[str]) -> str:

@@ -61,7 +61,7 @@ QUANTITIES: dict[str, Quantity] = {
         "time stamp timestamp week of day seconds second millis nanos uhrzeit",
     ),
     "date": _quantity("text", "date datum day fecha data dato", "utc gps gmt local"),
-    "week": _quantity("number", "week wn gpsweek weekno", "gps gnss number no num"),
+    "week": _quantity("number", "week wn wnc gpsweek weekno", "gps gnss number no num"),
     "latitude": _quantity(
         "place",
         "latitude lat latitud latitudine breite breitengrad breedtegraad bredde breddegrad",
@@ -83,7 +83,7 @@ QUANTITIES: dict[str, Quantity] = {
         "length",
         "altitude alt height elevation ele hmsl höhe hoehe hoogte altura altitud altitudine quota hauteur",
         _RECEIVER,
-        "msl above sea level ellipsoid ellipsoidal wgs hae",
+        "msl above sea level ellipsoid ellipsoidal wgs hae mean asl amsl ü über nn nhn normalnull",
     ),
     "speed": _quantity(
         "speed",
@@ -160,6 +160,7 @@ _PAIRS_BY_WORD = {
     "headmot": "head mot",
     "headveh": "head veh",
     "itow": "i tow",
+    "wnc": "w nc",
     "hmsl": "h msl",
     "gspeed": "g speed",
     "groundspeed": "ground speed",
@@ -278,6 +279,11 @@ def quantities_of_name(name: str) -> list[str]:
     """Return the quantities that a column can be by its name."""
     if name.strip().lower() in _SPEED_NAMES:
         return ["speed"]
+    message, _, signal = name.rpartition("::")
+    if message:  # CAN signals, whose names repeat those of their messages and senders: `ESP_21::ESP_v_Signal`
+        noise = set(split_name(message).words)
+        words = split_name(signal).words
+        return _quantities_of_words(tuple(word for word in words if word not in noise) or words)
     named = split_name(name)
     found = _quantities_of_words(named.words)
     if not found and "track" in named.words and find_unit(named.unit_text, "angle"):  # without a unit it is a number
@@ -316,7 +322,7 @@ def _do_words_name_quantity(words: tuple[str, ...], quantity: str) -> bool:
             return False
         words = tuple(word for word in words if word not in _AXIS_WORDS)
     nouns = [word for word in words if word in wanted.nouns]
-    others = [word for word in words if word not in wanted.nouns]
+    others = [word for word in words if word not in wanted.nouns and not (nouns and find_unit(word, wanted.kind))]
     if quantity == "time":
         return bool(nouns) and all(word in wanted.beside for word in others)
     is_noun_there = bool(nouns) if axis else len(nouns) == 1  # `accelerometerAccelerationX`

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.errors import DataError
+from cwcli.importing.cells import distinct_names_and_row_indices
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import (
+    METERS_PER_DEGREE,
     heading_minus_course_of_moving_spans_rad,
     spans_of_geographic_places,
     spans_of_map_points,
@@ -14,6 +16,7 @@ from cwcli.importing.motion import (
 from cwcli.importing.tables import UNKNOWN_UNIT, Guess, UnitChoice
 from cwcli.importing.units import FACTORS
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_count
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
@@ -32,6 +35,14 @@ MAX_SWAPPED_ERROR_DEG, MIN_STRAIGHT_ERROR_DEG = 10.0, 30.0
 hand; not fitted."""
 MIN_MOVING_SPANS_TO_COMPARE_ANGLES = 10
 """Least number of spans in motion for a comparison of angles. Chosen by hand; not fitted."""
+MAX_STEP_SPEED_MPS, MIN_JUMP_M = 150.0, 100.0
+"""Speed in m/s and way in m beyond which the step to the next position is a jump. Chosen by hand: faster than cars, and
+more than a receiver's reflections."""
+MAX_JUMP_SHARE = 0.2
+"""Largest share of jumps in a track of one vehicle. Chosen by hand: two tracks in turns have a half or more, and
+a receiver with bad view has single ones."""
+MAX_TRACK_NAMES = 100
+"""Largest number of different texts in a column that may name the tracks. Chosen by hand."""
 MIN_REPEATED_SHARE_OF_HELD_POSITION = 0.3
 """Least share of rows that repeat the position before for the position to be one that is held between fixes. Chosen by
 hand; not fitted."""
@@ -84,8 +95,11 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
             choice = _choose_place_unit_or_ask(meaning, values[quantity], quantity, column)
             if not choice.unit:
                 return
-        factor = FACTORS["place"][choice.unit]
-        values[quantity] = values[quantity] * factor if factor != 1.0 else values[quantity]
+        if choice.unit == "ddmm":
+            whole = np.trunc(values[quantity] / 100.0)
+            values[quantity] = whole + (values[quantity] - 100.0 * whole) / 60.0
+        elif (factor := FACTORS["place"][choice.unit]) != 1.0:
+            values[quantity] = values[quantity] * factor
         values[quantity] = _apply_hemisphere_sign(meaning, values[quantity], f"{quantity}_half")
         units[quantity] = choice
     _drop_invalid_fixes(meaning, values)
@@ -100,6 +114,54 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         meaning.add_quantity(quantity, values[quantity], Guess(quantity, column, *units[quantity]))
     meaning.track = spans_of_geographic_places(meaning.stamp_ns, values["latitude"], values["longitude"])
+    _ask_if_positions_alternate(meaning, values)
+
+
+def _ask_if_positions_alternate(meaning: Meaning, values: dict[str, FloatArray]) -> None:
+    """Ask where positions go to and fro between places that no car can change between: two tracks in one table."""
+    keep = np.isfinite(values["latitude"]) & np.isfinite(values["longitude"])
+    north_m = values["latitude"][keep] * METERS_PER_DEGREE
+    east_m = (
+        values["longitude"][keep]
+        * METERS_PER_DEGREE
+        * np.cos(np.deg2rad(np.median(values["latitude"][keep]) if keep.any() else 0.0))
+    )
+    if len(north_m) < MIN_MOVING_SPANS_TO_COMPARE_ANGLES:
+        return
+    way_m = np.hypot(np.diff(east_m), np.diff(north_m))
+    step_s = np.diff(meaning.stamp_ns[keep]) / NS_PER_S
+    is_jump = way_m > np.maximum(MAX_STEP_SPEED_MPS * step_s, MIN_JUMP_M)
+    if np.count_nonzero(is_jump) <= MAX_JUMP_SHARE * len(way_m):
+        return
+    usual_m = np.median(way_m[is_jump])
+    what = f"{np.count_nonzero(is_jump)} of {len(way_m)} positions are {usual_m:,.0f} m from the one before"
+    columns = [name for name in meaning.table.unused if len(_few_names_of_column(meaning, name)) > 1]
+    hint = "split the file, one vehicle or receiver each"
+    if columns:
+        names = _few_names_of_column(meaning, columns[0])
+        what += f": two tracks in one table? {columns[0]!r} has {', '.join(names[:10])}"
+        hint = f"--column vehicle_id='{columns[0]}' --id '{names[0]}'"
+    meaning.add_question(what, hint)
+
+
+def _few_names_of_column(meaning: Meaning, column: str) -> list[str]:
+    """Return the texts of a column's first rows if they are few and no numbers; else none."""
+    batch = next(iter(meaning.table.source.read_batches([column])), {})
+    if column not in batch:
+        return []
+    names, rows = distinct_names_and_row_indices(batch[column])
+    is_few = len(names) <= min(MAX_TRACK_NAMES, 0.5 * len(rows))
+    return sorted(name for name in names if name) if is_few else []
+
+
+def _take_degrees_and_minutes_or_ask(meaning: Meaning, size: float, quantity: str, column: str) -> UnitChoice:
+    """Return the unit of numbers such as 4807.038, 48 degrees and 7.038 minutes, if a hemisphere stands beside them."""
+    if any(name in meaning.table.codes for name in meaning.table.candidates.get(f"{quantity}_half", ())):
+        return UnitChoice("ddmm", "likely", "degrees and minutes as in NMEA, with the hemisphere beside them")
+    meaning.add_question(
+        f"{column!r}: values up to {size:g} look like degrees and minutes (ddmm.mmmm)", "give the original NMEA file"
+    )
+    return UNKNOWN_UNIT
 
 
 def _choose_place_unit_or_ask(meaning: Meaning, values: FloatArray, quantity: str, column: str) -> UnitChoice:
@@ -119,11 +181,7 @@ def _choose_place_unit_or_ask(meaning: Meaning, values: FloatArray, quantity: st
     if size <= MAX_LONGITUDE_DEG:
         return UnitChoice("deg", "certain", "the name")
     if size < 100.0 * limit + 60.0 and (np.nan_to_num(np.abs(values)) % 100.0 < 60.0).all():
-        meaning.add_question(
-            f"{column!r}: values up to {size:g} look like degrees and minutes (ddmm.mmmm)",
-            "give the original NMEA file",
-        )
-        return UNKNOWN_UNIT
+        return _take_degrees_and_minutes_or_ask(meaning, size, quantity, column)
     meaning.add_question(f"{column!r}: values up to {size:g} are no {quantity}", f"--column {quantity}='{column}*UNIT'")
     return UNKNOWN_UNIT
 

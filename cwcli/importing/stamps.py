@@ -20,6 +20,8 @@ from cwcli.importing.times import (
     TextTimes,
     TimeBaseOfNumbers,
     can_be_gps_seconds,
+    count_midnights_before_each_row,
+    is_each_date_next_day,
     ns_and_validity_of_text_times,
     parse_start_ns,
     possible_date_orders,
@@ -57,8 +59,13 @@ DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
 NS_BY_SECOND_PART_QUANTITY = {"millisecond": 1_000_000, "nanosecond": 1}
 """Quantity of a column of parts of a second beside them -> its unit in ns."""
+DATE_ORDER_REASONS = {"ymd": "", "dmy": "day before month", "mdy": "month before day"}
+"""Order of a date -> what is said about it."""
 RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
 """Meanings of columns of time, the most useful first."""
+
+DATED_RANKS = frozenset(RANKS[:6])
+"""Meanings whose times are dates; others may count down."""
 
 
 @dataclass(frozen=True)
@@ -195,8 +202,11 @@ def _text_date_candidate(
     question = None
     order, why = _date_order_and_reason(times, answers)
     if not order:
+        choices = possible_date_orders(times) or ["dmy", "mdy"]
         question = Question(
-            where, f"{column!r}: day and month can be either way round", "--date-order dmy or --date-order mdy"
+            where,
+            f"{column!r}: the order of day and month, and of the year, is not known",
+            " or ".join(f"--date-order {each}" for each in choices),
         )
     has_zone = bool(np.isfinite(times.offset_s[times.valid]).all())
     zone, confidence = answers.timezone, "given"
@@ -227,7 +237,11 @@ def _date_order_and_reason(times: TextTimes, answers: Answers) -> tuple[str, str
     if answers.date_order in orders or (answers.date_order and not orders):
         return answers.date_order, "order as you said"
     if len(orders) == 1 and not answers.date_order:
-        return orders[0], "" if orders[0] == "ymd" else "day before month" if orders[0] == "dmy" else "month before day"
+        return orders[0], DATE_ORDER_REASONS[orders[0]]
+    if len(orders) > 1 and not answers.date_order:
+        next_days = [order for order in orders if is_each_date_next_day(times, order)]
+        if len(next_days) == 1:
+            return next_days[0], "at midnight the day changes, not the month or the year"
     return "", ""
 
 
@@ -243,13 +257,29 @@ def _date_column_with_clock_column_candidate(
         return None
     other = table.text_times[clock]
     joined = TextTimes(times.parts, other.ns_of_day, other.offset_s, times.valid & other.valid, times.mark)
+    n_midnights = _midnights_that_date_ignores(joined)
     words = (*split_name(column).words, *split_name(clock).words, split_name(clock).unit_text.lower())
     found = _text_date_candidate(table, column, joined, answers, words)
     guess = Guess(
         "time", column, "date", found.guess.confidence, f"with the time of day in {clock!r}; {found.guess.why}"
     )
     rank = "date and clock" if found.rank == "zoned date" else "local date"
-    return TimeCandidate(column, rank, found.stamp_ns, found.valid, guess, found.question)
+    stamp_ns = found.stamp_ns
+    if n_midnights is not None:
+        stamp_ns = stamp_ns + n_midnights * 86_400 * NS_PER_S
+        guess = replace(
+            guess, why=f"{guess.why}; the clock passes midnight and the date stays: it is that of the start"
+        )
+    return TimeCandidate(column, rank, stamp_ns, found.valid, guess, found.question)
+
+
+def _midnights_that_date_ignores(times: TextTimes) -> Int64Array | None:
+    """Return the number of midnights before each row (n,) where the clock passes one and the date never changes."""
+    parts = times.parts[times.valid]
+    if not len(parts) or (parts != parts[0]).any():
+        return None
+    n_midnights = count_midnights_before_each_row(times.ns_of_day, times.valid)
+    return n_midnights if n_midnights.any() else None
 
 
 def _date_parts_candidate(table: LoadedTable, answers: Answers) -> TimeCandidate | None:
@@ -413,6 +443,10 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidat
             hint="--column time=NAME*UNIT",
         )
     steps = np.diff(stamps)
+    if best.rank in DATED_RANKS and steps.any() and (steps <= 0).all():
+        notes.append("the newest row comes first: rows are read from the last to the first")
+        rows, stamps = rows[::-1], stamps[::-1]
+        steps = np.diff(stamps)
     if not steps.any():
         raise DataError(
             f"{best.column!r}: every row has the same time",
@@ -460,7 +494,7 @@ def require_rows_of_one_recording(meaning: Meaning) -> None:
     """
     in_file = np.argsort(meaning.rows)
     rows, steps = meaning.rows[in_file], np.diff(meaning.stamp_ns[in_file])
-    if not (steps < 0).any():
+    if not (steps < 0).any() or (steps <= 0).all():
         return
     part = np.concatenate([[0], np.cumsum(steps < 0)])
     by_time = np.argsort(in_file)

@@ -297,6 +297,13 @@ def possible_date_orders(times: TextTimes) -> list[str]:
     return orders
 
 
+def is_each_date_next_day(times: TextTimes, order: str) -> bool:
+    """Tell whether the dates change, and always by one day, when they are read in an order."""
+    ns, valid = ns_and_validity_of_text_times(replace(times, ns_of_day=np.zeros_like(times.ns_of_day)), order, "")
+    steps = np.diff(ns[valid] // (86_400 * NS_PER_S))
+    return bool((steps != 0).any() and (np.abs(steps) <= 1).all())
+
+
 def ns_and_validity_of_text_times(times: TextTimes, order: str, zone: str) -> tuple[Int64Array, BoolArray]:
     """Return nanoseconds since 1970 (n,) and whether they are a time.
 
@@ -320,13 +327,13 @@ def ns_and_validity_of_text_times(times: TextTimes, order: str, zone: str) -> tu
         valid &= (first + safe[2] - 1).astype("M8[M]") == first.astype("M8[M]")  # no 31st of February
         days = np.minimum(first.astype(np.int64) + safe[2] - 1, MAX_STAMP_NS // (86_400 * NS_PER_S) + 1)
     else:
-        days = _count_midnights_before_each_row(times.ns_of_day, valid)
+        days = count_midnights_before_each_row(times.ns_of_day, valid)
     local_ns = days * 86_400 * NS_PER_S + times.ns_of_day
     offset_s = np.where(np.isnan(times.offset_s), _offsets_of_zone(zone, local_ns, valid), times.offset_s)
     return local_ns - np.rint(offset_s).astype(np.int64) * NS_PER_S, valid
 
 
-def _count_midnights_before_each_row(ns_of_day: Int64Array, valid: BoolArray) -> Int64Array:
+def count_midnights_before_each_row(ns_of_day: Int64Array, valid: BoolArray) -> Int64Array:
     """Return the number of midnights before each row (n,)."""
     steps = np.diff(np.where(valid, ns_of_day, 0), prepend=ns_of_day[:1] if len(ns_of_day) else [])
     return np.cumsum(steps < -12 * 3600 * NS_PER_S).astype(np.int64)
@@ -440,6 +447,19 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
         since = "week" if _do_words_name_gps_week(words) else "start"
         return TimeBaseOfNumbers(fitting[0], since, "likely", f"steps of {step:g} {fitting[0]} are a usual rate")
     return TimeBaseOfNumbers("", "start", "", "")
+
+
+def is_since_1970(instants: Instants) -> bool:
+    """Tell whether numbers advance, and are s, ms, us or ns since 1970 between the years 2000 and 2038."""
+    values = instants.values_or_nan()
+    finite = values[np.isfinite(values)]
+    if len(finite) < 2 or not np.diff(finite).any():
+        return False
+    ends = np.array([finite.min(), finite.max()])
+    for factor in (FACTORS["time"][each] / NS_PER_S for each in ("s", "ms", "us", "ns")):
+        if ends[0] * factor >= FIRST_YEAR_S and ends[1] * factor <= MAX_STAMP_NS / NS_PER_S:
+            return True
+    return False
 
 
 def can_be_gps_seconds(instants: Instants) -> bool:

@@ -11,7 +11,14 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 FACTORS: dict[str, dict[str, float]] = {
     "speed": {**UNIT_FACTORS_BY_KIND["speed"], "ftps": 0.3048},
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048},
-    "place": {"deg": 1.0, "rad": 180.0 / math.pi, "1e-7deg": 1e-7, "1e-6deg": 1e-6, "semicircles": 180.0 / 2**31},
+    "place": {
+        "deg": 1.0,
+        "rad": 180.0 / math.pi,
+        "1e-7deg": 1e-7,
+        "1e-6deg": 1e-6,
+        "semicircles": 180.0 / 2**31,
+        "ddmm": 1.0,  # degrees and minutes, which are no factor: `places` converts them
+    },
     "angle": {"deg": math.pi / 180.0, "rad": 1.0, "cdeg": 1e-2 * math.pi / 180.0},
     "turn rate": {"radps": 1.0, "degps": math.pi / 180.0, "mdegps": 1e-3 * math.pi / 180.0},
     "acceleration": {"mps2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2},
@@ -61,15 +68,48 @@ for (_kind, _unit), _spellings in _SPELLINGS_BY_KIND_AND_UNIT.items():
         _UNIT_BY_KIND_OF_SPELLING.setdefault(_spelling, {})[_kind] = _unit
 
 
+_SHORT_BY_WORD = {
+    "kilomet(er|re)s?": "km",
+    "millimet(er|re)s?": "mm",
+    "met(er|re)s?": "m",
+    "hours?": "h",
+    "seconds?|sec": "s",
+    "degre+s?(ofarc)?": "deg",
+    "radians?": "rad",
+    "feet": "ft",
+    "miles?": "mi",
+    "squared?": "2",
+    "per": "/",
+}
+"""Pattern of a word in a unit that is written out (`Unit_KiloMeterPerHour`, `degrees per second`) -> its sign."""
+SCALED_UNIT_PATTERN = re.compile(r"(?P<factor>0\.0*1|10*|1e-?\d)(?P<unit>[^\d].*)")
+"""A unit with a power of ten before it: `0.001 s`, `1e-2 deg`."""
+
+
 def find_unit(text: str, kind: str) -> str:
     """Return the unit of a kind of quantity by its spelling, "" for a spelling that is not a unit of this kind."""
     spelling = re.sub(r"[\s\[\]()]", "", text.lower()).replace("·", "").replace("*", "").replace("sec^", "s^")
     found = _UNIT_BY_KIND_OF_SPELLING.get(spelling, {})
     if kind in found:
         return found[kind]
-    return spelling if spelling in FACTORS[kind] else ""
+    factors = FACTORS.get(kind, {})
+    if spelling in factors:
+        return spelling
+    if "per" in spelling or spelling.startswith("unit_"):
+        written_out = spelling.removeprefix("unit_").replace("_", "")
+        for word, sign in _SHORT_BY_WORD.items():
+            written_out = re.sub(word, sign, written_out)
+        return find_unit(written_out, kind) if written_out != spelling else ""
+    scaled = SCALED_UNIT_PATTERN.fullmatch(spelling)
+    base = _UNIT_BY_KIND_OF_SPELLING.get(scaled["unit"], {}).get(kind) if scaled else None
+    if scaled is None or base is None:
+        return ""
+    factor = float(scaled["factor"]) * factors[base]
+    return next((unit for unit, each in factors.items() if math.isclose(each, factor)), "")
 
 
 def is_unit_text(text: str) -> bool:
     """Tell whether a text is the spelling of any unit."""
-    return re.sub(r"[\s\[\]()]", "", text.lower()) in _UNIT_BY_KIND_OF_SPELLING
+    spelling = re.sub(r"[\s\[\]()]", "", text.lower())
+    scaled = SCALED_UNIT_PATTERN.fullmatch(spelling)
+    return spelling in _UNIT_BY_KIND_OF_SPELLING or (scaled is not None and scaled["unit"] in _UNIT_BY_KIND_OF_SPELLING)

@@ -72,7 +72,7 @@ def read_delimited_table(
     notes: list[str] = []
 
     def read(columns: Sequence[str]) -> Iterator[Batch]:
-        return _read_rows(path if data is None else data, head, layout, columns, (where, notes))
+        return iter_text_rows(path if data is None else data, head, layout, columns, (where, notes))
 
     return SourceTable(path, part, kind, layout.names, read, units=layout.units, notes=notes)
 
@@ -118,6 +118,8 @@ def find_separator_names_and_units(head: TextHead, where: str) -> TextLayout:
 def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tuple[int, str]], where: str) -> TextLayout:
     rows = [(k, _split_line_into_cells(line, separator)) for k, line in numbered]
     at = next((i for i, (_, cells) in enumerate(rows) if len(cells) == n_cells and _are_cells_names(cells)), None)
+    if at is not None and rows[at][1][0].startswith("#"):
+        at = _plain_line_of_names_or(at, rows, n_cells)
     if at is None:
         at, rows = _rows_with_name_for_empty_end(rows, n_cells)
     if at is None:
@@ -156,6 +158,12 @@ def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tupl
     if last == rows[-1][0]:
         raise InputError("it has a line of names and no rows", where=where)
     return TextLayout(separator, unique, units, last + 1)
+
+
+def _plain_line_of_names_or(at: int, rows: Sequence[tuple[int, list[str]]], n_cells: int) -> int:
+    """Return the first line of names that is no comment, if it follows the comments; else `at`."""
+    after = next((i for i, (_, cells) in enumerate(rows) if i > at and not (cells and cells[0].startswith("#"))), at)
+    return after if len(rows[after][1]) == n_cells and _are_cells_names(rows[after][1]) else at
 
 
 def _split_line_into_cells(line: str, separator: str) -> list[str]:
@@ -212,7 +220,7 @@ def _unique_names(cells: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _read_rows(
+def iter_text_rows(
     source: str | bytes,
     head: TextHead,
     layout: TextLayout,

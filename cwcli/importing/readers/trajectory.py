@@ -198,9 +198,11 @@ def xyzw_quaternions_of_rotations(rotation: FloatArray) -> FloatArray:
 
 def _accepts_tum_file(head: FileHead) -> bool:
     rows = first_lines_as_numbers(head, 8)
-    return rows is not None and bool(
-        (np.abs(np.linalg.norm(rows[:, 4:], axis=1) - 1.0) < MAX_QUATERNION_LENGTH_ERROR).all()
-    )
+    if rows is None:
+        return False
+    found = rows[np.isfinite(rows[:, 1:]).all(axis=1)]  # a lost pose is nan
+    lengths = np.linalg.norm(found[:, 4:], axis=1)
+    return len(found) > 0.5 * len(rows) and bool((np.abs(lengths - 1.0) < MAX_QUATERNION_LENGTH_ERROR).all())
 
 
 def _accepts_kitti_file(head: FileHead) -> bool:

@@ -265,7 +265,7 @@ def _binary(name: str, data: bytes) -> Callable[[Path], list[Path]]:
 APP_CASES = {
     "sensorlog": OtherCase(sensorlog, P | V | {"gyro": 0.02, "accel": 0.3}),
     "hyperimu": OtherCase(hyperimu, P | {"gyro": 0.02, "accel": 0.3}),
-    "torque-zone": OtherCase(torque_zone, {}, asks="can each be the speed"),
+    "torque-zone": OtherCase(torque_zone, P | V),
     "semicircles": OtherCase(semicircles, {}, asks="semicircles"),
     "semicircles-named": OtherCase(semicircles_named, P | R),
     "mavlink": OtherCase(mavlink, P | {"heading": 0.02}),
@@ -289,7 +289,7 @@ APP_CASES = {
     "novatel": OtherCase(novatel, {}, asks="NovAtel"),
     "ardupilot": OtherCase(ardupilot, {}, asks="ArduPilot"),
     "thousands": OtherCase(thousands, {}, asks=r"'Zeit \[ms\]'"),
-    "coordinates": OtherCase(coordinates, R),
+    "coordinates": OtherCase(coordinates, P | R),
     "xsens": OtherCase(xsens, P | {"heading": 0.01}),
     "long-form": OtherCase(long_form, {}, asks="no column is a position"),
     "candump-shown": OtherCase(candump_shown, {}, asks="for the screen"),

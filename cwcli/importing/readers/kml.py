@@ -1,0 +1,80 @@
+"""Tracks in KML: `gx:Track` with a `when` for each `gx:coord` (longitude, latitude, height); read as a stream.
+
+Source: developers.google.com/kml/documentation/kmlreference#gxtrack. A `LineString` has no times and is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cwcli.errors import DataError, InputError
+from cwcli.importing.bounded_xml import iter_xml_events
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.tables import Answers, Preset, SourceTable
+
+PRESETS = {
+    "when": Preset("time"),
+    "latitude": Preset("latitude", "deg"),
+    "longitude": Preset("longitude", "deg"),
+    "height": Preset("altitude", "m"),
+}
+"""Column -> the quantity and unit that the format fixes."""
+MAX_POINTS = 5_000_000
+"""Greatest number of points: six days at 10 Hz. Chosen by hand."""
+
+
+def _accepts_kml_file(head: FileHead) -> bool:
+    return b"<kml" in head.data[:2000]
+
+
+def _read_kml_table(path: str, answers: Answers) -> Sequence[SourceTable]:
+    import pyarrow as pa
+
+    whens: list[str] = []
+    coordinates: list[tuple[float, float, float]] = []
+    n_tracks = 0
+    for event, element in iter_xml_events(path, set()):
+        tag = element.tag.rpartition("}")[2]
+        if event == "start":
+            continue
+        text = (element.text or "").strip()
+        if tag == "when":
+            whens.append(text)
+        elif tag == "coord":
+            coordinates.append(_longitude_latitude_height(text))
+        elif tag == "Track":
+            n_tracks += 1
+            if len(whens) != len(coordinates):
+                raise DataError(
+                    f"a track has {len(whens)} times and {len(coordinates)} places", where=path, hint="export it again"
+                )
+        if len(whens) > MAX_POINTS:
+            raise InputError(f"it has more than {MAX_POINTS:,} points", where=path)
+    if not n_tracks or not coordinates:
+        raise InputError(
+            "it is KML without a track that has times, which is not imported",
+            where=path,
+            hint="export it as GPX, or as KML with gx:Track",
+        )
+    places = np.array(coordinates)
+    arrays = {"when": pa.array(whens), "latitude": places[:, 1], "longitude": places[:, 0], "height": places[:, 2]}
+    given = {name: each for name, each in arrays.items() if name != "height" or np.isfinite(places[:, 2]).any()}
+    notes = [f"{n_tracks} tracks are read as one drive"] if n_tracks > 1 else []
+    presets = {name: PRESETS[name] for name in given}
+    return [SourceTable.of_arrays(path, "", "kml", given, presets=presets, notes=notes)]
+
+
+def _longitude_latitude_height(text: str) -> tuple[float, float, float]:
+    """Return a place of a `gx:coord`, NaN for what it lacks."""
+    try:
+        values = [float(each) for each in text.split()[:3]]
+    except ValueError:
+        values = []
+    filled = [*values, float("nan"), float("nan"), float("nan")]
+    return filled[0], filled[1], filled[2]
+
+
+KIND = ImportKind("KML tracks with times", (".kml",), _accepts_kml_file, _read_kml_table)
+"""The description of this kind."""

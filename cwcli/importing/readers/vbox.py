@@ -1,0 +1,121 @@
+"""Racelogic's VBOX files (`.vbo`), which race loggers write, too: sections in brackets, rows behind `[data]`.
+
+Positions are minutes, longitudes count to the west, times of day are UTC as hhmmss.ss, and the first line holds the
+date. Source: Racelogic, "VBO file format".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+
+import numpy as np
+
+from cwcli.errors import DataError
+from cwcli.importing.cells import read_number_cells_and_count_bad, read_whole_units_fraction_and_validity
+from cwcli.importing.names import quantities_of_name
+from cwcli.importing.readers.base import FileHead, ImportKind
+from cwcli.importing.readers.delimited import TextLayout, iter_text_rows
+from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
+from cwcli.importing.text_file import decode_head, no_text_error, read_head
+from cwcli.importing.times import Instants, parse_start_ns, times_of_day_from_digits
+from cwcli.importing.units import find_unit
+from cwcli.signals.units import NS_PER_S
+
+NS_PER_DAY = 86_400 * NS_PER_S
+"""Number of nanoseconds in a day."""
+DATE = re.compile(r"File created on (\d{1,2})/(\d{1,2})/(\d{4})")
+"""The first line; the day comes first."""
+MINUTES = {
+    "lat": ("latitude", 1.0),
+    "latitude": ("latitude", 1.0),
+    "long": ("longitude", -1.0),
+    "longitude": ("longitude", -1.0),
+}
+"""Column of minutes -> its quantity, and 1, or -1 as longitudes count to the west."""
+SPEED_UNITS = {"": "kmh", "kmh": "kmh", "mph": "mph", "knots": "knots", "kts": "knots"}
+"""Word behind `velocity` in the header -> unit; without one it is km/h."""
+
+
+def _accepts_vbox_file(head: FileHead) -> bool:
+    return "[column names]" in head.lines and "[data]" in head.lines
+
+
+def _section(lines: Sequence[str], name: str) -> list[str]:
+    """Return the lines of a section that are not empty."""
+    if name not in lines:
+        return []
+    rest = lines[lines.index(name) + 1 :]
+    return [
+        line for line in rest[: next((k for k, each in enumerate(rest) if each.startswith("[")), len(rest))] if line
+    ]
+
+
+def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
+    head = decode_head(read_head(path))
+    if head is None:
+        raise no_text_error(path)
+    lines = [line.strip() for line in head.lines]
+    names = " ".join(_section(lines, "[column names]")[:1]).split()
+    if "time" not in names:
+        raise DataError("its columns have no time", where=path, found=tuple(names))
+    layout = TextLayout(" ", tuple(names), {}, lines.index("[data]") + 1)
+    day_ns, notes = _day_and_notes(lines, answers)
+    last_ns = [0, 0]  # time of day of the last row, and the midnights before it
+
+    def read(columns: Sequence[str]) -> Iterator[Batch]:
+        last_ns[:] = [0, 0]
+        for batch in iter_text_rows(path, head, layout, list(columns), (path, notes)):
+            made: dict[str, object] = {}
+            for name in columns:
+                if name == "time":
+                    made[name] = _stamps_ns(batch[name], last_ns) + day_ns
+                elif name in MINUTES:
+                    made[name] = read_number_cells_and_count_bad(batch[name], ".")[0] / 60.0 * MINUTES[name][1]
+                else:
+                    made[name] = batch[name]
+            yield made
+
+    presets = {"time": Preset("time", "ns")}
+    presets |= {name: Preset(MINUTES[name][0], "deg") for name in names if name in MINUTES}
+    speed = next((line for line in _section(lines, "[header]") if line.startswith("velocity")), "")
+    unit = SPEED_UNITS.get(speed.removeprefix("velocity").strip(" []()").replace("/", ""), "")
+    presets |= {"velocity": Preset("speed", unit or find_unit(speed.removeprefix("velocity"), "speed"))}
+    presets |= {"heading": Preset("course", "deg-cw-north"), "height": Preset("altitude", "m")}
+    given = {name: each for name, each in presets.items() if name in names}
+    others = {name: Preset("ignored") for name in names if name not in given and quantities_of_name(name)}
+    return [SourceTable(path, "", "vbox", tuple(names), read, presets={**others, **given}, notes=notes)]
+
+
+def _day_and_notes(lines: Sequence[str], answers: Answers) -> tuple[int, list[str]]:
+    """Return midnight of the first day in ns since 1970, and what to say about it."""
+    if answers.start:
+        return parse_start_ns(answers.start) // NS_PER_DAY * NS_PER_DAY, ["on the day of --start"]
+    found = next((each for line in lines[:5] if (each := DATE.search(line))), None)
+    if found is None:
+        return 0, ["the file has no date: stamps count from midnight (--start names the day)"]
+    day, month, year = (int(each) for each in found.groups())
+    try:
+        return round(datetime(year, month, day, tzinfo=UTC).timestamp()) * NS_PER_S, [
+            f"the date is that of {found[0]!r}"
+        ]
+    except ValueError:
+        return 0, [f"{found[0]!r} is no date: stamps count from midnight (--start names the day)"]
+
+
+def _stamps_ns(array: object, last_ns: list[int]) -> np.ndarray:
+    """Return ns since the first midnight (n,), -1 where there is no time of day; remembers the last row."""
+    times = times_of_day_from_digits(Instants(*read_whole_units_fraction_and_validity(array, ".")))
+    if times is None or not times.valid.any():
+        return np.full(len(array), -1, np.int64)  # type: ignore[arg-type]
+    ns = times.ns_of_day[times.valid]
+    n_midnights = last_ns[1] + np.cumsum(np.diff(ns, prepend=last_ns[0]) < -NS_PER_DAY // 2)
+    last_ns[:] = [int(ns[-1]), int(n_midnights[-1])]
+    stamps = np.full(len(times.valid), -1, np.int64)
+    stamps[times.valid] = ns + n_midnights * NS_PER_DAY
+    return stamps
+
+
+KIND = ImportKind("VBOX files of race loggers", (".vbo",), _accepts_vbox_file, _read_vbox_table)
+"""The description of this kind."""
