@@ -8,7 +8,7 @@ from cwcli.errors import DataError
 from cwcli.importing.cells import distinct_names_and_row_indices
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import (
-    METERS_PER_DEGREE,
+    METRES_PER_DEGREE_OF_LATITUDE,
     heading_minus_course_of_moving_spans_rad,
     spans_of_geographic_places,
     spans_of_map_points,
@@ -120,10 +120,10 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
 def _ask_if_positions_alternate(meaning: Meaning, values: dict[str, FloatArray]) -> None:
     """Ask where positions go to and fro between places that no car can change between: two tracks in one table."""
     keep = np.isfinite(values["latitude"]) & np.isfinite(values["longitude"])
-    north_m = values["latitude"][keep] * METERS_PER_DEGREE
+    north_m = values["latitude"][keep] * METRES_PER_DEGREE_OF_LATITUDE
     east_m = (
         values["longitude"][keep]
-        * METERS_PER_DEGREE
+        * METRES_PER_DEGREE_OF_LATITUDE
         * np.cos(np.deg2rad(np.median(values["latitude"][keep]) if keep.any() else 0.0))
     )
     if len(north_m) < MIN_MOVING_SPANS_TO_COMPARE_ANGLES:

@@ -190,7 +190,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
     values = meaning.unscaled_numbers(column)
     if quantity == "course":
         values = _without_unknown_minus_one(meaning, np.where(values < -180.0, np.nan, values))
-    if float(np.nanmin(values)) == float(np.nanmax(values)) > MAX_WRAPPED_DEG:
+    if float(np.nanmin(values)) == float(np.nanmax(values)) > MAX_ANGLE_WITHOUT_FULL_TURNS_DEG:
         meaning.notes.append(
             f"{column!r} is left out: it is {np.nanmax(values):g} everywhere, which stands for no {quantity}"
         )
