@@ -20,8 +20,9 @@ import numpy as np
 
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.measurements import Kind
+from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
-from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_S
+from cwcli.estimation.sensor_limits import LEAST_DELAY_IN_STAMP_SIGMAS, UNKNOWN_DELAY_SIGMA_S
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
@@ -58,13 +59,18 @@ class DelaySigmas:
         )
 
 
-def unknown_delay_sigma_s(latency: Latency) -> float:
+def unknown_delay_sigma_s(latency: Latency, stamp_sigma_s: float = 0.0) -> float:
     """Return one sigma of what a source is still late by, s.
 
     It is 0 where the user trusts or gives the stamps, and of the reference, whose clock the states have. A value d
     with sigma s that is not corrected is combined with the prior p: its mean is d p^2 / (p^2 + s^2), its variance
     s^2 p^2 / (p^2 + s^2). One beyond what sensors have contradicts the prior, so that it counts as it is.
+
+    Args:
+        latency: The latency that was found.
+        stamp_sigma_s: One sigma of the stamp errors, s. Where the delay varies its mean is not small.
     """
+    prior_s = math.hypot(UNKNOWN_DELAY_SIGMA_S, LEAST_DELAY_IN_STAMP_SIGMAS * stamp_sigma_s)
     if latency.status in (LatencyStatus.OFF, LatencyStatus.GIVEN, LatencyStatus.REFERENCE):
         return 0.0
     if latency.applied_s != 0.0 or latency.status is LatencyStatus.CALIBRATED:
@@ -73,10 +79,14 @@ def unknown_delay_sigma_s(latency: Latency) -> float:
         return math.hypot(latency.found_s, latency.sigma_s)
     sigma_s = latency.reach_s if latency.status is LatencyStatus.NOT_OBSERVABLE else latency.sigma_s
     if not math.isfinite(sigma_s) or sigma_s <= 0.0:
-        return UNKNOWN_DELAY_SIGMA_S
-    share = UNKNOWN_DELAY_SIGMA_S**2 / (UNKNOWN_DELAY_SIGMA_S**2 + sigma_s**2)
+        return prior_s
+    share = prior_s**2 / (prior_s**2 + sigma_s**2)
     found_s = latency.found_s if math.isfinite(latency.found_s) else 0.0
     return math.hypot(share * found_s, math.sqrt(share) * sigma_s)
+
+
+def _stamp_sigma_s(s: SensorSeries) -> float:
+    return s.stamp_error.value if s.stamp_error.status is ParameterStatus.USED else 0.0
 
 
 def unphysical_lead_of_fixes_s(s: SensorSeries, latency: Latency) -> float:
@@ -97,7 +107,7 @@ def delay_sigmas_of_best_known_sources(
     for state, kinds in QUANTITIES_BY_STATE.items():
         of_kind = [
             [
-                math.hypot(unknown_delay_sigma_s(latency), unphysical_lead_of_fixes_s(s, latency))
+                math.hypot(unknown_delay_sigma_s(latency, _stamp_sigma_s(s)), unphysical_lead_of_fixes_s(s, latency))
                 for s, latency in zip(series, latencies, strict=True)
                 if s.kind is kind and len(s) and not s.is_exact
             ]
@@ -118,7 +128,7 @@ def delay_sigmas_s(series: Sequence[SensorSeries], latencies: Sequence[Latency],
     return np.array(
         [
             max(
-                math.hypot(unknown_delay_sigma_s(latency), unphysical_lead_of_fixes_s(s, latency)),
+                math.hypot(unknown_delay_sigma_s(latency, _stamp_sigma_s(s)), unphysical_lead_of_fixes_s(s, latency)),
                 least_s.get(s.kind, 0.0),
             )
             if len(s) and not s.is_exact and latency.status is not LatencyStatus.REFERENCE

@@ -130,7 +130,7 @@ def _is_half_of_outlier(
         if other_side in rows or not 0 < wrong < len(time_s) - 1:
             continue
         last = min(wrong + 1 + N_ROWS_OF_VELOCITY, len(time_s) - 1)
-        if last == wrong + 1:
+        if time_s[last] <= time_s[wrong + 1]:
             continue
         velocity = (values[last] - values[wrong + 1]) / (time_s[last] - time_s[wrong + 1])
         moved = values[wrong + 1] - values[wrong - 1] - velocity * (time_s[wrong + 1] - time_s[wrong - 1])

@@ -59,6 +59,7 @@ class SourceReport:
             m/s^2 (divided by 9.80665 m/s^2 it is radians).
         follows_pitch_rate: ACCEL: whether gravity was compensated with the pitch gyroscope.
         mounting: ACCEL, YAW_RATE: how the IMU was levelled, or None.
+        is_checked: Whether another source clearly agrees with it, or there is none to compare it with.
     """
 
     source: str
@@ -92,6 +93,7 @@ class SourceReport:
     slow_error: SlowError = NO_SLOW_ERROR
     follows_pitch_rate: bool = False
     mounting: ImuMounting | None = None
+    is_checked: bool = True
 
 
 @dataclass(frozen=True)

@@ -83,6 +83,9 @@ UNKNOWN_DELAY_SIGMA_S = 0.05
 """One sigma of the delay of a source of which nothing is known, s: a receiver with ten fixes a second computes for 30
 to 100 ms before it sends, a car's bus and an operating system delay by 5 to 50 ms. Chosen as a round number of
 these."""
+LEAST_DELAY_IN_STAMP_SIGMAS = 2.0
+"""One sigma of the unknown delay of a source, in sigmas of its stamp errors. A delay that varies from 0 on has a mean
+of 1 (exponential) to 1.7 (even) of its own sigma, and most have a part beside it that is constant."""
 STAMP_SIGMA_RANGE = ParameterRange(
     0.0, 0.2, "s", "twice the interval of fixes ten times a second: more than that are fixes that are repeated or stall"
 )

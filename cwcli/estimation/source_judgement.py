@@ -28,6 +28,7 @@ from cwcli.estimation.source_correction import (
     gain_and_attempt_of_imu_correction,
 )
 from cwcli.estimation.source_vote import (
+    find_unchecked_quantities,
     leave_out_outvoted_sources,
     quantity_of_series,
     without_any_rows,
@@ -52,12 +53,14 @@ class JudgedSources:
         notes: Notes on the cleaning.
         corrections: What was corrected, in this order.
         contradictions: Sources that contradict each other all the same.
+        unchecked: Quantities with which no other source clearly agrees.
     """
 
     prepared: list[PreparedSeries]
     notes: list[str]
     corrections: tuple[Correction, ...]
     contradictions: tuple[Contradiction, ...]
+    unchecked: frozenset[SourceQuantity] = frozenset()
 
 
 def judge_sources(
@@ -121,7 +124,8 @@ def judge_sources(
             [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p for p in prepared],
             trusted,
         )
-    return JudgedSources(voted.prepared, notes, tuple(corrections), voted.contradictions)
+    unchecked = find_unchecked_quantities(voted.prepared, voted.comparisons)
+    return JudgedSources(voted.prepared, notes, tuple(corrections), voted.contradictions, unchecked)
 
 
 def _does_any_heading_jump(prepared: Sequence[PreparedSeries]) -> bool:

@@ -85,6 +85,22 @@ def compare_prepared_sources(
     return [c for c in compared if not (c.check is SourceComparisonCheck.ACCEL_BIAS and {c.one, c.other} & level)]
 
 
+def find_unchecked_quantities(
+    prepared: Sequence[PreparedSeries], comparisons: Sequence[SourceComparison]
+) -> frozenset[SourceQuantity]:
+    """Return the used quantities with which no other source clearly agrees; none where there is one source alone."""
+    used = [quantity_of_series(p) for p in prepared if len(p.series) and not p.series.is_exact]
+    if len({each.source for each in used}) < 2:
+        return frozenset()
+    agreeing = {
+        quantity
+        for each in comparisons
+        if each.judgement is Judgement.AGREE and each.one.source != each.other.source
+        for quantity in (each.one, each.other)
+    }
+    return frozenset(used) - agreeing
+
+
 def find_contradicting_sources(
     comparisons: Sequence[SourceComparison], trusted: Collection[str] = ()
 ) -> list[Contradiction]:

@@ -180,8 +180,8 @@ def _add_calibration_notes(track: Track, measurements: Sequence[Measurements], c
 class _TunedMeasurements:
     """Series before and after tuning, with the stamp of second 0 and notes.
 
-    `contradictions` and `corrections` are what the sources show before anything is estimated. `measurements` are those
-    before cleaning, their clocks aligned.
+    `contradictions`, `corrections` and `unchecked` are what the sources show before anything is estimated.
+    `measurements` are those before cleaning, their clocks aligned.
     """
 
     epoch_ns: int
@@ -191,6 +191,7 @@ class _TunedMeasurements:
     contradictions: tuple[Contradiction, ...] = ()
     corrections: tuple[Correction, ...] = ()
     measurements: Sequence[Measurements] = ()
+    unchecked: frozenset[SourceQuantity] = frozenset()
 
 
 def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorConfig) -> _TunedMeasurements:
@@ -240,7 +241,9 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         *judged.notes,
     )
     tuned = tune_latencies_and_noise(judged.prepared, config, MotionParameters())
-    return _TunedMeasurements(zero_ns, judged.prepared, tuned, notes, judged.contradictions, corrections, aligned)
+    return _TunedMeasurements(
+        zero_ns, judged.prepared, tuned, notes, judged.contradictions, corrections, aligned, judged.unchecked
+    )
 
 
 def _settled_measurements_and_track(
@@ -296,7 +299,10 @@ def _filter_and_smooth(
             result.state, result.covariance, tuned.series, start_s=start.time_s, output_s=output_s, prior=tuned.prior
         )
         notes += notes_on_rows_before_start(tuned.series, result)
-    reports = tuple(_build_source_report(p, tuned, i, result) for i, p in enumerate(prepared))
+    reports = tuple(
+        replace(report, is_checked=SourceQuantity(report.source, report.kind) not in tuned_measurements.unchecked)
+        for report in (_build_source_report(p, tuned, i, result) for i, p in enumerate(prepared))
+    )
     flags = compute_state_flags(
         tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.limit_check import doubt_about_lasting_errors
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.result import SourceReport, TrackSummary
@@ -81,6 +82,10 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
         exception = f"; but {doubt}{exception}"
     if exception:
         agreed = "no contradiction"
+    unchecked = [str(SourceQuantity(s.source, s.kind)) for s in sources if s.n_used and not s.is_checked]
+    if unchecked and track.span_s < MIN_LOG_SPAN_S and all(math.isnan(each.per_dof) for each in nees):
+        # What no other source confirms may have any unit, sign or delay.
+        agreed = f"too short to check {_join_names_with_and(unchecked)}; no contradiction otherwise"
     careful = [
         *(
             f"{each.name} error"

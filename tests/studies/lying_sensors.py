@@ -31,6 +31,7 @@ import numpy as np
 
 from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
+from cwcli.estimation.measurements import RATE_KINDS
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, earliest_stamp_ns
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.source_judgement import JudgedSources, judge_sources
@@ -84,6 +85,7 @@ class Case:
         nees: Of the position, per degree of freedom.
         verdict, told: What the user reads.
         is_drift: The fault is a drift of the fixes, which the verdict may except.
+        is_unchecked: The verdict may say that the log is too short to check the wrong source.
     """
 
     ratio: float
@@ -92,6 +94,7 @@ class Case:
     verdict: str
     told: str
     is_drift: bool = False
+    is_unchecked: bool = False
 
     @property
     def is_good(self) -> bool:
@@ -101,8 +104,10 @@ class Case:
     @property
     def has_wrong_verdict(self) -> bool:
         """No fault is found although the errors are far larger than their sigma, and the verdict does not except it."""
-        finds_no_fault = ("consistent",) if self.is_drift else ("consistent", "no contradiction")
-        return self.verdict.startswith(finds_no_fault) and self.nees > MAX_NEES
+        finds_no_fault = ["consistent"]
+        if not self.is_drift:
+            finds_no_fault += ["no contradiction"] + ["too short to check"] * (not self.is_unchecked)
+        return self.verdict.startswith(tuple(finds_no_fault)) and self.nees > MAX_NEES
 
 
 def variants(measurements: Sequence[Measurements]) -> dict[str, list[Measurements]]:
@@ -209,6 +214,12 @@ def is_named(fault: Fault, track: Track) -> bool:
     )
 
 
+def is_unchecked(fault: Fault, track: Track) -> bool:
+    """Whether the verdict says that no other source confirms the wrong one."""
+    kinds = RATE_KINDS if fault.kind is Kind.IMU else (fault.kind,)
+    return any(r.kind in kinds and r.n_used and not r.is_checked for r in track.sources)
+
+
 def run_fault(drive: SimulatedDrive, right: Sequence[Measurements], fault: Fault, least_m: float) -> Case:
     """Put a fault into a drive and estimate it."""
     return _case_of_fault(Estimates(drive), right, fault, least_m)
@@ -222,7 +233,7 @@ def _case_of_fault(estimates: Estimates, right: Sequence[Measurements], fault: F
     error_m, nees, track = estimates.of(fault.apply(right), fault.ahead_m)
     verdict = consistency_verdict_sentence(summarise_track(track))
     return Case(error_m / least_m, is_named(fault, track), nees, verdict, "; ".join(told_of(track)),
-                fault.is_drift)  # fmt: skip
+                fault.is_drift, is_unchecked(fault, track))  # fmt: skip
 
 
 @dataclass

@@ -109,6 +109,13 @@ def test_what_is_not_known_of_a_delay(latency: Latency, expected_s: float) -> No
     assert unknown_delay_sigma_s(latency) == pytest.approx(expected_s)
 
 
+def test_a_delay_that_varies_is_known_less() -> None:
+    """The prior of stamps that err by 60 ms is hypot(50, 120) = 130 ms."""
+    assert unknown_delay_sigma_s(Latency(LatencyStatus.NOT_OBSERVABLE), 0.06) == pytest.approx(0.13)
+    found = Latency(LatencyStatus.APPLIED, 0.3, 0.01, 0.005)
+    assert unknown_delay_sigma_s(found, 0.06) == pytest.approx(0.01)
+
+
 @pytest.mark.parametrize(
     ("latency", "place_m", "expected_s"),
     [

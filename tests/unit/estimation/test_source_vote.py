@@ -13,7 +13,11 @@ from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.source_checks import Judgement, SourceComparison
-from cwcli.estimation.source_vote import find_contradicting_sources, leave_out_outvoted_sources
+from cwcli.estimation.source_vote import (
+    find_contradicting_sources,
+    find_unchecked_quantities,
+    leave_out_outvoted_sources,
+)
 from tests.unit.estimation.made_drive import Values, drive_series, made_drive
 
 FIX, SPEED, HEADING = (
@@ -141,6 +145,17 @@ def test_right_sources_all_take_part() -> None:
     voted = leave_out_outvoted_sources(prepared)
     assert voted.contradictions == ()
     assert voted.prepared == prepared
+
+
+def test_what_no_other_topic_confirms_is_unchecked() -> None:
+    prepared = _prepared(VALUES, *ALL)
+    assert find_unchecked_quantities(prepared, leave_out_outvoted_sources(prepared).comparisons) == frozenset()
+    fix = SourceQuantity("/position", Kind.POSITION)
+    way = [_with(SourceComparisonCheck.WAY, SPEED, fix), _with(SourceComparisonCheck.TURN, YAW_RATE, ACCEL)]
+    assert {str(each) for each in find_unchecked_quantities(prepared, way)} == {
+        "ego_heading (/heading)", "imu accel (/imu)", "imu yaw rate (/imu)",
+    }  # fmt: skip
+    assert find_unchecked_quantities(prepared[:1], ()) == frozenset()
 
 
 def test_what_is_outvoted_has_no_rows_left() -> None:

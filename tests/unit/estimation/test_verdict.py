@@ -62,6 +62,23 @@ def test_a_short_log_shows_no_drift_but_a_truth_or_other_fixes_do() -> None:
     assert consistency_verdict_sentence(replace(short, sources=(GOOD, IMU))).endswith(exception)
 
 
+def test_a_short_log_says_what_no_other_source_confirms() -> None:
+    unsure = replace(IMU, is_checked=False)
+    short = replace(_track(GOOD, SPEED, unsure), span_s=20.0)
+    said = consistency_verdict_sentence(short)
+    assert said.startswith("too short to check imu yaw rate (/imu); no contradiction otherwise; in 20 s")
+    assert consistency_verdict_sentence(replace(short, span_s=120.0)) == "consistent"
+    assert consistency_verdict_sentence(short, (TRUE,)) == "consistent"
+
+
+def test_errors_that_last_are_told_behind_the_verdict() -> None:
+    lasting = replace(GOOD, noise_origin="log", sigma=1.1, scatter=0.6)
+    track = replace(_track(lasting, SPEED, IMU), span_s=120.0)
+    said = consistency_verdict_sentence(track)
+    assert said.startswith("no contradiction; but ego_position (/gps) errs by 0.92 m for long, and scatters by 0.6 m")
+    assert consistency_verdict_sentence(track, (TRUE,)) == "consistent"
+
+
 @pytest.mark.parametrize(
     ("nis_per_dof", "expected"),
     [
