@@ -16,8 +16,6 @@ from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, X, Y
 TRUTH_STEP_S = 0.01
 """Time step of the truth of simulated trials, s. Values between are interpolated. Chosen by hand: a car at 40 m/s moves
 0.4 m in it, and interpolation errs by less than a millimetre."""
-CONTACT_SEARCH_STEP_S = 0.001
-"""Time step to which the moment of contact is refined, s. Chosen by hand."""
 MAX_GAP_FOR_TTC_TEXT_M = 500.0
 """Gap up to which a text states the time to collision, m. Chosen by hand."""
 

@@ -17,7 +17,6 @@ from cwcli.reproduction.zhang2011.motion import (
     compute_observer_errors,
     observer_setups_for_run,
     simulated_run_part,
-    simulated_run_table,
 )
 from cwcli.simulation.single_track import PAPER_RUNS, simulate_zhang2011_run
 
@@ -110,14 +109,13 @@ def test_the_other_reading_of_the_noise_also_settles() -> None:
     assert max(compute_observer_errors(run, track).static_percent) < 3.0
 
 
-def test_a_run_as_a_table() -> None:
-    table = simulated_run_table("fig 14")
-    assert len(table) == 51
-    row = table.rows_as_dicts()[-1]
-    assert row["zhang2011_yaw_rate_radps"] == pytest.approx(row["yaw_rate_radps"], rel=0.01)
-    assert row["yaw_rate_radps"] == pytest.approx(
-        -2.0 * 0.41463, abs=1e-3
-    )  # twice the worked example's angle, to the right
+def test_a_run_ends_in_the_worked_examples_yaw_rate() -> None:
+    run = simulate_zhang2011_run(PAPER_RUNS["fig 14"], CAR)
+    assert len(run.time_s) == 51
+    car, config = observer_setups_for_run(PAPER_RUNS["fig 14"], CAR)["zhang2011"]
+    observed = observe_lateral_motion(run.lanes, run.speed, car, config)
+    assert observed.state[-1, 1] == pytest.approx(run.state[-1, 1], rel=0.01)
+    assert run.state[-1, 1] == pytest.approx(-2.0 * 0.41463, abs=1e-3)  # twice the worked example's angle, to the right
 
 
 def test_the_linear_runs_are_exact() -> None:

@@ -46,7 +46,6 @@ from cwcli.signals.lane_geometry import lateral_positions_of_arcs_m
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import OFFSET, YAW_RATE
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
-from cwcli.simulation.road.junctions import painted_station_mask
 from cwcli.simulation.road.render import RoadFrame
 from cwcli.simulation.road.truth import BoolArray, LaneTruth
 from cwcli.simulation.streams import random_stream, seconds_to_ns
@@ -63,6 +62,7 @@ from cwcli.vision.method import LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, LaneDepartureResult, evaluate_lane_departure
 from tests.studies.rendered_motion import each
+from tests.unit.simulation.road.painted_stations import painted_station_mask
 
 KINDS: dict[str, dict[str, float | str]] = {
     "plain": {},

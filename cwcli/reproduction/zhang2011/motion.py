@@ -11,10 +11,8 @@ from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.lazy_dataclass import dataclass
-from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
-from cwcli.signals.columns import FloatArray
 from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_zhang2011_run
 
 CONVERGED_ERROR_PERCENT = 10.0
@@ -118,27 +116,3 @@ def simulated_run_part(figure: str, vehicle: Vehicle | None = None) -> StudyPart
         speed += f" to {settings.end_kmh:g} km/h at {settings.accel_mps2:g} m/s^2"
     title = f"{settings.load} load, {-settings.steer_rad:g} rad to the right, {speed}"
     return StudyPart(tuple(measured), (Plot(figure, title, "time [s]", "yaw rate [rad/s], v_y [m/s]", curves),))
-
-
-def simulated_run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
-    """Return figure 14, 15 or 16 as columns: one row a frame, true and observed."""
-    half = vehicle or load_vehicle()
-    settings = PAPER_RUNS[figure]
-    run = simulate_zhang2011_run(settings, half)
-    columns: dict[str, FloatArray] = {
-        "time_s": run.time_s,
-        "speed_mps": run.speed_mps,
-        "lateral_speed_mps": run.state[:, 0],
-        "yaw_rate_radps": run.state[:, 1],
-    }
-    for name, (car, config) in observer_setups_for_run(settings, half).items():
-        if "," in name:
-            continue
-        track = observe_lateral_motion(run.lanes, run.speed, car, config)
-        columns[f"{name}_lateral_speed_mps"] = track.state[:, 0]
-        columns[f"{name}_yaw_rate_radps"] = track.state[:, 1]
-    docs = {
-        "lateral_speed_mps": ColumnDoc(frame="body", doc="of the car"),
-        "yaw_rate_radps": ColumnDoc(doc="of the car"),
-    }
-    return Table(figure.replace(" ", "_"), columns, docs)

@@ -19,10 +19,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.defects import with_free_left_lane
 from cwcli.simulation.road.scene import Marking, RoadScene
-from cwcli.simulation.road.truth import BoolArray
 
 JUNCTION_KINDS = ("none", "exits", "merges")
 """Kinds of junctions that `--set junctions` takes."""
@@ -109,13 +107,3 @@ def add_junctions_to_scene(scene: RoadScene, kind: str, length_m: float, rng: np
         right_edge_path_m=tuple((station_m, offset_m - shoulder_m) for station_m, offset_m in edge),
         rail_right_m=math.nan,
     )
-
-
-def painted_station_mask(scene: RoadScene, marking: Marking, station_m: FloatArray) -> BoolArray:
-    """Mask of stations (n,) at which a marking, or a dividing line in its place, is painted; dashes' gaps count."""
-    is_painted = np.zeros(np.shape(station_m), np.bool_)
-    for each in (marking, *scene.others):
-        if each.offset_m == marking.offset_m and not each.path_m:
-            for low_m, high_m in each.painted_stretches_m or ((-math.inf, math.inf),):
-                is_painted |= (station_m >= low_m) & (station_m <= high_m)
-    return is_painted

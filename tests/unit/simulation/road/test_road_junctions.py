@@ -11,9 +11,10 @@ from cwcli.errors import UsageError
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
-from cwcli.simulation.road.junctions import RAMP_END_OFFSET_M, add_junctions_to_scene, painted_station_mask
+from cwcli.simulation.road.junctions import RAMP_END_OFFSET_M, add_junctions_to_scene
 from cwcli.simulation.road.render import render_frame
 from cwcli.simulation.road.scene import Marking, RoadScene
+from tests.unit.simulation.road.painted_stations import painted_station_mask
 
 PLAIN = RoadScene("clear", 3.6, Marking(1.8), Marking(-1.8))
 CAMERA = wide_camera(640, 360)
