@@ -105,7 +105,7 @@ def confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     errors = [
         f"{format_number(sigma, 2)} {unit} ({name})"
         for name, unit, sigma in evidence.estimate_summary.rows_of_table_columns_or_empty(
-            "errors", "error of", "unit", "estimated"
+            "errors", "quantity", "unit", "error of estimates"
         )
         if isinstance(sigma, float) and str(name).startswith(("position", "speed", "heading"))
     ]

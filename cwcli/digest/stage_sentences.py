@@ -46,7 +46,7 @@ def _estimate_sentence(summary: RecordedSummary, tables: Tables) -> str:
 
 def _track_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Count the targets, with the longest and the fastest."""
-    rows = summary.rows_of_table_columns_or_empty("targets", "for [s]", "max speed [m/s]")
+    rows = summary.rows_of_table_columns_or_empty("targets", "duration [s]", "max speed [m/s]")
     if not rows:
         return "No target was tracked."
     spans, speeds = ([_cell_to_float_or_nan(row[k]) for row in rows] for k in (0, 1))
@@ -88,7 +88,9 @@ def _predict_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Say how far the predicted paths lie from what was driven, by the model that chooses among the others."""
     errors = [
         f"{_cell_to_float_or_nan(mean):.1f} m for {'the car' if vehicle == EGO_ID else 'the others'}"
-        for vehicle, model, mean in summary.rows_of_table_columns_or_empty("prediction", "vehicle", "model", "mean [m]")
+        for vehicle, model, mean in summary.rows_of_table_columns_or_empty(
+            "prediction", "vehicle", "model", "mean error [m]"
+        )
         if model == "auto" and math.isfinite(_cell_to_float_or_nan(mean))
     ]
     title = next((section.title for section in summary.sections if section.key == "prediction"), "")

@@ -46,16 +46,16 @@ LINK_TABLE_COLUMNS: Mapping[str, ColumnDoc] = {
 LINK_HEADINGS = (
     "station",
     "received",
-    "sent",
+    "sent (by message count)",
     "packet error ratio",
-    "rate [Hz]",
+    "messages a second [Hz]",
     "median latency [s]",
     "95 % of latencies below [s]",
-    "95 % of information ages below [s]",
-    "gaps",
-    "longest gap [s]",
-    "gaps too long to count losses",
-    "farthest heard [m]",
+    "95 % of the time newest message younger than [s]",
+    "pauses",
+    "longest pause [s]",
+    "pauses too long to count losses",
+    "farthest reception [m]",
 )
 """Headings of the table `link` on the terminal, in the order of its columns."""
 

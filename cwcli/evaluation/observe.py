@@ -134,8 +134,19 @@ def build_truth_errors_section(errors: Table, topic: str) -> SummaryTable:
         )
         for row in errors.rows_as_dicts()
     )
-    columns = ("state", "frames", "left out", "rms", "bias", "p95", "max", "in 90 % band [%]")
-    return SummaryTable("observer_errors", f"Errors against {topic}", columns, rows)
+    columns = (
+        "state",
+        "frames",
+        "frames without a true lane",
+        "RMS error",
+        "mean error",
+        "95 % of errors below",
+        "largest error",
+        "inside 90 % band [%]",
+    )
+    names = ("state", "frames", "left out", "rms", "bias", "p95", "max", "in 90 % band [%]")
+    title = f"Errors of the observed lateral motion against the truth of {topic}"
+    return SummaryTable("observer_errors", title, columns, rows, names=names)
 
 
 def _left_out_notes(errors: Table) -> tuple[str, ...]:

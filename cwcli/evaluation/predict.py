@@ -296,10 +296,15 @@ def _build_prediction_section(records: list[dict[str, Any]], horizon_s: float) -
                 )
             )
     title = (
-        f"Position error {horizon_s:g} s ahead, against the later position (cv: the model of constant velocity; "
-        "the 95 % are those of the vehicle with the greatest errors)"
+        f"Errors of positions predicted {horizon_s:g} s ahead, against the later position (remote: all other vehicles, "
+        "the 95 % those of the one with the greatest errors; cv: the model of constant velocity)"
     )
-    error_columns = ("mean [m]", "95 % below [m]", "mean against cv [%]", "in 90 % ellipse [%]")
+    error_columns = (
+        "mean error [m]",
+        "95 % of errors below [m]",
+        "mean error against cv [%]",
+        "inside 90 % ellipse [%]",
+    )
     columns = ("vehicle", "model", "paths", *error_columns)
     names = (*columns[:2], "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
     return SummaryTable("prediction", title, columns, tuple(rows), names=names)

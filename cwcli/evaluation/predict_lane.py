@@ -137,8 +137,16 @@ def _build_prediction_section(table: Table, horizon_s: float, source: str) -> Su
         for row in table.rows_as_dicts()
         if abs(row["horizon_s"] - horizon_s) < 1e-9 and row["n"]
     ]
-    title = f"Position error {horizon_s:g} s ahead against {source} (cv: the model of constant velocity)"
-    error_columns = ("mean [m]", "median [m]", "95 % below [m]", "mean against cv [%]", "in 90 % band [%]")
+    title = (
+        f"Errors of positions predicted {horizon_s:g} s ahead, against {source} (cv: the model of constant velocity)"
+    )
+    error_columns = (
+        "mean error [m]",
+        "median error [m]",
+        "95 % of errors below [m]",
+        "mean error against cv [%]",
+        "inside 90 % band [%]",
+    )
     columns = ("model", "paths", *error_columns)
-    names = ("model", "starts", *columns[2:4], "p95 [m]", "vs cv [%]", "in 90 % band [%]")
+    names = ("model", "starts", "mean [m]", "median [m]", "p95 [m]", "vs cv [%]", "in 90 % band [%]")
     return SummaryTable("prediction", title, columns, tuple(rows), names=names)

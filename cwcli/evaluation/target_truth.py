@@ -163,8 +163,19 @@ def _build_target_errors_section(errors: TargetTruthScores) -> SummaryTable:
         (errors.names[one.id], one.n, _tracked_percent(one), *(float(value) for value in one.rmse), one.id_switches)
         for one in errors.scores.targets[:MAX_TARGETS_SHOWN]
     ]
-    columns = ("true target", "moments", "tracked [%]", "x [m]", "y [m]", "vx [m/s]", "vy [m/s]", "id switches")
-    return SummaryTable("errors", f"RMSE against {errors.topic}", columns, tuple(rows))
+    columns = (
+        "true target",
+        "compared moments",
+        "with a track [%]",
+        "x [m]",
+        "y [m]",
+        "vx [m/s]",
+        "vy [m/s]",
+        "changes of track id",
+    )
+    names = ("true target", "moments", "tracked [%]", *columns[3:7], "id switches")
+    title = f"Root mean square errors of the tracks against the truth of {errors.topic}"
+    return SummaryTable("errors", title, columns, tuple(rows), names=names)
 
 
 def _tracked_percent(target: TargetErrors) -> float:
@@ -175,6 +186,8 @@ def _build_gospa_section(errors: TargetTruthScores) -> SummaryTable:
     parts = _gospa_metric_rows(errors.scores)
     rows: list[tuple[Cell, ...]] = [(name.replace("_", " "), unit, value) for name, value, unit in parts]
     rows.append(("id switches", "", errors.scores.id_switches))
-    return SummaryTable(
-        "gospa", f"GOSPA against {errors.topic} (p = 2, cut-off 5 m)", ("part", "unit", "value"), tuple(rows)
+    title = (
+        f"GOSPA against the truth of {errors.topic}: position errors, missed and false targets in one distance "
+        "(p = 2, cut-off 5 m)"
     )
+    return SummaryTable("gospa", title, ("part", "unit", "value"), tuple(rows))

@@ -73,9 +73,17 @@ def build_truth_errors_section(errors: TruthErrors) -> SummaryTable:
         )
         for row in errors.rows
     ]
-    columns = ("error of", "unit", "stamps", "measured", "estimated", "change [%]", "bias")
-    title = f"Errors (1 sigma) of measurements and estimates against {errors.topic}, and bias of the estimates"
-    names = (*columns[:2], "rows", *columns[3:])
+    columns = (
+        "quantity",
+        "unit",
+        "compared stamps",
+        "error of measurements",
+        "error of estimates",
+        "change of error [%]",
+        "bias of estimates",
+    )
+    title = f"Errors (1 sigma) of measurements and estimates against the truth of {errors.topic}"
+    names = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
     return SummaryTable("errors", title, columns, tuple(rows), names=names)
 
 
@@ -88,7 +96,7 @@ def build_nees_section(errors: TruthErrors) -> SummaryTable:
         "Errors over what the covariance promises (NEES, normalised estimation error squared per degree of freedom: "
         "about 1 if the covariance is right)"
     )
-    columns = ("error of", "NEES", "95 % bounds", "in?")
+    columns = ("quantity", "NEES", "95 % bounds of NEES", "inside bounds")
     return SummaryTable("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
 
 

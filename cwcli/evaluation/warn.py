@@ -104,7 +104,7 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
     sections = (
         replace(
             events,
-            columns=(*events.columns, "verdict", "lead time [s]", "closest centres [m]", "crash"),
+            columns=(*events.columns, "verdict", "lead time [s]", "least distance of centres [m]", "crash"),
             rows=rows,
             names=(*(events.names or events.columns), "verdict", "lead [s]", "closest [m]", "crash"),
         ),

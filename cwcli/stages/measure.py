@@ -223,7 +223,12 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
     found = [row for pair in pairs for row in _encounter_rows(pair, start_ns)]
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
     columns = ("vehicle", "from [s]", "to [s]", "crash", *SHOWN_MEASURES.values())
-    title = "Most critical encounters (within 50 m; times from the log's start; docs/measures.md explains the symbols)"
+    title = (
+        "Most critical encounters (within 50 m; times from the log's start), with the worst value of each measure: "
+        "gap of the outlines (negative: overlap), TTC time to collision, PET post-encroachment time, DRAC deceleration "
+        "that avoids the crash, THW time headway, TTR time to react, Delta v change of speed in a crash "
+        "(docs/measures.md)"
+    )
     if len(order) > MAX_ENCOUNTERS_IN_TABLE:
         title = title.replace("Most critical", f"{MAX_ENCOUNTERS_IN_TABLE} most critical of {len(order)}")
     return SummaryTable("encounters", title, columns, tuple(order[:MAX_ENCOUNTERS_IN_TABLE]))

@@ -268,9 +268,21 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
         free = sum(count.rejected.get(reason, 0) for reason in UNASSIGNED_REASONS)
         faulty = count.read - count.used - free
         rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
-    columns = ("sensor", "detections", "used", "without track", "rejected", "NIS/dof", "95 % bounds", "inside")
+    columns = (
+        "sensor",
+        "detections",
+        "used",
+        "without a track",
+        "rejected",
+        "NIS",
+        "95 % bounds of NIS",
+        "inside bounds",
+    )
     names = (*columns[:3], "no track", "faulty", "NIS/dof", "bounds_95", "inside")
-    title = "Detections of each sensor, and whether NIS lies inside its bounds"
+    title = (
+        "Detections of each sensor, and how far they scatter about the tracks (NIS, normalised innovation squared per "
+        "degree of freedom: about 1 if the noise is right)"
+    )
     return SummaryTable("sensors", title, columns, tuple(rows), names=names)
 
 
@@ -297,8 +309,9 @@ def _tuned_noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) 
     )
     if tuned.motion_model.turn_noise > 0.0:
         rows.append(("process", _process_noise_cell("turn rate", "rad/s^1.5"), turn_noise_density(tuned)))
-    title = "Noise by maximum likelihood: factor on each given sigma, process noise"
-    return SummaryTable("noise", title, ("source", "quantity", "found"), tuple(rows))
+    names = ("source", "quantity", "found")
+    title = "Noise fitted to this log: factor on each given sigma, and noise of the targets' motion (process)"
+    return SummaryTable("noise", title, ("source", "quantity", "fitted value"), tuple(rows), names=names)
 
 
 def _process_noise_cell(name: str, unit: str) -> CellWithValues:
@@ -324,7 +337,15 @@ def _targets_table(result: TrackResult, in_map: bool) -> SummaryTable:
             )
         )
     shown = "" if len(longest) == len(result.tracks) else f" (the {len(longest)} longest of {len(result.tracks)})"
-    columns = ("target", "from [s]", "for [s]", "states", "seen [%]", "max speed [m/s]", "median sigma [m]")
-    return SummaryTable(
-        "targets", f"Targets in the {'map' if in_map else 'frame of the car'}{shown}", columns, tuple(rows)
+    columns = (
+        "target",
+        "from [s]",
+        "duration [s]",
+        "states",
+        "states with a detection [%]",
+        "max speed [m/s]",
+        "median position sigma [m]",
     )
+    names = ("target", "from [s]", "for [s]", "states", "seen [%]", "max speed [m/s]", "median sigma [m]")
+    title = f"Tracked targets in the {'map' if in_map else 'frame of the car'}{shown}; times from the first state"
+    return SummaryTable("targets", title, columns, tuple(rows), names=names)

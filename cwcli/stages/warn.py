@@ -194,7 +194,7 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
         )
         for event in found.events_table.rows_as_dicts()
     )
-    columns = ("event", "vehicle", "at [s]", "predicted conflict in [s]", "predicted closest centres [m]")
+    columns = ("event", "vehicle", "at [s]", "predicted conflict in [s]", "predicted least distance of centres [m]")
     names = (*columns[:3], "event in [s]", "predicted closest [m]")
     counts: tuple[tuple[Cell, ...], ...] = tuple(
         (CellWithValues(EVALUATION_WORDS[name], {"": name.replace("_", " ")}), count)

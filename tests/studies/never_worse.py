@@ -64,7 +64,7 @@ def _errors(path: Path, config: EstimateConfig) -> dict[str, tuple[float, float]
     with Log.open(path) as log:
         summary = run_stage(STAGES["estimate"], log, config).summary
     errors = next(section for section in summary.sections if section.key == "errors")
-    rows = [dict(zip(errors.columns, row, strict=True)) for row in errors.rows]
+    rows = [dict(zip(errors.names, row, strict=True)) for row in errors.rows]
     return {
         QUANTITIES[row["error of"]]: (float(row["estimated"]), float(row["measured"]))
         for row in rows

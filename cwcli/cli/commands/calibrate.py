@@ -27,7 +27,16 @@ EXAMPLES = (
     "cwcli estimate drive.mcap --calibration car.toml -o estimated.mcap",
 )
 """Command lines at the end of the command's `--help`."""
-TABLE_HEADINGS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "status")
+TABLE_HEADINGS = (
+    "source",
+    "quantity",
+    "constant",
+    "value",
+    "+- (95 %)",
+    "logs",
+    "scatter of logs (chi2/dof)",
+    "status",
+)
 """Headings of the table of constants."""
 EVIDENCE_TEXTS = {
     "distance_km": "{:.3g} km",

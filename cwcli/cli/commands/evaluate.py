@@ -41,7 +41,7 @@ EXAMPLES = (
     "cwcli evaluate annotated.mcap --topic warning=/adas/fcw:data==true",
 )
 """Command lines at the end of the command's `--help`."""
-SYSTEM_TABLE_HEADINGS = ("metric", "the system", "cwcli", "states compared", "n")
+SYSTEM_TABLE_HEADINGS = ("metric", "the other system", "cwcli", "states compared", "values")
 """Headings of the table of another system's metrics."""
 MAX_SHOWN_FAILURES = 20
 """Greatest number of failed logs, and of failed checks of a gate, that the terminal shows. Chosen by hand."""
@@ -179,9 +179,8 @@ def _print_evaluation(
     console.print_heading(f"{run.source}: {what}")
     shown = [row for name, row in pooled.items() if everything or _is_shown_by_default(name)]
     own = [row for row in shown if row.stage != "system"]
-    console.print_summary(
-        format_table(("metric", "value", "states compared", "95 % interval", "n"), [_metric_cells(row) for row in own])
-    )
+    headings = ("metric", "value", "states compared", "95 % interval", "values")
+    console.print_summary(format_table(headings, [_metric_cells(row) for row in own]))
     if len(shown) < len(pooled):
         console.print_summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
     beside = _system_metric_rows(pooled)
@@ -342,7 +341,7 @@ def _format_markdown_summary(
     ]
     parts.append(
         markdown.format_markdown_table(
-            ("metric, all logs pooled", "value", "unit", "states compared", "95 % interval", "n"), metric_rows
+            ("metric, all logs pooled", "value", "unit", "states compared", "95 % interval", "values"), metric_rows
         )
     )
     beside = [(markdown.format_code(str(name)), *cells) for name, *cells in _system_metric_rows(pooled)]

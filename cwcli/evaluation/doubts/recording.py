@@ -48,7 +48,9 @@ TIMES = DoubtRule(
 
 def find_late_states(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield the delay of the ego's online states that 95 % of them keep."""
-    for topic, delay in evidence.estimate_summary.rows_of_table_columns_or_empty("online", "channel", "95 %"):
+    for topic, delay in evidence.estimate_summary.rows_of_table_columns_or_empty(
+        "online", "channel", "95 % of delays below [s]"
+    ):
         delay_s = to_float_or_nan(delay) if isinstance(delay, int | float) else 0.0
         if topic == EGO_ONLINE.topic and delay_s > MAX_UNREPORTED_DELAY_S:
             yield Finding(

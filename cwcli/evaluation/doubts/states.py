@@ -19,7 +19,7 @@ from cwcli.text import format_duration, format_number, shorten_and_escape
 
 def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each quantity whose NEES is outside its bounds and too large."""
-    rows = evidence.estimate_summary.rows_of_table_columns_or_empty("nees", "error of", "NEES", "in?")
+    rows = evidence.estimate_summary.rows_of_table_columns_or_empty("nees", "quantity", "NEES", "inside bounds")
     found = [
         (to_float_or_nan(nees), str(name))
         for name, nees, inside in rows
@@ -39,7 +39,7 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
 def _truth_error_text_or_empty(evidence: DoubtEvidence, quantity: str) -> str:
     """Format `0.52 deg, `, the error of a quantity against the truth; "" where the record does not say it."""
     for name, unit, sigma in evidence.estimate_summary.rows_of_table_columns_or_empty(
-        "errors", "error of", "unit", "estimated"
+        "errors", "quantity", "unit", "error of estimates"
     ):
         if str(name).split(" ", 1)[0] == quantity and isinstance(sigma, float) and math.isfinite(sigma):
             return f"{format_number(sigma, 2)} {shorten_and_escape(str(unit), 20)}, "
@@ -128,7 +128,7 @@ _TRUTH_OPTION_PATTERN = re.compile(r"--topic truth=[^\s,)]+")
 
 def find_estimate_without_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield a remark if the ego was estimated and nothing tells its errors."""
-    if evidence.ego is not None and not evidence.estimate_summary.rows_of_table_columns_or_empty("nees", "error of"):
+    if evidence.ego is not None and not evidence.estimate_summary.rows_of_table_columns_or_empty("nees", "quantity"):
         choice = next((note for note in evidence.estimate_summary.notes if SEVERAL_TRUTHS in note), "")
         reason = (
             "The log has several channels of true positions"

@@ -27,13 +27,20 @@ def estimate_tables(tracks: Mapping[str, TrackSummary]) -> tuple[SummaryTable, .
 
 def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
     """Return the table of the online states."""
-    columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "max")
-    title = "Online states, and how long after their stamps they could be known"
+    columns = (
+        "channel",
+        "states",
+        "noise and latencies from",
+        "median delay [s]",
+        "95 % of delays below [s]",
+        "longest delay [s]",
+    )
+    title = "Online states, and how long after their stamps they could be known (delay)"
     rows: list[tuple[Cell, ...]] = [
         (each.topic, each.n_states, each.parameters, *each.delay_median_p95_and_max_s()) for each in online
     ]
     after = tuple(f"known_after_{name}_s" for name in ("median", "p95", "max"))
-    return SummaryTable("online", title, columns, tuple(rows), names=(*columns[:3], *after))
+    return SummaryTable("online", title, columns, tuple(rows), names=("channel", "states", "parameters from", *after))
 
 
 def _sources_table(ego: TrackSummary) -> SummaryTable:
@@ -53,7 +60,10 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
     names = (*columns[:2], "used", *columns[3:])
     gated = any(report.n_gated for report in ego.sources)
     where = f", listed in {REJECTED.topic}" if gated else ""
-    title = f"Sensors of the ego: measurements accepted, gated (rejected as outliers{where}), and latency"
+    title = (
+        f"Sensors of the ego: measurements accepted and gated (rejected as outliers{where}), and by how much their "
+        "stamps are late (latency)"
+    )
     return SummaryTable("sources", title, columns, tuple(rows), names=names)
 
 
@@ -103,12 +113,14 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "white noise", "from", "NIS", "95 % bounds", "in?")
+    columns = ("source", "quantity", "white noise", "noise from", "NIS", "95 % bounds of NIS", "inside bounds")
     title = (
         "Sensors of the ego: white noise (1 sigma), and the innovations over what it explains (NIS, normalised "
         "innovation squared per degree of freedom: about 1 if the noise is right)"
     )
-    return SummaryTable("noise", title, columns, tuple(rows), names=(*columns[:4], "NIS/dof", "bounds_95", "inside"))
+    return SummaryTable(
+        "noise", title, columns, tuple(rows), names=(*columns[:3], "from", "NIS/dof", "bounds_95", "inside")
+    )
 
 
 def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
@@ -130,16 +142,16 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
         "states",
         "span [s]",
         "max speed [m/s]",
-        "median sigma [m]",
+        "median position sigma [m]",
         "gated",
         *(str(f.name).lower().replace("_", " ") for f in StateFlag),
     )
-    return SummaryTable(
-        "vehicles",
-        "Estimated tracks (gated: measurements rejected as outliers; from starting on: states with that flag)",
-        columns,
-        tuple(rows),
+    names = (*columns[:4], "median sigma [m]", *columns[5:])
+    title = (
+        "Estimated tracks (gated: measurements rejected as outliers; the last four columns: states soon after the "
+        "start or a reset, states without measurements, and states while measurements are rejected)"
     )
+    return SummaryTable("vehicles", title, columns, tuple(rows), names=names)
 
 
 def _status_cell(status: ParameterStatus) -> CellWithValues:

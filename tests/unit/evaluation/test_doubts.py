@@ -48,7 +48,7 @@ def table(key: str, columns: list[str], *rows: list[Any]) -> dict[str, Any]:
 
 
 def nees(*rows: list[Any]) -> dict[str, Any]:
-    return table("nees", ["error of", "NEES", "in?"], *rows)
+    return table("nees", ["quantity", "NEES", "inside bounds"], *rows)
 
 
 def evidence(
@@ -153,7 +153,10 @@ DOUBTFUL = [
     (
         "late",
         evidence(
-            sections=(nees(["position", 1.0, "in"]), table("online", ["channel", "95 %"], ["/cwcli/ego/online", 1.5]))
+            sections=(
+                nees(["position", 1.0, "in"]),
+                table("online", ["channel", "95 % of delays below [s]"], ["/cwcli/ego/online", 1.5]),
+            )
         ),
         1.5,
         "A car could have known these states only 1.5 s late, so warnings come as late.",
@@ -226,7 +229,7 @@ def test_several_truths_are_named_to_choose_from() -> None:
 
 
 def test_error_against_the_truth_is_told_in_its_unit() -> None:
-    errors = {"key": "errors", "title": "", "columns": ["error of", "unit", "estimated"]}
+    errors = {"key": "errors", "title": "", "columns": ["quantity", "unit", "error of estimates"]}
     rows = [["position on one axis", "m", 0.1], ["heading", "deg", 0.704]]
     found = evidence(sections=(nees(["heading", 16.0, "OUT"]), {**errors, "rows": rows}))
     (doubt,) = find_doubts_in_evidence(found)

@@ -149,7 +149,7 @@ def test_a_table_without_a_column_that_is_needed_tells_nothing(key: str, most: i
     """Rows are as long as their columns, but too few or under other names."""
     speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[10.5]]))
     made = drive(speed, reports=[report("/wheel", "speed")])
-    names = {"noise": ["source", "quantity", "white noise"], "nees": ["error of", "NEES/dof"]}.get(
+    names = {"noise": ["source", "quantity", "white noise"], "nees": ["quantity", "NEES"]}.get(
         key, ["source", "quantity", "parameter", "value", "unit", "status"]
     )
     row = ["/wheel", "speed", "bias", "1.0", "m/s", "used"]
