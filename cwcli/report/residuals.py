@@ -120,7 +120,7 @@ def iter_source_residuals(drive: Drive) -> Iterator[SourceResiduals]:
     record = drive.records.get("estimate", {})
     found = read_recorded_summary(record)
     of_parameters = found.rows_of_table_columns_or_empty(
-        "parameters", "source", "quantity", "parameter", "value", "unit", "status"
+        "parameters", "source", "quantity", "parameter", "value +- sigma", "unit", "status"
     )
     of_noise = found.rows_of_table_columns_or_empty("noise", "source", "quantity", "white noise")
     measured = {

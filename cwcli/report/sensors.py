@@ -83,7 +83,7 @@ def sensor_remarks_sentence(drive: Drive) -> str:
 def _iter_late_sources(results: RecordedSummary) -> Iterator[tuple[str, str, float]]:
     """Yield source, quantity and latency [s] of each source whose applied latency shows in the figures."""
     for source, quantity, found, status in results.rows_of_table_columns_or_empty(
-        "sources", "source", "quantity", "latency [ms]", "latency status"
+        "sources", "source", "quantity", "latency +- sigma [ms]", "latency status"
     ):
         latency_ms = leading_number_or_nan(found)
         if status == "applied" and MIN_REMARKED_LATENCY_MS <= abs(latency_ms) < math.inf:
@@ -93,7 +93,7 @@ def _iter_late_sources(results: RecordedSummary) -> Iterator[tuple[str, str, flo
 def _iter_pitched_imus(results: RecordedSummary) -> Iterator[tuple[str, float, float]]:
     """Yield source, acceleration bias [m/s^2] and pitch [deg] of each IMU that is pitched more than a road."""
     for source, quantity, parameter, value in results.rows_of_table_columns_or_empty(
-        "parameters", "source", "quantity", "parameter", "value"
+        "parameters", "source", "quantity", "parameter", "value +- sigma"
     ):
         bias = leading_number_or_nan(value)
         if (quantity, parameter) == ("accel", "bias") and abs(bias) < STANDARD_GRAVITY_MPS2:

@@ -114,7 +114,7 @@ def test_two_receivers_and_two_imus_have_their_own_delay_noise_and_bias(log: Pat
     sections = {section.key: section for section in result.summary.sections}
     rows = {(row[0], row[1]): row for row in sections["sources"].rows}
     assert {topic for topic, _ in rows} == {"/gps/a", "/gps/b", "/imu/a", "/imu/b"}
-    latency = sections["sources"].columns.index("latency [ms]")
+    latency = sections["sources"].columns.index("latency +- sigma [ms]")
     for topic, delay_s in DELAYS_S.items():
         assert float(str(rows[topic, "position"][latency]).split()[0]) == pytest.approx(1e3 * delay_s, abs=50.0)
     sigma_m = {row[0]: float(str(row[2]).split()[0]) for row in sections["noise"].rows if row[1] == "position"}

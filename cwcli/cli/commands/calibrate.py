@@ -34,7 +34,7 @@ TABLE_HEADINGS = (
     "value",
     "+- (95 %)",
     "logs",
-    "scatter of logs (chi2/dof)",
+    "chi2/dof",
     "status",
 )
 """Headings of the table of constants."""

@@ -56,8 +56,8 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "accepted", "gated", "latency [ms]", "latency status")
-    names = (*columns[:2], "used", *columns[3:])
+    columns = ("source", "quantity", "accepted", "gated", "latency +- sigma [ms]", "latency status")
+    names = (*columns[:2], "used", "gated", "latency [ms]", "latency status")
     gated = any(report.n_gated for report in ego.sources)
     where = f", listed in {REJECTED.topic}" if gated else ""
     title = (
@@ -91,9 +91,10 @@ def _parameters_table(ego: TrackSummary) -> SummaryTable:
             value = CellWithValues(text, {"": slow.sigma, "sigma": None, "time_s": slow.time_s})
             label = "grade" if report.kind is Kind.ACCEL else "slow error"
             rows.append((*name, label, value, unit, _status_cell(slow.status)))
-    columns = ("source", "quantity", "parameter", "value", "unit", "status")
+    columns = ("source", "quantity", "parameter", "value +- sigma", "unit", "status")
+    names = (*columns[:3], "value", *columns[4:])
     title = "Sensors of the ego: biases and other parameters estimated from this log"
-    return SummaryTable("parameters", title, columns, tuple(rows))
+    return SummaryTable("parameters", title, columns, tuple(rows), names=names)
 
 
 def _noise_table(ego: TrackSummary) -> SummaryTable:

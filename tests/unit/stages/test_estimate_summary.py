@@ -39,7 +39,7 @@ def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSu
     table = next(section for section in estimate_tables(tracks) if section.key == "sources")
     rows = {str(row[0]): dict(zip(table.columns, row, strict=True)) for row in table.rows}
     for source, (latency, text, _) in CASES.items():
-        assert rows[source]["latency [ms]"] == text
+        assert rows[source]["latency +- sigma [ms]"] == text
         assert rows[source]["latency status"] == latency.status.value
     assert rows["/insignificant"]["latency status"] == "not significant"
 
