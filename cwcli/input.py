@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 import stat
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -47,6 +49,8 @@ MAX_BINARY_BYTES = 4_000_000_000
 """Greatest size of a net or a table that is read whole [bytes]; chosen by hand."""
 BYTES_PER_MEGABYTE = 1_000_000
 """Bytes in a megabyte, for messages to users."""
+PIPE_WAIT_S = 60.0
+"""Time in s within which somebody must write into a named pipe. Chosen by hand, as the default of `--timeout`."""
 STANDARD_STREAMS = (1, 2)
 """File descriptors of standard output and standard error (POSIX)."""
 OUTPUT_ERRORS = (OutputError, BrokenPipeError)
@@ -338,7 +342,8 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
         OSError, ValueError: It can't be read, or is too large; a zero byte is in the name.
         OutputError: Standard output or standard error goes into it.
     """
-    with open(path, "rb") as file:  # noqa: PTH123 - pathlib would strip a trailing slash from a folder's name
+    # pathlib would strip a trailing slash from a folder's name
+    with open(path, "rb", opener=open_descriptor_within_wait) as file:
         found = os.fstat(file.fileno())
         _remember_run_input_and_get_inputs(found, str(path))
         if max_bytes >= 0:
@@ -365,9 +370,32 @@ def _remember_run_input_and_get_inputs(found: os.stat_result, name: str) -> Inpu
 def _open_file_for_reading(path: str | Path, name: str) -> int:
     """Open a file for reading and return its descriptor; raise `InputError` if that fails."""
     try:
-        return os.open(path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+        return open_descriptor_within_wait(path)
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
+
+
+def open_descriptor_within_wait(path: str | Path, flags: int = os.O_RDONLY) -> int:
+    """Open a file for reading and return its descriptor; on Linux, a named pipe needs a writer within `PIPE_WAIT_S`.
+
+    Raises:
+        OSError: It can't be opened, or nobody writes into it.
+    """
+    flags |= getattr(os, "O_CLOEXEC", 0)
+    if not sys.platform.startswith("linux"):
+        return os.open(path, flags)
+    descriptor = os.open(path, flags | os.O_NONBLOCK)  # else it would wait here until somebody writes
+    try:
+        if stat.S_ISFIFO(os.fstat(descriptor).st_mode):
+            poll = select.poll()
+            poll.register(descriptor, select.POLLIN)
+            if not poll.poll(PIPE_WAIT_S * 1000):
+                raise OSError(errno.ETIMEDOUT, f"nobody has written into this pipe for {PIPE_WAIT_S:g} s")
+        os.set_blocking(descriptor, True)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
 
 
 def _stat_after_clock_tick(descriptor: int) -> os.stat_result:

@@ -42,7 +42,7 @@ def iter_xml_events(path: str, kept: Collection[str]) -> Iterator[Event]:
     try:
         with Path(path).open("rb") as file:
             while block := file.read(BYTES_PARSED_AT_ONCE):
-                parser.feed(block)
+                _feed_xml_parser(parser, block, path)
                 n_quiet_bytes += len(block)
                 for event in _iter_xml_events(parser):
                     n_quiet_bytes = 0
@@ -56,6 +56,14 @@ def iter_xml_events(path: str, kept: Collection[str]) -> Iterator[Event]:
         raise InputError(f"the XML is damaged: {error}", where=path) from error
     except OSError as error:
         raise InputError(f"it can't be read: {error.strerror}", where=path) from error
+
+
+def _feed_xml_parser(parser: ElementTree.XMLPullParser[ElementTree.Element], block: bytes, path: str) -> None:
+    """Parse a block; raise `InputError` for an encoding that the parser does not know."""
+    try:
+        parser.feed(block)
+    except (ValueError, LookupError) as error:
+        raise InputError(f"the encoding of the XML can't be read: {error}", where=path) from error
 
 
 class _BoundedTree:

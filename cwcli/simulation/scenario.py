@@ -37,6 +37,9 @@ HOST_NAME = "host"
 """Key of the ego vehicle among the vehicles of a scenario."""
 DEFAULT_START_TIME = datetime(2016, 10, 1, 8, 0, 0, tzinfo=UTC)
 """Time of a run's start if the scenario states none. Chosen by hand."""
+MAX_VEHICLE_SECONDS = 80_000
+"""Greatest duration of a run, times the number of its vehicles [s]: 22 vehicles for an hour. Chosen by hand: a vehicle
+takes 27 kB and a millisecond of processor time for each second."""
 
 _UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 """Start of Unix time, from which stamps are counted."""
@@ -218,6 +221,9 @@ def _read_vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str
     """Check the table of vehicles, and that station ids differ; the host comes first."""
     if not isinstance(tables, Mapping) or HOST_NAME not in tables:
         raise scenario_value_error(source, f"vehicles.{HOST_NAME}", "is missing", "a table: the ego vehicle")
+    if len(tables) * top["duration_s"] > MAX_VEHICLE_SECONDS:
+        what = f"has {len(tables)} tables, for {top['duration_s']:g} s"
+        raise scenario_value_error(source, "vehicles", what, f"{MAX_VEHICLE_SECONDS:,} s of all vehicles together")
     vehicles = {
         name: _read_vehicle(name, tables[name], top, source)
         for name in (HOST_NAME, *(key for key in tables if key != HOST_NAME))

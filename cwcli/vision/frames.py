@@ -21,7 +21,12 @@ from cwcli.signals.clocks import INVALID_LOG_TIME_REASON, MAX_STAMP_NS, MIN_STAM
 from cwcli.vision.depth_images import COMPRESSED_DEPTH_HEADER as DEPTH_HEADER
 from cwcli.vision.depth_images import DepthImageError, decode_compressed_depth_as_grey, is_compressed_depth
 from cwcli.vision.encoded import FrameLike, Image
-from cwcli.vision.image_header import ImageHeader, has_image_end, read_image_header
+from cwcli.vision.image_header import (
+    ImageHeader,
+    excess_data_reason_or_empty,
+    has_image_end,
+    read_image_header,
+)
 from cwcli.vision.opencv_versions import print_errors_only
 from cwcli.vision.ordered_threads import run_jobs_in_order
 from cwcli.vision.raw_images import GREY_ENCODINGS, RawImageError, decode_raw_as_colour, decode_raw_as_grey
@@ -276,6 +281,8 @@ def decode_frame(
     reason = _size_rejection_reason_or_empty(width_px, height_px)
     if not reason and header is not None and not has_image_end(frame.data, header.kind):
         reason = "cut short"
+    if not reason and header is not None and not is_depth:
+        reason = excess_data_reason_or_empty(frame.data, header)
     if reason:
         return _rejected_frame(index, frame, reason)
     wanted_size = wanted_size_of(width_px, height_px) if wanted_size_of else None

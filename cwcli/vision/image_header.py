@@ -18,6 +18,21 @@ PNG_END_CHUNK_TYPE = b"IEND"
 """Type of the last chunk of a PNG file (PNG specification, 11.2)."""
 _GREY_PNG_COLOUR_TYPES = (b"\x00", b"\x04")
 """Colour types of grey PNG images: without and with transparency."""
+JPEG_SCAN_MARKER = b"\xff\xda"
+"""Marker before each scan of a JPEG; the data of a scan can't hold it (ITU-T T.81, annex B)."""
+MAX_JPEG_SCANS = 50
+"""Greatest number of scans of a JPEG that is decoded. Chosen by hand: progressive pictures have about ten, and
+each scan costs time in every block of the picture, however short it is."""
+PNG_HEADER_BYTES = 33
+"""Number of bytes of a PNG's magic and first chunk (PNG specification, 5.2 and 11.2.2)."""
+PNG_CHUNK_FRAME_BYTES = 12
+"""Number of bytes around the data of a PNG's chunk: length, type and CRC (PNG specification, 5.3)."""
+PNG_DATA_CHUNK_TYPE = b"IDAT"
+"""Type of the chunks of a PNG that hold its pixels (PNG specification, 11.2.4)."""
+MAX_PNG_CHANNELS, MAX_PNG_SAMPLE_BYTES = 4, 2
+"""Greatest number of channels of a PNG, and of bytes of a sample (PNG specification, 11.2.2)."""
+PNG_SPARE_BYTES = 10_000
+"""Bytes that a small PNG may hold beyond its pixels: compression makes random data a little longer. Chosen by hand."""
 _START_OF_FRAME_MARKERS = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Second bytes of the markers that start a JPEG frame and hold its size (ITU-T T.81, table B.1)."""
 _MARKERS_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
@@ -49,6 +64,28 @@ def read_image_header(data: Bytes) -> ImageHeader | None:
     if head[:4] == b"RIFF" and head[8:12] == b"WEBP" and len(head) >= 30:
         return _read_webp_header(head)
     return None
+
+
+def excess_data_reason_or_empty(data: Bytes, header: ImageHeader) -> str:
+    """Why a picture takes far more work than one of its size, or "": the data of a PNG unpack to any length, and a JPEG
+    repeats its scans."""
+    if header.kind == "jpeg" and bytes(data).count(JPEG_SCAN_MARKER) > MAX_JPEG_SCANS:
+        return f"more than {MAX_JPEG_SCANS} scans"
+    if header.kind == "png":
+        row_bytes = 1 + header.width_px * MAX_PNG_CHANNELS * MAX_PNG_SAMPLE_BYTES
+        max_bytes = header.height_px * row_bytes + PNG_SPARE_BYTES
+        if len(data) > max_bytes and _count_png_data_bytes(data) > max_bytes:
+            return "more data than a picture of its size holds"
+    return ""
+
+
+def _count_png_data_bytes(data: Bytes) -> int:
+    n_bytes, at = 0, PNG_HEADER_BYTES
+    while at + PNG_CHUNK_FRAME_BYTES <= len(data):
+        length = int.from_bytes(data[at : at + 4], "big")
+        n_bytes += length if data[at + 4 : at + 8] == PNG_DATA_CHUNK_TYPE else 0
+        at += length + PNG_CHUNK_FRAME_BYTES
+    return n_bytes
 
 
 def has_image_end(data: Bytes, image_format: str) -> bool:

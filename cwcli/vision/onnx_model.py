@@ -212,10 +212,10 @@ def _load_net(path: Path, data: bytes) -> Any:
 def _run_net(path: Path, net: Any, blob: Float32Array, output: str) -> Float32Array:
     import cv2
 
-    net.setInput(blob)
     try:
+        net.setInput(blob)
         return np.asarray(net.forward(output) if output else net.forward(), np.float32)
-    except cv2.error as error:
+    except (cv2.error, ValueError, TypeError) as error:  # the last two: an output that is no array
         what = f"the net does not run on an input of {_format_shape(blob.shape)}"
         raise InputError(what, where=str(path), found=(_last_line_of_error(error),)) from None
 

@@ -170,9 +170,10 @@ def _read_frames_by_message(
     except InputError:
         raise
     except Exception as error:  # python-can raises whatever the damage makes: struct.error, zlib.error, TypeError
+        why = str(error) or type(error).__name__
         if not n_frames:
-            raise InputError(f"the trace can't be read: {error}", where=path) from error
-        raise InputError(f"the trace is damaged behind {n_frames} frames: {error}", where=path) from error
+            raise InputError(f"the trace can't be read: {why}", where=path) from error
+        raise InputError(f"the trace is damaged behind {n_frames} frames: {why}", where=path) from error
     if not n_frames:
         raise DataError("it has no frames", where=path)
     notes = [f"{n_without_time} frames have an impossible time and are left out"] if n_without_time else []

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from cwcli.errors import InputError, OutputError, UsageError
-from cwcli.input import InputFile
+from cwcli.input import InputFile, open_descriptor_within_wait
 from cwcli.logs.format.faults import not_mcap_error
 from cwcli.logs.format.records import MCAP_MAGIC
 from cwcli.logs.read.converted import ROS1_BAG_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC, convert_if_needed
@@ -73,7 +73,7 @@ def open_source(
             return convert_if_needed(InputFile.open(path, name), bounds)
         if not pipes:  # it may never end, and can't be read twice
             raise InputError("it is a pipe or a device, no file", where=name, hint="copy it into a file first")
-        with path.open("rb") as pipe:
+        with open(path, "rb", opener=open_descriptor_within_wait) as pipe:
             return _spool_pipe(pipe, name, bounds.max_input_bytes)
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
