@@ -46,10 +46,10 @@ def set_wrong_rows_aside_and_list_them(
                 what = "repeats one value for long, as a sensor that is stuck or saturated"
                 corrections.append(_correction_of_rows_set_aside(m, "stuck", what, frozen, time_s))
             if m.kind is Kind.POSITION:
-                rest = np.flatnonzero(~frozen)
                 jumped = np.zeros(len(rows), np.bool_)
-                jumped[rest] = fixes_jumped_away_mask(
-                    time_s[rest], values[rest], max(scatter_about_neighbours(values[rest, k : k + 1]) for k in (0, 1))
+                moving_s, moving = time_s[~frozen], values[~frozen]
+                jumped[~frozen] = fixes_jumped_away_mask(
+                    moving_s, moving, max(scatter_about_neighbours(moving[:, k : k + 1]) for k in (0, 1))
                 )
                 if jumped.any():
                     kept = _without_measurement_rows(kept, rows[jumped])

@@ -129,6 +129,47 @@ def test_kitti_states_are_as_good_as_they_say(kitti) -> None:
     assert np.sqrt((speed**2).mean()) < 0.15
 
 
+def _residual_of_turns_rad(true_s, true_rad, gyro_s, turned_rad, shift_s: float) -> float:
+    """The true headings against the turn by the gyroscope some time later, without offset and bias of each 20 s."""
+    squares = []
+    for begin in np.arange(true_s[0] + 5.0, true_s[-1] - 25.0, 20.0):
+        rows = (true_s >= begin) & (true_s < begin + 20.0)
+        residual = true_rad[rows] - np.interp(true_s[rows] + shift_s, gyro_s, turned_rad)
+        line = np.column_stack([np.ones(rows.sum()), true_s[rows] - begin])
+        squares.append((residual - line @ np.linalg.lstsq(line, residual, rcond=None)[0]) ** 2)
+    return float(np.sqrt(np.concatenate(squares).mean()))
+
+
+def test_kitti_true_headings_have_another_clock_than_the_true_positions() -> None:
+    """Without any filter: they lead the gyroscope by 60 ms in each minute, and the positions fit the fixes at once.
+
+    So no delay of a source explains the NEES of the heading, which is 17. On the gyroscope's clock it is 2.
+    """
+    measurements, truth = read(KITTI, KITTI_ORIGIN)
+    imu = next(m for m in measurements if m.kind is Kind.IMU)
+    fix = next(m for m in measurements if m.kind is Kind.POSITION)
+    true_s, gyro_s, fix_s = ((t - truth.stamp_ns[0]) / 1e9 for t in (truth.stamp_ns, imu.stamp_ns, fix.stamp_ns))
+    true_rad, true_xy = np.unwrap(truth.yaw_rad), np.column_stack([truth.x_m, truth.y_m])
+    rate = imu.values[:, 5]
+    turned_rad = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(gyro_s))])
+    shifts_s = np.arange(-0.2, 0.201, 0.02)
+    for minute in range(3):
+        rows = (true_s >= 60.0 * minute) & (true_s < 60.0 * (minute + 1))
+        found = [_residual_of_turns_rad(true_s[rows], true_rad[rows], gyro_s, turned_rad, each) for each in shifts_s]
+        assert shifts_s[np.argmin(found)] == pytest.approx(0.06, abs=0.021)
+        assert np.degrees(min(found)) < 0.3
+    inside = (fix_s > 5.0) & (fix_s < true_s[-1] - 5.0)
+    away_m = [
+        np.hypot(*(fix.values[inside].T - [np.interp(fix_s[inside] + each, true_s, axis) for axis in true_xy.T])).mean()
+        for each in shifts_s
+    ]
+    assert shifts_s[np.argmin(away_m)] == pytest.approx(0.0, abs=0.021)
+    track = estimate_track(measurements, EstimatorConfig(), truth.stamp_ns)
+    moved_rad = np.interp(true_s + 0.06, true_s, np.unwrap(track.state[:, 3]))
+    error = (moved_rad - true_rad + np.pi) % (2.0 * np.pi) - np.pi
+    assert 0.5 < (error**2 / track.covariance[:, 3, 3]).mean() < 4.0
+
+
 @pytest.mark.parametrize("part", ["22", "23"])
 def test_openacc_track_agrees_with_its_own_speed(part: str) -> None:
     measurements, _ = read(f"openacc-dynamic-part{part}.ros2.mcap")
