@@ -6,6 +6,7 @@ import math
 from functools import lru_cache
 
 from cwcli.kernels import gamma
+from cwcli.metrics.bounds import Bounds
 
 
 @lru_cache(maxsize=256)
@@ -33,7 +34,7 @@ def nis_gate_limit(probability: float, dof: int) -> float:
     return chi_square_quantile(probability, dof) if probability < 1.0 else 0.0
 
 
-def chi_square_mean_bounds(dof: float, count: float, level: float = 0.95) -> tuple[float, float]:
+def chi_square_mean_bounds(dof: float, count: float, level: float = 0.95) -> Bounds:
     """Return two-sided bounds of the mean of chi-square variables; NaN without any.
 
     Args:
@@ -42,7 +43,7 @@ def chi_square_mean_bounds(dof: float, count: float, level: float = 0.95) -> tup
         level: Share of the means that lie between the bounds.
     """
     if count <= 0:
-        return math.nan, math.nan
+        return Bounds(math.nan, math.nan)
     tail = 0.5 * (1.0 - level)
     total = dof * count
-    return chi_square_quantile(tail, total) / count, chi_square_quantile(1.0 - tail, total) / count
+    return Bounds(chi_square_quantile(tail, total) / count, chi_square_quantile(1.0 - tail, total) / count)

@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass, replace
+from cwcli.metrics.bounds import Bounds
 from cwcli.metrics.intervals import UNKNOWN_INTERVAL, poisson_interval, proportion_interval
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray
@@ -308,13 +309,13 @@ def metric_value_from_sums(pool: str, total: float, weight: float) -> float:
     return total / weight if pool == "mean" else total
 
 
-def metric_interval_from_sums(kind: Interval, total: float, weight: float) -> tuple[float, float]:
+def metric_interval_from_sums(kind: Interval, total: float, weight: float) -> Bounds:
     """Return the 95 % interval of a share or of a rate; NaN where the metric has none."""
     if kind == "share" and weight > 0.0:
         return proportion_interval(round(total), round(weight))
     if kind == "rate" and weight > 0.0:
         low, high = poisson_interval(round(total))
-        return low / weight, high / weight
+        return Bounds(low / weight, high / weight)
     return UNKNOWN_INTERVAL
 
 

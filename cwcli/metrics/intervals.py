@@ -1,6 +1,6 @@
 """Confidence intervals: bootstrap, normal, proportion and Poisson. No SciPy: it costs 450 ms to import.
 
-Every function returns (low, high) of a two-sided interval; level 0.95 unless told.
+Every function returns the bounds of a two-sided interval; level 0.95 unless told.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from statistics import NormalDist
 
 import numpy as np
 
+from cwcli.metrics.bounds import Bounds
 from cwcli.signals.columns import FloatArray
 
 Statistic = Callable[[FloatArray], float]
-UNKNOWN_INTERVAL = (float("nan"), float("nan"))
+UNKNOWN_INTERVAL = Bounds(float("nan"), float("nan"))
 """The interval of a value for which none can be computed: NaN at both ends."""
 
 
@@ -22,14 +23,14 @@ MAX_SUMMED_COUNT = 1000
 """Greatest count up to which Poisson probabilities are summed, which takes time in proportion; chosen by hand."""
 
 
-def normal_interval(values: FloatArray, level: float = 0.95) -> tuple[float, float]:
+def normal_interval(values: FloatArray, level: float = 0.95) -> Bounds:
     """Return the normal interval of the mean of independent values (n,); NaN with fewer than two."""
     _require_level_between_0_and_1(level)
     if len(values) < 2:
         return UNKNOWN_INTERVAL
     mean = float(np.mean(values))
     half = _two_sided_normal_quantile(level) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
-    return mean - half, mean + half
+    return Bounds(mean - half, mean + half)
 
 
 def bootstrap_interval(
@@ -40,7 +41,7 @@ def bootstrap_interval(
     seed: int,
     n_resamples: int = 2000,
     block: int = 1,
-) -> tuple[float, float]:
+) -> Bounds:
     """Return the percentile bootstrap interval of a statistic (Efron & Tibshirani 1993, ch. 13).
 
     Args:
@@ -70,12 +71,10 @@ def bootstrap_interval(
         rows = ((starts[:, None] + offsets) % n).ravel()[:n]
         found[index] = statistic(values[rows])
     low, high = np.quantile(found, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])
-    return float(low), float(high)
+    return Bounds(float(low), float(high))
 
 
-def clustered_proportion_interval(
-    successes: Sequence[int], trials: Sequence[int], level: float = 0.95
-) -> tuple[float, float]:
+def clustered_proportion_interval(successes: Sequence[int], trials: Sequence[int], level: float = 0.95) -> Bounds:
     """Return the interval of a share whose trials are correlated within clusters (the frames of one drive).
 
     Wilson's score with the effective number of trials (Korn & Graubard 1998): n over the design effect, which is the
@@ -100,7 +99,7 @@ def clustered_proportion_interval(
     return _wilson_interval(share, effective, level)
 
 
-def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[float, float]:
+def proportion_interval(successes: int, n: int, level: float = 0.95) -> Bounds:
     """Return the interval of a share of n independent trials by Wilson's score (1927); NaN with n = 0.
 
     Raises:
@@ -114,7 +113,7 @@ def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[fl
     return _wilson_interval(successes / n, n, level)
 
 
-def _wilson_interval(share: float, n: float, level: float) -> tuple[float, float]:
+def _wilson_interval(share: float, n: float, level: float) -> Bounds:
     """Return Wilson's score interval of a share of n trials; n need not be whole."""
     _require_level_between_0_and_1(level)
     z2 = _two_sided_normal_quantile(level) ** 2
@@ -122,10 +121,10 @@ def _wilson_interval(share: float, n: float, level: float) -> tuple[float, float
     half = math.sqrt(z2 * (share * (1.0 - share) / n + z2 / (4 * n * n))) / (1.0 + z2 / n)
     low = 0.0 if share == 0.0 else centre - half
     high = 1.0 if share == 1.0 else centre + half
-    return low, high
+    return Bounds(low, high)
 
 
-def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
+def poisson_interval(count: int, level: float = 0.95) -> Bounds:
     """Return the exact interval of the mean of a Poisson count (Garwood 1936); divided by hours it is that of a rate.
 
     Low solves P(N >= count) = (1 - level)/2, high solves P(N <= count) = (1 - level)/2; with a count of 0 low is 0.
@@ -138,10 +137,10 @@ def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
         raise ValueError(f"a count of {count} is negative")
     tail = (1.0 - level) / 2.0
     if count > MAX_SUMMED_COUNT:
-        return _gamma_quantile(float(count), tail), _gamma_quantile(count + 1.0, 1.0 - tail)
+        return Bounds(_gamma_quantile(float(count), tail), _gamma_quantile(count + 1.0, 1.0 - tail))
     high = _poisson_mean_at_probability(count, tail)
     low = 0.0 if count == 0 else _poisson_mean_at_probability(count - 1, 1.0 - tail)
-    return low, high
+    return Bounds(low, high)
 
 
 def _poisson_mean_at_probability(count: int, probability: float) -> float:

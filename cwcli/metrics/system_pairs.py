@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from cwcli.metrics.pooling import MetricRow
 
@@ -10,8 +11,16 @@ SYSTEM_PREFIX = "system."
 """Prefix of another system's metrics; the name of cwcli's own metric follows it."""
 
 
-def pair_with_own(rows: Mapping[str, MetricRow]) -> list[tuple[str, MetricRow, MetricRow | None]]:
-    """Return name, row and cwcli's own row of each metric of another system.
+class MetricPair(NamedTuple):
+    """A metric of another system and cwcli's own, None where cwcli has none; the name is without the prefix."""
+
+    name: str
+    other: MetricRow
+    own: MetricRow | None
+
+
+def pair_with_own(rows: Mapping[str, MetricRow]) -> list[MetricPair]:
+    """Pair each metric of another system with cwcli's own.
 
     Its state of the ego is compared with cwcli's online state, because neither uses later data.
     """
@@ -20,5 +29,5 @@ def pair_with_own(rows: Mapping[str, MetricRow]) -> list[tuple[str, MetricRow, M
         if name.startswith(SYSTEM_PREFIX):
             known = name.removeprefix(SYSTEM_PREFIX)
             own = rows.get(f"ego.online_{known.removeprefix('ego.')}") if known.startswith("ego.") else None
-            found.append((known, row, own or rows.get(known)))
+            found.append(MetricPair(known, row, own or rows.get(known)))
     return found

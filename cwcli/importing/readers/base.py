@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from cwcli.importing.tables import Answers, Guess, SourceTable
 from cwcli.importing.text_file import TextHead, decode_head, read_head
@@ -13,6 +13,14 @@ from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from cwcli.logs.write.writer import LogWriter
+
+
+class WrittenChannel(NamedTuple):
+    """A channel that an import writes: its topic, its schema's name and its number of messages."""
+
+    topic: str
+    schema_name: str
+    n_messages: int
 
 
 class Recording(Protocol):
@@ -27,8 +35,8 @@ class Recording(Protocol):
         """What was guessed."""
 
     @property
-    def topics(self) -> Sequence[tuple[str, str, int]]:
-        """Topic, schema and number of messages of each channel."""
+    def topics(self) -> Sequence[WrittenChannel]:
+        """The channels that are written."""
 
     def write(self, log: LogWriter) -> None:
         """Write the channels."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.bounded_xml import iter_xml_events
-from cwcli.importing.readers.base import FileHead, ImportKind, Recording
+from cwcli.importing.readers.base import FileHead, ImportKind, Recording, WrittenChannel
 from cwcli.importing.tables import Answers, Guess, Preset, Question, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.lazy_dataclass import dataclass
@@ -169,9 +169,10 @@ class OtherVehicles:
         return ()
 
     @property
-    def topics(self) -> Sequence[tuple[str, str, int]]:
+    def topics(self) -> Sequence[WrittenChannel]:
         """One channel with the messages of all."""
-        return [(OTHER_VEHICLES_TOPIC, BSM_SCHEMA["title"], sum(len(rows) for rows, _ in self.vehicles.values()))]
+        n_messages = sum(len(rows) for rows, _ in self.vehicles.values())
+        return [WrittenChannel(OTHER_VEHICLES_TOPIC, BSM_SCHEMA["title"], n_messages)]
 
     def write(self, log: LogWriter) -> None:
         """Write the messages in the order of time."""

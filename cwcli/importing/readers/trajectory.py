@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -117,7 +118,7 @@ def read_kitti_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
     if not blocks:
         raise InputError("it has no poses", where=path)
     matrices = np.concatenate(blocks).reshape(-1, 3, 4)
-    stamp_ns, why = stamps_of_rows_and_origin(path, answers, len(matrices))
+    stamp_ns, why = find_stamps_of_rows(path, answers, len(matrices))
     quaternions = xyzw_quaternions_of_rotations(matrices[:, :, :3])
     columns = {"time": stamp_ns} | {name: matrices[:, k, 3] for k, name in enumerate("xyz")}
     columns |= {f"q{axis}": quaternions[:, k] for k, axis in enumerate("xyzw")}
@@ -126,7 +127,14 @@ def read_kitti_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
     return [SourceTable.of_arrays(path, "", "kitti", columns, presets=presets, notes=notes)]
 
 
-def stamps_of_rows_and_origin(path: str, answers: Answers, n: int) -> tuple[Int64Array, str]:
+class RowStamps(NamedTuple):
+    """Stamps of rows in ns, and what they are from."""
+
+    stamp_ns: Int64Array
+    origin: str
+
+
+def find_stamps_of_rows(path: str, answers: Answers, n: int) -> RowStamps:
     """Return the stamps in ns (n,) of rows without a time: of `--times`, or of a times.txt beside the file.
 
     Raises:
@@ -137,7 +145,8 @@ def stamps_of_rows_and_origin(path: str, answers: Answers, n: int) -> tuple[Int6
     source = answers.frame_times
     rate = re.fullmatch(r"(\d+(?:\.\d+)?)\s*[hH][zZ]", source)
     if rate and float(rate.group(1)) > 0:
-        return np.rint(np.arange(n) * (NS_PER_S / float(rate.group(1)))).astype(np.int64), f"{source}, as you said"
+        stamp_ns = np.rint(np.arange(n) * (NS_PER_S / float(rate.group(1)))).astype(np.int64)
+        return RowStamps(stamp_ns, f"{source}, as you said")
     if not source:
         beside = Path(path).with_name("times.txt")
         if not beside.is_file():
@@ -147,7 +156,7 @@ def stamps_of_rows_and_origin(path: str, answers: Answers, n: int) -> tuple[Int6
     if len(stamps) != n:
         shown = f"more than {n}" if len(stamps) > n else len(stamps)
         raise DataError(f"{source} has {shown} times for {n} rows", where=path, hint="--times FILE names another one")
-    return stamps, source
+    return RowStamps(stamps, source)
 
 
 def read_time_lines_ns(path: str, max_n: int) -> Int64Array:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from cwcli.errors import DataError, InputError
-from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.trajectory import stamps_of_rows_and_origin
+from cwcli.importing.readers.base import FileHead, ImportKind, WrittenChannel
+from cwcli.importing.readers.trajectory import find_stamps_of_rows
 from cwcli.importing.tables import Answers, Guess, Question
 from cwcli.importing.times import parse_start_ns
 from cwcli.lazy_dataclass import dataclass
@@ -43,7 +43,7 @@ def _read_video_file(path: str, answers: Answers) -> Sequence[Video]:
     if answers.frame_times == "pts":
         stamps, why = pts_ns, "times in the container"
     else:
-        stamps, why = stamps_of_rows_and_origin(path, answers, len(pts_ns))
+        stamps, why = find_stamps_of_rows(path, answers, len(pts_ns))
     if (np.diff(stamps) <= 0).any():
         raise DataError("the times of the frames do not advance", where=path, hint="--times FILE or --times 30Hz")
     start_ns = parse_start_ns(answers.start) if answers.start else 0
@@ -100,9 +100,9 @@ class Video:
         return (Guess("time", "frames", "", "given", self.why),)
 
     @property
-    def topics(self) -> Sequence[tuple[str, str, int]]:
+    def topics(self) -> Sequence[WrittenChannel]:
         """One channel of images."""
-        return [(CAMERA_TOPIC, CAMERA_SCHEMA, len(self.stamp_ns))]
+        return [WrittenChannel(CAMERA_TOPIC, CAMERA_SCHEMA, len(self.stamp_ns))]
 
     def write(self, log: LogWriter) -> None:
         """Write the frames one after the other."""
