@@ -11,14 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures import fuzzy_safety
 from cwcli.measures.outlines import Size, outline_separation_m
-from cwcli.signals.columns import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from cwcli.signals.columns import BoolArray, FloatArray
 
 GRAVITY_MPS2 = 9.81
 """Acceleration of gravity as the regulation rounds it, m/s^2."""

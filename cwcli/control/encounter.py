@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.control.closed_loop import (
     COLLISION_DISTANCE_M,
@@ -21,10 +20,8 @@ from cwcli.control.closed_loop import (
 )
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
-
-BoolArray = npt.NDArray[np.bool_]
 
 POLICIES = ("no-action", "fuzzy", "driver")
 """Names of the policies, in the order of the rows of every array below; `no-action` is the recorded motion itself."""

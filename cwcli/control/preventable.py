@@ -16,7 +16,6 @@ from cwcli.control.driver_models import (
     HUMAN_AT_CUT_IN,
     R157_DRIVER,
     RSS_DRIVER,
-    BoolArray,
     CasePoses,
     DriverModel,
     EgoCases,
@@ -26,7 +25,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.outlines import Size
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.signals.columns import FloatArray, encode_strings, repeat_string
+from cwcli.signals.columns import BoolArray, FloatArray, encode_strings, repeat_string
 from cwcli.signals.units import NS_PER_S
 
 JUDGED_BEFORE_CONFLICT_S, SIMULATED_AFTER_CONFLICT_S = 8.0, 6.0

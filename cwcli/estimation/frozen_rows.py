@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.odd_sensors import MAX_REPEATED_ROW_SHARE, MIN_STUCK_DURATION_S, MIN_STUCK_ROWS, stuck_row_mask
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import EastNorthRows, FloatArray, ValueRows
+from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, ValueRows
 
-BoolArray = npt.NDArray[np.bool_]
 MIN_MOVING_SPEED_MPS = 3.0
 """Least mean speed in m/s, by the fixes, of a car that surely moves, so that a repeated zero is a fault. Chosen by
 hand."""

@@ -16,14 +16,13 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.remotes import perceived_rows_mask, select_remote_rows
 from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
 
 Rows = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
 
 MAX_MESSAGE_AGE_S = 1.0
 """Greatest age of a sender's message and of the object's moment before, s. Chosen by hand; not fitted."""

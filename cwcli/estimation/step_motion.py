@@ -10,16 +10,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.estimation.fix_scatter import noise_sigma_from_scatter_about_neighbours
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 
-BoolArray = npt.NDArray[np.bool_]
 MAX_BRIDGED_GAP_S = 1.0
 """Longest pause of a source that is interpolated linearly, s: the shortest step. Chosen by hand; not fitted."""
 MAX_BRIDGED_GAP_INTERVALS = 2.5

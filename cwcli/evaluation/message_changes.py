@@ -22,14 +22,13 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import IMAGE_SCHEMAS
 from cwcli.logs.read.message_checksums import read_log_times_and_crc32_of_messages
 from cwcli.logs.read.reader import Log
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings
+from cwcli.signals.columns import BoolArray, Columns, Field, FloatArray, Int64Array, Ragged, Strings
 from cwcli.signals.inputs import normalise_schema_name
 from cwcli.signals.units import NS_PER_S
 
 MAX_SAME_WARNING_DIFFERENCE_S = 3.0
 """Warnings of one rule about one vehicle that were raised so near each other are the same one, s. Chosen by hand:
 the hold-off of the rules is 1 s."""
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

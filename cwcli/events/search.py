@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.errors import MissingSignalError
 from cwcli.evaluation.system_topics import OtherSystemTopics
@@ -38,7 +37,7 @@ from cwcli.measures import MEASURES
 from cwcli.metrics.condition_parser import AndOr, Comparison, Not, Number
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn, unit_of_column
 from cwcli.pipeline.records import read_run_records
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.field_condition import COMPARISONS_BY_SIGN
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
@@ -54,8 +53,6 @@ EVENT_ID_HEX_DIGITS = 12
 """Length of an id, hexadecimal digits: two of a million events are equal with a probability of 0.2 %."""
 MAX_PAUSE_IN_EVENT_S = 0.25
 """Moments of an expression with a shorter pause are one, s. Chosen by hand: noise at a threshold."""
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

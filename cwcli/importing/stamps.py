@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.importing.load import LoadedTable
@@ -31,11 +30,10 @@ from cwcli.importing.times import (
 )
 from cwcli.importing.units import find_unit
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Int64Array
+from cwcli.signals.columns import BoolArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_count
 
-BoolArray = npt.NDArray[np.bool_]
 MAX_DIFFERENCE_CHANGE_OF_SAME_CLOCK_S = 0.1
 """Largest change in s of the difference of two columns of time that count as the same clock. Chosen by hand."""
 MAX_SHARE_OF_ROWS_BACK_IN_TIME = 0.2

@@ -13,19 +13,17 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.errors import UsageError
 from cwcli.importing.units import FACTORS
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_from_gps_unix_ns
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.importing.cells import ArrowArray
 
-BoolArray = npt.NDArray[np.bool_]
 MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
 """The last second of ROS 2 stamps, in January 2038, in ns since 1970 (builtin_interfaces/msg/Time)."""
 MAX_ZONE_OFFSET_S = 15 * 3600

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.lazy_dataclass import replace
 from cwcli.measures.base import Measure
@@ -18,11 +17,10 @@ from cwcli.measures.collision_time import TTC
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s, straight_contact_time_s
 from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2, CAR_LATERAL_LIMIT_MPS2
 from cwcli.measures.pair import Pair, SecondsAtStamps
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 
 N_REACTION_TIME_BISECTIONS = 10
 """Number of bisections: the result is exact to a thousandth of the time to collision."""
-BoolArray = npt.NDArray[np.bool_]
 AvoidanceCheck = Callable[[EdgeProjections, FloatArray], BoolArray]
 """A function: pair at the manoeuvre's begin and the host's speed, (m,) -> whether contact is avoided, (m,)."""
 

@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import Metric, find_metric
@@ -52,8 +51,6 @@ ROUNDING_TOLERANCE = 1e-9
 """Greatest relative difference that counts as rounding, as between two processors; chosen by hand."""
 RATIO_FLOOR_SHARE = 0.01
 """Share of the pooled value added to both values of a ratio, to keep tiny errors from deciding; chosen by hand."""
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 class ChangeVerdict(Enum):

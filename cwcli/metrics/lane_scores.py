@@ -10,12 +10,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from cwcli.signals.columns import BoolArray, FloatArray
 
 TUSIMPLE_COLUMN_TOLERANCE_PX = 20.0
 """Tolerance of a column in a vertical lane [px], from TuSimple's public scorer (evaluate/lane.py)."""

@@ -10,7 +10,14 @@ import numpy.typing as npt
 from cwcli.kernels.paths import on_track
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array, select_table_rows, sort_distinct_values
+from cwcli.signals.columns import (
+    BoolArray,
+    EastNorthRows,
+    FloatArray,
+    Int64Array,
+    select_table_rows,
+    sort_distinct_values,
+)
 from cwcli.signals.units import NS_PER_S
 
 ELLIPSE_50_SQUARED_RADIUS = 2.0 * np.log(2.0)
@@ -18,7 +25,6 @@ ELLIPSE_50_SQUARED_RADIUS = 2.0 * np.log(2.0)
 ELLIPSE_90_SQUARED_RADIUS = 2.0 * np.log(10.0)
 """Squared Mahalanobis distance at the border of the 90 % ellipse: the chi-square quantile, -2 ln(1 - 0.9)."""
 
-BoolArray = npt.NDArray[np.bool_]
 ActualPositions = tuple[FloatArray, BoolArray]
 """Actual positions of n starts at h horizons, (n, h, 2), NaN where unknown; and where they are known, (n, h)."""
 

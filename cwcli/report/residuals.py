@@ -37,8 +37,7 @@ from cwcli.report.sensors import INTERVAL_95_SIGMAS, leading_number_or_nan
 from cwcli.report.signal_figures import gated_measurement_mask
 from cwcli.report.views import Plot
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.quality import BoolArray
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, EGO_ID, HEADING, SPEED, YAW_RATE

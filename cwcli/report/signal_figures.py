@@ -28,9 +28,8 @@ from cwcli.report.drawing import (
     vertical_line_with_label,
 )
 from cwcli.report.map_figure import insert_nan_rows_in_time_gaps
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.packed_covariances import variances_of_states
-from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 MAX_MARKED_WARNINGS = 30

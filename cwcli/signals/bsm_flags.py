@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.signals.columns import (
+    BoolArray,
     Columns,
     Field,
     FloatArray,
@@ -27,7 +28,6 @@ from cwcli.signals.columns import (
     sort_distinct_values,
 )
 from cwcli.signals.leaf_fields import numbers_to_bit_flags
-from cwcli.signals.quality import BoolArray
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, join_road_events
 
 EVENT_FLAG_NAMES = (

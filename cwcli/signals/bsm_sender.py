@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray
-from cwcli.signals.quality import BoolArray
+from cwcli.signals.columns import BoolArray, FloatArray
 
 ACCEL_FILTER_CUTOFF_RADPS = 2.0 * np.pi
 """The cutoff frequency of the senders' acceleration filter, in rad/s: 1 Hz (SAE J2945/1)."""

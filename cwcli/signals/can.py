@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from cwcli.errors import UsageError, install_hint
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
+from cwcli.signals.columns import BoolArray, Columns, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_FACTORS_BY_KIND, FieldMapping, Term
-from cwcli.signals.quality import BoolArray
 
 DbcMessage = Any
 """A message of a DBC file, as cantools describes it."""

@@ -26,8 +26,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FirstAndLastNs, FloatArray, Int64Array, median_of_values
-from cwcli.signals.quality import S_PER_NS, BoolArray, Gap, Quality, RowLedger
+from cwcli.signals.columns import BoolArray, FirstAndLastNs, FloatArray, Int64Array, median_of_values
+from cwcli.signals.quality import S_PER_NS, Gap, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
 Clock = Literal["stamp", "log"]

@@ -17,6 +17,7 @@ from cwcli.lazy_dataclass import dataclass, replace
 
 Int64Array = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 NumericArray = npt.NDArray[np.generic]
 StateRows = FloatArray
 """Vehicle states, shape (n, 8), in the order of `vehicle_state.STATE_NAMES`."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.columns import BoolArray, FloatArray
+from cwcli.signals.quality import RowLedger
 
 SIGMAS_PER_95_PERCENT_HALF_WIDTH = 1.959964
 """Half-width of the central 95 % interval of a normal distribution, in standard deviations."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, encode_strings, sort_distinct_values
+from cwcli.signals.columns import BoolArray, Columns, FloatArray, Int64Array, encode_strings, sort_distinct_values
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.perceived import unknown_senders
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.quality import RowLedger
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, empty_remote_rows

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.columns import FloatArray, Int64Array, StampsNsAndIsGiven
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array, StampsNsAndIsGiven
+from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 
 GPS_EPOCH_UNIX_S = 315_964_800

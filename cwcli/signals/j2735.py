@@ -15,10 +15,10 @@ import numpy as np
 from cwcli.signals import bsm_flags
 from cwcli.signals.angles import heading_from_compass_deg
 from cwcli.signals.canonical import MESSAGE_COUNT_MODULUS
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, absent_strings
+from cwcli.signals.columns import BoolArray, Columns, FloatArray, Int64Array, Strings, absent_strings
 from cwcli.signals.covariances import east_north_covariance_from_ellipse
 from cwcli.signals.leaf_fields import accepted_text_mask, numbers_to_bit_flags, read_numbers, read_texts
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.quality import RowLedger
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec, make_remote_rows
 from cwcli.signals.v2x_elements import decode_codes_to_values, nan_unless_a_code_could_express

@@ -16,6 +16,7 @@ from cwcli.errors import DataError
 from cwcli.kernels.message_scan import intern_spans
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.signals.columns import (
+    BoolArray,
     Columns,
     Field,
     FloatArray,
@@ -26,7 +27,6 @@ from cwcli.signals.columns import (
     Strings,
     encode_strings,
 )
-from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import parse_float_or_nan
 

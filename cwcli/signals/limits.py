@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.columns import BoolArray, FloatArray
+from cwcli.signals.quality import RowLedger
 
 MAX_SPEED_MPS = 1e3
 """The largest speed that is accepted, in m/s; chosen far beyond any vehicle."""

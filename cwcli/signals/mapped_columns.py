@@ -8,6 +8,7 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import replace
 from cwcli.signals.clocks import MAX_STAMP_NS
 from cwcli.signals.columns import (
+    BoolArray,
     Columns,
     Field,
     FloatArray,
@@ -19,7 +20,6 @@ from cwcli.signals.columns import (
 )
 from cwcli.signals.leaf_fields import find_field, read_numbers, read_stamps
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, FieldMapping, Term
-from cwcli.signals.quality import BoolArray
 from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S

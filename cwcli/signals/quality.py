@@ -13,9 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Columns, Int64Array
-
-BoolArray = npt.NDArray[np.bool_]
+from cwcli.signals.columns import BoolArray, Columns, Int64Array
 
 S_PER_NS = 1e-9
 """One nanosecond in seconds."""

@@ -12,8 +12,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.canonical import MESSAGE_COUNT_MODULUS, RemoteSignal
-from cwcli.signals.columns import FloatArray, Int64Array, median_of_values, quantile_of_values
-from cwcli.signals.quality import BoolArray
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array, median_of_values, quantile_of_values
 from cwcli.signals.units import NS_PER_S
 
 MIN_RECEPTION_GAP_S = 1.0

@@ -18,9 +18,8 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.columns import FloatArray, Int64Array, Strings, select_table_rows
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array, Strings, select_table_rows
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 MAX_ID_CHANGE_PAUSE_S = 3.0

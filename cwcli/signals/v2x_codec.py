@@ -10,8 +10,8 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.canonical import RemoteQuantities
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.columns import BoolArray, Columns, FloatArray, Int64Array, Strings
+from cwcli.signals.quality import RowLedger
 from cwcli.signals.road_events import RoadEvents, empty_road_events
 
 OTHER_STATION_REASON = "sent by another station"

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
+from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 
 ITS_EPOCH_UNIX_S = 1_072_915_200

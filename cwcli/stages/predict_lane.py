@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.channels.lanes import read_lanes
 from cwcli.channels.lateral_state import ObservedDrive, read_observed_drive
@@ -38,7 +37,7 @@ from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.poses import VehiclePoses, body_poses_from_states, dead_reckoned_poses
 from cwcli.signals.canonical import Signal
-from cwcli.signals.columns import Columns, Int64Array, OutputChannel, StreamedChannel, repeat_string
+from cwcli.signals.columns import BoolArray, Columns, Int64Array, OutputChannel, StreamedChannel, repeat_string
 from cwcli.signals.role import Role
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.camera import topic_and_camera_used_by_lanes
@@ -52,8 +51,6 @@ EXAMPLES = (
 """Command lines that the help of `cwcli predict-lane` shows."""
 PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
 """Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

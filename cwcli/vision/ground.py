@@ -25,10 +25,9 @@ from __future__ import annotations
 from dataclasses import fields
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.signals.lane_geometry import (
     FarNearBendSpiral,
     curvature_change_ratios_to_centre_line,
@@ -37,8 +36,6 @@ from cwcli.signals.lane_geometry import (
 )
 from cwcli.vision.camera import Camera, rotation_from_yaw_pitch_roll
 from cwcli.vision.fit_columns import FitColumns
-
-BoolArray = npt.NDArray[np.bool_]
 
 N_BOUNDARY_SAMPLES = 16
 """Number of heights at which a boundary is sampled. Chosen by hand; not fitted."""

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.rectify import in_image_mask, lowest_visible_row_px, map_rectified_to_camera_px
-
-BoolArray = npt.NDArray[np.bool_]
 
 N_LINE_POINTS = 32
 """Number of points of a drawn boundary. Chosen by hand; not fitted."""

@@ -13,12 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
-
-BoolArray = npt.NDArray[np.bool_]
 
 N_PATH_POINTS = 32
 """Number of points of a drawn line. Chosen by hand; not fitted."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Int64Array, sort_distinct_values
+from cwcli.signals.columns import BoolArray, Int64Array, sort_distinct_values
 from cwcli.signals.units import NS_PER_S
 
-BoolArray = npt.NDArray[np.bool_]
 PERSISTENCE_TOLERANCE_NS = 1_000_000
 """Time in ns by which a condition may hold for less than the persistence time and still counts: stamps are rounded.
 Chosen by hand."""

@@ -11,15 +11,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.warning.types import LeftAndRight
 
-BoolArray = npt.NDArray[np.bool_]
 
 MAX_BOUNDARY_STEP_M, MAX_BOUNDARY_SPEED_MPS = 0.1, 1.5
 """A boundary beside the camera moves by at most 0.1 m plus 1.5 m/s times the time between two frames; more is a jump.

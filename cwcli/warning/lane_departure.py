@@ -31,11 +31,11 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.option import Option
 from cwcli.signals.clocks import earliest_known_times_ns
-from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.normal_distribution import normal_cdf
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import EventSpan, EventTiming, find_events
-from cwcli.warning.lane_agreement import BoolArray, agreement_duration_of_left_and_right_s, approach_speed_bound_mps
+from cwcli.warning.lane_agreement import agreement_duration_of_left_and_right_s, approach_speed_bound_mps
 from cwcli.warning.lane_gap import boundary_y_and_direction_at_distances, first_crossing_time_s, last_known_gap_m
 from cwcli.warning.output import NOT_CLEARED_NS
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.measures.outlines import Size
-from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
+from cwcli.signals.columns import BoolArray, FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.braking_horizon import measure_to_braking_horizon
 from cwcli.warning.collision import PathPairs
@@ -27,7 +27,7 @@ from cwcli.warning.measures import (
 )
 from cwcli.warning.remote_alignment import PathPoints, StatePairing, interpolate_paths, pair_with_newest_state
 from cwcli.warning.rule_inputs import OtherRowsPathRowsAges, evaluate_named_measures, pair_states_at_moments
-from cwcli.warning.rules.base import BoolArray, Decision, Rule, leave_out_raised_warnings, withhold_warnings
+from cwcli.warning.rules.base import Decision, Rule, leave_out_raised_warnings, withhold_warnings
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]

@@ -41,13 +41,13 @@ from cwcli.metrics.lane_scores import (
 from cwcli.prediction.lateral import predict_paths_from_observer
 from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error, lane_samples_from_geometry
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, BoolArray
 from cwcli.signals.lane_geometry import lateral_positions_of_arcs_m
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import OFFSET, YAW_RATE
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.render import RoadFrame
-from cwcli.simulation.road.truth import BoolArray, LaneTruth
+from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.streams import random_stream, seconds_to_ns
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitCollector, FitColumns

@@ -15,9 +15,9 @@ import numpy as np
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.policies import NO_BRAKING, drive_with_policy, impact_speeds_with_policy_mps
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
-from cwcli.control.driver_models import R157_DRIVER, BoolArray, CasePoses, EgoCases, simulate_driver_cases
+from cwcli.control.driver_models import R157_DRIVER, CasePoses, EgoCases, simulate_driver_cases
 from cwcli.errors import UsageError
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
 WARNING_SEARCH_TIME_BEFORE_CONTACT_S = 8.0

@@ -17,8 +17,7 @@ from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE
 from cwcli.evaluation.scored_warnings import WarningScores
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.pair import Pair
-from cwcli.signals.columns import FirstAndLastNs, Int64Array
-from cwcli.signals.quality import BoolArray
+from cwcli.signals.columns import BoolArray, FirstAndLastNs, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 NO_VEHICLE_ID = ""

@@ -18,8 +18,7 @@ from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Preset, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS
-from cwcli.signals.columns import Int64Array
-from cwcli.signals.quality import BoolArray
+from cwcli.signals.columns import BoolArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 UBX_SYNC_BYTES = b"\xb5\x62"

@@ -12,7 +12,6 @@ from cwcli.kernels import cdr as kernel
 from cwcli.logs.codecs.cdr_program import MAX_ALIGNMENT_XCDR2_BYTES, CdrProgram, LeafColumn, compile_cdr_program
 from cwcli.logs.codecs.column_buffers import (
     BlobSpanBuffer,
-    BoolArray,
     FixedColumnBuffer,
     Payloads,
     RaggedColumnBuffer,
@@ -25,7 +24,7 @@ from cwcli.logs.codecs.column_buffers import (
 from cwcli.logs.codecs.compressed_messages import iter_decompressed_parts
 from cwcli.logs.codecs.decoder import DecodeOutcome
 from cwcli.logs.codecs.ros2msg import parse_message_definitions
-from cwcli.signals.columns import Field, Int64Array, NumericArray, Ragged
+from cwcli.signals.columns import BoolArray, Field, Int64Array, NumericArray, Ragged
 
 REASON_BY_STATUS = {
     kernel.STATUS_SHORT: "the message ends before its fields do",

@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from cwcli.kernels.message_scan import intern_spans
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Int64Array, NumericArray, Ragged, Strings
+from cwcli.signals.columns import BoolArray, Int64Array, NumericArray, Ragged, Strings
 
-BoolArray = npt.NDArray[np.bool_]
 ByteArray = npt.NDArray[np.uint8]
 SPAN_BYTES = 16
 """Size in bytes of a span: start and length as int64."""

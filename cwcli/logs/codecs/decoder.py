@@ -7,8 +7,8 @@ from dataclasses import field
 from typing import Protocol
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.codecs.column_buffers import BoolArray, Payloads
-from cwcli.signals.columns import Field, Int64Array
+from cwcli.logs.codecs.column_buffers import Payloads
+from cwcli.signals.columns import BoolArray, Field, Int64Array
 
 
 @dataclass(frozen=True)

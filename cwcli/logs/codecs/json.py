@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import json_walk as kernel
-from cwcli.logs.codecs.column_buffers import BoolArray, Payloads, grown_capacity
+from cwcli.logs.codecs.column_buffers import Payloads, grown_capacity
 from cwcli.logs.codecs.decoder import DecodeOutcome
 from cwcli.logs.codecs.json_columns import (
     TAG_ABSENT,
@@ -25,7 +25,7 @@ from cwcli.logs.codecs.json_columns import (
     tag_and_int64_bits_of_scalar,
 )
 from cwcli.logs.codecs.json_tree import JsonKey, KeyTree, Tables, iter_nested_elements
-from cwcli.signals.columns import Field, Int64Array
+from cwcli.signals.columns import BoolArray, Field, Int64Array
 
 LEAF_VALUE_BYTES = 9
 """Memory in bytes of one leaf in one message: a value of 8 bytes and its tag."""

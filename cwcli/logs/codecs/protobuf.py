@@ -14,7 +14,6 @@ import numpy as np
 from cwcli.kernels import protobuf as kernel
 from cwcli.logs.codecs.column_buffers import (
     BlobSpanBuffer,
-    BoolArray,
     FixedColumnBuffer,
     Payloads,
     RaggedColumnBuffer,
@@ -34,7 +33,7 @@ from cwcli.logs.codecs.protobuf_tables import (
     is_repeated_field,
 )
 from cwcli.logs.codecs.ros2msg import SchemaError
-from cwcli.signals.columns import Field, Int64Array, NumericArray, Strings
+from cwcli.signals.columns import BoolArray, Field, Int64Array, NumericArray, Strings
 
 MAX_PREALLOCATED_BYTES = 1 << 28
 """Memory in bytes that is allocated before a message is seen. Chosen by hand."""

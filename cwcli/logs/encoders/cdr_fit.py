@@ -11,10 +11,9 @@ import numpy.typing as npt
 from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, Definitions, find_message_fields, parse_message_definitions
 from cwcli.logs.encoders.column_tree import Tree, build_column_tree, list_leaf_paths_and_columns
 from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
-from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated
+from cwcli.signals.columns import BoolArray, Int64Array, NumericArray, OutputField, Ragged, Repeated
 from cwcli.signals.units import NS_PER_S
 
-BoolArray = npt.NDArray[np.bool_]
 BOOL_TYPE = "bool"
 """The name of the primitive type of truth values in ROS 2."""
 TIME_TYPES = ("builtin_interfaces/Time", "builtin_interfaces/Duration")

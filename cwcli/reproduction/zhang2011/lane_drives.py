@@ -12,11 +12,10 @@ from functools import cache
 from itertools import islice
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.lane_scores import BoundaryColumns, visual_standard_score
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.car import YAW_RATE
 from cwcli.simulation.road.drive import RoadDrive, iter_set_drives
@@ -32,8 +31,6 @@ N_JUDGED_FRAMES = 10
 """Frames of each drive that are judged. Chosen by hand; not fitted."""
 N_SEARCHED_ROWS = 150
 """Rows from the bottom, of 240, that the paper searches (section 1.1); the rows above are not judged."""
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

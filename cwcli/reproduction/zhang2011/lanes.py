@@ -16,10 +16,10 @@ from cwcli.reproduction.findings_report import TIMES_KEY
 from cwcli.reproduction.zhang2011.lane_drives import (
     N_JUDGED_FRAMES,
     N_UNSTABLE_FRAMES,
-    BoolArray,
     MethodResults,
     run_methods_on_drives,
 )
+from cwcli.signals.columns import BoolArray
 from cwcli.vision.methods import methods_without_model
 
 CONCLUSION_FIGURE = "conclusion 1"

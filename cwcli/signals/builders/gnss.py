@@ -16,10 +16,10 @@ from cwcli.signals.builders.motion import NO_ORIENTATION_REASON
 from cwcli.signals.builders.position import NO_FIX_REASON, reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, VelocitySignal
 from cwcli.signals.clocks import Timeline, build_signal_and_quality, repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray, Int64Array
+from cwcli.signals.columns import BoolArray, Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, nan_beyond_limit, reject_rows_beyond_limit
-from cwcli.signals.quality import BoolArray, Quality, RowLedger
+from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.role import Role
 
 MIN_LOG_DELAY_S, MAX_LOG_DELAY_S = -0.5, 2.0

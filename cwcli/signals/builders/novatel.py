@@ -15,10 +15,10 @@ from cwcli.signals.builders.gnss import (
     heading_from_compass_or_nan,
     velocity_from_speed_and_course,
 )
-from cwcli.signals.columns import Columns, StampsNsAndIsGiven, Strings
+from cwcli.signals.columns import BoolArray, Columns, StampsNsAndIsGiven, Strings
 from cwcli.signals.gnss_time import utc_ns_and_is_time_from_gps_weeks
 from cwcli.signals.leaf_fields import accepted_text_mask, find_field, read_numbers, read_stamps
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_S
 
 SOLUTION_COMPUTED_CODE, NO_SOLUTION_TYPE_CODE = 0, 0

@@ -21,10 +21,10 @@ from cwcli.signals.builders.gnss import (
 )
 from cwcli.signals.canonical import ImuSignal
 from cwcli.signals.clocks import build_signal_and_quality, repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.columns import BoolArray, Columns, FloatArray
 from cwcli.signals.leaf_fields import read_frame_id, read_numbers, read_stamps, read_vector
 from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_rows_beyond_limit
-from cwcli.signals.quality import BoolArray, Quality, RowLedger
+from cwcli.signals.quality import Quality, RowLedger
 
 UNKNOWN_AXES_REASON = "the frame name contains neither ned (north-east-down) nor enu (east-north-up)"
 """The reason for rejecting messages whose frame name does not say which axes they use."""

@@ -12,10 +12,10 @@ from cwcli.signals.builders.gnss import (
     heading_from_compass_or_nan,
     isotropic_covariance,
 )
-from cwcli.signals.columns import Columns
+from cwcli.signals.columns import BoolArray, Columns
 from cwcli.signals.gnss_time import undo_week_rollover, utc_ns_and_is_time_from_date
 from cwcli.signals.leaf_fields import read_matrix, read_numbers
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.quality import RowLedger
 
 NO_FIX_TYPE, TIME_ONLY_FIX_TYPE = 0, 5
 """The fix types without a fix and with time only (u-blox interface description)."""

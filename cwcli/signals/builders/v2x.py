@@ -13,13 +13,14 @@ from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, SpeedSignal
 from cwcli.signals.clocks import Timeline, build_signal_and_quality, repair_and_order_times
 from cwcli.signals.columns import (
+    BoolArray,
     Columns,
     Strings,
     key_numbers_and_rows_of_first_appearance,
     median_of_values,
     sort_distinct_values,
 )
-from cwcli.signals.quality import BoolArray, Quality, RowLedger
+from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import OTHER_STATION_REASON, RemoteRows, Senders, V2xCodec

@@ -15,6 +15,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.columns import (
+    BoolArray,
     Columns,
     FloatArray,
     Int64Array,
@@ -34,7 +35,7 @@ from cwcli.signals.limits import (
     MAX_TURN_RATE_RADPS,
 )
 from cwcli.signals.osi.leaves import PROJECTION_FIELD, SENSOR_VIEW_PREFIX, STATIONARY_OBJECT_FIELD
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.quality import RowLedger
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 

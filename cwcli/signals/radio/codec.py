@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals import cpm, etsi, j2735, sdsm
-from cwcli.signals.columns import Columns, Field, Strings, sort_distinct_values
+from cwcli.signals.columns import BoolArray, Columns, Field, Strings, sort_distinct_values
 from cwcli.signals.denm import event_counts_notice_or_empty, road_events_from_denm_codes
-from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.quality import RowLedger
 from cwcli.signals.radio import frames, messages, standard_messages
 from cwcli.signals.road_events import RoadEvents, join_road_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows

@@ -12,9 +12,8 @@ import numpy.typing as npt
 
 from cwcli.kernels import radio_frames
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import Columns, Field, Ragged
+from cwcli.signals.columns import BoolArray, Columns, Field, Ragged
 from cwcli.signals.leaf_fields import find_field
-from cwcli.signals.quality import BoolArray
 from cwcli.signals.radio.messages import Octets, UInt8Array
 from cwcli.signals.radio.wsmp import extract_wsmp_payloads
 

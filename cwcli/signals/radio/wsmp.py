@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.quality import BoolArray
+from cwcli.signals.columns import BoolArray
 from cwcli.signals.radio.messages import Octets
 
 WSMP_VERSION = 3

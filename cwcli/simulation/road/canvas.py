@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.simulation.road.surface import Float32Array
-from cwcli.simulation.road.truth import BoolArray
 
 FINE_SUBSAMPLES, COARSE_SUBSAMPLES = 4, 2
 """Sub-samples per pixel in each direction, for small and for large objects. Chosen by hand; not fitted."""

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.canvas import FilledShape, draw_shapes
 from cwcli.simulation.road.geometry import RoadAhead
@@ -15,7 +15,6 @@ from cwcli.simulation.road.lamps import Lamp
 from cwcli.simulation.road.scene import Light, RoadScene, SceneVehicle
 from cwcli.simulation.road.surface import Float32Array
 from cwcli.simulation.road.trees import N_TREE_SHAPES, draw_tree
-from cwcli.simulation.road.truth import BoolArray
 
 MIN_PROJECTED_DISTANCE_M = 0.5
 """Smallest distance ahead at which points are projected, m; nearer ones are moved there. Chosen by hand; not fitted."""

@@ -6,11 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
-
-BoolArray = npt.NDArray[np.bool_]
 
 VISIBLE_RANGE_M = 60.0
 """Distance beyond which a boundary counts as not visible, m: a marking of 0.15 m is 2 pixels wide there at 320 x

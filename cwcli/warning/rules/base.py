@@ -6,14 +6,11 @@ from collections.abc import Callable
 from dataclasses import fields
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.warning.measures import Measures
 from cwcli.warning.types import WarningConfig
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

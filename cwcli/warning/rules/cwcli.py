@@ -29,9 +29,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.warning.measures import MEASURE_ARRAY_NAMES, Measures
-from cwcli.warning.rules.base import BoolArray, Decision, Rule
+from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 RELEASE_SHARE_OF_PROBABILITY_THRESHOLD = 0.5

@@ -19,10 +19,10 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE, X, Y
 from cwcli.warning.measures import Measures, PairStates
-from cwcli.warning.rules.base import BoolArray, Decision, Rule
+from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 MIN_HARD_BRAKING_MPS2 = 4.0

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.simulation.road.scene import Marking, RoadScene
-from cwcli.simulation.road.truth import BoolArray
 
 
 def painted_station_mask(scene: RoadScene, marking: Marking, station_m: FloatArray) -> BoolArray:
