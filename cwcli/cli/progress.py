@@ -35,6 +35,11 @@ class Progress:
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
+    @property
+    def is_shown(self) -> bool:
+        """Whether there is a terminal that can show the line."""
+        return self._enabled
+
     def begin_step(self, what: str) -> None:
         """Show the name of the next step."""
         self._what = escape_control_characters(redact_urls(what))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any
 
 from cwcli.bounded_process import ERROR_CLASSES, Limits, cpu_limit_for_file_size_s, run_bounded
 from cwcli.errors import InputError
+from cwcli.importing.progress_shares import READING_SHARE, ShareReport, follow_shares
 from cwcli.importing.readers import load_kind
 from cwcli.importing.readers.base import FileHead
 from cwcli.importing.run import plan_import, write_import
@@ -63,11 +64,19 @@ class ImportReport:
     mapping_text: str
 
 
-def import_files(files: Sequence[str], answers: Answers, target: str | None, *, force: bool = False) -> ImportReport:
+def import_files(
+    files: Sequence[str],
+    answers: Answers,
+    target: str | None,
+    *,
+    force: bool = False,
+    progress: Callable[[float, float], None] | None = None,
+) -> ImportReport:
     """Import files in a process of its own.
 
     Args:
         target: The log, "-" for standard output, None to write none.
+        progress: Called now and then with the share that is done and the whole, 1, in a thread of its own.
 
     Raises:
         CwcliError: As `plan_import` and `write_import`; an `InputError` where the files take more than their bounds.
@@ -91,6 +100,7 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
         "target": target,
         "force": force,
         "stdout": None,
+        "progress": None,
     }
     classes = ERROR_CLASSES | {AmbiguousError.__name__: AmbiguousError}
     descriptors = []
@@ -100,6 +110,9 @@ def import_files(files: Sequence[str], answers: Answers, target: str | None, *, 
             # the process has its own standard output, for the answer
             request["stdout"] = os.dup(sys.stdout.fileno())
             descriptors = [request["stdout"]]
+        if progress is not None:
+            request["progress"] = shares_out = follow_shares(progress)
+            descriptors.append(shares_out)
         answer = run_bounded(FUNCTION, request, limits, name, descriptors=descriptors, classes=classes)
     finally:
         for descriptor in descriptors:
@@ -121,15 +134,17 @@ def import_requested_files_in_own_process(request: dict[str, Any]) -> dict[str, 
     if request["stdout"] is not None:
         os.dup2(request["stdout"], 1)
     bound_array_memory_and_get_old_handler()
+    report = ShareReport(request["progress"], READING_SHARE if request["target"] is not None else 1.0)
     given = request["answers"]
     columns = {(table, quantity): (column, unit) for table, quantity, column, unit in given["columns"]}
     answers = Answers(**{**given, "columns": columns, "dbc": tuple(given["dbc"])})
     with ExitStack() as opened:
         names = dict.fromkeys((*request["files"], *answers.dbc, answers.frame_times))
         inputs = [opened.enter_context(InputFile.open(name)) for name in names if Path(name).is_file()]
-        plan = plan_import(request["files"], answers)
+        with report.follow_reading(request["files"]):
+            plan = plan_import(request["files"], answers)
         if request["target"] is not None:
-            write_import(plan, request["target"], force=request["force"], inputs=inputs)
+            write_import(plan, request["target"], force=request["force"], inputs=inputs, progress=report.report_writing)
             sys.stdout.flush()
     return {
         "kinds": dict(plan.kinds),

@@ -37,6 +37,8 @@ from cwcli.importing.times import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 
+MIN_ROWS_OF_JOINED_PIECES = 1 << 20
+"""Number of rows from which the pieces of a column are joined, so that a file can hold them. Chosen by hand: 8 MiB."""
 EPOCH_WORDS = frozenset(
     "time timestamp unix epoch posix stamp utc gentime received created ts s sec ms us ns".split()  # noqa: SIM905
 )
@@ -171,6 +173,7 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
                 how[column] = _reading_method_of_column(array, of_column[column])
             if n:
                 bad[column] += _append_cells_and_count_bad(pieces[column], array, how[column], decimals[column])
+                _join_last_pieces(pieces[column], how[column])
     for column in wanted:
         _store_finished_column(loaded, column, how.get(column, "numbers"), pieces[column])
     given_units = {column: unit for column, unit in cell_units.items() if unit}
@@ -254,6 +257,35 @@ def _append_cells_and_count_bad(batches: list[Any], array: ArrowArray, reading_m
     )(array, decimal)
     batches.append(values)
     return n_bad
+
+
+def _join_last_pieces(pieces: list[Any], reading_method: str) -> None:
+    """Replace the last pieces of a column by one, once they are many.
+
+    Arrays of a few rows lie in memory whatever their number; large ones can lie in a file (`cwcli.array_memory`).
+    """
+    n_last = 0
+    for piece in reversed(pieces):
+        if _n_rows_of_piece(piece) >= MIN_ROWS_OF_JOINED_PIECES:
+            break
+        n_last += 1
+    last = pieces[len(pieces) - n_last :]
+    if reading_method == "texts" or sum(map(_n_rows_of_piece, last)) < MIN_ROWS_OF_JOINED_PIECES:
+        return
+    pieces[len(pieces) - n_last :] = [_joined_pieces(last, reading_method)]
+
+
+def _n_rows_of_piece(piece: Any) -> int:
+    """Return the number of rows of numbers, of instants, of times or of texts."""
+    return len(piece.valid if isinstance(piece, TextTimes) else piece[-1] if isinstance(piece, tuple) else piece)
+
+
+def _joined_pieces(pieces: list[Any], reading_method: str) -> Any:
+    if reading_method == "instants":
+        return tuple(np.concatenate([piece[k] for piece in pieces]) for k in range(3))
+    if reading_method in {"text times", "short dates"}:
+        return join_text_times(pieces)
+    return np.concatenate(pieces)
 
 
 def _store_finished_column(loaded: LoadedTable, column: str, reading_method: str, batches: list[Any]) -> None:

@@ -124,7 +124,8 @@ def command(
     given = _merge_options_and_mapping_file(answers, mapping)
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step(f"import {', '.join(files)}")
-        report = import_files(files, given, None if preview else target, force=force)
+        follow = progress if progress.is_shown else None
+        report = import_files(files, given, None if preview else target, force=force, progress=follow)
     if not preview and beside is not None and beside != mapping:
         write_file(beside, report.mapping_text.encode(), force=force)
     if talk.json:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from heapq import merge
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self, cast
@@ -28,6 +29,8 @@ from cwcli.version import __version__
 
 LIBRARY_NAME = f"cwcli {__version__}"
 """The library name in the header of new logs."""
+MESSAGES_PER_REPORT = 1 << 14
+"""Number of messages that are written between two reports of progress. Chosen by hand: a tenth of a second."""
 
 
 class LogWriter:
@@ -52,6 +55,7 @@ class LogWriter:
         self._feeds: list[MessageFeed] = []
         self._counts: dict[int, int] = {}
         self._open = ExitStack()
+        self._is_closed = False
         if isinstance(target, OutputStream):
             output = target
         else:
@@ -128,17 +132,31 @@ class LogWriter:
         """Add a metadata record: named texts."""
         self._writer.add_metadata(escape_surrogates(name), _encodable_texts(values))
 
-    def close(self) -> None:
-        """Write the messages and the summary.
+    def close(self, progress: Callable[[int, int], None] | None = None) -> None:
+        """Write the messages and the summary; a second call does nothing.
+
+        Args:
+            progress: Called now and then with the number of messages written and of all.
 
         Raises:
             OutputError: The target can't be written.
         """
+        if self._is_closed:
+            return
+        self._is_closed = True
         with self._open:
             feeds = [feed.iter_mergeable_messages(position) for position, feed in enumerate(self._feeds)]
-            for log_time_ns, position, publish_time_ns, sequence, data in merge(*feeds):
-                channel_id = self._feeds[position].channel_id
-                self._writer.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence)
+            merged, n_all, n_written = merge(*feeds), sum(self._counts.values()), 0
+            while n_written < n_all:
+                before = n_written
+                for log_time_ns, position, publish_time_ns, sequence, data in islice(merged, MESSAGES_PER_REPORT):
+                    channel_id = self._feeds[position].channel_id
+                    self._writer.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence)
+                    n_written += 1
+                if n_written == before:
+                    break
+                if progress is not None:
+                    progress(n_written, n_all)
             self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _add_feed(self, feed: MessageFeed) -> None:
