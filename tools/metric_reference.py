@@ -10,6 +10,7 @@ from cwcli.cli.markdown import replace_marked_block
 
 REPEATED_METRICS = {
     "ego.online_": ("ego.", "Of the online states, against the truth or else hindsight, as without `online_`"),
+    "prediction.remote.": ("prediction.ego.", "Of remote vehicles, as of the ego"),
     "warnings.<rule>.": ("warnings.", "Of one of several rules, as without `<rule>.`"),
     "system.": ("", "Of another system, as without `system.`"),
 }

@@ -102,6 +102,10 @@ CRIME_DIFFERENCES = (
 )
 
 
+LEAST_REPEATED_SCHEMAS = 5
+"""Schemas that a role shares with `remote` are named by that role from this number on. Chosen by hand."""
+
+
 def paragraph(text: str) -> str:
     """The text in lines of at most 120 characters, broken between words only."""
     return textwrap.fill(text, 120, break_long_words=False, break_on_hyphens=False)
@@ -171,22 +175,14 @@ def prediction_page(text: str) -> str:
 
 
 def warning_page(text: str) -> str:
-    """docs/warning.md with its tables of rules and of what a conflict is."""
-    from cwcli.measures import MEASURES
+    """docs/warning.md with its table of rules."""
     from cwcli.warning.rules import RULES
-    from cwcli.warning.types import WarningConfig
 
-    names = [name for name, measure in MEASURES.items() if measure.is_series and measure.threshold is not None]
-    rows = [
-        (format_code(name), f"when {WarningConfig(conflict=name).parsed_conflict_definition.conflict_text}")
-        for name in names
-    ]
     rules = [
         (format_code(name), rule.summary, f"{rule.persistence_s:g} s" if rule.persistence_s else "none")
         for name, rule in RULES.items()
     ]
-    text = replace_marked_block(text, "rules", format_markdown_table(("`--rule`", "warns of", "persistence"), rules))
-    return replace_marked_block(text, "conflicts", format_markdown_table(("`--conflict`", "a conflict is"), rows))
+    return replace_marked_block(text, "rules", format_markdown_table(("`--rule`", "warns of", "persistence"), rules))
 
 
 def lanes_page(text: str) -> str:
@@ -211,16 +207,20 @@ def signals_page(text: str) -> str:
     def listed(schemas: list[str]) -> str:
         return ", ".join(map(format_code, schemas))
 
-    v2x = by_role[Role.REMOTE][0]
+    v2x = {*by_role[Role.REMOTE][0]}
+
+    def listed_but_for_remote(schemas: list[str]) -> str:
+        others = [each for each in schemas if each not in v2x]
+        if len(schemas) - len(others) < LEAST_REPEATED_SCHEMAS:
+            return listed(schemas)
+        return ", ".join(["the ego's own CAM, VAM or BSM (as in `remote`)", *map(format_code, others)])
+
     rows = []
     for role in (role for role in Role if role in by_role):
         ranks = by_role[role]
         ordered = [ranks[rank] for rank in sorted(rank for rank in ranks if rank is not None)]
         own = role is not Role.REMOTE
-        parts = [
-            "the ego's own of `remote`" if own and each == v2x else ", ".join(map(format_code, each))
-            for each in ordered
-        ]
+        parts = [listed_but_for_remote(each) if own else listed(each) for each in ordered]
         if None in ranks:
             parts.append(f"by name only: {', '.join(map(format_code, ranks[None]))}")
         rows.append(

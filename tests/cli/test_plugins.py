@@ -33,7 +33,6 @@ from tests.cli.plugin_package import ENTRY_POINTS, MODULES, install
 from tests.unit.vision import lane_logs
 from tests.work import count_calls
 from tools.reference import pages
-from tools.registry_reference import measures_page
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
@@ -126,10 +125,9 @@ for page in (lanes_page, prediction_page, signals_page, warning_page):
     print(page(Path(f"docs/{page.__name__.removesuffix('_page')}.md").read_text()))
 """
     shown = " ".join(run_python(code, extra).split())
-    assert "`tenth`: tenth of the distance q = d_c / 10 Column `min_tenth_m`. Source: made up." in shown
-    assert "Threshold: < 0.5 m." in shown  # no source, so no parentheses
-    assert "()" not in measures_page()
-    assert "| `tenth` | when the tenth of the distance was below 0.5 m |" in shown
+    assert "## `tenth` q = d_c / 10 Column `min_tenth_m`. Source: made up." in shown
+    assert "Source: made up. Threshold:" not in shown  # it has no source
+    assert "| `tenth` | tenth of the distance | m | low | < 0.5 m |" in shown
     assert "`ship_msgs/Log`" in shown
     assert "| `near` | centres nearer than 30 m | none |" in shown
     assert "| `half` | half of the acceleration | yes | | | |" in shown
