@@ -5,9 +5,9 @@
 Frames: the rendered sets `complex` and `hard`, roads with hardly any paint, with raised dots, and with none of it, and
 noise, each with the camera's mounting known and not known. A boundary is right if 85 % of its visible rows are within 6
 pixels; without paint it never is. Fitted on four seeds, shown on another. Beside them, with `LABELLED_SHARE` of the
-weight, the labelled frames of `lane_halves` and their mirror images, right as TuSimple's benchmark has it. Prints the
-coefficients for `vision/boundary_probability.py`, those of each half with the reliability on the other one, and the reliability
-tables of docs/lanes.md.
+weight, the labelled pictures of even numbers in all kinds of `lane_variants`, right as TuSimple's benchmark has it,
+and some of them upside down. Prints the coefficients for `vision/boundary_probability.py`, and the reliability of those
+in use on the varied pictures of odd numbers and on rendered ones.
 """
 
 from __future__ import annotations
@@ -32,17 +32,26 @@ from cwcli.simulation.road.sets import FRAME_SETS, draw_scene, iter_set_frames
 from cwcli.simulation.streams import random_stream
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.boundary_probability import (
+    CLEAR_VOTE_SHARE,
     PROBABILITY_OF_WELL_SEEN_OTHER_LINE,
     LOG_ODDS_COEFFICIENTS,
+    LOG_ODDS_PER_VOTE_SHARE,
     probability_features_of_left_and_right,
 )
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.lane_detect import prior_with_vanishing_point, search_first_frame
-from cwcli.vision.lane_model import first_frame_prior, fit_boundary_parabolas, pitch_from_horizon_rad
+from cwcli.vision.lane_model import (
+    boundary_road_curves,
+    first_frame_prior,
+    fit_boundary_parabolas,
+    pitch_from_horizon_rad,
+)
 from cwcli.vision.lane_tracker import MIN_FOUND_PROBABILITY, search_size
-from cwcli.vision.method import LaneFit
+from cwcli.vision.method import GreyImage, LaneFit
 from tests.studies.lane_halves import LOG, labelled, matches
 from tests.studies.lane_halves import drawn as lines_of
+from tests.studies.lane_variants import KINDS
+from tests.studies.varied_pictures import HEIGHT_PX, WIDTH_PX, Picture
 
 DOTS_M = (0.15, 3.6)
 """Length and gap of raised dots."""
@@ -54,7 +63,12 @@ SCALE = 1e-6
 FIRST_LAPSE = 0.05
 MOST = 200.0
 """Of a coefficient. Evidence may not speak against a boundary, nor the crowd for one."""
-LABELLED_SHARE = 1.0 / 3.0
+LABELLED_SHARE = 0.4
+"""Share of the varied real pictures in the fit's weight."""
+UPSIDE_DOWN = ("as it is", "gamma 1.6", "haze", "rain", "shadow stripes")
+"""Kinds that are searched upside down as well."""
+VARIED_SEEDS = (7, 11)
+"""Seeds that draw the weather and the damage of the pictures that are fitted on, and of those that are shown."""
 EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.001)
 
 
@@ -92,7 +106,7 @@ def drawn(name: str, n: int, seed: int) -> Iterator[RoadFrame]:
 
 
 def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Features (m, 4) of boundaries, whether each is right, and 0, or for an empty set 1 + its place in `EMPTY`."""
+    """Features (m, 5) of boundaries, whether each is right, and 0, or for an empty set 1 + its place in `EMPTY`."""
     paper = camera_of_zhang2011()
     mounting = Mounting(height_m=paper.height_m, pitch_rad=paper.pitch_rad)
     mounted = Camera(320, 240, paper.fx, paper.fy, paper.cx, paper.cy, mounting=mounting)
@@ -101,9 +115,9 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         made = drawn(name, n, seed) if name in ("worn", "dots", *EMPTY) else iter_set_frames(name, n, seed=seed)
         for frame in made:
             for camera in (mounted, default_camera(320, 240, Mounting())):
-                prior = first_frame_prior(camera)
+                prior, votes = first_frame_prior(camera), 1.0
                 if not prior.is_mounting_known:
-                    prior, _ = prior_with_vanishing_point(frame.grey, prior)
+                    prior, votes = prior_with_vanishing_point(frame.grey, prior)
                 lanes, values, evidence = search_first_frame(frame.grey, camera, prior)
                 u = _columns(fit_boundary_parabolas(lanes[0], camera))
                 truth, low = frame.truth, np.arange(240) >= 90
@@ -114,7 +128,8 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
                 for side, share in enumerate((score.left_share, score.right_share)):
                     if np.isnan(share):
                         continue
-                    rows.append(probability_features_of_left_and_right(evidence, lanes[0], float(values[0]))[side])
+                    own = probability_features_of_left_and_right(evidence, lanes[0], float(values[0]))[side]
+                    rows.append((*own, min(votes - CLEAR_VOTE_SHARE, 0.0)))
                     right.append(float(share >= VISUAL_MIN_ROW_SHARE and name not in EMPTY))
                     empty.append(float(EMPTY.index(name) + 1 if name in EMPTY else 0))
     return np.array(rows), np.array(right), np.array(empty)
@@ -125,26 +140,55 @@ def _columns(parabolas: FloatArray) -> FloatArray:
     return np.asarray((parabolas[:, :1] * y + parabolas[:, 1:2]) * y + parabolas[:, 2:] - 1.0)
 
 
-def labelled_samples() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Features (m, 4) of the boundaries of labelled frames and their mirror images, whether right, and the frame."""
-    rows, right, numbers = [], [], []
-    for number, (frame, lanes, rows_px) in enumerate(labelled(LOG, search_size)):
+def varied_samples(half: int, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Features (m, 5) of the boundaries of every second labelled picture in every kind of `lane_variants` and whether
+    each is right; of the pictures in `UPSIDE_DOWN` also upside down, where none is right.
+
+    Args:
+        half: 0: the pictures of even numbers, 1: the odd ones.
+        seed: Draws the weather and the damage.
+    """
+    rows, right = [], []
+    for number, (frame, lanes, rows_px) in enumerate(labelled(LOG, lambda width, height: (width, height))):
+        if number % 2 != half:
+            continue
         assert frame.image is not None
-        mirrored = np.where(lanes >= 0.0, frame.width_px - 1.0 - lanes, lanes)
-        for grey, labels in ((frame.image, lanes), (np.ascontiguousarray(frame.image[:, ::-1]), mirrored)):
-            camera = default_camera(frame.width_px, frame.height_px, Mounting()).with_image_size(
-                grey.shape[1], grey.shape[0]
-            )
-            prior, _ = prior_with_vanishing_point(grey, first_frame_prior(camera))
-            found, values, evidence = search_first_frame(grey, camera, prior)
-            sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in fit_boundary_parabolas(found[0], camera).tolist()]
-            fit = LaneFit(sides[0], sides[1], pitch_rad=pitch_from_horizon_rad(found[0], camera))
-            beside = lanes_beside_ego(labels, rows_px, frame.width_px, frame.height_px)
-            lines = lines_of(fit, camera, rows_px, frame.height_px)
-            rows.extend(probability_features_of_left_and_right(evidence, found[0], float(values[0])))
-            right.extend(float(matches(line, beside, rows_px)) for line in lines)
-            numbers.extend([number, number])
-    return np.array(rows), np.array(right), np.array(numbers)
+        picture = Picture(np.asarray(frame.image), lanes, np.asarray(rows_px, np.float64))
+        for name, change in KINDS.items():
+            made = change(picture, np.random.default_rng([number, sum(map(ord, name)), seed]))
+            height, width = made.grey.shape
+            size = search_size(width, height)
+            how = cv2.INTER_AREA if size[0] <= width else cv2.INTER_LINEAR
+            grey: GreyImage = np.asarray(cv2.resize(made.grey, size, interpolation=how), np.uint8)
+            camera = default_camera(width, height, Mounting()).with_image_size(*size)
+            features, lines = _searched_boundaries(grey, camera, made.rows)
+            beside = lanes_beside_ego(made.lanes, made.rows, WIDTH_PX, HEIGHT_PX)
+            rows.extend(features)
+            right.extend(float(matches(line, beside, made.rows)) for line in lines)
+            if name in UPSIDE_DOWN:
+                features, _ = _searched_boundaries(np.ascontiguousarray(grey[::-1]), camera, made.rows)
+                rows.extend(features)
+                right.extend([0.0, 0.0])
+    return np.array(rows), np.array(right)
+
+
+def _searched_boundaries(
+    grey: GreyImage, camera: Camera, rows_px: FloatArray
+) -> tuple[list[tuple[float, ...]], list[FloatArray]]:
+    """Features and columns of both boundaries that a search of one picture has found."""
+    prior, votes = prior_with_vanishing_point(grey, first_frame_prior(camera))
+    found, values, evidence = search_first_frame(grey, camera, prior)
+    sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in fit_boundary_parabolas(found[0], camera).tolist()]
+    fit = LaneFit(
+        sides[0],
+        sides[1],
+        pitch_rad=pitch_from_horizon_rad(found[0], camera),
+        roads=boundary_road_curves(found[0], prior.pinhole),
+    )
+    features = probability_features_of_left_and_right(evidence, found[0], float(values[0]))
+    return [(*each, min(votes - CLEAR_VOTE_SHARE, 0.0)) for each in features], list(
+        lines_of(fit, camera, rows_px, HEIGHT_PX)
+    )
 
 
 def fitted(x: FloatArray, right: FloatArray, weight: FloatArray) -> FloatArray:
@@ -156,7 +200,7 @@ def fitted(x: FloatArray, right: FloatArray, weight: FloatArray) -> FloatArray:
         return float(0.5 * SCALE * (made[:-1] @ made[:-1]) - likelihood)
 
     start = np.concatenate([np.zeros(x.shape[1]), [FIRST_LAPSE]])
-    limits = [(-MOST, MOST), (0.0, MOST), (0.0, MOST), (-MOST, 0.0), (0.0, 0.5)]
+    limits = [(-MOST, MOST), (0.0, MOST), (0.0, MOST), (-MOST, 0.0), (0.0, MOST), (0.0, 0.5)]
     return np.asarray(minimize(loss, start, method="L-BFGS-B", bounds=limits, options={"maxiter": 2000}).x)
 
 
@@ -193,15 +237,12 @@ def main() -> None:
     n = parser.parse_args().frames
     fit_on = [samples(seed, n) for seed in FIT_SEEDS]
     rendered = np.concatenate([each[0] for each in fit_on]), np.concatenate([each[1] for each in fit_on])
-    real_x, real_right, numbers = labelled_samples()
-    for half, name in enumerate(("even", "odd")):
-        fit_half = numbers % 2 == half
-        made = fitted_on_both(rendered, (real_x[fit_half], real_right[fit_half]))
-        print(f"fitted on the {name} labelled frames: {np.round(made, 2).tolist()}; on the others:")
-        print(reliability(chances(real_x[~fit_half], made), real_right[~fit_half]))
-    made = fitted_on_both(rendered, (real_x, real_right))
-    in_use = np.array([*LOG_ODDS_COEFFICIENTS, PROBABILITY_OF_WELL_SEEN_OTHER_LINE])
+    made = fitted_on_both(rendered, varied_samples(0, VARIED_SEEDS[0]))
+    in_use = np.array([*LOG_ODDS_COEFFICIENTS, LOG_ODDS_PER_VOTE_SHARE, PROBABILITY_OF_WELL_SEEN_OTHER_LINE])
     print("coefficients and lapse", np.round(made, 2).tolist(), "in use", in_use.tolist())
+    real_x, real_right = varied_samples(1, VARIED_SEEDS[1])
+    print("varied pictures of the other half:")
+    print(reliability(chances(real_x, in_use), real_right))
     x, right, empty = samples(SHOWN_SEED, n)
     p = chances(x, in_use)
     print(f"{len(p)} boundaries, {right.mean():.3f} right, Brier score {np.mean((p - right) ** 2):.3f}\n")

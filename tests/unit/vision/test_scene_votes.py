@@ -38,8 +38,8 @@ def test_a_picture_that_stands_on_its_head_has_no_lane() -> None:
     [
         (0.6, (0.5, 0.9)),  # a road
         (0.33, (0.5, 0.9)),
-        (0.29, (1.0 / (1.0 + math.e), 9.0 / (9.0 + math.e))),  # 0.04 less: one off the log-odds
-        (0.0, (2.6e-4, 2.35e-3)),  # 8.25 off: exp(-8.25) = 2.6e-4, and 9 times as much
+        (0.33 - 1.0 / 22.0, (1.0 / (1.0 + math.e), 9.0 / (9.0 + math.e))),  # one off the log-odds
+        (0.0, (7.0e-4, 6.3e-3)),  # 7.26 off: exp(-7.26) = 7.0e-4, and 9 times as much
     ],
 )
 def test_few_votes_take_the_probability_off(votes: float, expected: tuple[float, float]) -> None:
