@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,9 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_ego_and_other_tracks
+
+if TYPE_CHECKING:
+    from cwcli.events.base import Moment
 
 SENSOR_ROLES = (
     Role.EGO_SPEED,
@@ -57,6 +61,9 @@ class EventEvidence:
     Args:
         log: The log; it stays open while events are found.
         other_system: Topics of another system in it; None: none is named.
+
+    Attributes:
+        lane_changes: The ego's lane changes, once they have been looked for; three kinds of events need them.
     """
 
     def __init__(self, log: Log, other_system: OtherSystemTopics | None = None) -> None:
@@ -64,6 +71,7 @@ class EventEvidence:
         self.other_system = other_system
         self._selection = StatesSelection(states="hindsight")
         self._pairs: dict[str, Pair] = {}
+        self.lane_changes: tuple[Moment, ...] | None = None
 
     @cached_property
     def tracks(self) -> TracksOfLog:

@@ -34,7 +34,13 @@ MAX_LANE_CHANGE_HEADING_RAD = 0.35
 
 
 def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
-    """Yield the ego's lane changes."""
+    """Yield the ego's lane changes, which are looked for once."""
+    if evidence.lane_changes is None:
+        evidence.lane_changes = tuple(_iter_lane_changes(evidence))
+    yield from evidence.lane_changes
+
+
+def _iter_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
     rows = rows_one_grid_step_apart(evidence.stamp_ns)
     stamp_ns, state = evidence.stamp_ns[rows], evidence.ego_state[rows]
     if len(rows) < MIN_CHANGE_S / PROJECTION_TIME_STEP_S:

@@ -180,8 +180,11 @@ class MessageReader:
             listed = [find_message_index_entries(self._file, self._index, chunk, each) for each in own]
             found += [entries[:, 0] for entries in listed if entries is not None]
             n_unlisted += not chunk.index_offsets or any(entries is None for entries in listed)
-        if n_unlisted or not self.trusts_indexes or self._spans:
+        if n_unlisted or not self.trusts_indexes:
             found[1:] = [batch.log_time_ns.view(np.uint64) for batch in self.iter_batches(channel_ids)]
+        else:
+            loose = self.iter_unchunked_batches(channel_ids, self._spans)
+            found += [batch.log_time_ns.view(np.uint64) for batch in loose]
         return np.sort(np.concatenate(found))
 
     def chunks_with_channels(self, channel_ids: Collection[int]) -> list[ChunkIndex]:

@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from cwcli.errors import InputError, UsageError
+from cwcli.logs.read.message_reader import MessageReader
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import Columns, Field, OutputChannel, Ragged, Strings
@@ -206,3 +208,17 @@ def assert_equal_field(found: Field, expected: Field, path: str) -> None:
     elif isinstance(expected, np.ndarray) and isinstance(found, np.ndarray):
         assert found.dtype == expected.dtype and found.shape == expected.shape, path
         assert np.array_equal(found, expected, equal_nan=expected.dtype.kind == "f"), path
+
+
+def test_log_times_come_from_the_indexes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The log has its schemas in front of the chunks; those stay closed all the same."""
+    path = Path(__file__).parents[3] / "sample_logs" / "curve.mcap"
+    with path.open("rb") as stream:
+        expected = [message.log_time for _, _, message in make_reader(stream).iter_messages(topics=["/gps/fix"])]
+
+    def open_no_chunk(*_: object) -> None:
+        raise AssertionError("a chunk was opened")
+
+    monkeypatch.setattr(MessageReader, "iter_chunk_payloads", open_no_chunk)
+    with Log.open(path) as log:
+        assert log.log_times_ns("/gps/fix").tolist() == sorted(expected)
