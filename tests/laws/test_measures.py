@@ -311,7 +311,7 @@ def test_a_state_that_is_no_number_spoils_no_other(name: str) -> None:
 @every_measure
 def test_names_and_words(name: str) -> None:
     measure = MEASURES[name]
-    assert is_column_named_by_measure(name, measure.column)
+    assert is_column_named_by_measure(name, measure.column), "the column is the measure's name, and then a known unit"
     assert measure.summary
     assert measure.symbol
     assert measure.formula
