@@ -17,9 +17,12 @@ def compile_schemas(folder: Path) -> bytes:
 
     Raises:
         RuntimeError: The compiler refused a file; it has said why on stderr.
+        SystemExit: There is no compiler.
     """
-    from grpc_tools import protoc
-
+    try:
+        from grpc_tools import protoc
+    except ImportError:
+        raise SystemExit("the compiler is missing: pip install -e '.[dev]', or grpcio-tools alone") from None
     sources = sorted(str(path.relative_to(folder)) for path in folder.glob("cwcli/v1/*.proto"))
     with tempfile.TemporaryDirectory() as scratch:
         compiled = Path(scratch) / CWCLI_DESCRIPTOR_SET_FILE

@@ -447,6 +447,8 @@ for _, _path, _bit in CARMA_PRESENCE_MASKS:
     FLAGS[_path] = FLAGS.get(_path, 0) | _bit
 
 IN_FRAME = "value.BasicSafetyMessage."
+
+
 SAMPLES: dict[str, Callable[[int], Sample]] = {
     **RECEIVER_SAMPLES,
     **{schema: _seen(sample) for schema, sample in PERCEIVED_SAMPLES.items()},

@@ -84,6 +84,8 @@ def test_an_event_is_found_alone_and_in_expressions_and_stands_in_the_docs(built
         "| `hard-corner` | the ego corners hard | 4 m/s^2 | chosen | peak_lateral_mps2 | states |" in house.write_docs()
     )
     house.obeys("test_events.py", "hard-corner")
+    planted = ("tests/unit/events/test_planted_events.py", "-k", "hard-corner or somewhere")
+    house.python("-m", "pytest", "-q", "-p", "no:cacheprovider", *planted)
 
 
 def test_a_lane_method_finds_the_lane_and_stands_in_help_and_docs(built: Built) -> None:
