@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates, driven_distance_m
-from cwcli.signals.units import NS_PER_S
+from cwcli.signals.units import KMH_PER_MPS, NS_PER_S
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.text import format_count, format_duration
-
-KMH_PER_MPS = 3.6
-"""Kilometres per hour in a metre per second."""
 
 
 def drive_length_sentence(duration_ns: int, ego: VehicleStates | None, *, n_heard: int = 0, n_tracked: int = 0) -> str:

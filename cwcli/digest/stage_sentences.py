@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from cwcli.digest.drive_sentences import KMH_PER_MPS, found_lanes_text, tracked_targets_text
+from cwcli.digest.drive_sentences import found_lanes_text, tracked_targets_text
 from cwcli.metrics.table import Table
 from cwcli.pipeline.records import Record, RecordedSummary, read_recorded_summary
 from cwcli.pipeline.result import Cell
+from cwcli.signals.units import KMH_PER_MPS
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.text import join_names, shorten_and_escape
 

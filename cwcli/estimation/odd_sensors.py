@@ -11,9 +11,8 @@ from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.signals.columns import AccelGyroRows, FloatArray, ValueRows, quantile_of_values
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-GRAVITY_MPS2 = 9.80665
-"""Standard gravity, m/s^2 (CGPM 1901)."""
 GRAVITY_RANGE_IN_G = (0.8, 1.2)
 """Range of the mean specific force of an IMU that measures in g. Chosen by hand; not fitted."""
 MAX_GRAVITY_IN_ANY_UNIT = 1.2e3
@@ -54,8 +53,8 @@ def find_impossible_imu_values(values: AccelGyroRows) -> list[tuple[Hypothesis, 
         return found
     if GRAVITY_RANGE_IN_G[0] < norm < GRAVITY_RANGE_IN_G[1] and abs(force[2]) > MIN_VERTICAL_SHARE * norm:
         found.append((_imu_hypothesis_by_name("g"), f"gravity reads {norm:.2f}"))
-        norm *= GRAVITY_MPS2
-    if norm > 0.5 * GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * float(np.linalg.norm(force)):
+        norm *= STANDARD_GRAVITY_MPS2
+    if norm > 0.5 * STANDARD_GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * float(np.linalg.norm(force)):
         found.append((_imu_hypothesis_by_name("x,-y,-z"), "gravity points upward"))
     fast = quantile_of_values(np.abs(values[:, 5]), 0.99)
     for name, radps in (("degrees/s", np.radians(fast)), ("milliradians/s", 1e-3 * fast)):
@@ -75,8 +74,8 @@ def find_tilt_and_evidence(values: AccelGyroRows) -> tuple[Hypothesis, str] | No
     if not len(values):
         return None
     force = values[:, :3].mean(axis=0)
-    share = float(np.linalg.norm(force)) / GRAVITY_MPS2
-    upright = float(force[2]) / max(share * GRAVITY_MPS2, 1e-9)
+    share = float(np.linalg.norm(force)) / STANDARD_GRAVITY_MPS2
+    upright = float(force[2]) / max(share * STANDARD_GRAVITY_MPS2, 1e-9)
     is_gravity = GRAVITY_RANGE_IN_G[0] < share < GRAVITY_RANGE_IN_G[1]
     if not is_gravity or not MIN_UPRIGHT_SHARE < upright < MAX_TILTED_SHARE:
         return None

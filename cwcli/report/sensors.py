@@ -20,6 +20,7 @@ from cwcli.report.views import SensorsView, TableView
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.signals.vehicle_state import HEADING, SPEED
 from cwcli.text import format_number, join_names
 
@@ -37,8 +38,6 @@ MIN_REMARKED_LATENCY_MS = 100.0
 """Least corrected latency, ms, that is remarked; the figures do not show smaller ones. Chosen by hand; not fitted."""
 MIN_REMARKED_PITCH_DEG = 3.0
 """Least pitch angle, deg, that is remarked; road grades reach smaller ones. Chosen by hand; not fitted."""
-STANDARD_GRAVITY_MPS2 = 9.80665
-"""Standard gravity, in m/s^2."""
 
 
 def build_sensors_view(drive: Drive) -> SensorsView | None:

@@ -18,13 +18,13 @@ from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge
 from cwcli.control.driver_models import R157_DRIVER, CasePoses, EgoCases, simulate_driver_cases
 from cwcli.errors import UsageError
 from cwcli.signals.columns import BoolArray, FloatArray
+from cwcli.signals.units import KMH_PER_MPS
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
 WARNING_SEARCH_TIME_BEFORE_CONTACT_S = 8.0
 """Time before the contact from which on the latest warning is sought, s. Chosen by hand: no car needs longer."""
 COARSE_STEP_S, SEARCH_STEP_S = 0.4, 0.02
 """Time steps of the search for the latest warning, s: a coarse one, and a fine one within it. Chosen by hand."""
-KMH_PER_MPS = 3.6
 REGULATION_DRIVER_TIME_STEP_S = 0.1
 """Time step of the regulation's driver, s; that of its criterion."""
 

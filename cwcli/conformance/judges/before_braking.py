@@ -17,8 +17,7 @@ import numpy as np
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.policies import NO_BRAKING, drive_with_policy
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
-
-KMH_PER_MPS = 3.6
+from cwcli.signals.units import KMH_PER_MPS
 
 
 def latest_braking_s(encounter: Encounter, deceleration_mps2: float, impact_mps: float) -> float:

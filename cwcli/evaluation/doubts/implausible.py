@@ -9,6 +9,7 @@ import numpy as np
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.signals.columns import FloatArray, StateRows
+from cwcli.signals.units import KMH_PER_MPS
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
 MAX_PLAUSIBLE_SPEED_KMH = 200.0
@@ -16,8 +17,6 @@ MAX_PLAUSIBLE_SPEED_KMH = 200.0
 hand."""
 MAX_PLAUSIBLE_ACCEL_MPS2 = 12.0
 """Greatest plausible acceleration of a car, m/s^2: tyres on a dry road transmit about 1.2 g at most. Chosen by hand."""
-KMH_PER_MPS = 3.6
-"""Kilometres per hour in a metre per second."""
 ADVICE = "Check the units and the axes of the sensors."
 """The advice for every implausible value, a sentence for users."""
 
