@@ -72,9 +72,39 @@ def fixes_jumped_away_mask(time_s: FloatArray, values: EastNorthRows, scatter_m:
     """
     away = np.zeros(len(time_s), np.bool_)
     bound = _continuation_of_fixes(time_s, values, scatter_m) if len(time_s) else _Continuation(0.0, 0.0)
+    found = _stretches_away(time_s, values, _first_rows_after_jumps(time_s, values, bound), bound)
+    # The gate rejects what is shorter by itself, unless there is so much of it that the noise grows.
+    far = [
+        (begin, end)
+        for begin, end in found
+        if np.hypot(*(values[begin] - values[max(begin - 1, 0)])) > MAX_STAMP_ERROR_S * bound.usual_speed_mps
+    ]
+    often = far if len(far) >= MIN_FREQUENT_STRETCHES else []
+    for begin, end in found:
+        if (begin, end) in often or time_s[end - 1] - time_s[begin] >= MIN_STRETCH_S:
+            away[begin:end] = True
+    return away
+
+
+def do_fixes_jump_for_good(time_s: FloatArray, values: EastNorthRows, scatter_m: float) -> bool:
+    """Whether fixes jump as no car does, and no jump leads back: on one side they are wrong.
+
+    For the arguments see `fixes_jumped_away_mask`.
+    """
+    if not len(time_s):
+        return False
+    bound = _continuation_of_fixes(time_s, values, scatter_m)
     first_rows = _first_rows_after_jumps(time_s, values, bound)
+    explained = _stretches_away(time_s, values, first_rows, bound)
+    return any(not any(begin <= row <= end for begin, end in explained) for row in first_rows.tolist())
+
+
+def _stretches_away(
+    time_s: FloatArray, values: EastNorthRows, first_rows: npt.NDArray[np.intp], bound: _Continuation
+) -> list[tuple[int, int]]:
+    """Return begin and end of the stretches of rows between a jump away and one back, of any length."""
     if len(first_rows) < 2:
-        return away
+        return []
     begins = np.concatenate([[0], first_rows])
     lasts = np.concatenate([first_rows, [len(time_s)]]) - 1
     duration_s = time_s[lasts] - time_s[begins]
@@ -90,17 +120,7 @@ def fixes_jumped_away_mask(time_s: FloatArray, values: EastNorthRows, scatter_m:
                 kept, skipped = stretch, []
             else:
                 skipped.append(stretch)
-    # The gate rejects what is shorter by itself, unless there is so much of it that the noise grows.
-    far = [
-        (begin, end)
-        for begin, end in found
-        if np.hypot(*(values[begin] - values[max(begin - 1, 0)])) > MAX_STAMP_ERROR_S * bound.usual_speed_mps
-    ]
-    often = far if len(far) >= MIN_FREQUENT_STRETCHES else []
-    for begin, end in found:
-        if (begin, end) in often or time_s[end - 1] - time_s[begin] >= MIN_STRETCH_S:
-            away[begin:end] = True
-    return away
+    return found
 
 
 def _first_rows_after_jumps(time_s: FloatArray, values: EastNorthRows, bound: _Continuation) -> npt.NDArray[np.intp]:

@@ -25,8 +25,13 @@ from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.delay_variance import covariance_from_clock, covariance_from_moved_stamps, delay_sigmas_s
-from cwcli.estimation.fix_scatter import covariance_from_lasting_errors, noise_sigma_from_scatter_about_neighbours
+from cwcli.estimation.fix_scatter import (
+    covariance_from_lasting_errors,
+    noise_sigma_from_scatter_about_neighbours,
+    scatter_about_neighbours,
+)
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
+from cwcli.estimation.jumping_fixes import do_fixes_jump_for_good
 from cwcli.estimation.leave_one_out import (
     can_third_source_judge,
     contradiction_of_spoiling_sources,
@@ -263,6 +268,9 @@ def _settled_measurements_and_track(
         tried[quantities] = one_less, _filter_and_smooth(one_less, config, output_stamp_ns)
         return tried[quantities][1].sources
 
+    if _do_any_fixes_jump_for_good(settled.prepared):
+        # Some of the fixes are wrong themselves, and no other source is to be blamed for it.
+        return settled, track
     left_out = find_spoiling_sources(track.sources, reports_without, {*config.trusted_sources, *config.source_units})
     if not left_out:
         return settled, track
@@ -275,6 +283,16 @@ def _settled_measurements_and_track(
     notes = (*better.notes, f"{found.contradiction_sentence}; {found.consequence_text}")
     better = replace(better, contradictions=(*better.contradictions, found), notes=notes)
     return better, _filter_and_smooth(better, config, output_stamp_ns)
+
+
+def _do_any_fixes_jump_for_good(prepared: Sequence[PreparedSeries]) -> bool:
+    fixes = (p.series for p in prepared if p.series.kind is Kind.POSITION and len(p.series) > 2)
+    return any(
+        do_fixes_jump_for_good(
+            s.time_s, s.values, max(scatter_about_neighbours(s.values[:, k : k + 1]) for k in (0, 1))
+        )
+        for s in fixes
+    )
 
 
 def _filter_and_smooth(

@@ -574,7 +574,7 @@ ROAD_FAULTS = (
     Fault("fix of two antennas in turns", Kind.POSITION, of_two_antennas(3.0), ("ego_position", "antenna", "gnss"), ahead_m=1.5),
     Fault("fix snapped to a coarse road", Kind.POSITION, snapped_to_road(6.0), ("ego_position",)),
     Fault("fix without its minus for a while", Kind.POSITION, partly(columns(-1, 2), 0.55, 0.7), ("ego_position",)),
-    Fault("fix guessed in a tunnel", Kind.POSITION, guessed_between(0.4, 0.48), ("ego_position",)),
+    Fault("fix guessed in a tunnel", Kind.POSITION, guessed_between(0.4, 0.48), ("ego_position", "used again after repeated rejections")),
     Fault("fix in feet", Kind.POSITION, scaled(3.28084), ("ego_position", "gnss is wrong"), is_drift=True),
     Fault("fix turned by 8 deg", Kind.POSITION, lambda _, v: v @ rotation(2, 8.0)[:2, :2].T, ("ego_position", "ego_heading"), is_drift=True),
     Fault("fix zero in 3 % of rows", Kind.POSITION, lost_rows(0.03), ("ego_position",)),

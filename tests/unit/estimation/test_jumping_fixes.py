@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.estimation.jumping_fixes import fixes_jumped_away_mask
+from cwcli.estimation.jumping_fixes import do_fixes_jump_for_good, fixes_jumped_away_mask
 from cwcli.signals.columns import FloatArray
 
 TIME_S = np.arange(0.0, 60.0, 0.1)
@@ -75,3 +75,12 @@ def test_a_pause_of_the_fixes_is_no_jump() -> None:
 @pytest.mark.parametrize("n", [0, 1, 3])
 def test_few_fixes_show_nothing(n: int) -> None:
     assert fixes_jumped_away_mask(TIME_S[:n], drive()[:n], SCATTER_M).shape == (n,)
+
+
+@pytest.mark.parametrize(
+    ("rows", "is_for_good"), [(slice(300, None), True), (slice(300, 304), False), (slice(0, 0), False)]
+)
+def test_a_jump_without_one_back_shows_that_some_fixes_are_wrong(rows: slice, is_for_good: bool) -> None:
+    fixes = drive()
+    fixes[rows] += 20.0
+    assert do_fixes_jump_for_good(TIME_S, fixes, SCATTER_M) is is_for_good
