@@ -91,6 +91,7 @@ def estimation_page(text: str) -> str:
         "position: slow error": sensor_limits.SLOW_POSITION_SIGMA_RANGE,
         "position: stamp jitter (sigma)": sensor_limits.STAMP_SIGMA_RANGE,
         "place ahead": sensor_limits.AHEAD_RANGE,
+        "latency: change in a second": sensor_limits.LATENCY_DRIFT_RANGE,
         "latency": sensor_limits.LATENCY_RANGE,
         **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGES.items()},
     }
