@@ -277,7 +277,7 @@ def _candidate_bindings(channels: Sequence[ChannelWithInputs], role: str, ego_st
     """The bindings of lowest rank for a role, then those that are bound in addition; one for each topic."""
     ranked: dict[str, tuple[int, Binding]] = {}
     for channel, input_by_role in channels:
-        if getattr(channel, "message_count", None) == 0 and role not in ROLES_THAT_MAY_BE_EMPTY:
+        if _is_known_to_be_empty(channel) and role not in ROLES_THAT_MAY_BE_EMPTY:
             continue
         binding = Binding(
             role, channel.topic, channel.schema_name, channel.message_encoding, input=input_by_role.get(role)
@@ -402,7 +402,12 @@ def _missing_role_error(
     role: str, candidates: Sequence[Binding], channels: Sequence[ChannelLike], where: str, command: str
 ) -> MissingSignalError:
     needed = f" (needed by `cwcli {command}`)" if command else ""
-    found = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name or 'no schema'})" for channel in channels))
+    found = tuple(
+        dict.fromkeys(
+            f"{each.topic} ({each.schema_name or 'no schema'}{', no messages' if _is_known_to_be_empty(each) else ''})"
+            for each in channels
+        )
+    )
     if candidates:
         return MissingSignalError(
             f"{_text_about_rival_channels(role, candidates)}{needed}",
@@ -410,11 +415,19 @@ def _missing_role_error(
             found=found,
             hint=f"choose one with {_topic_option_text(role, candidates)}",
         )
-    by_hand = [
-        channel.topic
-        for channel in channels
-        if role in (roles := _roles_of_channel(channel)) and Role.REMOTE not in roles
+    fitting = [
+        channel for channel in channels if role in (roles := _roles_of_channel(channel)) and Role.REMOTE not in roles
     ]
+    if fitting and all(_is_known_to_be_empty(channel) for channel in fitting):
+        topics = tuple(dict.fromkeys(channel.topic for channel in fitting))
+        verb = "has" if len(topics) == 1 else "have"
+        return MissingSignalError(
+            f"no channel holds {ROLE_TEXT[role]}{needed}: {', '.join(topics)} {verb} no messages",
+            where=where,
+            found=found,
+            hint="record the log again, or name another channel with --topic or --map",
+        )
+    by_hand = [channel.topic for channel in fitting if not _is_known_to_be_empty(channel)]
     hint = _hint_at_camera_stages_or_empty(role, channels, command) or ROLE_HINT.get(role, "")
     if by_hand and role not in CHANNEL_OF_ROLE:
         hint = f"{hint}; " if hint else ""
@@ -422,6 +435,11 @@ def _missing_role_error(
     return MissingSignalError(
         f"no channel holds {ROLE_TEXT[role]}{needed}", where=where, found=found or ("no channels",), hint=hint
     )
+
+
+def _is_known_to_be_empty(channel: ChannelLike) -> bool:
+    """Return whether the log says that the channel has no messages; not every log counts them."""
+    return getattr(channel, "message_count", None) == 0
 
 
 def _roles_of_channel(channel: ChannelLike) -> set[str]:

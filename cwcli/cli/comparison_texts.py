@@ -19,6 +19,7 @@ from cwcli.cli.text import (
     join_names,
 )
 from cwcli.lazy_dataclass import dataclass
+from cwcli.metrics.headline import find_metric
 
 if TYPE_CHECKING:
     from cwcli.fleet.message_changes import RunDifference
@@ -109,8 +110,13 @@ def _change_cells(change: MetricChange) -> tuple[Cell, ...]:
     if not math.isfinite(change.change):
         return "", "", change.n_pairs
     scale, unit = (100.0, " %") if change.is_relative else (1.0, "")
+    text = f"{scale * change.change:+.3g}{unit}"
+    metric = find_metric(change.metric)
+    if metric is not None and metric.better == "near" and change.change:  # the sign is that of the distance
+        side = "farther from" if change.change > 0.0 else "nearer to"
+        text = f"{abs(change.change):.3g} {side} {metric.target:g}"
     return (
-        f"{scale * change.change:+.3g}{unit}",
+        text,
         format_interval(scale * change.low, scale * change.high),
         change.n_pairs,
     )

@@ -27,11 +27,14 @@ NEXT_STAGE = {"estimate": "predict", "predict": "warn", "lanes": "observe", "obs
 """Stage -> the stage that is suggested after it."""
 
 
-def print_digest(console: Console, command: str, digest: Digest, run: RunOutcome, next_step: str) -> None:
+def print_digest(
+    console: Console, command: str, digest: Digest, run: RunOutcome, next_step: str, *, with_details: bool
+) -> None:
     """Print the digest of a command.
 
     Args:
         next_step: A command line, "" for none.
+        with_details: The tables and notes follow.
     """
     from cwcli.digest.lines import MAX_LINES, Block, format_blocks, trust_or_doubt_block
 
@@ -41,7 +44,7 @@ def print_digest(console: Console, command: str, digest: Digest, run: RunOutcome
         Block("what", digest.happened, 4),
         trust_or_doubt_block(digest.doubts, digest.confidence),
         Block("wrote", (_written_files_sentence(run.written),), 2),
-        Block("next", (*filter(None, (next_step,)), f"(--details: tables{notes})")),
+        Block("next", tuple(filter(None, (next_step, "" if with_details else f"(--details: tables{notes})")))),
     )
     console.print_heading(_digest_title(command, run))
     for line in format_blocks(blocks, width=terminal_width() or DEFAULT_WIDTH, max_lines=MAX_LINES - 1):

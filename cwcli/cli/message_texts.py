@@ -32,12 +32,14 @@ def describe_identical(messages: RunDifference) -> str:
 
 def describe_differences(messages: RunDifference) -> list[str]:
     """The lines about what differs, log by log."""
-    lines = [f"messages: {len(messages.differing)} of {format_count(messages.n_logs, 'log')} differ"]
+    n_differing = len(messages.differing)
+    verb = "differs" if n_differing == 1 else "differ"
+    lines = [f"messages: {n_differing} of {format_count(messages.n_logs, 'log')} {verb}"]
     for name, found in list(messages.differing.items())[:MAX_LISTED_LOGS]:
         lines.append(shorten_and_escape(name))
         lines += [f"  {line}" for line in describe_difference_of_log(found)]
-    if len(messages.differing) > MAX_LISTED_LOGS:
-        lines.append(f"{len(messages.differing) - MAX_LISTED_LOGS} more logs differ (--json lists them)")
+    if n_differing > MAX_LISTED_LOGS:
+        lines.append(f"{n_differing - MAX_LISTED_LOGS} more logs differ (--json lists them)")
     lines += [f"{shorten_and_escape(name)} was not compared: {why}" for name, why in messages.unread.items()]
     return lines
 

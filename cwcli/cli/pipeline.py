@@ -223,7 +223,7 @@ def print_outcome(job: Job, console: Console, outcome: JobOutcome, next_step: st
     """Print the digest, behind it with `--details` the tables and notes of the stages, and notes on the output."""
     run, digest = outcome.run, outcome.digest
     if digest is not None:
-        print_digest(console, job.command, digest, run, next_step)
+        print_digest(console, job.command, digest, run, next_step, with_details=job.talk.details)
     if job.talk.details:
         console.print_summary("")
         for doubt in () if digest is None else digest.doubts[1:]:

@@ -63,7 +63,7 @@ def build_digest(
     if drive is not None:
         happened = (*_story_sentences(drive), *made)
     else:
-        length = drive_length_sentence(log.end_ns - log.start_ns, evidence.ego, n_heard=_count_heard_vehicles(log))
+        length = drive_length_sentence(log, evidence.ego, evidence.records, n_heard=_count_heard_vehicles(log))
         reason = _reason_for_no_warnings(left_out) if is_run else ()
         happened = (*made, *reason, length) if evidence.ego is None else (length, *reason, *made)
     return Digest(happened, doubts, confidence_sentences(evidence))

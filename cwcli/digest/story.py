@@ -339,9 +339,7 @@ def _state_knowledge_sentence_or_empty(drive: Drive) -> str:
 def _drive_length_sentence(drive: Drive) -> str:
     """Say how long and how far the drive was, and how many others were known."""
     kinds = Counter(other.kind for other in drive.others)
-    return drive_length_sentence(
-        drive.end_ns - drive.start_ns, drive.ego, n_heard=kinds["vehicle"], n_tracked=kinds["target"]
-    )
+    return drive_length_sentence(drive, drive.ego, drive.records, n_heard=kinds["vehicle"], n_tracked=kinds["target"])
 
 
 def _build_story_without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
@@ -349,7 +347,7 @@ def _build_story_without_warnings(drive: Drive, left_out: str, more: list[str]) 
     why = left_out or ("`cwcli warn` was not run" if drive.others else "no other vehicle is in the log")
     reason = f": {escape_control_characters(why)}" if drive.ego is not None or left_out else ""
     if drive.ego is None:
-        more = [drive_length_sentence(drive.end_ns - drive.start_ns, None)]
+        more = [drive_length_sentence(drive, None, drive.records)]
     sentences = []
     if drive.lanes is not None and len(drive.lanes):
         both = int(np.count_nonzero(drive.lanes.found.all(axis=1)))

@@ -40,7 +40,7 @@ class ChannelChange:
         at_ns: Log time of the first message that differs.
         before, after: The values there; "" where there is no message.
         n_different: Number of messages that differ, or are in one run only.
-        n_messages: Number of messages in the earlier run.
+        n_messages: Number of messages in either run; one that both hold counts once.
         largest: The largest difference of that field, in its unit; NaN where it holds no numbers.
     """
 
@@ -138,7 +138,7 @@ def _compare_topic(before: Log, after: Log, topic: str, tolerances: Mapping[str,
     if not len(rows) or any(normalise_schema_name(name) in IMAGE_SCHEMAS for name in schemas):
         return _compare_undecoded(topic, checksums, rows, other_rows, lonely)
     early, late = before.columns(topic), after.columns(topic)
-    n_before = len(early)
+    n_messages = len(rows) + len(lonely)
     if len(early) != len(checksums[0][0]) or len(late) != len(checksums[1][0]):  # some can't be decoded
         return _compare_undecoded(topic, checksums, rows, other_rows, lonely)
     first: tuple[int, str, int] | None = None
@@ -155,7 +155,7 @@ def _compare_topic(before: Log, after: Log, topic: str, tolerances: Mapping[str,
     if lonely and (first is None or lonely[0][0] <= first[0]):
         at_ns, is_before = lonely[0]
         words = ("a message", "") if is_before else ("", "a message")
-        return ChannelChange(topic, "", at_ns, *words, n_different, n_before, math.nan)
+        return ChannelChange(topic, "", at_ns, *words, n_different, n_messages, math.nan)
     if first is None:
         return None
     at_ns, name, row = first
@@ -164,7 +164,7 @@ def _compare_topic(before: Log, after: Log, topic: str, tolerances: Mapping[str,
         _field_text_or_empty(late.fields.get(name), other_rows[row]),
     )
     largest = _largest_number_difference(early.fields.get(name), late.fields.get(name), rows, other_rows)
-    return ChannelChange(topic, name, at_ns, *values, n_different, n_before, largest)
+    return ChannelChange(topic, name, at_ns, *values, n_different, n_messages, largest)
 
 
 def _compare_undecoded(
@@ -178,12 +178,13 @@ def _compare_undecoded(
     (early_ns, early), (_, late) = checksums
     differs = np.flatnonzero(early[rows] != late[other_rows])
     n_different = len(differs) + len(unpaired_messages)
+    n_messages = len(rows) + len(unpaired_messages)
     first_ns = int(early_ns[rows[differs[0]]]) if len(differs) else None
     if unpaired_messages and (first_ns is None or unpaired_messages[0][0] <= first_ns):
         words = ("a message", "") if unpaired_messages[0][1] else ("", "a message")
-        return ChannelChange(topic, "", unpaired_messages[0][0], *words, n_different, len(early), math.nan)
+        return ChannelChange(topic, "", unpaired_messages[0][0], *words, n_different, n_messages, math.nan)
     assert first_ns is not None  # a message differs
-    return ChannelChange(topic, "", first_ns, "bytes", "other bytes", n_different, len(early), math.nan)
+    return ChannelChange(topic, "", first_ns, "bytes", "other bytes", n_different, n_messages, math.nan)
 
 
 def _rows_of_message_pairs_and_unpaired(

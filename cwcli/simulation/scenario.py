@@ -20,6 +20,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.attitude import Attitude
 from cwcli.simulation.catalogue import scenario_names, scenario_text
 from cwcli.simulation.profile import read_motion_profile
+from cwcli.simulation.road.names import ROAD_SCENARIOS
 from cwcli.simulation.spec import (
     DETECTOR_KEYS,
     ORIGIN_KEYS,
@@ -121,7 +122,7 @@ def read_scenario_name_and_document(name_or_path: str | Path) -> tuple[str, dict
             raise UsageError(
                 f"no scenario and no file is named {text_name!r}",
                 found=tuple(scenario_names()),
-                hint="name one of these, or a scenario file",
+                hint=f"name one of these, a rendered drive ({', '.join(ROAD_SCENARIOS)}), or a scenario file",
             )
         source, text = path.name, _read_scenario_file(path)
     try:

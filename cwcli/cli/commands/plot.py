@@ -29,8 +29,9 @@ def command(
     """Draw one plot of an annotated log as an image.
 
     motion, speed, heading, yaw-rate and acceleration show the estimate with its 1-sigma band over the measurements;
-    error shows the errors against the truth with their 95 % band; ape is the absolute position error, rpe the relative
-    one over a second (translation only). Needs matplotlib.
+    heading is counter-clockwise from east. error shows the errors against the truth with their 95 % band, that of the
+    position as a distance, with the band in the direction of the error; ape is the absolute position error, rpe the
+    relative one over a second (translation only). Needs matplotlib.
     """
     from cwcli.digest.drive import read_drive
     from cwcli.logs.read.reader import Log

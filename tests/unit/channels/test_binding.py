@@ -277,3 +277,10 @@ def test_every_entry_of_the_registry_names_its_fields_or_streams() -> None:
         assert len({entry.role for entry in entries}) == len(entries)
         for entry in entries:
             assert entry.build is None or all(entry.fields.values())
+
+
+def test_missing_role_says_that_its_channel_has_no_messages() -> None:
+    with pytest.raises(MissingSignalError, match="/gps/fix has no messages") as error:
+        bind_roles((EMPTY_FIX, IMU), {}, required=(Role.EGO_POSITION,))
+    assert "/gps/fix (sensor_msgs/msg/NavSatFix, no messages)" in error.value.found
+    assert "can be named" not in (error.value.hint or "")
