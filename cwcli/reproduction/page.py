@@ -68,7 +68,31 @@ def _format_groups(reproduction: Reproduction) -> list[str]:
         at = section.columns.index("class")
         rows = tuple(row for row in section.rows if row[at] != NOT_IN_PAPER)
         if rows:
-            parts += [f"\n## {section.title}", *_format_findings(replace(section, rows=rows))]
+            kept = replace(section, rows=rows)
+            is_of_one_class = len({row[at] for row in rows}) == 1
+            parts += [f"\n## {section.title}", *(_format_grids(kept) if is_of_one_class else _format_findings(kept))]
+    return parts
+
+
+def _format_grids(table: SummaryTable) -> list[str]:
+    """Format findings of one class as tables with one row for each figure and method, and one column a quantity.
+
+    A method is what stands before the first colon. Methods with the same quantities share a table; a cell has our
+    number, its tolerance and its keys.
+    """
+    cells: dict[tuple[str, str], dict[str, str]] = {}
+    for row in table.rows:
+        finding = dict(zip(table.columns, map(str, row), strict=True))
+        method, _, quantity = finding["what"].partition(": ")
+        shown = "; ".join(text for text in (finding["ours"], finding["tolerance"], finding["why"]) if text)
+        cells.setdefault((finding["figure"], method), {})[quantity] = shown
+    rows_by_quantities: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
+    for heads, each in cells.items():
+        rows_by_quantities.setdefault(tuple(each), []).append((*heads, *each.values()))
+    parts = ["", f"All: class {table.rows[0][table.columns.index('class')]}; behind each number its bound."]
+    for quantities, rows in rows_by_quantities.items():
+        grid = replace(table, columns=("figure", "method", *quantities), rows=tuple(rows))
+        parts += ["", grid.to_markdown()]
     return parts
 
 
