@@ -21,6 +21,8 @@ PICTURE_FOLDER_NAME = "figures"
 """Name of the folder of pictures next to the page."""
 KEYS_OF_REPEATED_SECTIONS = frozenset({"looks", "settings"})
 """Keys of sections whose numbers are all among the findings of the figure `where`."""
+GRID_NOTE = "behind a number its bound and key, if any"
+"""What the cells of a grid hold."""
 COLUMNS_THAT_MAY_BE_EMPTY = frozenset({"paper", "tolerance", "why"})
 """Columns of findings that a table leaves out where no row has anything in them."""
 COLUMNS_THAT_MAY_BE_SHARED = frozenset({"tolerance", "class", "why"})
@@ -68,31 +70,40 @@ def _format_groups(reproduction: Reproduction) -> list[str]:
         at = section.columns.index("class")
         rows = tuple(row for row in section.rows if row[at] != NOT_IN_PAPER)
         if rows:
-            kept = replace(section, rows=rows)
-            is_of_one_class = len({row[at] for row in rows}) == 1
-            parts += [f"\n## {section.title}", *(_format_grids(kept) if is_of_one_class else _format_findings(kept))]
+            parts += [f"\n## {section.title}", *_format_findings(replace(section, rows=rows))]
     return parts
 
 
-def _format_grids(table: SummaryTable) -> list[str]:
-    """Format findings of one class as tables with one row for each figure and method, and one column a quantity.
+def _shared_cell(table: SummaryTable, at: int) -> str:
+    """Return the cell that all rows have in a column, "" if they differ."""
+    cells = {str(row[at]) for row in table.rows}
+    return cells.pop() if len(cells) == 1 else ""
 
-    A method is what stands before the first colon. Methods with the same quantities share a table; a cell has our
+
+def _format_grids(table: SummaryTable) -> list[str]:
+    """Format findings of one class as tables with one row for each figure and case, and one column a quantity.
+
+    A case is what stands before the first colon. Cases with the same quantities share a table; a cell has our
     number, its tolerance and its keys.
     """
+    shared_class, shared_keys = (_shared_cell(table, table.columns.index(column)) for column in ("class", "why"))
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for row in table.rows:
-        finding = dict(zip(table.columns, map(str, row), strict=True))
-        method, _, quantity = finding["what"].partition(": ")
-        shown = "; ".join(text for text in (finding["ours"], finding["tolerance"], finding["why"]) if text)
-        cells.setdefault((finding["figure"], method), {})[quantity] = shown
+        finding = {"figure": "", **dict(zip(table.columns, map(str, row), strict=True))}
+        case, _, quantity = finding["what"].partition(": ")
+        keys = "" if shared_keys else finding["why"]
+        shown = "; ".join(text for text in (finding["ours"], finding["tolerance"], keys) if text)
+        cells.setdefault((finding["figure"], case), {})[quantity] = shown
     rows_by_quantities: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
     for heads, each in cells.items():
         rows_by_quantities.setdefault(tuple(each), []).append((*heads, *each.values()))
-    parts = ["", f"All: class {table.rows[0][table.columns.index('class')]}; behind each number its bound."]
+    why = f"; why: {shared_keys}" if shared_keys else ""
+    parts = ["", f"All rows: class: {shared_class}{why}; {GRID_NOTE}."]
     for quantities, rows in rows_by_quantities.items():
-        grid = replace(table, columns=("figure", "method", *quantities), rows=tuple(rows))
-        parts += ["", grid.to_markdown()]
+        columns = ("figure", "case", *quantities)
+        used = [at for at in range(len(columns)) if at or "figure" in table.columns]
+        shown_rows = tuple(tuple(row[at] for at in used) for row in rows)
+        parts += ["", replace(table, columns=tuple(columns[at] for at in used), rows=shown_rows).to_markdown()]
     return parts
 
 
@@ -103,6 +114,9 @@ def _classes_that_occur(counts: SummaryTable) -> SummaryTable:
 
 def _format_findings(table: SummaryTable) -> list[str]:
     """Format a table of findings; empty columns are left out, and a shared class or key stands above the table."""
+    of_paper, of_class = (table.columns.index(column) for column in ("paper", "class"))
+    if len(table.rows) > 1 and {row[of_paper] for row in table.rows} == {"-"} and _shared_cell(table, of_class):
+        return _format_grids(table)
     shared, kept = [], []
     for at, column in enumerate(table.columns):
         cells = {row[at] for row in table.rows}

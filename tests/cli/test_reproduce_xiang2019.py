@@ -67,6 +67,9 @@ def shown_findings(page: str) -> set[tuple[str, str]]:
             columns = columns or cells
             row = dict(zip(columns, cells, strict=True))
             shown.add((row.get("what", ""), row.get("class", shared_class)))
+            shown |= {(f"{row['case']}: {column}", shared_class) for column in row if "case" in row}
+        elif not line:
+            columns = []
     return shown
 
 
