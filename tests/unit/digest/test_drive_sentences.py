@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
-from types import SimpleNamespace
+from typing import NamedTuple
 
 import pytest
 
 from cwcli.digest.drive_sentences import drive_length_sentence
 
 S = 1_000_000_000
-LOG = SimpleNamespace(start_ns=100 * S, end_ns=110 * S)
+
+
+class Span(NamedTuple):
+    start_ns: int
+    end_ns: int
+
+
+LOG = Span(100 * S, 110 * S)
 
 
 @pytest.mark.parametrize(
