@@ -16,6 +16,9 @@ MIN_MOVING_SPEED_MPS = 3.0
 hand."""
 MIN_HELD_FIXES = 4
 """Least number of repetitions of a fix that is held. Chosen by hand: a receiver once a second that holds for 4 s."""
+MAX_HELD_FIX_CHANGE_M = 1e-3
+"""Greatest change in m, east or north, of a fix that is held: a height that goes on moves the place in the map by less.
+Chosen below the noise of every receiver."""
 MIN_SATURATED_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
 MAX_SMOOTH_DIFFERENCE_RATIO = 0.5
@@ -87,7 +90,7 @@ def _held_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
     but the next fix is then near.
     """
     held = np.zeros(len(time_s), np.bool_)
-    same = (np.diff(fixes_m, axis=0) == 0.0).all(axis=1)
+    same = (np.abs(np.diff(fixes_m, axis=0)) <= MAX_HELD_FIX_CHANGE_M).all(axis=1)
     for begin, end in _begin_and_end_of_true_stretches(same, MIN_HELD_FIXES):  # rows begin .. end are one fix
         if end + 1 < len(time_s) and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             way_m = float(np.hypot(*(fixes_m[end + 1] - fixes_m[begin])))

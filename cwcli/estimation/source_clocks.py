@@ -39,6 +39,9 @@ MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT = 25.0
 MIN_EQUAL_STAMP_SHARE = 0.5
 """Least share of messages with the stamp of the message before them that shows stamps cut to a coarse unit. Chosen: of
 two messages a second stamped in whole seconds half have it."""
+MAX_CLOCK_RATE = 2.0
+"""Greatest rate of a clock against the log's, and the inverse of the least one; beyond it the stamps are in another
+unit, as milliseconds that are written as seconds. Chosen far above any drift."""
 WHOLE_SECONDS_TOLERANCE_S = 0.2
 """Greatest distance in s of an offset from whole seconds (time zones, leap seconds) that counts as whole. Chosen above
 usual delays."""
@@ -95,6 +98,7 @@ def align_source_clocks_and_note(
         The measurements, and what the user is told.
     """
     given = measurements
+    measurements, wrong_units = _replace_stamps_of_wrong_rate_and_note(measurements, trusted)
     measurements, coarse = _replace_coarse_stamps_and_note(measurements, trusted)
     clocks = {
         source: clock
@@ -102,7 +106,7 @@ def align_source_clocks_and_note(
         if (clock := _clock_of_source_or_none([m for m in measurements if m.source == source])) is not None
     }
     shifts_s: dict[str, list[tuple[int, float]]] = {}
-    notes = coarse
+    notes = [*wrong_units, *coarse]
     for source in [s for s in clocks if s not in trusted]:
         found = [
             *_log_times_and_shifts_at_own_clock_steps(source, clocks, notes),
@@ -122,6 +126,40 @@ def align_source_clocks_and_note(
     return [
         _shift_stamps(m, [(EARLIEST_LOG_TIME_NS, offsets_s[m.source])]) if m.source in offsets_s else m for m in stepped
     ], notes
+
+
+def _replace_stamps_of_wrong_rate_and_note(
+    measurements: Sequence[Measurements], trusted: Sequence[str]
+) -> tuple[list[Measurements], list[str]]:
+    """Replace stamps that run much faster or slower than the log by log times, where most sources run with the log."""
+    rates = [_clock_rate_or_nan(m) for m in measurements]
+    is_wrong = [rate > MAX_CLOCK_RATE or rate < 1.0 / MAX_CLOCK_RATE for rate in rates]
+    if 2 * sum(is_wrong) >= np.isfinite(rates).sum():
+        return list(measurements), []
+    notes = {
+        m.source: f"{m.source}: its stamps run {rate:.3g} times as fast as the log, as in another unit; its log times "
+        "take their place"
+        for m, rate, wrong in zip(measurements, rates, is_wrong, strict=True)
+        if wrong and m.source not in trusted
+    }
+    return [replace(m, stamp_ns=m.received_ns.copy()) if m.source in notes else m for m in measurements], list(
+        notes.values()
+    )
+
+
+def _clock_rate_or_nan(m: Measurements) -> float:
+    """Return the time that passes in the stamps over that in the log times; NaN with too few rows.
+
+    It is from medians over a tenth of the rows, which steps and pauses do not change.
+    """
+    if len(m) < 2 * MIN_STEP_ROWS:
+        return float("nan")
+    order = np.argsort(m.received_ns, kind="stable")
+    lag = len(m) // 10
+    stamps_ns, log_ns = (
+        median_of_finite_values(each[order][lag:] - each[order][:-lag]) for each in (m.stamp_ns, m.received_ns)
+    )
+    return stamps_ns / log_ns if log_ns > 0 else float("nan")
 
 
 def _replace_coarse_stamps_and_note(

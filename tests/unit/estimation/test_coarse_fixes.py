@@ -55,6 +55,13 @@ def test_a_fix_that_is_held_while_the_car_moves_on_is_set_aside(way_m: float, n_
     assert mask[301:401].all() == bool(n_held)
 
 
+def test_a_held_fix_may_move_in_the_map_as_its_height_goes_on() -> None:
+    held = FIXES_M.copy()
+    held[301:401] = held[300] + 4e-4 * np.sin(np.arange(100.0))[:, None]
+    held[401:] += held[300] + [40.0, 0.0] - held[401]
+    assert frozen_row_mask(Kind.POSITION, TIME_S, held, FixMotion(TIME_S, held)).sum() == 100
+
+
 def test_fixes_that_are_repeated_all_the_time_are_not_stuck() -> None:
     slow = np.repeat(FIXES_M[::60], 60, axis=0)  # one each 3 s
     assert not frozen_row_mask(Kind.POSITION, TIME_S, slow, FixMotion(TIME_S, slow)).any()

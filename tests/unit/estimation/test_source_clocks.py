@@ -48,6 +48,26 @@ def test_a_clock_that_steps_in_mid_log_is_set_back(step_s: float, begin: int) ->
     assert note.startswith(f"/position: its clock is {step_s:+.2f}"[:-1])
 
 
+@pytest.mark.parametrize("rate", [1000.0, 1e-3])
+def test_stamps_in_another_unit_give_way_to_the_log_times(rate: float) -> None:
+    *others, rates = drive()
+    wrong = replace(rates, stamp_ns=EPOCH_NS + np.rint((rates.stamp_ns - EPOCH_NS) * rate).astype(np.int64))
+    aligned, (note,) = align_source_clocks_and_note([*others, wrong])
+    np.testing.assert_array_equal(aligned[2].stamp_ns, rates.received_ns)
+    assert aligned[:2] == others
+    assert note.startswith(f"/yaw_rate: its stamps run {rate:.3g} times as fast as the log")
+    kept, notes = align_source_clocks_and_note([*others, wrong], trusted=["/yaw_rate"])
+    assert kept[2] is wrong
+    assert not any("times as fast" in note for note in notes)
+
+
+def test_log_times_of_a_converted_log_do_not_make_all_stamps_wrong() -> None:
+    """Where all messages were logged within a second, the stamps are all that is known of the time."""
+    fast = [replace(m, log_time_ns=EPOCH_NS + (m.received_ns - EPOCH_NS) // 100) for m in drive()]
+    _, notes = align_source_clocks_and_note(fast)
+    assert not any("times as fast" in note for note in notes)
+
+
 def test_a_clock_that_is_off_for_a_piece_is_set_right_there() -> None:
     fixes, *others = drive()
     piece = (np.arange(len(fixes)) >= 300) & (np.arange(len(fixes)) < 700)
