@@ -90,7 +90,7 @@ def _held_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
     but the next fix is then near.
     """
     held = np.zeros(len(time_s), np.bool_)
-    same = (np.abs(np.diff(fixes_m, axis=0)) <= MAX_HELD_FIX_CHANGE_M).all(axis=1)
+    same = np.abs(np.diff(fixes_m, axis=0)).max(axis=1) <= MAX_HELD_FIX_CHANGE_M
     for begin, end in _begin_and_end_of_true_stretches(same, MIN_HELD_FIXES):  # rows begin .. end are one fix
         if end + 1 < len(time_s) and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             way_m = float(np.hypot(*(fixes_m[end + 1] - fixes_m[begin])))

@@ -15,6 +15,8 @@ from cwcli.signals.canonical import PositionSignal
 
 MAX_LATITUDE_DEG = 90.0
 """Latitude of a pole, degrees."""
+MAX_LONGITUDE_DEG = 180.0
+"""Longitude of the antimeridian, degrees."""
 
 
 @dataclass(frozen=True)
@@ -24,17 +26,25 @@ class GeodeticFault:
     Attributes:
         name, fault, action: As in `Correction`.
         correct: Converts wrong fixes to right ones.
+        needs_vote: Whether it is tried only where several sources outvote the fixes, because any fixes may have it.
     """
 
     name: str
     fault: str
     action: str
     correct: Callable[[PositionSignal], PositionSignal]
+    needs_vote: bool = True
 
     def gives_places_on_earth(self, signal: PositionSignal) -> bool:
         """Whether the corrected fixes are places on the earth."""
-        latitude_deg = self.correct(signal).latitude_deg
-        return bool((np.abs(latitude_deg[np.isfinite(latitude_deg)]) <= MAX_LATITUDE_DEG).all())
+        corrected = self.correct(signal)
+        return all(
+            bool((np.abs(degrees[np.isfinite(degrees)]) <= limit_deg).all())
+            for degrees, limit_deg in (
+                (corrected.latitude_deg, MAX_LATITUDE_DEG),
+                (corrected.longitude_deg, MAX_LONGITUDE_DEG),
+            )
+        )
 
     def correction_of(self, signal: PositionSignal) -> Correction:
         """Return the correction of all fixes of a topic."""
@@ -67,6 +77,13 @@ GEODETIC_FAULTS = (
         "sign changed",
         lambda s: replace(s, latitude_deg=-s.latitude_deg),
     ),
+    GeodeticFault(
+        "radians",
+        "has latitude and longitude in radians",
+        "converted to degrees",
+        lambda s: replace(s, latitude_deg=np.degrees(s.latitude_deg), longitude_deg=np.degrees(s.longitude_deg)),
+        needs_vote=False,  # only fixes within 3 degrees of 0 degrees north and east, which lies at sea, may have it
+    ),
 )
 """Faults of latitude and longitude, in the order in which they are tried."""
 
@@ -77,6 +94,12 @@ def is_position_doubted(track: Track, topic: str) -> bool:
     return any(each.who == who and each.allies for each in track.contradictions) or any(
         each.who == who for each in track.corrections
     )
+
+
+def is_position_contradicted(track: Track, topic: str) -> bool:
+    """Whether the fixes of a topic are one side of a contradiction."""
+    who = SourceQuantity(topic, Kind.POSITION)
+    return any(who in (each.who, each.against) for each in track.contradictions)
 
 
 def topics_corrected_or_blamed(track: Track) -> set[str]:

@@ -157,7 +157,8 @@ def _clock_rate_or_nan(m: Measurements) -> float:
     order = np.argsort(m.received_ns, kind="stable")
     lag = len(m) // 10
     stamps_ns, log_ns = (
-        median_of_finite_values(each[order][lag:] - each[order][:-lag]) for each in (m.stamp_ns, m.received_ns)
+        median_of_finite_values((each[order][lag:] - each[order][:-lag]).astype(np.float64))
+        for each in (m.stamp_ns, m.received_ns)
     )
     return stamps_ns / log_ns if log_ns > 0 else float("nan")
 

@@ -25,7 +25,12 @@ from cwcli.estimation.from_signals import (
     ego_signal_to_measurements,
     merge_remotes_placed_in_map_and_note,
 )
-from cwcli.estimation.geodetic_faults import GEODETIC_FAULTS, is_position_doubted, topics_corrected_or_blamed
+from cwcli.estimation.geodetic_faults import (
+    GEODETIC_FAULTS,
+    is_position_contradicted,
+    is_position_doubted,
+    topics_corrected_or_blamed,
+)
 from cwcli.estimation.hypotheses import HYPOTHESES
 from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
 from cwcli.estimation.measurements import Measurements
@@ -270,16 +275,17 @@ def _undo_exchanged_or_reversed_coordinates(
     positions = sources.by_role[Role.EGO_POSITION]
     signal = positions[0]
     kept = {*estimator.trusted_sources, *estimator.source_units}
+    is_outvoted = is_position_doubted(estimated.hindsight, signal.source)
     if (
         not isinstance(signal, PositionSignal)
         or signal.source in kept
         or estimator.takes_no_online_parameter_from_log
-        or not is_position_doubted(estimated.hindsight, signal.source)
+        or not (is_outvoted or is_position_contradicted(estimated.hindsight, signal.source))
     ):
         return sources, estimated
     known = topics_corrected_or_blamed(estimated.hindsight)
     for fault in GEODETIC_FAULTS:
-        if not fault.gives_places_on_earth(signal):
+        if (fault.needs_vote and not is_outvoted) or not fault.gives_places_on_earth(signal):
             continue
         corrected = tuple(fault.correct(each) if each is signal else each for each in positions)
         tried_sources = replace(sources, by_role={**sources.by_role, Role.EGO_POSITION: corrected})

@@ -56,6 +56,10 @@ def _signals() -> SensorSignals:
         ("latitude-longitude", lambda s: replace(s, latitude_deg=s.longitude_deg, longitude_deg=s.latitude_deg)),
         ("longitude-sign", lambda s: replace(s, longitude_deg=-s.longitude_deg)),
         ("latitude-sign", lambda s: replace(s, latitude_deg=-s.latitude_deg)),
+        (
+            "radians",
+            lambda s: replace(s, latitude_deg=np.radians(s.latitude_deg), longitude_deg=np.radians(s.longitude_deg)),
+        ),
     ],
 )
 def test_a_fault_of_latitude_and_longitude_is_corrected_and_the_map_with_it(
@@ -74,7 +78,7 @@ def test_a_fault_of_latitude_and_longitude_is_corrected_and_the_map_with_it(
     assert abs(found.local_map.origin_lon_deg - 11.0) < 1e-3
     (moved,) = sources.by_role[Role.EGO_POSITION]
     assert isinstance(moved, PositionSignal)
-    np.testing.assert_array_equal(moved.latitude_deg, position.latitude_deg)
+    np.testing.assert_allclose(moved.latitude_deg, position.latitude_deg, rtol=1e-15)  # radians round the last bit
 
 
 def test_right_latitudes_and_longitudes_stay_as_they_are() -> None:
