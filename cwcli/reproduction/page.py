@@ -22,7 +22,7 @@ PICTURE_FOLDER_NAME = "figures"
 KEYS_OF_REPEATED_SECTIONS = frozenset({"looks", "settings"})
 """Keys of sections whose numbers are all among the findings of the figure `where`."""
 GRID_NOTE = "behind a number its bound and key, if any"
-"""What the cells of a grid hold."""
+"""Sentence part above a grid of findings that says what its cells hold."""
 COLUMNS_THAT_MAY_BE_EMPTY = frozenset({"paper", "tolerance", "why"})
 """Columns of findings that a table leaves out where no row has anything in them."""
 COLUMNS_THAT_MAY_BE_SHARED = frozenset({"tolerance", "class", "why"})

@@ -39,6 +39,7 @@ def test_a_file_that_changes_during_the_import_is_refused(
         "target": str(target),
         "force": False,
         "stdout": None,
+        "progress": None,
     }
     with pytest.raises(InputError) as found:
         bounded_import.import_requested_files_in_own_process(request)
