@@ -16,7 +16,7 @@ from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import EastNorthRows, FloatArray
 
-JUMP_IN_SCATTERS = 8.0
+MIN_JUMP_IN_DIFFERENCE_SIGMAS = 8.0
 """Least jump of fixes in sigmas of the difference of two fixes, by their scatter. Chosen by hand: both neighbouring
 steps must differ by it, which noise does once in 10^7 rows."""
 MIN_JUMP_M = 3.3
@@ -185,4 +185,4 @@ def _continuation_of_fixes(time_s: FloatArray, values: EastNorthRows, scatter_m:
     lag = max(1, int(np.searchsorted(time_s, time_s[0] + SPEED_STEP_S)))
     speeds_mps = np.hypot(*(values[lag:] - values[:-lag]).T) / np.maximum(time_s[lag:] - time_s[:-lag], 1e-3)
     usual_mps = 2.0 * (median_of_finite_values(speeds_mps) if len(speeds_mps) else 0.0) + MIN_USUAL_SPEED_MPS
-    return _Continuation(usual_mps, max(JUMP_IN_SCATTERS * math.sqrt(2.0) * scatter_m, MIN_JUMP_M))
+    return _Continuation(usual_mps, max(MIN_JUMP_IN_DIFFERENCE_SIGMAS * math.sqrt(2.0) * scatter_m, MIN_JUMP_M))

@@ -29,7 +29,7 @@ MAX_CHANGE_PER_SECOND_BY_KIND = {Kind.POSITION: 100.0, Kind.VELOCITY: 12.0, Kind
 """Greatest change per second of a position (m) and of velocity and speed (m/s). Chosen: tyres hold no more."""
 MIN_JUMP_IN_MEDIAN_STEPS = 6.0
 """Median steps by which a jump must exceed the greatest change. Chosen by hand; not fitted."""
-N_AGREEING_ROWS = 4
+N_FIRST_ROWS_COMPARED = 4
 """Number of first rows that are compared. Chosen by hand; not fitted."""
 MIN_STUCK_ROWS, MIN_STUCK_DURATION_S = 20, 2.0
 """Least number of repeated rows and least duration (s) of a stuck source. Chosen by hand; not fitted."""
@@ -96,13 +96,13 @@ def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: ValueRows)
     Receivers and buses send a zero or their last position before they have measured anything. A filter that starts
     there is sure of a wrong state and rejects good rows for long.
     """
-    if kind not in MAX_CHANGE_PER_SECOND_BY_KIND or len(time_s) < 2 * N_AGREEING_ROWS:
+    if kind not in MAX_CHANGE_PER_SECOND_BY_KIND or len(time_s) < 2 * N_FIRST_ROWS_COMPARED:
         return False
     change = np.sqrt(np.square(np.diff(values, axis=0)).sum(axis=1))
     most = MAX_CHANGE_PER_SECOND_BY_KIND[kind] * np.diff(time_s) + MIN_JUMP_IN_MEDIAN_STEPS * median_of_finite_values(
         change
     )
-    return bool(change[0] > most[0] and (change[1:N_AGREEING_ROWS] <= most[1:N_AGREEING_ROWS]).all())
+    return bool(change[0] > most[0] and (change[1:N_FIRST_ROWS_COMPARED] <= most[1:N_FIRST_ROWS_COMPARED]).all())
 
 
 def stuck_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows) -> npt.NDArray[np.bool_]:

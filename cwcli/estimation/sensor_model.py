@@ -32,7 +32,7 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 SPEED_SCALE_PRIOR_SIGMA = 0.02
 """One sigma of the scale of a speed. Chosen: tyres differ by wear, pressure and size by a couple of percent."""
-LEVER_ARM_PRIOR_SIGMA_M = 1.0
+IMU_HEIGHT_PRIOR_SIGMA_M = 1.0
 """One sigma of the height of an IMU above the wheels, m. Chosen: between the axles and a truck's roof."""
 AHEAD_PRIOR_SIGMA_M = 2.0
 """One sigma of the lever arm ahead, m. Chosen: an antenna stands between the front and the rear of a car."""
@@ -159,7 +159,7 @@ def add_sensor_error_states(base: StateLayout, model: SensorModel) -> StateLayou
         if i in model.scaled and len(s):
             series[i] = replace(series[i], scale_state=add(1, SPEED_SCALE_PRIOR_SIGMA**2, 0.0))
         if i in model.levered and len(s) and imu_rate is not None:
-            series[i] = replace(series[i], lever_state=add(1, LEVER_ARM_PRIOR_SIGMA_M**2, 0.0), pitch_rate=imu_rate)
+            series[i] = replace(series[i], lever_state=add(1, IMU_HEIGHT_PRIOR_SIGMA_M**2, 0.0), pitch_rate=imu_rate)
         if i in model.ahead and len(s):
             series[i] = replace(series[i], ahead_state=add(1, AHEAD_PRIOR_SIGMA_M**2, 0.0))
     parameters = replace(base.parameters, time_constant_s=time_constant_s, turn_noise=turn_noise)

@@ -14,7 +14,7 @@ MIN_OVERTAKEN_SPEED_MPS = 2.0
 """Slower vehicles are parked, or stand in a queue, m/s. Chosen by hand."""
 MAX_LATERAL_OFFSET_OF_SAME_ROAD_M = 7.0
 """Farther to the side is another road, m: two lanes of 3.5 m."""
-SIDE_GAP_OF_SEVERITY_1_M = 1.5
+SIDE_GAP_AT_SEVERITY_1_M = 1.5
 """Overtaking has severity 1 at this distance of the sides, m: the least one beside cyclists (StVO, section 5)."""
 
 
@@ -33,7 +33,7 @@ def find_overtaking(evidence: EventEvidence) -> Iterator[Moment]:
             if side_m <= 0.0:
                 continue  # the outlines overlap: the states say that the ego drove through it
             span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
-            severity = severity_of(side_m, SIDE_GAP_OF_SEVERITY_1_M, "low")
+            severity = severity_of(side_m, SIDE_GAP_AT_SEVERITY_1_M, "low")
             words = f"the ego passes it with {side_m:.1f} m between the sides"
             yield Moment(*span, (evidence.ego_id, other_id), side_m, severity, words=words)
 

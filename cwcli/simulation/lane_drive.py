@@ -25,7 +25,7 @@ INTEGRATION_STEP_S = 0.01
 """Time step of the integration and of the truth, s. Chosen by hand; not fitted."""
 CENTRE_LINE_STEP_M = 0.5
 """Distance of the points of the tabulated centre line, m. Chosen by hand; not fitted."""
-CENTRE_LINE_START_M = 50.0
+CENTRE_LINE_LENGTH_BEFORE_START_M = 50.0
 """Length of the tabulated centre line before the start, m. Chosen by hand; not fitted."""
 
 
@@ -48,7 +48,7 @@ class Road:
 
     def centre_line_table(self, length_m: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Station, x, y (m) and direction (rad) of the centre line, (k,) each; station 0 is the origin, eastward."""
-        station = np.arange(-CENTRE_LINE_START_M, length_m + CENTRE_LINE_STEP_M, CENTRE_LINE_STEP_M)
+        station = np.arange(-CENTRE_LINE_LENGTH_BEFORE_START_M, length_m + CENTRE_LINE_STEP_M, CENTRE_LINE_STEP_M)
         middle = self.curvature_at_1pm(0.5 * (station[1:] + station[:-1]))
         direction = np.concatenate([[0.0], np.cumsum(middle * CENTRE_LINE_STEP_M)])
         direction -= np.interp(0.0, station, direction)

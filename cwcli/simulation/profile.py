@@ -18,7 +18,7 @@ from cwcli.simulation.spec import LATERAL_KEYS, LONGITUDINAL_KEYS, check_scenari
 
 SEGMENT_EDGE_TOLERANCE_S = 1e-9
 """Difference of the times of neighbouring segments that counts as none, s, against rounding."""
-SPEED_TOLERANCE_MPS = 1e-9
+ZERO_SPEED_TOLERANCE_MPS = 1e-9
 """Speed that counts as standstill, m/s, against rounding."""
 SMOOTH_RAMP_PEAK_TO_MEAN = 1.5
 """Ratio of the largest to the mean rate of a smooth ramp: the slope of 3 u^2 - 2 u^3 at u = 1/2."""
@@ -212,7 +212,7 @@ def _turn_pieces_of_segment(
     value = last.curvature_or_yaw_rate_at(start)
     if last.is_curvature != is_curvature and value != 0:
         speed_mps = find_piece_at(speed, start).speed_and_accel_at(start)[0]
-        if speed_mps <= SPEED_TOLERANCE_MPS:
+        if speed_mps <= ZERO_SPEED_TOLERANCE_MPS:
             raise scenario_value_error(
                 source,
                 place,
@@ -248,7 +248,7 @@ def _require_forward_speed(pieces: Sequence[SpeedPiece], end_s: float, path: str
         inner = [piece.start_s + root.real for root in polyroots(polyder(piece.coefficients)) if root.imag == 0]
         for time_s in (piece.start_s, end, *(time_s for time_s in inner if piece.start_s < time_s < end)):
             speed = piece.speed_and_accel_at(time_s)[0]
-            if speed < -SPEED_TOLERANCE_MPS:
+            if speed < -ZERO_SPEED_TOLERANCE_MPS:
                 what = f"reaches {speed:.2f} m/s at {time_s:.2f} s"
                 raise scenario_value_error(source, f"{path}.longitudinal", what, "a speed of 0 m/s or more")
 

@@ -50,7 +50,7 @@ JPEG_REDUCTION_FACTORS = (8, 4, 2)
 """Factors by which OpenCV can reduce a JPEG while it decodes it, greatest first."""
 MAX_DECODING_THREADS = 4
 """Greatest number of decoding threads unless the caller names one. Chosen by hand; not fitted."""
-MAX_FORMAT_NAME_LENGTH = 20
+MAX_SHOWN_FORMAT_NAME_CHARACTERS = 20
 """Number of letters of a format's name that a message shows."""
 MAX_FRAMES_PER_BATCH = 4
 """Greatest number of grey frames that a thread gets at a time: handing over a small frame costs as much as a search.
@@ -325,7 +325,7 @@ def _unreadable_data_reason(frame: FrameLike) -> str:
     if not frame.is_video:
         return "neither JPEG, PNG nor WebP"
     known = ", ".join(name for name, codec in CODEC_OF_VIDEO_FORMAT.items() if codec not in UNSUPPORTED_CODECS)
-    return f"the video format {frame.format[:MAX_FORMAT_NAME_LENGTH]!r} is not known (known: {known})"
+    return f"the video format {frame.format[:MAX_SHOWN_FORMAT_NAME_CHARACTERS]!r} is not known (known: {known})"
 
 
 def _decode_still_image(

@@ -51,7 +51,7 @@ NEAR_PLACE_STEP, FAR_PLACE_STEP = 0.04, 0.06
 width."""
 HORIZON_DERIVATIVE_STEP_SHARE = 0.006
 """Step of the horizon, over the image's height. Chosen by hand; not fitted."""
-MAX_SIGMA_IN_STEPS = 1.0
+SIGMA_CAP_IN_DERIVATIVE_STEPS = 1.0
 """Greatest sigma in steps: that of what no step makes worse. Chosen by hand; not fitted."""
 N_LANE_NUMBERS = 5
 """Number of a lane's numbers that have a covariance: all but the change of curvature."""
@@ -104,7 +104,7 @@ def covariance_of_first_five_lane_numbers(
         axes
         * (
             COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE
-            / np.maximum(value, COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE / MAX_SIGMA_IN_STEPS**2)
+            / np.maximum(value, COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE / SIGMA_CAP_IN_DERIVATIVE_STEPS**2)
         )
     ) @ axes.T
     far_m = camera.fy * camera.mounting.height_m / _near_and_far_depth_px(float(lane[HORIZON]), camera.height_px)[1]

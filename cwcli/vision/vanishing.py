@@ -26,7 +26,7 @@ VANISHING_GRID_STEP_SHARE = 0.01
 """Step of the tried rows and columns, over the image's height and width. Chosen by hand; not fitted."""
 MIN_SEGMENT_LENGTH_SHARE = 0.03
 """Least length of a segment that votes, over the image's width. Chosen by hand; not fitted."""
-MAX_COUNTED_LENGTH_SHARE = 0.15
+MAX_VOTING_LENGTH_OVER_IMAGE_WIDTH = 0.15
 """Length from which longer segments have no more votes, over the image's width. Chosen by hand; not fitted."""
 MIN_SEGMENT_SLOPE, MAX_SEGMENT_SLOPE = 0.2, 16.0
 """Least and greatest slope of a segment that votes, in rows a column: others are beams, bridges and posts. Chosen by
@@ -137,7 +137,7 @@ def _vanishing_point_votes_on_grid(
     """Votes for each point of a grid, shape (len(v), len(u)), and the greatest possible sum of votes."""
     run, rise = segments_uv_px[:, 2] - segments_uv_px[:, 0], segments_uv_px[:, 3] - segments_uv_px[:, 1]
     length = np.hypot(run, rise)
-    weight = np.minimum(length, MAX_COUNTED_LENGTH_SHARE * width_px)
+    weight = np.minimum(length, MAX_VOTING_LENGTH_OVER_IMAGE_WIDTH * width_px)
     lowest = np.maximum(segments_uv_px[:, 1], segments_uv_px[:, 3])
     du = (grid_u_px - 0.5 * (segments_uv_px[:, :1] + segments_uv_px[:, 2:3])).astype(np.float32)
     dv = (grid_v_px - 0.5 * (segments_uv_px[:, 1:2] + segments_uv_px[:, 3:])).astype(np.float32)

@@ -14,7 +14,7 @@ from cwcli.warning.types import PathArrays
 
 Rows = npt.NDArray[np.intp]
 
-MAX_COMPARISON_STEP_S = 0.1
+MAX_STEP_OF_THINNED_PATHS_S = 0.1
 """Largest step between compared points, s. Chosen: no car turns by a tenth of a radian in it."""
 N_BRAKING_STEPS = 60
 """Number of steps from the begin of the braking to standstill. Chosen by hand."""
@@ -62,7 +62,7 @@ class PathPairs:
         near = np.flatnonzero(~far & ~np.isnan(min_distance_m))
         if not len(near):
             return out
-        every = max(1, int(MAX_COMPARISON_STEP_S / float(time_s[1]) + 1e-6))
+        every = max(1, int(MAX_STEP_OF_THINNED_PATHS_S / float(time_s[1]) + 1e-6))
         ends = np.searchsorted(time_s, np.array(ends_s) - 1e-9)
         kept = sort_distinct_values(np.concatenate([np.arange(0, len(time_s), every), ends]))
         at_s = time_s[kept]

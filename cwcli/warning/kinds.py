@@ -28,7 +28,7 @@ FOLLOWING_MARGIN_M = 0.5
 Chosen by hand."""
 MAX_PARALLEL_ANGLE_RAD = np.radians(10.0)
 """Greatest angle between parallel lines of travel, rad: twice that of a usual change of lanes. Chosen by hand."""
-MIN_LANE_CLEARANCE_M = 1.0
+MIN_OUTLINE_GAP_OF_SEPARATE_LANES_M = 1.0
 """Least lateral distance of the outlines of vehicles in lanes of their own, m: lanes are 3 m wide or more, cars 2 m.
 Chosen by hand; not fitted."""
 MAX_LATERAL_SPEED_IN_LANE_MPS = 1.0
@@ -97,4 +97,4 @@ def _drives_parallel_at_distance_mask(
     is_straight = np.abs(host_states[:, SPEED] * host_states[:, YAW_RATE]) < MAX_LATERAL_ACCEL_IN_LANE_MPS2
     is_straight &= np.abs(other_states[:, SPEED] * other_states[:, YAW_RATE]) < MAX_LATERAL_ACCEL_IN_LANE_MPS2
     is_parallel = (skew_rad < MAX_PARALLEL_ANGLE_RAD) & (sideways_mps < MAX_LATERAL_SPEED_IN_LANE_MPS)
-    return np.asarray(is_parallel & is_straight & (clearance_m > MIN_LANE_CLEARANCE_M))
+    return np.asarray(is_parallel & is_straight & (clearance_m > MIN_OUTLINE_GAP_OF_SEPARATE_LANES_M))

@@ -12,7 +12,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence, name_sources_in_word
 from cwcli.pipeline.records import read_finite_number_or_nan, to_float_or_nan
 from cwcli.text import format_count, shorten_and_escape
 
-MIN_CONTRADICTIONS_FOR_DOUBT = 1
+MIN_CONTRADICTIONS_TO_DOUBT_ESTIMATE = 1
 """Number of contradictions from which the estimate is doubted. Chosen by hand: one is enough to spoil it."""
 
 
@@ -26,7 +26,7 @@ def find_contradictions(evidence: DoubtEvidence) -> Iterator[Finding]:
 CONTRADICTION = DoubtRule(
     summary="sources that contradict each other",
     short_name="contradicting sources",
-    threshold=MIN_CONTRADICTIONS_FOR_DOUBT,
+    threshold=MIN_CONTRADICTIONS_TO_DOUBT_ESTIMATE,
     unit="",
     source="chosen: one spoils the estimate",
     advice="Find out which of them is wrong, and leave it out or correct it with --topic or --map.",

@@ -10,7 +10,7 @@ from cwcli.signals.columns import Int64Array
 
 ByteArray = npt.NDArray[np.uint8]
 
-MIN_ROWS_PER_LENGTH = 8
+MIN_ROWS_OF_ONE_LENGTH_TO_VECTORISE = 8
 """The number of rows of one length from which a vectorised copy is cheaper than a copy per row. Chosen by hand."""
 
 
@@ -79,7 +79,7 @@ def copy_rows(
     stops = np.cumsum(counts)
     for size, start, stop in zip(distinct.tolist(), (stops - counts).tolist(), stops.tolist(), strict=True):
         rows = order[start:stop]
-        if size and stop - start >= MIN_ROWS_PER_LENGTH:
+        if size and stop - start >= MIN_ROWS_OF_ONE_LENGTH_TO_VECTORISE:
             sliding_byte_windows(target, size)[target_starts[rows]] = sliding_byte_windows(source, size)[
                 source_starts[rows]
             ]

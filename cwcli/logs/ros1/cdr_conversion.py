@@ -31,7 +31,7 @@ LENGTH_BYTES = 4
 """The size in bytes of the length in front of a text or a sequence, in ROS 1 and in CDR."""
 ALLOWED_ELEMENTS_OF_ANY_MESSAGE = 1 << 16
 """A message may hold this number of messages, however few bytes it has. Chosen by hand."""
-ALLOWED_ELEMENTS_PER_BYTE = 8
+ALLOWED_EXTRA_INNER_MESSAGES_PER_BYTE = 8
 """A message may hold this number of messages more for each of its bytes, as they may be inside each other. Chosen by
 hand."""
 MAX_REPEATED_PIECES = 64
@@ -247,7 +247,7 @@ class _Conversion:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self._n_left = ALLOWED_ELEMENTS_OF_ANY_MESSAGE + ALLOWED_ELEMENTS_PER_BYTE * len(data)
+        self._n_left = ALLOWED_ELEMENTS_OF_ANY_MESSAGE + ALLOWED_EXTRA_INNER_MESSAGES_PER_BYTE * len(data)
         self.at = 0
         self.out = bytearray(CDR_HEADER)
         self.lengths: list[tuple[int, int]] = []

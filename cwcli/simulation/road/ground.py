@@ -16,7 +16,7 @@ WHEEL_TRACK_OFFSET_M = 0.75
 """Distance of the wheel tracks from the middle of a lane, m. Chosen by hand; not fitted."""
 SEAM_WIDTH_M = 0.05
 """Width of the tar seam around a patch, m. Chosen by hand; not fitted."""
-MAX_DRAWN_DISTANCE_M = 150.0
+MAX_PATCH_AND_SHADOW_DISTANCE_M = 150.0
 """Distance ahead beyond which patches and shadows are not drawn, m. Chosen by hand; not fitted."""
 PENUMBRA_WIDTH_M = 0.06
 """Width over which the side of a shadow band fades, m. Chosen by hand; not fitted."""
@@ -78,7 +78,7 @@ def headlight_factor_by_row_and_cell(rows: ImageRows) -> Float32Array:
 def _is_within_drawn_distance(rows: ImageRows, station_m: float, reach_m: float) -> bool:
     """Whether an object at a station is near enough ahead to be drawn."""
     here = rows.road.station_m
-    return here - reach_m - 5.0 < station_m < here + reach_m + MAX_DRAWN_DISTANCE_M
+    return here - reach_m - 5.0 < station_m < here + reach_m + MAX_PATCH_AND_SHADOW_DISTANCE_M
 
 
 def _wheel_track_darkening(lane_width_m: float) -> Float32Array:

@@ -34,7 +34,7 @@ fitted."""
 RAIL_PIECE_EDGES_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
 """Distances ahead at which a guard rail is divided into pieces of even haze, far to near, m. Chosen by hand; not
 fitted."""
-MAX_DRAWN_DISTANCE_M = 150.0
+MAX_PATCH_AND_SHADOW_DISTANCE_M = 150.0
 """Distance ahead beyond which vehicles and posts are not drawn, m. Chosen by hand; not fitted."""
 
 
@@ -82,7 +82,7 @@ def draw_vehicles(
     view = _RoadView(camera, road, scene.light)
     lamps: list[Lamp] = []
     for vehicle in sorted(scene.vehicles, key=lambda each: -each.ahead_m):
-        if 2.0 < vehicle.ahead_m < MAX_DRAWN_DISTANCE_M:
+        if 2.0 < vehicle.ahead_m < MAX_PATCH_AND_SHADOW_DISTANCE_M:
             lamps += _draw_vehicle(image, view, vehicle, hidden)
     return lamps
 
@@ -182,7 +182,7 @@ def _draw_guard_rail(image: Float32Array, view: _RoadView, offset_m: float) -> N
 def _draw_posts(image: Float32Array, view: _RoadView, offset_m: float) -> None:
     """Draw the guide posts at an offset, in place."""
     first = -view.road.station_m % POST_SPACING_M
-    for ahead in np.arange(first, MAX_DRAWN_DISTANCE_M, POST_SPACING_M)[::-1]:
+    for ahead in np.arange(first, MAX_PATCH_AND_SHADOW_DISTANCE_M, POST_SPACING_M)[::-1]:
         if ahead < 5.0:
             continue
         x, y, _ = view.road.pose_at_arc_length(float(ahead), offset_m)

@@ -48,7 +48,7 @@ def test_the_covariance_of_a_known_objective(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(module, "lane_objectives", judged)
     monkeypatch.setattr(module, "CURVATURE_CHANGE_SIGMA_1PM2", 0.0)
-    monkeypatch.setattr(module, "MAX_SIGMA_IN_STEPS", 1e6)
+    monkeypatch.setattr(module, "SIGMA_CAP_IN_DERIVATIVE_STEPS", 1e6)
     made = covariance_of_first_five_lane_numbers(evidence, lane, first_frame_prior(mounted()).table, mounted())
     np.testing.assert_allclose(
         made, COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE / 2e-3 * np.linalg.inv(information), rtol=1e-6, atol=1e-9
