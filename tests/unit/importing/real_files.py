@@ -23,11 +23,11 @@ MIDNIGHT_S = 86_360
 """Seconds of the day at the first row."""
 
 
-def real(holds: str = "", asks: str = "", start: int = START_NS, **bounds: float) -> Callable[[Callable[[Path], list[Path]]], Callable[[Path], list[Path]]]:
+def real(holds: str = "", asks: str = "", start: int = START_NS, by_topic: dict[str, float] | None = None, **bounds: float) -> Callable[[Callable[[Path], list[Path]]], Callable[[Path], list[Path]]]:
     """Register the maker of a case under its name."""
 
     def keep(make: Callable[[Path], list[Path]]) -> Callable[[Path], list[Path]]:
-        REAL_FILES[make.__name__] = RealCase(make, holds, asks, start, bounds)
+        REAL_FILES[make.__name__] = RealCase(make, holds, asks, start, {**(by_topic or {}), **bounds})
         return make
 
     return keep
@@ -332,7 +332,7 @@ def parquet_of_a_fleet(folder: Path) -> list[Path]:
     return [folder / "part-0.parquet"]
 
 
-@real("/v2x/bsm fix heading speed", start=0, **{"/v2x/bsm": 1200.0})
+@real("/v2x/bsm fix heading speed", start=0, by_topic={"/v2x/bsm": 1200.0})
 def sumo_fcd_of_a_geo_net(folder: Path) -> list[Path]:
     """FCD with longitudes and latitudes, persons, and an `ego` by name."""
     rows = ["<fcd-export>"]
