@@ -604,6 +604,20 @@ def arrow_bomb(out: Path, manifest: dict[str, Any]) -> None:
             writer.write_table(table)
 
 
+def folder_like_a_log(folder: Path) -> list[str]:
+    """A folder with the name of a log."""
+    (folder / "d.mcap").mkdir()
+    return ["info", "d.mcap"]
+
+
+def folder_in_itself(folder: Path) -> list[str]:
+    """A folder with a link to itself."""
+    (folder / "d").mkdir()
+    (folder / "d" / "d").symlink_to("../d")
+    shutil.copy(SAMPLE, folder / "d")
+    return ["find", "d", "all"]
+
+
 def fleet_link(folder: Path) -> list[str]:
     """An output folder in which a log's folder is a link to elsewhere."""
     shutil.copy(SAMPLE, folder / "log.mcap")
@@ -817,7 +831,7 @@ ATTACKS: dict[str, Make] = {
     ),
     # links, pipes and devices
     "log, a link to itself": circle(["info", "a.mcap"], "a.mcap"),
-    "log, a folder that ends in .mcap": lambda folder: [(folder / "d.mcap").mkdir() or "info", "d.mcap"],
+    "log, a folder that ends in .mcap": folder_like_a_log,
     "config, an endless device": device(
         ["run", "log.mcap", "-o", "out.mcap", "--config", "c.toml"], "c.toml", "/dev/zero"
     ),
@@ -826,13 +840,7 @@ ATTACKS: dict[str, Make] = {
     "import, a link to itself": circle(["import", "a.csv", "-o", "out.mcap"], "a.csv"),
     "expect, an endless device": device(["info", "log.mcap", "--expect", "c.toml"], "c.toml", "/dev/zero"),
     "run, a log's folder that is a link": fleet_link,
-    "find, a folder of links in a circle": lambda folder: [
-        (folder / "d").mkdir()
-        or (folder / "d" / "d").symlink_to("../d")
-        or (shutil.copy(SAMPLE, folder / "d") and "find"),
-        "d",
-        "all",
-    ],
+    "find, a folder of links in a circle": folder_in_itself,
     # databases
     "db3, names that are SQL": changed_database(
         "update topics set name = '/x''; drop table messages; --' where id = 1",
@@ -920,7 +928,6 @@ ATTACKS: dict[str, Make] = {
     # traces and nets
     "blf, times of 10^19 ns": lambda folder: [
         "import",
-        *files.can_blf(folder)[0:0],
         written(
             folder, "a.blf", blf(struct.pack("<4sHHIIIHHQ", b"LOBJ", 32, 1, 48, 1, 2, 0, 0, 2**64 - 1) + bytes(16)) * 3
         ),

@@ -56,7 +56,9 @@ def test_fewer_seeds_give_the_same_numbers_again(cwcli: Run) -> None:
 
 def shown_findings(page: str) -> set[tuple[str, str]]:
     """Return each finding of a page with its class, which stands once above a table of rows of one class."""
-    shown, columns, shared_class = set(), [], ""
+    shown: set[tuple[str, str]] = set()
+    columns: list[str] = []
+    shared_class = ""
     for line in page.splitlines():
         if line.startswith("#"):
             columns, shared_class = [], ""
