@@ -214,6 +214,7 @@ def write_json(path: Path, data: Drive, *, images: bool) -> None:
         return dict(zip("xyz", values, strict=True))
 
     diagonal = [0.25, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 0.25]
+    gyro_covariance, accel_covariance = (np.diag([variance] * 3).ravel().tolist() for variance in (1e-4, 0.09))
 
     def imu() -> Iterator[dict[str, Any]]:
         for ns, accel, gyro in zip(data.imu_ns.tolist(), data.accel.tolist(), data.gyro.tolist(), strict=True):
@@ -222,9 +223,9 @@ def write_json(path: Path, data: Drive, *, images: bool) -> None:
                 "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
                 "orientation_covariance": [-1.0, *[0.0] * 8],
                 "angular_velocity": vector(gyro),
-                "angular_velocity_covariance": diagonal,
+                "angular_velocity_covariance": gyro_covariance,
                 "linear_acceleration": vector(accel),
-                "linear_acceleration_covariance": diagonal,
+                "linear_acceleration_covariance": accel_covariance,
             }
 
     def fix() -> Iterator[dict[str, Any]]:

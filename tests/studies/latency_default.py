@@ -71,7 +71,7 @@ def _estimated(path: Path, config: EstimatorConfig) -> tuple[float, dict[str, fl
     with Log.open(path) as log:
         result = run_stage(STAGES["estimate"], log, EstimateConfig(estimator=config))
     errors = next(section for section in result.summary.sections if section.key == "errors")
-    row = next(dict(zip(errors.columns, row, strict=True)) for row in errors.rows if row[0] == "position on one axis")
+    row = next(dict(zip(errors.names, row, strict=True)) for row in errors.rows if row[0] == "position on one axis")
     sources = json.loads(result.metadata["sources"])
     applied = {
         s["quantity"]: 1e3 * s["latency_s"]
