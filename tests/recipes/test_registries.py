@@ -39,7 +39,9 @@ def test_a_measure_is_a_column_a_conflict_and_a_section_of_the_docs(built: Built
     assert 'conflict = "closing > 10"' in house.run("config", "p.toml")
     house.run("report", "out.mcap", "-o", "out.html")
     assert "the closing speed of the centres was above 10 m/s" in (house.folder / "out.html").read_text()
-    assert "## `closing`: closing speed of the centres" in house.write_docs()
+    docs = house.write_docs()
+    assert "| `closing` | closing speed of the centres | m/s |" in docs
+    assert "## `closing`" in docs
     house.obeys("test_measures.py", "closing")
 
 
