@@ -19,6 +19,7 @@ from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry
 from cwcli.evaluation.knowledge import TRUTH, comparison_label, online_or_hindsight_of_ego_states
 from cwcli.evaluation.link import RadioLinkSummary, add_link_metrics
 from cwcli.evaluation.records import source_config_from_record
+from cwcli.evaluation.silent_sources import silences_to_record_entry
 from cwcli.evaluation.truth import (
     build_nees_section,
     build_truth_errors_section,
@@ -66,7 +67,11 @@ def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> Stage
     made: EstimateEvidence = result.evaluation_inputs
     errors = compare_track_with_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
     link = RadioLinkSummary(made.remotes, made.ego, made.local_map)
-    entries = {**link.build_record_entries(), **fix_offsets_to_record_entry(made.measurements, made.ego)}
+    entries = {
+        **link.build_record_entries(),
+        **fix_offsets_to_record_entry(made.measurements, made.ego),
+        **silences_to_record_entry(made.measurements),
+    }
     if errors is None:
         return result.with_evaluation(sections=link.build_sections(), tables=link.build_tables(), entries=entries)
     table = append_metric_rows(result.tables["estimate"], truth_error_metric_rows(errors))

@@ -44,6 +44,7 @@ DOUBTS: Registry[DoubtRule] = Registry(
         "resets": "cwcli.evaluation.doubts.sources:RESETS",
         "camera": "cwcli.evaluation.doubts.camera:RULE",
         "times": "cwcli.evaluation.doubts.recording:TIMES",
+        "silence": "cwcli.evaluation.doubts.silences:SILENCE",
         "gaps": "cwcli.evaluation.doubts.states:GAPS",
         "late": "cwcli.evaluation.doubts.recording:LATE_STATES",
         "rejected": "cwcli.evaluation.doubts.recording:REJECTED_MESSAGES",

@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.estimation.tolerances import MAX_BRIDGED_STATE_SHARE, TOLERATED_VARIANCE_FACTOR
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.evaluation.doubts.silences import bridged_by_silent_positions_mask
 from cwcli.pipeline.records import to_float_or_nan
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED, StateFlag
@@ -98,10 +99,11 @@ HEADING = DoubtRule(
 
 
 def find_large_share_of_bridged_states(evidence: DoubtEvidence) -> Iterator[Finding]:
-    """Yield the share of the ego's states that no position is near."""
+    """Yield the share of the ego's states that no position is near, but for silences that are told as such."""
     if evidence.ego is None:
         return
-    share = float(np.mean(evidence.ego.flags & np.uint8(StateFlag.BRIDGED) != 0))
+    is_told = bridged_by_silent_positions_mask(evidence, evidence.ego.stamp_ns)
+    share = float(np.mean((evidence.ego.flags & np.uint8(StateFlag.BRIDGED) != 0) & ~is_told))
     if share > MAX_BRIDGED_STATE_SHARE:
         yield Finding(
             share,

@@ -20,6 +20,7 @@ from cwcli.evaluation.doubts import (
 )
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_value_in_window_from_each_row
+from cwcli.evaluation.silent_sources import silences_to_record_entry
 from cwcli.evaluation.truth import build_nees_section
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.signals.units import NS_PER_S
@@ -74,6 +75,20 @@ def assumed_camera_evidence() -> DoubtEvidence:
 
 def names(found: DoubtEvidence) -> list[str]:
     return [each.name for each in find_doubts_in_evidence(found)]
+
+
+def minute_of_states(flags: int = 0, speed: float = 10.0) -> VehicleStates:
+    """States of a minute, a second apart, with a constant speed."""
+    state = np.zeros((61, 8))
+    state[:, SPEED] = speed
+    return VehicleStates.from_ego_states(np.arange(61) * S, state, flags=np.full(61, flags, np.uint8))
+
+
+def silence(begin_s: int = 36, end_s: int = 60, **more: Any) -> dict[str, Any]:
+    """A silence of the wheel speed at the end of that minute, as it is recorded."""
+    found = {"source": "/wheel", "quantities": ["speed"], "begin_ns": begin_s * S, "end_ns": end_s * S}
+    others = {"/gps/fix": ["position"], "/imu": ["acceleration", "yaw rate"]}
+    return {**found, "from_the_start": False, "to_the_end": end_s == 60, "others": others, **more}
 
 
 DOUBTFUL = [
@@ -145,6 +160,13 @@ DOUBTFUL = [
         "The log is 20.0 days long, and 20.0 days without interruption have no state of the car.",
     ),
     (
+        "silence",
+        evidence(silences=[silence()], ego=minute_of_states()),
+        24.0,
+        "/wheel tells no speed from 36 s on (24.0 s, to the end); there the states rest on /gps/fix (position) and "
+        "/imu (acceleration, yaw rate).",
+    ),
+    (
         "gaps",
         evidence(ego=states(flags=int(StateFlag.BRIDGED))),
         1.0,
@@ -197,6 +219,10 @@ INNOCENT = {
     "noise within a factor": evidence(source(nis_per_dof=1.9, nis_inside=False)),
     "noise within its bounds": evidence(source(nis_per_dof=2.5, nis_inside=True)),
     "another vehicle's reset": evidence(source(), source(vehicle="7", resets=3, gated=50)),
+    "a standing car without a course": evidence(
+        source(), source("yaw_rate"), silences=[silence()], ego=minute_of_states(speed=0.1)
+    ),
+    "a short silence": evidence(silences=[silence(50, 60)], ego=minute_of_states()),
     "two rejected messages": evidence(counts=[{"topic": "/imu", "read": 50, "rejected": {"no fix": 2}}]),
 }
 
@@ -293,6 +319,7 @@ def test_sources_in_a_contradiction_are_in_common_words() -> None:
         {"sources": json.dumps([source([]), source({}), source(resets=math.inf), source(gated=math.inf)])},
         {"sources": json.dumps([source(source=["a"], resets=-math.inf, nis_per_dof=math.inf, nis_inside=False)])},
         {"counts": json.dumps([{"topic": [1], "read": 10, "rejected": {"y": math.inf}}])},
+        {"silences": json.dumps([7, {"begin_ns": "x"}, silence(quantities=3), silence(others=None), silence(60, 36)])},
         {"fix_offsets": json.dumps([7, {"offset_m": "far"}, {"offset_m": 9.0, "sigma_m": 0.0}])},
         {"counts": json.dumps([{"topic": "/a", "read": "x", "rejected": {"y": 3}}, {"rejected": 3}])},
     ],
@@ -340,3 +367,69 @@ def test_least_over_window_by_hand() -> None:
     np.testing.assert_array_equal(
         least_value_in_window_from_each_row(time_s, np.array([5.0, 4.0, 7.0, 6.0, 1.0]), 2.0), [4, 4, 6, 0, 0]
     )
+
+
+def test_silence_of_the_positions_is_told_once() -> None:
+    """States flagged bridged in it are no further doubt; those elsewhere are."""
+    bridged = minute_of_states(flags=int(StateFlag.BRIDGED))
+    lost = silence(10, 60, source="/gps/fix", quantities=["position"], others={"/imu": ["yaw rate"]})
+    (doubt,) = find_doubts_in_evidence(evidence(silences=[lost], ego=bridged))
+    assert doubt.name == "silence"
+    assert doubt.advice.startswith("Find out why that sensor was silent; leave that part out with --end 10")
+    assert names(evidence(silences=[{**lost, "begin_ns": 30 * S}], ego=bridged)) == ["silence", "gaps"]
+
+
+def test_silence_at_the_start_and_within_the_log_say_when() -> None:
+    begin = evidence(silences=[silence(0, 20, from_the_start=True), silence(20, 35)], ego=minute_of_states())
+    first, second = find_doubts_in_evidence(begin)
+    assert "tells no speed before 20 s (20.0 s)" in first.sentence
+    assert "tells no speed between 20 and 35 s (15.0 s)" in second.sentence
+
+
+def sensor(source: str, kind: Kind, *spans_s: tuple[float, float], step_s: float = 0.1) -> Measurements:
+    """Rows of a kind in some spans of time."""
+    stamp_s = np.concatenate([np.arange(begin, end + 1e-9, step_s) for begin, end in spans_s])
+    width = {Kind.POSITION: 2, Kind.VELOCITY: 2, Kind.IMU: 6}.get(kind, 1)
+    return Measurements(source, kind, np.rint(stamp_s * 1e9).astype(np.int64), np.zeros((len(stamp_s), width)))
+
+
+def silences_of(*measurements: Measurements) -> list[tuple[str, list[str], float, float]]:
+    found = json.loads(silences_to_record_entry(measurements)["silences"])
+    return [(each["source"], each["quantities"], each["begin_ns"] / S, each["end_ns"] / S) for each in found]
+
+
+FIX, IMU = sensor("/fix", Kind.POSITION, (5, 100)), sensor("/imu", Kind.IMU, (0, 100))
+
+
+@pytest.mark.parametrize(
+    ("measurements", "expected"),
+    [
+        ((FIX, IMU), []),
+        ((FIX, IMU, sensor("/wheel", Kind.SPEED, (0, 60))), [("/wheel", ["speed"], 60.0, 100.0)]),
+        ((FIX, IMU, sensor("/wheel", Kind.SPEED, (30, 95))), [("/wheel", ["speed"], 5.0, 30.0)]),
+        ((FIX, sensor("/imu", Kind.IMU, (0, 40), (60, 100))), [("/imu", ["acceleration", "yaw rate"], 40.0, 60.0)]),
+        ((sensor("/fix", Kind.POSITION, (5, 70)), IMU), [("/fix", ["position"], 70.0, 100.0)]),
+        # the velocity tells the speed, too
+        ((FIX, sensor("/wheel", Kind.SPEED, (0, 60)), sensor("/vel", Kind.VELOCITY, (0, 100))), []),
+        ((FIX, sensor("/vel", Kind.VELOCITY, (0, 60)), sensor("/wheel", Kind.SPEED, (0, 100))),
+         [("/vel", ["heading"], 60.0, 100.0)]),
+        # one topic, two quantities
+        ((FIX, IMU, sensor("/car", Kind.SPEED, (5, 60)), sensor("/car", Kind.HEADING, (5, 60))),
+         [("/car", ["speed", "heading"], 60.0, 100.0)]),
+        # a slow source, and a pause of the whole recording
+        ((FIX, sensor("/compass", Kind.HEADING, (5, 98), step_s=3.0)), []),
+        ((sensor("/fix", Kind.POSITION, (5, 30), (60, 90)), sensor("/imu", Kind.IMU, (0, 30), (60, 90))), []),
+    ],
+)  # fmt: skip
+def test_silences_are_those_of_quantities_that_nothing_else_tells(
+    measurements: tuple[Measurements, ...], expected: list[tuple[str, list[str], float, float]]
+) -> None:
+    assert silences_of(*measurements) == [
+        (*who, pytest.approx(begin), pytest.approx(end)) for *who, begin, end in expected
+    ]
+
+
+def test_rows_without_a_number_are_silence() -> None:
+    wheel = sensor("/wheel", Kind.SPEED, (0, 100))
+    wheel.values[601:] = np.nan
+    assert silences_of(FIX, IMU, wheel) == [("/wheel", ["speed"], pytest.approx(60.0), pytest.approx(100.0))]
