@@ -30,16 +30,25 @@ class NeesOfQuantity:
         name: The quantity.
         per_dof: Mean of the normalised error squared by its degrees of freedom; 1 is expected.
         bounds: 95 % bounds of it, for as many independent errors as their autocorrelation leaves.
+        truth_rule: By what rule the truth differs from the track all along, in words; "": by none.
+        per_dof_without_rule: What is left of `per_dof` without that difference.
     """
 
     name: str
     per_dof: float
     bounds: tuple[float, float]
+    truth_rule: str = ""
+    per_dof_without_rule: float = math.nan
 
     @property
     def is_within_bounds(self) -> bool | None:
         """Whether it lies within its bounds; None where it is unknown."""
         return None if math.isnan(self.per_dof) else self.bounds[0] <= self.per_dof <= self.bounds[1]
+
+    @property
+    def is_too_large(self) -> bool:
+        """Whether the errors are larger than their covariance says, by more than is tolerated."""
+        return self.is_within_bounds is False and self.per_dof > TOLERATED_VARIANCE_FACTOR
 
 
 def consistency_verdict_sentence(track: TrackSummary, nees: Sequence[NeesOfQuantity] = ()) -> str:
@@ -59,12 +68,7 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
     sources = track.sources
     if not track.n_states:
         return "nothing was estimated"
-    surer = [
-        f"the {each.name} error is {math.sqrt(each.per_dof):.1f} times its sigma: multiply its covariance by "
-        f"{each.per_dof:.2g}"
-        for each in nees
-        if each.is_within_bounds is False and each.per_dof > TOLERATED_VARIANCE_FACTOR
-    ]
+    surer = _texts_on_errors_beyond_sigma([each for each in nees if each.is_too_large])
     bridged_share = track.n_flagged.get("bridged", 0) / track.n_states
     bridged = [f"{100 * bridged_share:.0f} % of the states bridge gaps: leave out those flagged bridged"]
     faults = [
@@ -110,6 +114,23 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
     if any(s.nis_inside is not None for s in sources):
         return f"{agreed}{exception}"
     return "too little was measured to judge whether the estimate is consistent"
+
+
+def _texts_on_errors_beyond_sigma(nees: Sequence[NeesOfQuantity]) -> list[str]:
+    """Return what is wrong and what to do; quantities in which the truth differs by the same rule are told together."""
+    by_rule: dict[str, list[NeesOfQuantity]] = {}
+    for each in nees:
+        by_rule.setdefault(each.truth_rule, []).append(each)
+    return [
+        f"the truth ({_join_names_with_and([each.name for each in of_rule])}) {rule}: check that first (without "
+        f"it the error is {math.sqrt(max(each.per_dof_without_rule for each in of_rule)):.1f} times its sigma)"
+        for rule, of_rule in by_rule.items()
+        if rule
+    ] + [
+        f"the {each.name} error is {math.sqrt(each.per_dof):.1f} times its sigma: multiply its covariance by "
+        f"{each.per_dof:.2g}"
+        for each in by_rule.get("", [])
+    ]
 
 
 def _exception_for_unseen_drift_text(track: TrackSummary, nees: Sequence[NeesOfQuantity]) -> str:

@@ -28,6 +28,7 @@ from cwcli.evaluation.truth import (
     place_truth_in_map_with_notes,
     truth_error_metric_rows,
 )
+from cwcli.evaluation.truth_rules import truth_rules_to_record_entry
 from cwcli.lazy_dataclass import replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import chi_square_mean_bounds
@@ -80,7 +81,7 @@ def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> Stage
         tables={"estimate": table, **link.build_tables()},
         notes=errors.notes,
         verdict=consistency_verdict_sentence(summarise_track(made.ego), errors.nees),
-        entries=entries,
+        entries={**entries, **(truth_rules_to_record_entry(errors.rules) if errors.rules else {})},
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import field
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from cwcli.estimation.consistency import (
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
 from cwcli.estimation.verdict import NeesOfQuantity
-from cwcli.lazy_dataclass import dataclass
+from cwcli.evaluation.truth_rules import TruthRule, find_truth_rules
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import chi_square_mean_bounds
 from cwcli.metrics.table import MetricRow
 from cwcli.pipeline.result import Cell, SummaryTable
@@ -50,6 +52,7 @@ class TruthErrors:
         nees: NEES of position, speed and heading, as far as the truth has them.
         n: Number of truth rows compared.
         notes: How the frames were aligned, and how the truth's device is mounted.
+        rules: Quantity -> rule by which the truth differs from the track, where its NEES is too large and there is one.
     """
 
     topic: str
@@ -57,6 +60,7 @@ class TruthErrors:
     nees: tuple[NeesOfQuantity, ...]
     n: int
     notes: tuple[str, ...]
+    rules: Mapping[str, TruthRule] = field(default_factory=dict)
 
 
 def build_truth_errors_section(errors: TruthErrors) -> SummaryTable:
@@ -171,7 +175,15 @@ def compare_track_with_truth(
         for name in DOF_OF_QUANTITY
         if name in truth and name in estimated
     )
-    return TruthErrors(signal.source, rows, consistency, int(known.sum()), notes)
+    doubted = [each.name for each in consistency if each.is_too_large]
+    rules = find_truth_rules(stamp_ns, truth, ego, covariance, doubted) if doubted else {}
+    consistency = tuple(
+        replace(each, truth_rule=rule.text, per_dof_without_rule=rule.nees_per_dof)
+        if (rule := rules.get(each.name)) is not None
+        else each
+        for each in consistency
+    )
+    return TruthErrors(signal.source, rows, consistency, int(known.sum()), notes, rules)
 
 
 def notes_on_truth_mounting(signal: PoseSignal) -> tuple[str, ...]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +13,14 @@ from cwcli.estimation.tolerances import MAX_BRIDGED_STATE_SHARE, TOLERATED_VARIA
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.doubts.silences import bridged_by_silent_positions_mask
-from cwcli.pipeline.records import to_float_or_nan
+from cwcli.pipeline.records import parse_json_entry_or_empty, read_finite_number_or_nan, to_float_or_nan
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED, StateFlag
 from cwcli.text import format_duration, format_number, shorten_and_escape
+
+TRUTH_RULES_RECORD_KEY = "truth_rules"
+"""Entry of the record of `estimate` that says by what rule the truth differs from the track, as JSON
+(`cwcli.evaluation.truth_rules`)."""
 
 
 def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
@@ -26,8 +31,21 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
         for name, nees, inside in rows
         if isinstance(nees, int | float) and not isinstance(nees, bool) and inside != "in"
     ]
+    recorded = parse_json_entry_or_empty(evidence.records.get("estimate", {}), TRUTH_RULES_RECORD_KEY, dict)
+    rules = {
+        name: rule for name, rule in recorded.items() if isinstance(rule, dict) and isinstance(rule.get("text"), str)
+    }
+    told: set[str] = set()
     for nees, name in sorted(found, reverse=True):
-        if TOLERATED_VARIANCE_FACTOR < nees < math.inf:
+        rule = rules.get(name)
+        if not TOLERATED_VARIANCE_FACTOR < nees < math.inf:
+            continue
+        if rule is not None:
+            if rule["text"] not in told:
+                told.add(rule["text"])
+                names = [each for each, other in rules.items() if other.get("text") == rule["text"]]
+                yield _finding_of_truth_rule(names, rule, nees)
+        else:
             size = _truth_error_text_or_empty(evidence, name)
             yield Finding(
                 nees,
@@ -35,6 +53,17 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
                 f"{math.sqrt(nees):.1f} times its own uncertainty.",
                 f"Multiply the covariance of the {shorten_and_escape(name, 40)} by {nees:.2g}.",
             )
+
+
+def _finding_of_truth_rule(names: Sequence[str], rule: Mapping[str, Any], nees: float) -> Finding:
+    """Return the finding that a truth differs from the track by one rule, which is no fault of the covariance."""
+    left = math.sqrt(max(read_finite_number_or_nan(rule, "nees_per_dof"), 0.0))
+    return Finding(
+        nees,
+        f"The truth ({shorten_and_escape(', '.join(names), 60)}) {shorten_and_escape(rule['text'], 300)}; without that "
+        f"difference the track is off by {left:.1f} times its own uncertainty.",
+        shorten_and_escape(str(rule.get("advice", "")), 200),
+    )
 
 
 def _truth_error_text_or_empty(evidence: DoubtEvidence, quantity: str) -> str:

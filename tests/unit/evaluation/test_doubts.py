@@ -265,6 +265,21 @@ def test_error_against_the_truth_is_told_in_its_unit() -> None:
     )
 
 
+def test_truth_that_differs_by_a_rule_is_told_once_and_blames_no_sensor() -> None:
+    rule = {"text": "is 0.2 s late, as by another clock", "advice": "Check its clock.", "nees_per_dof": 0.81}
+    found = evidence(
+        sections=(nees(["position", 91.0, "OUT"], ["speed", 392.0, "OUT"], ["heading", 4.0, "OUT"]),),
+        truth_rules={"position": rule, "speed": rule, "course": 7},
+    )
+    first, second = find_doubts_in_evidence(found)
+    assert first.sentence == (
+        "The truth (position, speed) is 0.2 s late, as by another clock; without that difference the track is off by "
+        "0.9 times its own uncertainty."
+    )
+    assert (first.name, first.value, first.advice) == ("errors", 392.0, "Check its clock.")
+    assert second.sentence.startswith("Compared with the true motion in the log, the heading is off by 2.0 times")
+
+
 def test_errors_are_read_from_the_table_that_the_estimate_writes() -> None:
     """The rule finds the columns by their headings, so a renamed heading would silence the doubt."""
     heading = SimpleNamespace(name="heading", per_dof=16.0, bounds=(0.8, 1.2), is_within_bounds=False)
