@@ -22,7 +22,7 @@ MAX_NAME_CHARS = 200
 """Longest log name, in characters, that is shown in full; chosen by hand."""
 SEPARATOR = "\n\n"
 """The blank line between two paragraphs of the comment."""
-HEADINGS = ("metric", "unit", "before", "after", "change")
+HEADINGS = ("metric", "unit", "value before", "value after", "change")
 """Headings of the table of a log."""
 
 

@@ -30,7 +30,15 @@ if TYPE_CHECKING:
 Document = dict[str, Any]
 MAX_LOGS_NAMED_IN_NOTE = 5
 """Largest number of logs that a note names; chosen by hand."""
-TABLE_HEADINGS = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
+TABLE_HEADINGS = (
+    "verdict",
+    "metric",
+    "value before",
+    "value after",
+    "change",
+    "95 % interval of the change",
+    "logs compared",
+)
 """Headings of the table of metrics."""
 
 CHANGE_TEXT = {"new": "new", "other": "another verdict", "gone": "gone"}

@@ -107,7 +107,9 @@ def print_fleet_details(console: Console, fleet: FleetResult) -> None:
         for entry in entries
     ]
     console.print_summary("")
-    console.print_summary(format_table(("log", "status", "stages", "messages", "rejected", "warnings"), rows))
+    console.print_summary(
+        format_table(("log", "status", "stages", "messages read", "messages rejected", "warnings"), rows)
+    )
     console.print_summary("")
     for reason, ids in _log_ids_by_left_out_reason(entries).items():
         console.print_note(

@@ -39,7 +39,7 @@ def format_input_table(inputs: Sequence[InputMessageCount]) -> str:
         (entry.topic, entry.role, entry.read, entry.used, sum(entry.rejected.values()), sum(entry.repaired.values()))
         for entry in inputs
     ]
-    lines = [format_table(("topic", "role", "read", "used", "rejected", "repaired"), rows)]
+    lines = [format_table(("topic", "used as", "read", "used", "rejected", "repaired"), rows)]
     for entry in inputs:
         for kind, counts in (
             ("rejected", entry.rejected),

@@ -11,7 +11,7 @@ from cwcli.conformance.digest import PUBLISHED_WORDS
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
 
-CLAUSE_COLUMNS = ("clause", "outcome", "trials passed", "worst margin")
+CLAUSE_COLUMNS = ("clause", "outcome", "trials passed", "worst margin to the limit")
 TRIAL_COLUMNS = ("trial", "outcome", "passed", "needed", "asked", "what happened", "worst margin")
 REPETITION_COLUMNS = ("trial", "seed or log", "outcome", "margin", "what happened")
 NUMBER_COLUMNS = ("number", "value", "basis", "source", "page", "time to collision")

@@ -119,7 +119,9 @@ def confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
 
 def _target_error_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     """Say how far the worst tracked target lies from its truth; () without a truth of targets."""
-    rows = evidence.summary_of_stage("track").rows_of_table_columns_or_empty("errors", "x [m]", "y [m]")
+    rows = evidence.summary_of_stage("track").rows_of_table_columns_or_empty(
+        "errors", "RMS error of x [m]", "RMS error of y [m]"
+    )
     errors_m = [math.hypot(x, y) for x, y in rows if isinstance(x, float) and isinstance(y, float)]
     if not errors_m:
         return ()

@@ -90,7 +90,7 @@ def _predict_sentence(summary: RecordedSummary, tables: Tables) -> str:
     errors = [
         f"{_cell_to_float_or_nan(mean):.1f} m for {'the car' if vehicle == EGO_ID else 'the others'}"
         for vehicle, model, mean in summary.rows_of_table_columns_or_empty(
-            "prediction", "vehicle", "model", "mean error [m]"
+            "prediction", "vehicle", "motion model", "mean error [m]"
         )
         if model == "auto" and math.isfinite(_cell_to_float_or_nan(mean))
     ]
@@ -126,7 +126,7 @@ def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
 
 def _crashes_by_policy_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Count, for each policy, how many of the warned encounters end in a crash."""
-    rows = summary.rows_of_table_columns_or_empty("control", "policy", "crash")
+    rows = summary.rows_of_table_columns_or_empty("control", "braking policy", "crash")
     hits: dict[str, list[bool]] = {}
     for policy, hit in rows:
         hits.setdefault(_cell_to_name(policy), []).append(hit in ("yes", True))

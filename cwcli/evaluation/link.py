@@ -45,14 +45,14 @@ LINK_TABLE_COLUMNS: Mapping[str, ColumnDoc] = {
 """Columns of the table `link`, which has one row per station."""
 LINK_HEADINGS = (
     "station",
-    "received",
-    "sent (by message count)",
+    "messages received",
+    "messages sent (by message count)",
     "packet error ratio",
-    "messages a second [Hz]",
+    "messages sent per second [Hz]",
     "median latency [s]",
     "95 % of latencies below [s]",
-    "95 % of the time newest message younger than [s]",
-    "pauses",
+    "age of newest message, below this 95 % of the time [s]",
+    "pauses in reception",
     "longest pause [s]",
     "pauses too long to count losses",
     "farthest reception [m]",
@@ -106,10 +106,10 @@ class RadioLinkSummary:
                 for k, (received, sent) in enumerate(zip(self.reception.received, self.reception.sent, strict=True))
                 if sent
             )
-            columns = ("distance [m]", "sent", "received", "packet error ratio")
-            names = (*columns[:3], "loss_share")
+            columns = ("distance of sender and ego [m]", "messages sent", "messages received", "packet error ratio")
+            names = ("distance [m]", "sent", "received", "loss_share")
             sections.append(
-                SummaryTable("reception", "Received messages by distance of sender and ego", columns, rows, names=names)
+                SummaryTable("reception", "Loss of messages, by distance of sender and ego", columns, rows, names=names)
             )
         return tuple(sections)
 

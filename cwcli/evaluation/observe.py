@@ -136,13 +136,13 @@ def build_truth_errors_section(errors: Table, topic: str) -> SummaryTable:
     )
     columns = (
         "state",
-        "frames",
+        "frames compared",
         "frames without a true lane",
         "RMS error",
         "mean error",
         "95 % of errors below",
         "largest error",
-        "inside 90 % band [%]",
+        "true values inside the 90 % band [%]",
     )
     names = ("state", "frames", "left out", "rms", "bias", "p95", "max", "in 90 % band [%]")
     title = f"Errors of the observed lateral motion against the truth of {topic}"

@@ -302,11 +302,11 @@ def _build_prediction_section(records: list[dict[str, Any]], horizon_s: float) -
     error_columns = (
         "mean error [m]",
         "95 % of errors below [m]",
-        "mean error against cv [%]",
-        "inside 90 % ellipse [%]",
+        "change of mean error from cv [%]",
+        "later positions inside the 90 % ellipse [%]",
     )
-    columns = ("vehicle", "model", "paths", *error_columns)
-    names = (*columns[:2], "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
+    columns = ("vehicle", "motion model", "predicted paths", *error_columns)
+    names = ("vehicle", "model", "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
     return SummaryTable("prediction", title, columns, tuple(rows), names=names)
 
 

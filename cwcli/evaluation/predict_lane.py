@@ -144,9 +144,9 @@ def _build_prediction_section(table: Table, horizon_s: float, source: str) -> Su
         "mean error [m]",
         "median error [m]",
         "95 % of errors below [m]",
-        "mean error against cv [%]",
-        "inside 90 % band [%]",
+        "change of mean error from cv [%]",
+        "later positions inside the 90 % band [%]",
     )
-    columns = ("model", "paths", *error_columns)
+    columns = ("motion model", "predicted paths", *error_columns)
     names = ("model", "starts", "mean [m]", "median [m]", "p95 [m]", "vs cv [%]", "in 90 % band [%]")
     return SummaryTable("prediction", title, columns, tuple(rows), names=names)

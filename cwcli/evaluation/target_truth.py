@@ -165,16 +165,16 @@ def _build_target_errors_section(errors: TargetTruthScores) -> SummaryTable:
     ]
     columns = (
         "true target",
-        "compared moments",
-        "with a track [%]",
-        "x [m]",
-        "y [m]",
-        "vx [m/s]",
-        "vy [m/s]",
+        "times compared",
+        "times with a track [%]",
+        "RMS error of x [m]",
+        "RMS error of y [m]",
+        "RMS error of vx [m/s]",
+        "RMS error of vy [m/s]",
         "changes of track id",
     )
-    names = ("true target", "moments", "tracked [%]", *columns[3:7], "id switches")
-    title = f"Root mean square errors of the tracks against the truth of {errors.topic}"
+    names = ("true target", "moments", "tracked [%]", "x [m]", "y [m]", "vx [m/s]", "vy [m/s]", "id switches")
+    title = f"Errors of the tracks against the truth of {errors.topic}"
     return SummaryTable("errors", title, columns, tuple(rows), names=names)
 
 
@@ -190,4 +190,6 @@ def _build_gospa_section(errors: TargetTruthScores) -> SummaryTable:
         f"GOSPA against the truth of {errors.topic}: position errors, missed and false targets in one distance "
         "(p = 2, cut-off 5 m)"
     )
-    return SummaryTable("gospa", title, ("part", "unit", "value"), tuple(rows))
+    return SummaryTable(
+        "gospa", title, ("part of GOSPA", "unit", "value"), tuple(rows), names=("part", "unit", "value")
+    )

@@ -80,10 +80,10 @@ def build_truth_errors_section(errors: TruthErrors) -> SummaryTable:
     columns = (
         "quantity",
         "unit",
-        "compared stamps",
+        "times compared",
         "error of measurements",
         "error of estimates",
-        "change of error [%]",
+        "change of error by estimation [%]",
         "bias of estimates",
     )
     title = f"Errors (1 sigma) of measurements and estimates against the truth of {errors.topic}"
@@ -97,10 +97,10 @@ def build_nees_section(errors: TruthErrors) -> SummaryTable:
         (each.name, each.per_dof, bounds_cell(*each.bounds), NIS_CELLS[each.is_within_bounds]) for each in errors.nees
     ]
     title = (
-        "Errors over what the covariance promises (NEES, normalised estimation error squared per degree of freedom: "
-        "about 1 if the covariance is right)"
+        "Errors over what the covariance promises (NEES, normalised estimation error squared, per degree of freedom "
+        "(dof): about 1 if the covariance is right)"
     )
-    columns = ("quantity", "NEES", "95 % bounds of NEES", "inside bounds")
+    columns = ("quantity", "NEES/dof", "95 % bounds of NEES/dof", "inside bounds")
     return SummaryTable("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
 
 

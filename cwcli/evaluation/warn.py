@@ -58,6 +58,13 @@ SCORE_WORDS = {
     "host_hours": "length of the ego's track [h]",
 }
 """Column of the table `scores` -> what the summary calls it."""
+VERDICT_HEADINGS = (
+    "verdict on the warning",
+    "lead time before the real conflict [s]",
+    "real least distance of centres [m]",
+    "real crash",
+)
+"""Headings of the verdicts, which the table of warnings gets in addition."""
 
 
 def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageResult) -> StageResult:
@@ -104,12 +111,16 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
     sections = (
         replace(
             events,
-            columns=(*events.columns, "verdict", "lead time [s]", "least distance of centres [m]", "crash"),
+            columns=(*events.columns, *VERDICT_HEADINGS),
             rows=rows,
             names=(*(events.names or events.columns), "verdict", "lead [s]", "closest [m]", "crash"),
         ),
         SummaryTable(
-            "scores", "Warnings and conflicts, compared with what really happened", ("measure", "value"), cells
+            "scores",
+            "Warnings and conflicts, compared with what really happened",
+            ("count or time", "value"),
+            cells,
+            names=("measure", "value"),
         ),
         *others,
     )

@@ -119,9 +119,9 @@ def iter_source_residuals(drive: Drive) -> Iterator[SourceResiduals]:
     record = drive.records.get("estimate", {})
     found = read_recorded_summary(record)
     of_parameters = found.rows_of_table_columns_or_empty(
-        "parameters", "source", "quantity", "parameter", "value +- sigma", "unit", "status"
+        "parameters", "source", "quantity", "parameter", "value +- sigma", "unit", "use of the value"
     )
-    of_noise = found.rows_of_table_columns_or_empty("noise", "source", "quantity", "white noise")
+    of_noise = found.rows_of_table_columns_or_empty("noise", "source", "quantity", "white noise (1 sigma)")
     measured = {
         (each.source, each.kind): each
         for source in drive.measurements

@@ -30,6 +30,7 @@ from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound_columns
 from cwcli.stages.inputs.vehicles import build_vehicle_tracks, require_single_ego
+from cwcli.stages.summaries.warn import WARNING_NUMBER_HEADING
 from cwcli.warning.evaluate import check_warning_config as check_rule
 from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.rules import DEFAULT_RULE, RULES
@@ -295,23 +296,30 @@ def _summary_tables(
                 )
             )
     columns = (
-        "event",
-        "policy",
+        WARNING_NUMBER_HEADING,
+        "braking policy",
         "crash",
-        "speed at crash [m/s]",
+        "relative speed at crash [m/s]",
         "least distance of centres [m]",
         "least gap [m]",
         "peak deceleration [m/s^2]",
         "peak jerk [m/s^3]",
-        "stands after [s]",
+        "time to standstill [s]",
     )
-    names = (*columns[:2], "hit", "at [m/s]", "least [m]", "gap [m]", "decel [m/s^2]", "jerk [m/s^3]", "stop [s]")
+    names = ("event", "policy", "hit", "at [m/s]", "least [m]", "gap [m]", "decel [m/s^2]", "jerk [m/s^3]", "stop [s]")
     return (
         SummaryTable(
             "warnings",
             f"Warnings (predictor {predictor}, rule {rule}; times from the log's start)",
-            ("event", "vehicle", "at [s]", "distance [m]", "speed [m/s]"),
+            (
+                WARNING_NUMBER_HEADING,
+                "vehicle warned of",
+                "raised at [s]",
+                "distance of centres [m]",
+                "speed of the ego [m/s]",
+            ),
             tuple(warnings),
+            names=("event", "vehicle", "at [s]", "distance [m]", "speed [m/s]"),
         ),
         SummaryTable(
             "control",

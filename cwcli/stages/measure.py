@@ -199,18 +199,18 @@ def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tup
         return ()
     columns = (
         "vehicle",
-        "at [s]",
-        "driver",
+        "conflict at [s]",
+        "driver model",
         "outcome",
-        "brakes at [s]",
+        "starts to brake at [s]",
         "relative speed at crash [m/s]",
-        "latest braking that avoids it [s]",
+        "latest start of braking that avoids the crash [s]",
     )
-    names = (*columns[:6], "last chance [s]")
+    names = ("vehicle", "at [s]", "driver", "outcome", "brakes at [s]", columns[5], "last chance [s]")
     return (
         SummaryTable(
             "preventability",
-            "The same conflicts, if a model of a driver had driven the ego",
+            "The same conflicts, if a model of a driver had driven the ego (times from the log's start)",
             columns,
             tuple(rows),
             names=names,
@@ -222,7 +222,8 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
     """Return the table of encounters, those with the least time to collision first, then the nearest."""
     found = [row for pair in pairs for row in _encounter_rows(pair, start_ns)]
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
-    columns = ("vehicle", "from [s]", "to [s]", "crash", *SHOWN_MEASURES.values())
+    columns = ("vehicle", "start [s]", "end [s]", "crash", *SHOWN_MEASURES.values())
+    names = ("vehicle", "from [s]", "to [s]", "crash", *SHOWN_MEASURES.values())
     title = (
         "Most critical encounters (within 50 m; times from the log's start), with the worst value of each measure: "
         "gap of the outlines (negative: overlap), TTC time to collision, PET post-encroachment time, DRAC deceleration "
@@ -231,7 +232,7 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
     )
     if len(order) > MAX_ENCOUNTERS_IN_TABLE:
         title = title.replace("Most critical", f"{MAX_ENCOUNTERS_IN_TABLE} most critical of {len(order)}")
-    return SummaryTable("encounters", title, columns, tuple(order[:MAX_ENCOUNTERS_IN_TABLE]))
+    return SummaryTable("encounters", title, columns, tuple(order[:MAX_ENCOUNTERS_IN_TABLE]), names=names)
 
 
 def _encounter_rows(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float, ...], tuple[Cell, ...]]]:

@@ -271,17 +271,17 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
     columns = (
         "sensor",
         "detections",
-        "used",
-        "without a track",
-        "rejected",
-        "NIS",
-        "95 % bounds of NIS",
+        "detections used",
+        "detections without a track",
+        "detections rejected",
+        "NIS/dof",
+        "95 % bounds of NIS/dof",
         "inside bounds",
     )
-    names = (*columns[:3], "no track", "faulty", "NIS/dof", "bounds_95", "inside")
+    names = (*columns[:2], "used", "no track", "faulty", "NIS/dof", "bounds_95", "inside")
     title = (
-        "Detections of each sensor, and how far they scatter about the tracks (NIS, normalised innovation squared per "
-        "degree of freedom: about 1 if the noise is right)"
+        "Detections of each sensor, and how far they scatter about the tracks (NIS, normalised innovation squared, per "
+        "degree of freedom (dof): about 1 if the noise is right)"
     )
     return SummaryTable("sensors", title, columns, tuple(rows), names=names)
 
@@ -339,7 +339,7 @@ def _targets_table(result: TrackResult, in_map: bool) -> SummaryTable:
     shown = "" if len(longest) == len(result.tracks) else f" (the {len(longest)} longest of {len(result.tracks)})"
     columns = (
         "target",
-        "from [s]",
+        "start [s]",
         "duration [s]",
         "states",
         "states with a detection [%]",

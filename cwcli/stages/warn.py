@@ -26,7 +26,7 @@ from cwcli.pipeline.states import (
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound_columns
 from cwcli.stages.inputs.vehicles import build_vehicle_tracks, predict_paths_like, require_single_ego
-from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
+from cwcli.stages.summaries.warn import WARNING_NUMBER_HEADING, RuleOutcome, build_warnings_result
 from cwcli.text import split_distinct_names
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
 from cwcli.warning.evaluate import check_warning_config as check_rule
@@ -194,8 +194,14 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
         )
         for event in found.events_table.rows_as_dicts()
     )
-    columns = ("event", "vehicle", "at [s]", "predicted conflict in [s]", "predicted least distance of centres [m]")
-    names = (*columns[:3], "event in [s]", "predicted closest [m]")
+    columns = (
+        WARNING_NUMBER_HEADING,
+        "vehicle warned of",
+        "raised at [s]",
+        "time to predicted conflict [s]",
+        "predicted least distance of centres [m]",
+    )
+    names = ("event", "vehicle", "at [s]", "event in [s]", "predicted closest [m]")
     counts: tuple[tuple[Cell, ...], ...] = tuple(
         (CellWithValues(EVALUATION_WORDS[name], {"": name.replace("_", " ")}), count)
         for name, count in found.evaluation_counts_by_outcome.items()
@@ -211,7 +217,8 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
         SummaryTable(
             "evaluations",
             "Checks of the ego and each other vehicle for a collision",
-            ("result", "count"),
+            ("result of the check", "number of checks"),
             counts,
+            names=("result", "count"),
         ),
     )

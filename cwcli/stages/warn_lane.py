@@ -22,7 +22,7 @@ from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
+from cwcli.stages.summaries.warn import WARNING_NUMBER_HEADING, RuleOutcome, build_warnings_result
 from cwcli.vision.method import LaneState
 from cwcli.warning.lane_departure import (
     RULE,
@@ -150,19 +150,23 @@ def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[Summ
         for event in result.events.rows_as_dicts()
     )
     columns = (
-        "event",
-        "side",
-        "at [s]",
-        "line crossing in [s]",
-        "distance to line [m]",
-        "departure rate [m/s]",
-        "duration [s]",
+        WARNING_NUMBER_HEADING,
+        "side of the lane",
+        "raised at [s]",
+        "time to line crossing [s]",
+        "distance of tyre to line [m]",
+        "speed towards the line [m/s]",
+        "duration of the warning [s]",
     )
-    names = (*columns[:3], "crossing in [s]", "to the line [m]", "rate [m/s]", "for [s]")
+    names = ("event", "side", "at [s]", "crossing in [s]", "to the line [m]", "rate [m/s]", "for [s]")
     counts = tuple((name.replace("_", " "), count) for name, count in result.counts.items())
     return (
         SummaryTable("lane_departures", "Lane departures (times from the log's start)", columns, rows, names=names),
         SummaryTable(
-            "lane_frames", "Camera frames with lanes, by result of the evaluation", ("result", "count"), counts
+            "lane_frames",
+            "Camera frames with lanes, by result of the check for a departure",
+            ("result of the check", "number of frames"),
+            counts,
+            names=("result", "count"),
         ),
     )

@@ -44,7 +44,7 @@ def test_input_table_tells_the_reasons() -> None:
         "/gps/fix", "ego_position", 100, 90, {"no fix": 3, "outside the gate": 7}, {"out of order": 2}
     )
     assert format_input_table([counts]).split("\n") == [
-        "topic     role          read  used  rejected  repaired",
+        "topic     used as       read  used  rejected  repaired",
         "--------  ------------  ----  ----  --------  --------",
         "/gps/fix  ego_position   100    90        10         2",
         "  /gps/fix rejected: 7 outside the gate, 3 no fix",

@@ -30,12 +30,12 @@ EXAMPLES = (
 TABLE_HEADINGS = (
     "source",
     "quantity",
-    "constant",
+    "constant of the source",
     "value",
-    "+- (95 %)",
-    "logs",
-    "chi2/dof",
-    "status",
+    "95 % half-width",
+    "number of logs",
+    "scatter of the logs (chi-square/dof)",
+    "agreement of the logs",
 )
 """Headings of the table of constants."""
 EVIDENCE_TEXTS = {

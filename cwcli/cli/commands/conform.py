@@ -246,7 +246,9 @@ def _list_clauses(console: Console, *, as_json: bool) -> int:
         rows = [{"name": each.name, "title": each.title, "trials": len(each.trials)} for each in known]
         console.print_document("conform", {"clauses": rows})
         return EXIT_DONE
-    console.print_summary(format_table(("clause", "trials", "what"), [(c.name, len(c.trials), c.title) for c in known]))
+    console.print_summary(
+        format_table(("clause", "number of trials", "title"), [(c.name, len(c.trials), c.title) for c in known])
+    )
     return EXIT_DONE
 
 

@@ -41,7 +41,15 @@ EXAMPLES = (
     "cwcli evaluate annotated.mcap --topic warning=/adas/fcw:data==true",
 )
 """Command lines at the end of the command's `--help`."""
-SYSTEM_TABLE_HEADINGS = ("metric", "the other system", "cwcli", "states compared", "values")
+GATE_TABLE_HEADINGS = ("result", "gate", "number of checks", "failed checks")
+"""Headings of the table of gates."""
+SYSTEM_TABLE_HEADINGS = (
+    "metric",
+    "value of the other system",
+    "value of cwcli",
+    "states and their reference",
+    "number of samples",
+)
 """Headings of the table of another system's metrics."""
 MAX_SHOWN_FAILURES = 20
 """Greatest number of failed logs, and of failed checks of a gate, that the terminal shows. Chosen by hand."""
@@ -179,7 +187,7 @@ def _print_evaluation(
     console.print_heading(f"{run.source}: {what}")
     shown = [row for name, row in pooled.items() if everything or _is_shown_by_default(name)]
     own = [row for row in shown if row.stage != "system"]
-    headings = ("metric", "value", "states compared", "95 % interval", "values")
+    headings = ("metric", "value", "states and their reference", "95 % interval of the value", "number of samples")
     console.print_summary(format_table(headings, [_metric_cells(row) for row in own]))
     if len(shown) < len(pooled):
         console.print_summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
@@ -196,9 +204,7 @@ def _print_evaluation(
         return
     console.print_summary("")
     console.print_summary("Gates")
-    console.print_summary(
-        format_table(("result", "gate", "checks", "failed"), [_gate_cells(result) for result in results])
-    )
+    console.print_summary(format_table(GATE_TABLE_HEADINGS, [_gate_cells(result) for result in results]))
     for result in results:
         _print_failed_gate(console, result)
     console.print_summary("")
@@ -313,7 +319,7 @@ def _format_markdown_summary(
             )
             for result in results
         ]
-        parts.append(markdown.format_markdown_table(("result", "gate", "checks", "failed"), rows))
+        parts.append(markdown.format_markdown_table(GATE_TABLE_HEADINGS, rows))
     checks = [(result, check) for result in failed for check in result.failed_checks]
     if checks:
         cells = [
@@ -341,7 +347,15 @@ def _format_markdown_summary(
     ]
     parts.append(
         markdown.format_markdown_table(
-            ("metric, all logs pooled", "value", "unit", "states compared", "95 % interval", "values"), metric_rows
+            (
+                "metric, all logs pooled",
+                "value",
+                "unit",
+                "states and their reference",
+                "95 % interval of the value",
+                "number of samples",
+            ),
+            metric_rows,
         )
     )
     beside = [(markdown.format_code(str(name)), *cells) for name, *cells in _system_metric_rows(pooled)]

@@ -193,7 +193,16 @@ def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent,
             )
             for each in kept[:MAX_SHOWN_EVENTS]
         ]
-        head = ("log", "event", "at [s]", "duration [s]", "actors", "what happened", "severity", "id")
+        head = (
+            "log",
+            "event",
+            "start [s]",
+            "duration [s]",
+            "actors",
+            "what happened",
+            "severity (1: at threshold)",
+            "id",
+        )
         console.print_summary(format_table(head, rows))
     if len(kept) > MAX_SHOWN_EVENTS:
         console.print_note(f"{len(kept) - MAX_SHOWN_EVENTS} more events are in -o and --json")

@@ -195,7 +195,7 @@ def _import_document(report: ImportReport, target: str | None) -> dict[str, Any]
 def _print_report(console: Console, report: ImportReport) -> None:
     for table, guesses in report.tables:
         console.print_heading(table)
-        headings = ("quantity", "column", "unit", "confidence", "why")
+        headings = ("quantity", "column of the file", "unit", "confidence", "reason")
         texts = [(each.quantity, each.column, each.unit or "-", each.confidence, each.why) for each in guesses]
         console.print_summary(
             format_table(headings, [[escape_control_characters(text) for text in row] for row in texts])

@@ -333,7 +333,7 @@ def print_log_description(console: Console, document: Document) -> None:
         )
         for channel in document["channels"]
     ]
-    console.print_summary(format_table(("topic", "schema", "encoding", "messages", "Hz", "role"), rows))
+    console.print_summary(format_table(("topic", "schema", "encoding", "messages", "Hz", "used as"), rows))
     console.print_summary("")
     unused = [each for each in document["channels"] if each["why_not"]]
     if unused:
@@ -342,7 +342,7 @@ def print_log_description(console: Console, document: Document) -> None:
             console.print_summary(line)
         console.print_summary("")
     _print_message_checks(console, document)
-    heads = ("command", "can run", "signals that the log does not hold")
+    heads = ("command", "can run", "signals that are missing")
     console.print_summary(format_table(heads, _command_rows(document["commands"])))
     for note in dict.fromkeys(document["notes"]):
         console.print_note(note)
@@ -353,7 +353,15 @@ def print_log_description(console: Console, document: Document) -> None:
 def _print_message_checks(console: Console, document: Document) -> None:
     """Print the tables of health, inputs and contract, for which messages were read."""
     if "health" in document:
-        numbers = ("rate [Hz]", "gaps", "longest gap [s]", "delay [ms]", "drift [ms/min]", "out of order", "damaged")
+        numbers = (
+            "rate [Hz]",
+            "gaps",
+            "longest gap [s]",
+            "log time minus stamp [ms]",
+            "clock drift [ms/min]",
+            "messages out of order",
+            "messages damaged",
+        )
         rows = [
             (
                 *(
@@ -378,14 +386,18 @@ def _print_message_checks(console: Console, document: Document) -> None:
             (each["topic"], each["role"], each["read"], each["used"], _reasons_text(each))
             for each in document["inputs"]
         ]
-        console.print_summary(format_table(("topic", "role", "read", "used", "details"), counts))
+        console.print_summary(
+            format_table(("topic", "used as", "messages read", "messages used", "why not used"), counts)
+        )
         console.print_summary("")
     if "contract" in document:
         judged = [
             (each["about"], each["condition"], each["found"], "kept" if each["holds"] else "BROKEN")
             for each in document["contract"]
         ]
-        console.print_summary(format_table(("subject", "condition", "found", "verdict"), judged))
+        console.print_summary(
+            format_table(("topic or log", "condition of the contract", "value in the log", "verdict"), judged)
+        )
         console.print_summary("")
 
 

@@ -97,6 +97,6 @@ def command(
     console.print_summary(wrap_paragraph(escape_control_characters(made.description)))
     console.print_summary("")
     rows = [(entry.topic, entry.schema_name, entry.n_messages, entry.n_lost) for entry in made.channels]
-    console.print_summary(format_table(("topic", "schema", "messages", "lost on the link"), rows))
+    console.print_summary(format_table(("topic", "schema", "messages", "messages lost on the link"), rows))
     console.print_summary("")
     print_written_files(console, [output] if output != "-" else [])

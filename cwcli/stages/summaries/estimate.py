@@ -17,6 +17,14 @@ from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag
 from cwcli.stages.summaries import NIS_CELLS, bounds_cell
 
+FLAGGED_STATES_HEADINGS = {
+    StateFlag.STARTING: "states soon after the start",
+    StateFlag.AFTER_RESET: "states soon after a reset",
+    StateFlag.BRIDGED: "states without measurements",
+    StateFlag.REJECTING: "states while measurements are rejected",
+}
+"""Flag of states -> heading of their number in the table of tracks."""
+
 
 def estimate_tables(tracks: Mapping[str, TrackSummary]) -> tuple[SummaryTable, ...]:
     """Return the stage's tables for the terminal."""
@@ -30,7 +38,7 @@ def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
     columns = (
         "channel",
         "states",
-        "noise and latencies from",
+        "origin of noise and latencies",
         "median delay [s]",
         "95 % of delays below [s]",
         "longest delay [s]",
@@ -56,7 +64,14 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "accepted", "gated", "latency +- sigma [ms]", "latency status")
+    columns = (
+        "source",
+        "quantity",
+        "measurements accepted",
+        "measurements gated",
+        "latency +- sigma [ms]",
+        "latency status",
+    )
     names = (*columns[:2], "used", "gated", "latency [ms]", "latency status")
     gated = any(report.n_gated for report in ego.sources)
     where = f", listed in {REJECTED.topic}" if gated else ""
@@ -91,8 +106,8 @@ def _parameters_table(ego: TrackSummary) -> SummaryTable:
             value = CellWithValues(text, {"": slow.sigma, "sigma": None, "time_s": slow.time_s})
             label = "grade" if report.kind is Kind.ACCEL else "slow error"
             rows.append((*name, label, value, unit, _status_cell(slow.status)))
-    columns = ("source", "quantity", "parameter", "value +- sigma", "unit", "status")
-    names = (*columns[:3], "value", *columns[4:])
+    columns = ("source", "quantity", "parameter", "value +- sigma", "unit", "use of the value")
+    names = (*columns[:3], "value", "unit", "status")
     title = "Sensors of the ego: biases and other parameters estimated from this log"
     return SummaryTable("parameters", title, columns, tuple(rows), names=names)
 
@@ -114,13 +129,25 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
         )
         for report in ego.sources
     ]
-    columns = ("source", "quantity", "white noise", "noise from", "NIS", "95 % bounds of NIS", "inside bounds")
+    columns = (
+        "source",
+        "quantity",
+        "white noise (1 sigma)",
+        "origin of the noise",
+        "NIS/dof",
+        "95 % bounds of NIS/dof",
+        "inside bounds",
+    )
     title = (
         "Sensors of the ego: white noise (1 sigma), and the innovations over what it explains (NIS, normalised "
-        "innovation squared per degree of freedom: about 1 if the noise is right)"
+        "innovation squared, per degree of freedom (dof): about 1 if the noise is right)"
     )
     return SummaryTable(
-        "noise", title, columns, tuple(rows), names=(*columns[:3], "from", "NIS/dof", "bounds_95", "inside")
+        "noise",
+        title,
+        columns,
+        tuple(rows),
+        names=("source", "quantity", "white noise", "from", "NIS/dof", "bounds_95", "inside"),
     )
 
 
@@ -134,24 +161,22 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
             track.max_speed_mps,
             track.median_sigma_m,
             sum(report.n_gated for report in track.sources),
-            *track.n_flagged.values(),
+            *(track.n_flagged[str(flag.name).lower()] for flag in FLAGGED_STATES_HEADINGS),
         )
         for vehicle, track in tracks.items()
     ]
     columns = (
         "vehicle",
         "states",
-        "span [s]",
+        "duration [s]",
         "max speed [m/s]",
         "median position sigma [m]",
-        "gated",
-        *(str(f.name).lower().replace("_", " ") for f in StateFlag),
+        "measurements gated",
+        *FLAGGED_STATES_HEADINGS.values(),
     )
-    names = (*columns[:4], "median sigma [m]", *columns[5:])
-    title = (
-        "Estimated tracks (gated: measurements rejected as outliers; the last four columns: states soon after the "
-        "start or a reset, states without measurements, and states while measurements are rejected)"
-    )
+    flags = (str(f.name).lower().replace("_", " ") for f in FLAGGED_STATES_HEADINGS)
+    names = (*columns[:2], "span [s]", columns[3], "median sigma [m]", "gated", *flags)
+    title = "Estimated tracks (gated: rejected as outliers)"
     return SummaryTable("vehicles", title, columns, tuple(rows), names=names)
 
 

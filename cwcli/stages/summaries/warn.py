@@ -15,6 +15,8 @@ from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary, 
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.warning.rows import WarningRows
 
+WARNING_NUMBER_HEADING = "warning no."
+"""Heading of the warnings' numbers, the first column of a table of warnings."""
 EVENT_ID_COLUMN = "event_id"
 """Name of the column that holds the id of an event; 0 stands for none."""
 
@@ -73,7 +75,7 @@ def _shift_event_ids(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
 
 def _shift_event_ids_of_table(section: SummaryTable, n_before: int) -> SummaryTable:
     """Return the table with event ids greater by `n_before` where its first column holds them."""
-    if section.columns[0] != "event":
+    if section.columns[0] != WARNING_NUMBER_HEADING:
         return section
     rows = tuple((row[0] + n_before if isinstance(row[0], int) else row[0], *row[1:]) for row in section.rows)
     return replace(section, rows=rows)

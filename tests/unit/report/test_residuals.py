@@ -40,10 +40,10 @@ def drive(*measured: Measurements, reports: Any = (), rows: Any = (), noise: Any
     state = np.zeros((10, 8))
     state[:, 1], state[:, SPEED], state[:, HEADING] = 10.0 * np.arange(10), 10.0, np.pi / 2.0
     states = VehicleStates.from_ego_states(stamp_ns, state, np.tile(np.eye(8), (10, 1, 1)))
-    columns = ["source", "quantity", "parameter", "value +- sigma", "unit", "status"]
+    columns = ["source", "quantity", "parameter", "value +- sigma", "unit", "use of the value"]
     sections = [
         {"key": "parameters", "title": "", "columns": columns, "rows": list(rows)},
-        {"key": "noise", "title": "", "columns": ["source", "quantity", "white noise"], "rows": list(noise)},
+        {"key": "noise", "title": "", "columns": ["source", "quantity", "white noise (1 sigma)"], "rows": list(noise)},
     ]
     record = {"sources": json.dumps(reports), "summary": json.dumps({"sections": sections})}
     made = Drive("d.mcap", 0, 9 * S, states, (), measured, None, None, WarningConfig(), {"estimate": record}, "")
@@ -149,8 +149,8 @@ def test_a_table_without_a_column_that_is_needed_tells_nothing(key: str, most: i
     """Rows are as long as their columns, but too few or under other names."""
     speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[10.5]]))
     made = drive(speed, reports=[report("/wheel", "speed")])
-    names = {"noise": ["source", "quantity", "white noise"], "nees": ["quantity", "NEES"]}.get(
-        key, ["source", "quantity", "parameter", "value +- sigma", "unit", "status"]
+    names = {"noise": ["source", "quantity", "white noise (1 sigma)"], "nees": ["quantity", "NEES/dof"]}.get(
+        key, ["source", "quantity", "parameter", "value +- sigma", "unit", "use of the value"]
     )
     row = ["/wheel", "speed", "bias", "1.0", "m/s", "used"]
     for n in range(most + 1):
@@ -196,7 +196,7 @@ def test_the_top_of_the_page_tells_late_sources_and_a_pitched_imu() -> None:
         "columns": ["source", "quantity", "latency +- sigma [ms]", "latency status"],
         "rows": [["/gps", "velocity", "1013 +- 88", "applied"], ["/fix", "position", "90 +- 9", "applied"]],
     }
-    columns = ["source", "quantity", "parameter", "value +- sigma", "unit", "status"]
+    columns = ["source", "quantity", "parameter", "value +- sigma", "unit", "use of the value"]
     row = ["/imu", "accel", "bias", "-1.871 +- 0.1", "m/s^2", "used"]
     parameters = {"key": "parameters", "title": "", "columns": columns, "rows": [row]}
     record = {"estimate": {"summary": json.dumps({"sections": [sources, parameters]})}}

@@ -17,7 +17,7 @@ from cwcli.estimation.summary import build_estimate_table, format_source_diagnos
 from cwcli.stages.summaries.estimate import estimate_tables
 
 NAN = math.nan
-FLAGGED = {"starting": 2, "after_reset": 0, "bridged": 1}
+FLAGGED = {"starting": 2, "after_reset": 0, "bridged": 1, "rejecting": 0}
 CASES = {
     "/applied": (Latency(LatencyStatus.APPLIED, 0.4551, 0.0882), "455 +- 88", 0.4551),
     "/drifts": (Latency(LatencyStatus.DRIFTS, 0.0961, 0.0074, 0.004, 6e-4, 148.0), "96 +- 7", 0.0961),
