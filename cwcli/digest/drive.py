@@ -201,7 +201,7 @@ def read_drive(log: Log, *, with_figures: bool = True) -> Drive:
         lanes=read_lanes(columns[LANES.topic]) if LANES.topic in columns else None,
         warning_config=warning_config_from_record(warn),
         records=records,
-        camera_topic=_find_camera_topic(log, records) if with_figures else "",
+        camera_topic=find_camera_topic(log, records) if with_figures else "",
         notes=tuple(notes),
         gated=read_gated_measurements(columns[REJECTED.topic]) if REJECTED.topic in columns else NO_GATED_MEASUREMENTS,
         faults=log.faults.counts_by_reason(),
@@ -268,7 +268,7 @@ def _read_ego_truth_or_note(
         return None
 
 
-def _find_camera_topic(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:
+def find_camera_topic(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:
     """Find the camera's topic: the one that the lanes used, else the first channel of frames, else ""."""
     from cwcli.logs.read.frames import is_camera_channel
 

@@ -1,4 +1,4 @@
-"""The page of found events: a card for each one, with its map, its speeds and distance over time, and its clip."""
+"""The page of found events: a card for each one, with its map, its speeds and distance over time, a frame, its clip."""
 
 from __future__ import annotations
 
@@ -11,19 +11,24 @@ from urllib.parse import quote
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.channels.lanes import read_lanes
+from cwcli.channels.published import LANES
+from cwcli.digest.drive import find_camera_topic
 from cwcli.errors import CwcliError
 from cwcli.events.evidence import EventEvidence
 from cwcli.events.search import FoundEvent
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
+from cwcli.pipeline.records import read_run_records
 from cwcli.report.drawing import EGO_COLOUR, WARNING_COLOUR
+from cwcli.report.frames import Thumbnail, make_thumbnails_and_explain_gaps
 from cwcli.report.svg import MapTrack, TimeAxis, escape_for_html, html_page, map_svg, strip_svg
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_count, format_number
 
 MAX_CARDS = 300
-"""Greatest number of events with a card; chosen by hand, so that the page stays below 3 MB."""
+"""Greatest number of events with a card; chosen by hand, so that the page stays below 6 MB."""
 MAX_DRAWN_POINTS = 150
 """Greatest number of points of a line; chosen by hand, a line is 300 pixels wide."""
 
@@ -110,10 +115,47 @@ def _draw_events_of_log(
     """Return id -> figures of the events of one log; a sentence where there is nothing to draw."""
     try:
         with open_log(path) as log:
-            evidence = EventEvidence(log)
-            return {each.id: _map_and_strips_html(_read_scene(evidence, each, margin_s)) for each in events}
+            frames = _frames_html(log, events)
+            try:
+                evidence = EventEvidence(log)
+                drawn = {each.id: _map_and_strips_html(_read_scene(evidence, each, margin_s)) for each in events}
+            except CwcliError as error:
+                drawn = {each.id: _not_drawn_html(error) for each in events}
+            return {each.id: drawn[each.id] + frames[each.id] for each in events}
     except CwcliError as error:
-        return {each.id: f"<p><small>Not drawn: {escape_for_html(error.what)}.</small></p>" for each in events}
+        return {each.id: _not_drawn_html(error) for each in events}
+
+
+def _not_drawn_html(error: CwcliError) -> str:
+    """Return the sentence in the place of a figure."""
+    return f"<p><small>Not drawn: {escape_for_html(error.what)}.</small></p>"
+
+
+def _frames_html(log: Log, events: Sequence[FoundEvent]) -> dict[str, str]:
+    """Return id -> the camera's frame at the event's start, with the lane boundaries; "" where there is none.
+
+    Raises:
+        CwcliError: The log is damaged.
+    """
+    topic = find_camera_topic(log, read_run_records(log))
+    if not topic:
+        return {each.id: "" for each in events}
+    has_lanes = any(channel.topic == LANES.topic for channel in log.channels)
+    lanes = read_lanes(log.columns(LANES.topic)) if has_lanes else None
+    starts_ns = [each.moment.start_ns for each in events]
+    found, why = make_thumbnails_and_explain_gaps(log, topic, lanes, starts_ns, is_part=True)
+    missing = f"<p><small>No camera frame: {escape_for_html(why)}.</small></p>" if why else ""
+    return {
+        each.id: _frame_html(each, found[each.moment.start_ns]) if each.moment.start_ns in found else missing
+        for each in events
+    }
+
+
+def _frame_html(event: FoundEvent, frame: Thumbnail) -> str:
+    """Return the picture of a camera frame; its words say how far from the event's start it was taken."""
+    words = f"camera {(frame.stamp_ns - event.moment.start_ns) / NS_PER_S:+.2f} s from the event's start"
+    size = f'width="{frame.width_px}" height="{frame.height_px}"'
+    return f'<img src="{frame.data_uri}" {size} alt="{words}" title="{words}"/>'
 
 
 def _read_scene(evidence: EventEvidence, event: FoundEvent, margin_s: float) -> _Scene:

@@ -9,7 +9,6 @@ from typing import TypeVar
 import numpy as np
 
 from cwcli.channels.lanes import LaneRows
-from cwcli.digest.drive import Drive
 from cwcli.errors import CwcliError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import Frame
@@ -28,6 +27,8 @@ THUMBNAIL_JPEG_QUALITY_PERCENT = 60
 """Quality of the thumbnails' JPEG files, 0 to 100. Chosen by hand; not fitted."""
 MAX_FRAME_OFFSET_NS = 500_000_000
 """Greatest difference in ns of a shown frame from the wanted time. Chosen by hand; not fitted."""
+MAX_FRAME_LATENCY_NS = 3_000_000_000
+"""Greatest difference in ns of a frame's log time from its stamp where a part of a log is read. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -49,35 +50,46 @@ class Thumbnail:
 
 
 def make_thumbnails_and_explain_gaps(
-    log: Log, drive: Drive, wanted_ns: Sequence[int]
+    log: Log, topic: str, lanes: LaneRows | None, wanted_ns: Sequence[int], *, is_part: bool = False
 ) -> tuple[dict[int, Thumbnail], str]:
     """Make thumbnails of the frames that are nearest to the wanted times.
+
+    Args:
+        topic: The camera's; "" where the log has none.
+        lanes: The lane boundaries to draw in; None where there are none.
+        is_part: Read only the chunks around the wanted times; of a video everything before them is needed.
 
     Returns:
         Wanted time -> picture, for the times that have one; and why some have none, or "".
     """
-    if not drive.camera_topic or not wanted_ns:
+    if not topic or not wanted_ns:
         return {}, ""
     found: dict[int, Thumbnail] = {}
     rejected = ""
     try:
-        for wanted, decoded in _iter_wanted_ns_and_nearest_frame(log, drive.camera_topic, sorted(set(wanted_ns))):
+        for wanted, decoded in _iter_wanted_ns_and_nearest_frame(log, topic, sorted(set(wanted_ns)), is_part):
             if decoded.image is None:
                 rejected = f"some camera frames could not be decoded: {decoded.rejection_reason}"
             else:
-                found[wanted] = _make_thumbnail(decoded.image, decoded.stamp_ns, drive.lanes)
+                found[wanted] = _make_thumbnail(decoded.image, decoded.stamp_ns, lanes)
     except CwcliError as error:
         return found, f"the camera frames can't be shown: {error.what}"
     return found, rejected
 
 
-def _iter_wanted_ns_and_nearest_frame(log: Log, topic: str, wanted_ns: list[int]) -> Iterator[tuple[int, DecodedFrame]]:
+def _iter_wanted_ns_and_nearest_frame(
+    log: Log, topic: str, wanted_ns: list[int], is_part: bool
+) -> Iterator[tuple[int, DecodedFrame]]:
     """Yield each wanted time with its nearest frame, decoded, in one pass; a video is decoded along the way."""
-    frames = log.frames(topic)
+    reach_ns = MAX_FRAME_OFFSET_NS + MAX_FRAME_LATENCY_NS
+    frames = log.frames(topic, [(each - reach_ns, each + reach_ns) for each in wanted_ns] if is_part else None)
     first = next(frames, None)
     if first is None:
         return
     if first.format.lower() in CODEC_OF_VIDEO_FORMAT:
+        if is_part:
+            frames = log.frames(topic)
+            first = next(frames)
         decoded = decode_frames(_chain_first_and_rest(first, frames), wanted_size_of=None, where=f"{log.name}: {topic}")
         for wanted, picture in _iter_wanted_ns_and_nearest_item(((each.stamp_ns, each) for each in decoded), wanted_ns):
             yield wanted, picture

@@ -318,7 +318,7 @@ def _collect_thumbnails(
         span = drive.end_ns - drive.start_ns
         wanted = [drive.start_ns + span * (2 * k + 1) // (2 * detail.n_frames) for k in range(detail.n_frames)]
     over_all = evenly_spaced_stamps_ns(drive, detail.n_moments)
-    found, why = make_thumbnails_and_explain_gaps(log, drive, [*wanted, *over_all])
+    found, why = make_thumbnails_and_explain_gaps(log, drive.camera_topic, drive.lanes, [*wanted, *over_all])
     return {at: found[at] for at in wanted if at in found}, [found[at] for at in over_all if at in found], why
 
 

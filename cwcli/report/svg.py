@@ -64,7 +64,8 @@ def html_page(kind: str, title: str, head: str, legend: str, cards: str) -> byte
     """
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"/>'
-        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\"/>"
+        '<meta http-equiv="Content-Security-Policy" '
+        "content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\"/>"
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
         f"<title>{kind}: {escape_for_html(title)}</title><style>{_STYLE}</style></head><body>\n"
         f"<h1>{escape_for_html(title)}</h1><p>{escape_for_html(head)}</p>"

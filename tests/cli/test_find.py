@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import json
 import re
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
+import cv2
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_DONE, EXIT_MISSING_SIGNAL, EXIT_USAGE
+from cwcli.logs.read.reader import Log
+from cwcli.logs.write.annotate import annotate_log
+from cwcli.report.frames import make_thumbnails_and_explain_gaps
+from cwcli.signals.columns import OutputChannel, Ragged, Strings
+from cwcli.vision.overlay import encode_jpeg
 from tests.laws.planted_drives import planted_drive, write_drive
+
+FRAME_PERIOD_NS, N_FRAMES, FIRST_GREY = 333_000_000, 180, 40
+"""The camera of `write_with_camera`: time between frames, number of frames, grey level of the first one."""
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +163,54 @@ def test_page_of_names_that_are_html_and_of_logs_without_states(folder: Path, tm
     assert "<b>&" not in page.read_text()
     assert "Not drawn: no channel holds the ego state" in page.read_text()
     assert run_command_line(["find", str(folder / "cut-in.mcap"), "cut-in", "--report", "p.txt"]) == EXIT_USAGE
+
+
+def write_with_camera(source: Path, target: Path) -> None:
+    """The log with a camera at 3 Hz whose frames get brighter by one grey level each; the last one is no JPEG."""
+    with Log.open(source) as log:
+        times = log.start_ns + np.arange(N_FRAMES) * FRAME_PERIOD_NS
+        files = [encode_jpeg(np.full((96, 128, 3), FIRST_GREY + k, np.uint8)) for k in range(N_FRAMES - 1)]
+        files.append(np.frombuffer(b"no picture", np.uint8))
+        offsets = np.concatenate([[0], np.cumsum([len(each) for each in files])]).astype(np.int64)
+        images: dict[str, Any] = {
+            "timestamp": times,
+            "data": Ragged(np.concatenate(files), offsets),
+            "format": Strings(np.zeros(N_FRAMES, np.int32), ("jpeg",)),
+        }
+        annotate_log(log, [OutputChannel("/camera/image", "foxglove.CompressedImage", times, images)], {}, target)
+
+
+def test_a_card_shows_the_camera_frame_at_the_start_of_the_event(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The grey level tells which frame it is. A log without states has its frame, too."""
+    seen, raw, page = tmp_path / "seen.mcap", tmp_path / "raw.mcap", tmp_path / "page.html"
+    write_with_camera(folder / "cut-in.mcap", seen)
+    topics = "/gps/fix,/camera/image"
+    assert run_command_line(["cut", str(seen), "--topics", topics, "-o", str(raw), "-q"]) == EXIT_DONE
+    fields = "/gps/fix:x > -1000000"
+    for source, query in ((seen, "cut-in"), (raw, fields)):
+        events: Any = found(capsys, str(source), query, "--report", str(page), "--force")["events"]
+        (event,) = events
+        (image,) = ElementTree.fromstring(page.read_text().replace("<!doctype html>", "")).iter("img")
+        data = base64.b64decode(str(image.get("src")).removeprefix("data:image/jpeg;base64,"))
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+        assert picture is not None and picture.shape == (240, 320)
+        nearest = round(event["start_s"] / (FRAME_PERIOD_NS / 1e9))
+        assert abs(float(picture.mean()) - (FIRST_GREY + nearest)) < 0.5
+        off_s = nearest * FRAME_PERIOD_NS / 1e9 - event["start_s"]
+        assert image.get("alt") == f"camera {off_s:+.2f} s from the event's start"
+        assert "img-src data:" in page.read_text()  # else the page's own policy hides it
+    assert len(page.read_bytes()) < 20_000
+
+
+def test_a_frame_that_is_no_picture_is_told(folder: Path, tmp_path: Path) -> None:
+    write_with_camera(folder / "cut-in.mcap", tmp_path / "seen.mcap")
+    with Log.open(tmp_path / "seen.mcap") as log:
+        last_ns = log.start_ns + (N_FRAMES - 1) * FRAME_PERIOD_NS
+        thumbnails, why = make_thumbnails_and_explain_gaps(log, "/camera/image", None, [last_ns], is_part=True)
+    assert not thumbnails
+    assert why == "some camera frames could not be decoded: neither JPEG, PNG nor WebP"
 
 
 def test_gaps_are_found_without_states(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -94,7 +94,11 @@ def is_camera_channel(channel: ChannelInfo) -> bool:
 
 
 def iter_camera_frames(
-    reader: MessageReader, channels: Sequence[ChannelInfo], faults: Faults, name: str
+    reader: MessageReader,
+    channels: Sequence[ChannelInfo],
+    faults: Faults,
+    name: str,
+    spans_ns: Sequence[tuple[int, int]] | None = None,
 ) -> Iterator[Frame]:
     """Yield the camera frames of one topic in log-time order.
 
@@ -102,6 +106,7 @@ def iter_camera_frames(
 
     Args:
         name: The file's name, for messages.
+        spans_ns: Chunks without messages logged in one of these times [start, end) are left out; None: none is.
 
     Raises:
         InputError: The topic holds no frames, or the file is damaged and `recover` is off.
@@ -113,7 +118,7 @@ def iter_camera_frames(
         raise InputError(what, where=name, found=tuple(sorted(IMAGE_SCHEMAS)), hint="these schemas can be read")
     fields = {*IMAGE_FIELDS, *FRAME_ID_FIELDS, *chain.from_iterable(STAMP_FIELD_PAIRS)}
     decoder = make_channel_decoder(channels[0], fields, name, blobs=(DATA_FIELD,))
-    return _iter_frames_in_time_order(reader, channels, _FrameDecoder(decoder, channels[0], faults))
+    return _iter_frames_in_time_order(reader, channels, _FrameDecoder(decoder, channels[0], faults), spans_ns)
 
 
 class _FrameDecoder:
@@ -174,7 +179,10 @@ class _FrameDecoder:
 
 
 def _iter_frames_in_time_order(
-    reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _FrameDecoder
+    reader: MessageReader,
+    channels: Sequence[ChannelInfo],
+    decoding: _FrameDecoder,
+    spans_ns: Sequence[tuple[int, int]] | None,
 ) -> Iterator[Frame]:
     """Yield the frames in log-time order: a frame waits until no later chunk can hold an earlier one."""
     ids = [channel.id for channel in channels]
@@ -189,7 +197,7 @@ def _iter_frames_in_time_order(
         else:
             yield from (frame for _, _, frame in decoding.iter_log_times_places_and_frames(found))
 
-    for start_ns, part, batches in reader.iter_log_times_offsets_and_batches_of_parts(ids):
+    for start_ns, part, batches in reader.iter_log_times_offsets_and_batches_of_parts(ids, spans_ns):
         while waiting and waiting[0][0] < start_ns:
             yield from pop_earliest()
         for batch in batches:
@@ -203,7 +211,8 @@ def _iter_frames_in_time_order(
                 batch.select_messages(np.flatnonzero(~packed))
             ):
                 heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
-    reader.note_miscounted_channels(n_read)
+    if spans_ns is None:
+        reader.note_miscounted_channels(n_read)
     while waiting:
         yield from pop_earliest()
 

@@ -209,23 +209,30 @@ class MessageReader:
         return (chunked + sum(end - start for start, end in self._spans)) // MIN_MESSAGE_BYTES
 
     def iter_log_times_offsets_and_batches_of_parts(
-        self, channel_ids: Collection[int]
+        self, channel_ids: Collection[int], spans_ns: Sequence[tuple[int, int]] | None = None
     ) -> Iterator[tuple[int, int, Iterator[MessageBatch]]]:
         """Yield parts of the file in order of their first log times.
+
+        Args:
+            spans_ns: Chunks that lie outside all of these times [start, end) are left out; None: none is.
 
         Yields:
             First log time in ns, byte offset in the file, batches of the part.
         """
         return merge(
-            self._iter_chunks_in_time_order(channel_ids),
+            self._iter_chunks_in_time_order(channel_ids, spans_ns),
             self._iter_unchunked_in_time_order(channel_ids),
             key=itemgetter(0),
         )
 
     def _iter_chunks_in_time_order(
-        self, channel_ids: Collection[int]
+        self, channel_ids: Collection[int], spans_ns: Sequence[tuple[int, int]] | None
     ) -> Iterator[tuple[int, int, Iterator[MessageBatch]]]:
         chunks = sorted(self.chunks_with_channels(channel_ids), key=lambda chunk: (chunk.start_ns, chunk.chunk_start))
+        if spans_ns is not None:
+            chunks = [
+                each for each in chunks if any(each.end_ns >= start and each.start_ns < end for start, end in spans_ns)
+            ]
         for chunk, payload in self.iter_chunk_payloads(chunks):
             if payload is not None:
                 yield chunk.start_ns, chunk.chunk_start, self.iter_chunk_batches(chunk, payload, channel_ids)

@@ -240,8 +240,11 @@ class Log:
         """Load one topic as columns; see `load`."""
         return self.load_topics({topic: fields})[topic]
 
-    def frames(self, topic: str) -> Iterator[Frame]:
+    def frames(self, topic: str, spans_ns: Sequence[tuple[int, int]] | None = None) -> Iterator[Frame]:
         """Yield the camera frames of a topic in log-time order.
+
+        Args:
+            spans_ns: Chunks without messages logged in one of these times [start, end) are not opened; None: all are.
 
         Raises:
             MissingSignalError: There is no such topic.
@@ -250,7 +253,7 @@ class Log:
         from cwcli.logs.read.frames import iter_camera_frames
 
         return iter_camera_frames(
-            self._get_message_reader(), self._file_channels_of_topic(topic), self.faults, self.name
+            self._get_message_reader(), self._file_channels_of_topic(topic), self.faults, self.name, spans_ns
         )
 
     def log_times_ns(self, topic: str) -> npt.NDArray[np.uint64]:

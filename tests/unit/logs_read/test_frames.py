@@ -17,6 +17,7 @@ from mcap.writer import CompressionType
 
 from cwcli.errors import InputError
 from cwcli.logs.encoders.schemas import find_message_schema
+from cwcli.logs.format.faults import Faults
 from cwcli.logs.read.frames import BAD_BASE64_REASON, MAX_FRAMES_PER_BATCH
 from cwcli.logs.read.reader import Log
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes, small_log
@@ -70,6 +71,22 @@ def test_order_with_overlapping_chunks_is_the_official_one(tmp_path: Path, chunk
     assert [frame.log_time_ns for frame in frames] == official.log_time_ns
     assert [bytes(frame.data) for frame in frames] == [message.data for message in official.messages]
     assert [frame.stamp_ns for frame in frames] == [message.timestamp.ToNanoseconds() for message in official.messages]
+
+
+@pytest.mark.parametrize("spans", [[(300, 310)], [(0, 1), (900, 990)], [(-50, 0)], []])
+def test_spans_leave_out_the_chunks_without_them(tmp_path: Path, spans: list[tuple[int, int]]) -> None:
+    """All frames of the spans come, in order, and none that is a chunk of a dozen away from them."""
+    times = (10 * np.arange(100)).tolist()
+    messages = [foxglove("foxglove.CompressedImage", k, format="jpeg", data=bytes([k] * 50)) for k in range(100)]
+    channel = declared("foxglove.CompressedImage")
+    path = write(tmp_path / "log.mcap", channel, messages, [T0_NS + each for each in times], chunk_size=700)
+    with Log.open(path) as log:
+        frames = log.frames("/camera", [(T0_NS + start, T0_NS + end) for start, end in spans])
+        found = [frame.log_time_ns - T0_NS for frame in frames]
+        assert log.faults == Faults()
+    assert found == sorted(found)
+    assert {each for each in times if any(start <= each < end for start, end in spans)} <= set(found)
+    assert all(any(start - 120 < each < end + 120 for start, end in spans) for each in found)
 
 
 def test_ros_images(tmp_path: Path) -> None:
