@@ -43,6 +43,7 @@ def print_digest(
     blocks = (
         Block("what", digest.happened, 4),
         trust_or_doubt_block(digest.doubts, digest.confidence),
+        Block("also", digest.more, 0),
         Block("wrote", (_written_files_sentence(run.written),), 2),
         Block("next", tuple(filter(None, (next_step, "" if with_details else f"(--details: tables{notes})")))),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,9 @@ STAGES_OF_A_STORY = frozenset({"warn", "warn-targets", "warn-lane"})
 NO_EGO_STATE_TEXT = f"no channel holds {ROLE_TEXT[EGO_STATE.role]}"
 """The reason for leaving a stage out where the car's motion was not estimated, in the words of the channels."""
 
+_OTHER_STAGES_PATTERN = re.compile(r" \(another way: --stage ([\w,-]+)\)")
+"""What a reason for leaving a stage out says of stages that do the same from other signals."""
+
 
 @dataclass(frozen=True)
 class Digest:
@@ -33,11 +37,13 @@ class Digest:
 
     Attributes:
         happened: Sentences on what happened, the most important first.
+        more: Further facts, which are said behind how far to trust them.
         doubts: Reasons not to believe it, the worst first.
         confidence: What is known of its errors, in sentences; said where there is no doubt.
     """
 
     happened: tuple[str, ...]
+    more: tuple[str, ...]
     doubts: tuple[Doubt, ...]
     confidence: tuple[str, ...]
 
@@ -61,12 +67,14 @@ def build_digest(
     doubts = find_doubts_in_evidence(evidence)
     made = tuple(filter(None, (stage_sentence(stage, evidence.records, tables) for stage in stages)))
     if drive is not None:
-        happened = (*_story_sentences(drive), *made)
+        happened, more = _story_sentences(drive)
+        more = (*more, *made)
     else:
         length = drive_length_sentence(log, evidence.ego, evidence.records, n_heard=_count_heard_vehicles(log))
         reason = _reason_for_no_warnings(left_out) if is_run else ()
-        happened = (*made, *reason, length) if evidence.ego is None else (length, *reason, *made)
-    return Digest(happened, doubts, confidence_sentences(evidence))
+        is_length_first = is_run and evidence.ego is not None
+        happened, more = ((length, *reason), made) if is_length_first else ((*made, *reason), (length,))
+    return Digest(happened, more, doubts, confidence_sentences(evidence))
 
 
 def _read_warned_drive(log: Log) -> Drive:
@@ -76,19 +84,24 @@ def _read_warned_drive(log: Log) -> Drive:
     return read_drive(log, with_figures=False)
 
 
-def _story_sentences(drive: Drive) -> tuple[str, ...]:
-    """Return the sentences of the drive's story, as on the page."""
+def _story_sentences(drive: Drive) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what happened in a drive, as on the page, and how long it was."""
     from cwcli.digest.encounters import find_encounters
     from cwcli.digest.story import build_story
 
     story = build_story(drive, find_encounters(drive), with_careful_driver=False)
-    return (story.happened, *story.more)
+    return (story.happened, *story.more), (story.length,)
 
 
 def _reason_for_no_warnings(left_out: Mapping[str, str]) -> tuple[str, ...]:
     """Say why a run has no warnings."""
     reason = left_out.get("warn", "").replace(NO_EGO_STATE_TEXT, "the car's motion is not known")
-    return (f"No warnings were computed: {reason}.",) if reason else ()
+    if not reason:
+        return ()
+    other = _OTHER_STAGES_PATTERN.search(reason)
+    if other is None:
+        return (f"No warnings were computed: {reason}.",)
+    return (f"No warnings were computed: {reason[: other.start()]}; `cwcli run` with --stage {other[1]} gives some.",)
 
 
 def _count_heard_vehicles(log: Log) -> int:
@@ -113,7 +126,19 @@ def confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     return (
         *against,
         *_target_error_sentences(evidence),
+        *_lane_error_sentences(evidence),
         *(each.sentence for each in find_remarks_in_evidence(evidence)),
+    )
+
+
+def _lane_error_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
+    """Say how far the observed place in the lane is from the true one; () without a truth of it."""
+    rows = evidence.summary_of_stage("observe").rows_of_table_columns_or_empty("observer_errors", "state", "RMS error")
+    error_m = next((value for state, value in rows if state == "lateral_deviation_m"), None)
+    if not isinstance(error_m, float) or not math.isfinite(error_m):
+        return ()
+    return (
+        f"Compared with the true lane in the log, the place in the lane is {format_number(error_m, 2)} m off (RMS).",
     )
 
 

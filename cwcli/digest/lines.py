@@ -32,7 +32,8 @@ class Block:
     Attributes:
         label: One word; "" for none.
         sentences: In order of importance: the last ones are left out where there is no room.
-        least_lines: Lines that the block gets at least, if it needs them.
+        least_lines: Lines that the block gets at least, if it needs them; 0: it is left out where no whole sentence
+            fits.
     """
 
     label: str
@@ -77,7 +78,9 @@ def format_blocks(blocks: Sequence[Block], *, width: int = MAX_WIDTH, max_lines:
         given[k] += more
         spare -= more
     out: list[str] = []
-    for block, most in zip(shown, given, strict=True):
+    for block, most, sentences in zip(shown, given, wrapped, strict=True):
+        if not block.least_lines and most < sentences[0][1]:
+            continue
         lines = _fit_sentences(block.sentences, width - LABEL_WIDTH, most)
         out += [f"{block.label if k == 0 else '':{LABEL_WIDTH}}{line}" for k, line in enumerate(lines)]
     return out

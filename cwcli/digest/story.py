@@ -57,10 +57,11 @@ class Story:
 
     Attributes:
         happened: What happened, one sentence or two.
-        more: Further sentences.
+        more: Further sentences on the warnings.
         badges: Verdicts on the warnings.
         doubts: Reasons not to believe it, the worst first.
         knowledge: What the warnings are made from, "" without any.
+        length: How long and how far the drive was.
     """
 
     happened: str
@@ -68,6 +69,7 @@ class Story:
     badges: tuple[Badge, ...]
     doubts: tuple[Doubt, ...] = ()
     knowledge: str = ""
+    length: str = ""
 
     @property
     def headline(self) -> str:
@@ -79,7 +81,7 @@ class Story:
         """What follows the headline: the advice on the worst doubt, the other doubts, and the further sentences."""
         advice = tuple(each.advice for each in self.doubts[:1])
         others = tuple(f"{each.sentence} {each.advice}" for each in self.doubts[1:])
-        return (*advice, *others, *filter(None, (self.knowledge,)), *self.more)
+        return (*advice, *others, *filter(None, (self.knowledge,)), *self.more, self.length)
 
 
 def build_story(
@@ -112,22 +114,23 @@ def _build_story_without_doubts(
     drive: Drive, drive_encounters: DriveEncounters, left_out: str, with_careful_driver: bool
 ) -> Story:
     """Build the story without the reasons to doubt the estimate."""
-    more = [_drive_length_sentence(drive)]
     if drive.warnings is None:
-        return _build_story_without_warnings(drive, left_out, more)
+        return _build_story_without_warnings(drive, left_out)
+    length = _drive_length_sentence(drive)
+    more: list[str] = []
     if not drive_encounters.encounters:
-        more += _missed_conflict_sentences(drive, drive_encounters)
         badges = [Badge("no warning", "plain")]
         if drive_encounters.missed_conflicts:
             badges.append(
                 Badge(f"{format_count(len(drive_encounters.missed_conflicts), 'conflict')} without a warning", "bad")
             )
-        return Story(_no_warning_sentence(drive, drive_encounters), tuple(more), tuple(badges))
+        missed = tuple(_missed_conflict_sentences(drive, drive_encounters))
+        return Story(_no_warning_sentence(drive, drive_encounters), missed, tuple(badges), length=length)
     if len(drive_encounters.encounters) == 1:
         headline = encounter_sentence(drive, drive_encounters.encounters[0])
         verdict = verdict_sentence(drive.warning_config, drive_encounters.encounters[0])
         careful = careful_driver_sentence(drive, drive_encounters.encounters[0]) if with_careful_driver else ""
-        more = [*filter(None, (verdict, careful)), *more]
+        more = [*filter(None, (verdict, careful))]
     else:
         worst = min(drive_encounters.encounters, key=_criticality_sort_key)
         headline = f"cwcli gave {len(drive_encounters.encounters)} warnings: {_verdict_counts_text(drive_encounters)}. "
@@ -140,6 +143,7 @@ def _build_story_without_doubts(
         headline,
         (*more, *_missed_conflict_sentences(drive, drive_encounters)),
         tuple(_warning_and_missed_conflict_badges(drive_encounters)),
+        length=length,
     )
 
 
@@ -342,12 +346,11 @@ def _drive_length_sentence(drive: Drive) -> str:
     return drive_length_sentence(drive, drive.ego, drive.records, n_heard=kinds["vehicle"], n_tracked=kinds["target"])
 
 
-def _build_story_without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
+def _build_story_without_warnings(drive: Drive, left_out: str) -> Story:
     """Build the story of a drive for which no warnings were computed."""
     why = left_out or ("`cwcli warn` was not run" if drive.others else "no other vehicle is in the log")
     reason = f": {escape_control_characters(why)}" if drive.ego is not None or left_out else ""
-    if drive.ego is None:
-        more = [drive_length_sentence(drive, None, drive.records)]
+    length = drive_length_sentence(drive, None, drive.records) if drive.ego is None else _drive_length_sentence(drive)
     sentences = []
     if drive.lanes is not None and len(drive.lanes):
         both = int(np.count_nonzero(drive.lanes.found.all(axis=1)))
@@ -360,4 +363,4 @@ def _build_story_without_warnings(drive: Drive, left_out: str, more: list[str]) 
     else:
         sentences.append(f"the car's motion was estimated, but no warnings were computed{reason}")
     text = "; ".join(sentences)
-    return Story(f"{text[:1].upper()}{text[1:]}.", tuple(more), (Badge("no warnings computed", "plain"),))
+    return Story(f"{text[:1].upper()}{text[1:]}.", (), (Badge("no warnings computed", "plain"),), length=length)

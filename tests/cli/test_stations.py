@@ -57,6 +57,13 @@ def test_strict_takes_what_is_only_set_aside(cwcli: Run, tmp_path: Path) -> None
     assert (remote["used"], remote["rejected"], remote["repaired"]) == (100, {}, {})
 
 
+def test_digest_says_which_station_is_the_car(cwcli: Run, tmp_path: Path) -> None:
+    ego_and_other(tmp_path / "d.mcap", with_fixes=False)
+    done = cwcli("estimate", "d.mcap", "--ego-station", OWN_STATION, details=False)
+    said = f"/v2x/bsm: the car is V2X station {OWN_STATION}, named by --ego-station."
+    assert said in " ".join(done.stdout.decode().split())
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -15,7 +15,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.doubts.silences import bridged_by_silent_positions_mask
 from cwcli.pipeline.records import parse_json_entry_or_empty, read_finite_number_or_nan, to_float_or_nan
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.vehicle_state import SPEED, StateFlag
+from cwcli.signals.vehicle_state import EGO_ID, SPEED, StateFlag
 from cwcli.text import format_duration, format_number, shorten_and_escape
 
 TRUTH_RULES_RECORD_KEY = "truth_rules"
@@ -168,7 +168,16 @@ def find_estimate_without_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
         )
         options = " or ".join(dict.fromkeys(_TRUTH_OPTION_PATTERN.findall(choice)))
         hint = f"; choose one with {shorten_and_escape(options)}" if options else ""
-        yield Finding(0.0, f"{reason}, so the size of the errors is not known{hint}.")
+        yield Finding(0.0, f"{reason}, so the size of the errors is not known{hint}.{_own_error_text(evidence)}")
+
+
+def _own_error_text(evidence: DoubtEvidence) -> str:
+    """Format what the estimate itself says of its errors, as a sentence; "" where the record does not say it."""
+    rows = evidence.estimate_summary.rows_of_table_columns_or_empty("vehicles", "vehicle", "median position sigma [m]")
+    sigma_m = next((to_float_or_nan(value) for vehicle, value in rows if vehicle == EGO_ID), math.nan)
+    if not math.isfinite(sigma_m):
+        return ""
+    return f" cwcli itself reckons with typical errors of {format_number(sigma_m, 2)} m (position on one axis)."
 
 
 NO_TRUTH = DoubtRule(

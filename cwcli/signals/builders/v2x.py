@@ -23,7 +23,7 @@ from cwcli.signals.columns import (
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
-from cwcli.signals.v2x_codec import OTHER_STATION_REASON, RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import OTHER_STATION_REASON, OWN_STATION_NOTE, RemoteRows, Senders, V2xCodec
 
 MAX_STAMP_AHEAD_OF_LOG_NS = 2_000_000
 """The time by which a stamp may be after its log time, in ns: two steps of the message clock (1 ms)."""
@@ -71,6 +71,7 @@ def _build_senders(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple
 def build_own_position(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
     """Build the ego's position from its own messages."""
     ledger, decoded, timeline = _decode_own_messages(codec, columns, reading)
+    _note_own_stations(codec.identify(columns), reading, ledger)
     return build_signal_and_quality(
         PositionSignal,
         ledger,
@@ -120,6 +121,15 @@ def _decode_own_messages(
         decoded,
         _reject_positions_and_repair_station_clocks(columns, reading, ledger, decoded, senders.station),
     )
+
+
+def _note_own_stations(senders: Senders, reading: Reading, ledger: RowLedger) -> None:
+    """Note which station is the ego, and why."""
+    codes = sort_distinct_values(senders.station.codes[_own_message_mask(senders, reading)])
+    for name in (senders.station.values[code] for code in codes if code >= 0):
+        is_named = reading.ego_station is not None and name.lower() == reading.ego_station.lower()
+        why = "named by --ego-station" if is_named else "whose messages say that the recording vehicle sent them"
+        ledger.add_note(f"{OWN_STATION_NOTE} {name}, {why}")
 
 
 def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:

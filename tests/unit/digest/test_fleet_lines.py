@@ -66,7 +66,7 @@ def test_names_and_texts_of_others_fit_the_line(text: str) -> None:
 def test_entry_keeps_the_digest() -> None:
     doubt = Doubt("late", "It is late.", "Check.", 2.0, 1.0, "s")
     entry: dict[str, Any] = {"id": "a", "error": None, "tables": {"events": 3}}
-    entry["digest"] = digest_to_entry(Digest(("It rained.", "More."), (doubt,), ()))
+    entry["digest"] = digest_to_entry(Digest(("It rained.",), ("More.",), (doubt,), ()))
     assert LogLine.from_entry(entry, "unchanged") == LogLine("a", "unchanged", "", "It rained.", ("It is late.",), 3)
 
 

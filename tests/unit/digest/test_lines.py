@@ -47,6 +47,13 @@ def test_lines_go_first_to_what_each_block_needs_at_least() -> None:
     assert labels.index("next") == 11
 
 
+def test_block_that_may_be_left_out_gets_whole_sentences_or_nothing() -> None:
+    first = Block("what", ("one two three four five",))
+    also = Block("also", ("six seven eight nine ten",), 0)
+    assert format_blocks([first, also], width=24, max_lines=3) == ["what   one two three", "       four five"]
+    assert format_blocks([first, also], width=24, max_lines=4)[2:] == ["also   six seven eight", "       nine ten"]
+
+
 @pytest.mark.parametrize("sentence", ["x" * 5000, "日本" * 300, "\x1b[2J\n" * 90, "a " * 3000, "", "é\u0301" * 400])
 @pytest.mark.parametrize("width", [1, 24, 80, 500])
 def test_no_line_is_wider_than_the_terminal_and_none_is_forged(sentence: str, width: int) -> None:

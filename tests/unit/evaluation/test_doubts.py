@@ -247,6 +247,16 @@ def test_missing_truth_is_a_remark_and_no_doubt() -> None:
     assert find_remarks_in_evidence(evidence()) == ()
 
 
+def test_without_a_truth_the_estimate_says_its_own_errors() -> None:
+    columns = ["vehicle", "median position sigma [m]"]
+    found = evidence(sections=(table("vehicles", columns, ["17", 9.0], ["ego", 0.257]),))
+    (remark,) = find_remarks_in_evidence(found)
+    assert remark.sentence == (
+        "The log has no true positions to compare with, so the size of the errors is not known. cwcli itself reckons "
+        "with typical errors of 0.26 m (position on one axis)."
+    )
+
+
 def test_several_truths_are_named_to_choose_from() -> None:
     note = "two channels hold the truth: /a (T) and /b (T); none is used (choose one with --topic truth=/a or --topic"
     found = evidence(sections=(), more={"notes": [f"{note} truth=/b)"]})

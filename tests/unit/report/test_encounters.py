@@ -168,7 +168,7 @@ def test_no_warnings_computed_says_why() -> None:
 
 def test_standing_car_has_a_way_of_nothing() -> None:
     scene = drive(None, None, moves=False)
-    assert "the car drove 0 m, at most 0 km/h" in " ".join(build_story(scene, find_encounters(scene)).more)
+    assert "the car drove 0 m, at most 0 km/h" in build_story(scene, find_encounters(scene)).length
 
 
 @pytest.mark.parametrize(

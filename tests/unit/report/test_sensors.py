@@ -47,7 +47,7 @@ def test_doubts_come_first_in_the_story() -> None:
     assert story.headline.startswith(
         "Do not trust this as it is: the estimate has a speed of 216 km/h at 0 s. The car's motion"
     )
-    assert story.sentences == (doubts[0].advice, *story.more)
+    assert story.sentences == (doubts[0].advice, *story.more, story.length)
     assert story.badges[0].text == "not to be trusted"
 
 
