@@ -9,25 +9,46 @@ _Index = npt.NDArray[np.intp]
 def quadrature(
     state: _F,
     *,
-    cosine: _F,
-    sine: _F,
     weight: _F,
     responses: tuple[_F, _F, _F, _F],
     uses: tuple[bool, bool, bool, bool],
     points: _Index,
+    acting_slopes: tuple[_F, _F] | None = None,
 ) -> _F:
     """Integrate along the paths of m starts over s steps of q nodes each.
 
     Args:
         state: (m, 8).
-        cosine, sine: (m, s, q), of the heading at the nodes; (m, 1, 1) where it stays.
-        weight: (1 or m, s, q): of the nodes.
-        responses: (1 or m, s, q) each: A, J, W, D of `prediction.models.base`.
+        weight: (1 or m, q, s): of the nodes.
+        responses: (1 or m, q, s) each: A, J, W, D of `prediction.models.base`.
         uses: Which of acceleration, jerk, yaw rate, yaw acceleration the model uses.
         points: (p,), increasing, in [0, s]: at the end of how many steps the integrals are wanted.
+        acting_slopes: (m, k) each: A and W are the products of these with (k, q, s), which then stand in `responses`.
 
     Returns:
         (2, m, p, 8): the derivatives of x and of y to the state.
+    """
+
+def position_covariance(
+    jacobian: _F,
+    heading: _F,
+    *,
+    covariance: _F | None,
+    trust: _F,
+    variance: _F,
+    sigma: _F,
+    out: _F,
+) -> None:
+    """Covariances of the positions along m paths of p points: what the driver adds, and what grows from the start.
+
+    Args:
+        jacobian: (2, m, p, 8).
+        heading: (m, p), rad.
+        covariance: (m, 8, 8), of the starts; None: they are known.
+        trust: (m, 4): in acceleration, jerk, yaw rate and yaw acceleration; their variances are scaled by it.
+        variance: (4, 1 or m, p), s^4: two along the heading, two across it, per unit variance of acceleration.
+        sigma: (m, 4), m/s^2: what each is scaled with.
+        out: (m, p, 3): gets xx, xy, yy in m^2.
     """
 
 def adapt_scale(

@@ -95,13 +95,28 @@ def interpolate_acting_time_s(acting_s: FloatArray, time_s: FloatArray) -> Float
     """
     if acting_s.ndim == 1:
         return np.asarray(np.interp(time_s, [0.0, *HORIZON_KNOTS_S], [0.0, *acting_s]))
-    before_s = np.concatenate([[0.0], HORIZON_KNOTS_S[:-1]])
-    shape = (-1,) + (1,) * (time_s.ndim - 1)
-    slopes = np.diff(acting_s, axis=1, prepend=0.0) / (HORIZON_KNOTS_S - before_s)
+    slopes = acting_slopes_between_knots(acting_s)
     if len(time_s) == 1:  # the same times for all cars: one product
-        inside = np.clip(time_s.reshape(1, -1) - before_s[:, None], 0.0, (HORIZON_KNOTS_S - before_s)[:, None])
+        inside = time_between_knots_s(time_s.reshape(-1))
         return multiply_rows_reproducibly(slopes, inside).reshape(len(acting_s), *time_s.shape[1:])
+    shape = (-1,) + (1,) * (time_s.ndim - 1)
     out = np.zeros(time_s.shape)
-    for k, (start_s, knot_s) in enumerate(zip(before_s.tolist(), HORIZON_KNOTS_S.tolist(), strict=True)):
-        out += slopes[:, k].reshape(shape) * np.clip(time_s - start_s, 0.0, knot_s - start_s)
+    for k, inside in enumerate(time_between_knots_s(time_s)):
+        out += slopes[:, k].reshape(shape) * inside
     return out
+
+
+def acting_slopes_between_knots(acting_s: FloatArray) -> FloatArray:
+    """By how much acting times (m, k) grow in a second before each knot, (m, k)."""
+    return np.asarray(np.diff(acting_s, axis=1, prepend=0.0) / np.diff(HORIZON_KNOTS_S, prepend=0.0))
+
+
+def time_between_knots_s(time_s: FloatArray) -> FloatArray:
+    """For how long each time has been between each knot and the one before it, (k, ...)."""
+    before_s = np.concatenate([[0.0], HORIZON_KNOTS_S[:-1]])
+    return np.stack(
+        [
+            np.clip(time_s - start_s, 0.0, knot_s - start_s)
+            for start_s, knot_s in zip(before_s.tolist(), HORIZON_KNOTS_S.tolist(), strict=True)
+        ]
+    )

@@ -18,7 +18,12 @@ import numpy.typing as npt
 from cwcli.kernels import paths as kernel
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.fleet import HORIZON_KNOTS_S, interpolate_acting_time_s
+from cwcli.prediction.fleet import (
+    HORIZON_KNOTS_S,
+    acting_slopes_between_knots,
+    interpolate_acting_time_s,
+    time_between_knots_s,
+)
 from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray, StateRows
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
@@ -108,14 +113,26 @@ class _DiscretisedModel:
         )
 
     def responses_and_weights_at_quadrature_nodes(
-        self, moving_s: FloatArray, step_width_s: FloatArray
-    ) -> tuple[Responses, FloatArray]:
-        """Responses at the quadrature nodes of each step, and the nodes' weights, (1 or m, k - 1, nodes)."""
+        self, moving_s: FloatArray
+    ) -> tuple[Responses, FloatArray, tuple[FloatArray, FloatArray] | None]:
+        """Responses at the quadrature nodes of each step of the times (1 or m, k), and the nodes' weights, (1 or m,
+        nodes, k - 1).
+
+        Where acting times have the same nodes, responses to acceleration and yaw rate are (parts, nodes, k - 1), and
+        the third are the factors of the parts, (m, parts) each.
+        """
+        step_width_s = np.diff(moving_s, axis=1)[:, None, :]
         if self.is_paper:
-            return _song2016_mean_responses_of_steps(self.model, step_width_s, self.time_s), step_width_s
-        return self.responses_at_times(
-            moving_s[:, :-1, None] + step_width_s * GAUSS_NODES
-        ), step_width_s * GAUSS_WEIGHTS
+            at = _song2016_mean_responses_of_steps(self.model, step_width_s, self.time_s)
+            return at, np.ascontiguousarray(step_width_s), None
+        node_s = moving_s[:, None, :-1] + step_width_s * GAUSS_NODES[:, None]
+        weight = step_width_s * GAUSS_WEIGHTS[:, None]
+        if self.acting_s is None or len(moving_s) > 1:
+            return self.responses_at_times(node_s), weight, None
+        none = np.zeros_like(node_s)
+        along, across = (acting_slopes_between_knots(self.acting_s[:, i]) for i in (0, 1))
+        inside = time_between_knots_s(node_s[0])
+        return Responses(inside, none, inside, none), weight, (along, across)
 
 
 def integrate_paths(
@@ -253,15 +270,13 @@ def _integrate_steps(
     motion: _DiscretisedModel, state: StateRows, moving_s: FloatArray, grid: Responses
 ) -> IntegratedPaths:
     """Integrate position and Jacobian over the steps of the times `moving_s`, shape (1 or m, k)."""
-    uses = motion.model.uses
-    at, weight = motion.responses_and_weights_at_quadrature_nodes(moving_s, np.diff(moving_s, axis=1)[..., None])
-    heading = _heading_at_times_rad(state, at) if any(uses[2:]) else state[:, HEADING, None, None]
+    at, weight, acting_slopes = motion.responses_and_weights_at_quadrature_nodes(moving_s)
     points = np.arange(moving_s.shape[1]) if motion.points is None else motion.points
     moving_s = motion.select_columns_of_kept_points(moving_s)
     grid = grid if motion.points is None else Responses(*(motion.select_columns_of_kept_points(each) for each in grid))
     m, k = len(state), len(points)
     jacobian = kernel.quadrature(
-        state, cosine=np.cos(heading), sine=np.sin(heading), weight=weight, responses=at, uses=uses, points=points
+        state, weight=weight, responses=at, uses=motion.model.uses, points=points, acting_slopes=acting_slopes
     )
     # a turn by d moves the point (dx, dy) by d (-dy, dx)
     dx, dy = jacobian[1, :, :, HEADING], -jacobian[0, :, :, HEADING]
@@ -284,9 +299,9 @@ def _song2016_responses_at_times(model: Model, moving: FloatArray, time_s: Float
 
 
 def _song2016_mean_responses_of_steps(model: Model, width: FloatArray, time_s: FloatArray) -> Responses:
-    """Mean speed and old heading of each step, (1 or m, k-1, 1); `width` is less than a step where the car stops."""
+    """Mean speed and old heading of each step, (1 or m, 1, k-1); `width` is less than a step where the car stops."""
     step = time_s[1] - time_s[0]
-    n = np.arange(len(time_s) - 1, dtype=float)[None, :, None]
+    n = np.arange(len(time_s) - 1, dtype=float)
     started = step**2 * n * (n - 1.0) / 2.0
     return _zero_unused_responses(
         model,

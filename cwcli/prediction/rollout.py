@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import UsageError
+from cwcli.kernels import paths as kernel
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.driver import DerivativeTrust, DriverPrior, displacement_variance_s4, fading_accel_displacement_s2
-from cwcli.prediction.integrate import IntegratedPaths, integrate_paths
+from cwcli.prediction.integrate import integrate_paths
 from cwcli.prediction.models import HYPOTHESES, MODELS
 from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
@@ -126,12 +127,15 @@ def roll_out_paths(
             chosen, _scale_derivatives_by_trust(start, trust), time_s, prior, settings.discretisation, points, own
         )
         x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
-        out = _driver_position_covariance(
-            path, start, start_covariance, prior.trust_in_derivatives(start, start_covariance), driver, prior
+        kernel.position_covariance(
+            path.jacobian,
+            path.heading_rad,
+            covariance=start_covariance,
+            trust=trust,
+            variance=np.stack([_interpolate_variance_s4(path.moving_s, driver.time_s, each) for each in driver.tables]),
+            sigma=_driver_accel_sigmas_mps2(start, start_covariance, prior),
+            out=position_covariance[rows],
         )
-        if start_covariance is not None:
-            out += _propagate_position_covariance(path.jacobian, _scale_covariance_by_trust(start_covariance, trust))
-        position_covariance[rows] = out
     return Paths(kept_s, x, y, heading, speed, position_covariance)
 
 
@@ -168,24 +172,6 @@ def _scale_derivatives_by_trust(state: StateRows, trust: DerivativeTrust) -> Flo
     return out
 
 
-def _scale_covariance_by_trust(covariance: StateCovariances, trust: DerivativeTrust) -> FloatArray:
-    """Scale the derivatives' variances by their trust g (the posterior's g P); correlations stay; (n, 8, 8)."""
-    scale = np.ones(covariance.shape[:2])
-    scale[:, DERIVATIVE_INDICES] = np.sqrt(trust)
-    both = scale[:, :, None] * scale[:, None, :]
-    return np.where(both == 0.0, 0.0, covariance * both)
-
-
-def _propagate_position_covariance(jacobian: FloatArray, covariance: StateCovariances) -> FloatArray:
-    """Position covariances J P J' along the paths as xx, xy, yy, (n, k, 3), from Jacobians (2, n, k, 8)."""
-    to_x, to_y = jacobian
-    by_x = np.matmul(to_x, covariance)
-    xx = np.einsum("nks,nks->nk", by_x, to_x)
-    xy = np.einsum("nks,nks->nk", by_x, to_y)
-    yy = np.einsum("nks,nks->nk", np.matmul(to_y, covariance), to_y)
-    return np.stack([xx, xy, yy], axis=-1)
-
-
 @dataclass(frozen=True)
 class _DriverDisplacementVariance:
     """Displacement variance per unit acceleration variance on a fine grid of times, s^4.
@@ -201,6 +187,11 @@ class _DriverDisplacementVariance:
     cross_added: FloatArray
     along_ignored: FloatArray
     cross_ignored: FloatArray
+
+    @property
+    def tables(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The tables in the order of `_driver_accel_sigmas_mps2`."""
+        return self.along_added, self.along_ignored, self.cross_added, self.cross_ignored
 
 
 @lru_cache(maxsize=64)
@@ -229,45 +220,31 @@ def _running_integral_by_trapezoids(values: FloatArray, time_s: FloatArray) -> F
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _driver_position_covariance(
-    path: IntegratedPaths,
-    start: FloatArray,
-    covariance: StateCovariances | None,
-    trust: DerivativeTrust,
-    driver: _DriverDisplacementVariance,
-    prior: DriverPrior,
-) -> FloatArray:
-    """Position covariance that the driver adds, in map axes, (m, k, 3); it grows while the car moves.
+def _driver_accel_sigmas_mps2(start: FloatArray, covariance: StateCovariances | None, prior: DriverPrior) -> FloatArray:
+    """The accelerations' sigmas that the tables of `_DriverDisplacementVariance` are scaled with, (m, 4).
 
     Args:
         start, covariance: Shapes (m, 8) and (m, 8, 8) or None.
-        trust: Shape (m, 4): the prior's trust, whatever the model.
     """
+    trust = prior.trust_in_derivatives(start, covariance)  # the prior's, whatever the model's
     # what a model ignores is not unknown: its second moment is that of the filter's own estimate
     accel, yaw_rate = trust[:, 0] * start[:, ACCEL], trust[:, 2] * start[:, YAW_RATE]
     accel_m2ps4, yaw_rate_rad2ps2 = accel**2, yaw_rate**2
     if covariance is not None:
         accel_m2ps4 += trust[:, 0] * covariance[:, ACCEL, ACCEL]
         yaw_rate_rad2ps2 += trust[:, 2] * covariance[:, YAW_RATE, YAW_RATE]
-    along_m2 = _interpolate_variance_m2(
-        path.moving_s, driver.time_s, driver.along_added, prior.along_accel_sigma_mps2(start, trust)
+    return np.stack(
+        [
+            prior.along_accel_sigma_mps2(start, trust),
+            np.sqrt(accel_m2ps4),
+            prior.cross_accel_sigma_mps2(start, trust),
+            np.abs(start[:, SPEED]) * np.sqrt(yaw_rate_rad2ps2),
+        ],
+        axis=1,
     )
-    along_m2 += _interpolate_variance_m2(path.moving_s, driver.time_s, driver.along_ignored, np.sqrt(accel_m2ps4))
-    cross_m2 = _interpolate_variance_m2(
-        path.moving_s, driver.time_s, driver.cross_added, prior.cross_accel_sigma_mps2(start, trust)
-    )
-    ignored = np.abs(start[:, SPEED]) * np.sqrt(yaw_rate_rad2ps2)
-    cross_m2 += _interpolate_variance_m2(path.moving_s, driver.time_s, driver.cross_ignored, ignored)
-    cosine, sine = np.cos(path.heading_rad), np.sin(path.heading_rad)
-    xx = along_m2 * cosine**2 + cross_m2 * sine**2
-    yy = along_m2 * sine**2 + cross_m2 * cosine**2
-    xy = (along_m2 - cross_m2) * cosine * sine
-    return np.stack([xx, xy, yy], axis=-1)
 
 
-def _interpolate_variance_m2(
-    moving_s: FloatArray, time_s: FloatArray, variance_s4: FloatArray, sigma_mps2: FloatArray
-) -> FloatArray:
-    """Interpolate tabulated variances at the moving times (m, k) and scale them with the sigmas (m,), m^2."""
+def _interpolate_variance_s4(moving_s: FloatArray, time_s: FloatArray, variance_s4: FloatArray) -> FloatArray:
+    """Interpolate tabulated variances at the moving times (m, k): (1, k) where all cars have the same, else (m, k)."""
     rows = moving_s[:1] if moving_s.strides[0] == 0 else moving_s  # one row for all cars that do not stop
-    return np.asarray(np.interp(rows, time_s, variance_s4) * sigma_mps2[:, None] ** 2)
+    return np.asarray(np.interp(rows, time_s, variance_s4))

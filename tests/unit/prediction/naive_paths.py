@@ -12,8 +12,6 @@ FloatArray = npt.NDArray[np.float64]
 
 def quadrature(
     state: FloatArray,
-    cosine: FloatArray,
-    sine: FloatArray,
     weight: FloatArray,
     responses: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     uses: tuple[bool, bool, bool, bool],
@@ -22,9 +20,10 @@ def quadrature(
     accel, jerk, yaw_rate, yaw_accel = responses
     columns = state[:, None, None, :]
     speed = columns[..., SPEED] + columns[..., ACCEL] * accel + columns[..., JERK] * jerk
-    cosine, sine = cosine * weight, sine * weight
+    heading = columns[..., HEADING] + columns[..., YAW_RATE] * yaw_rate + columns[..., YAW_ACCEL] * yaw_accel
+    cosine, sine = np.cos(heading) * weight, np.sin(heading) * weight
     moved_x, moved_y = speed * cosine, speed * sine
-    jacobian = np.zeros((2, len(state), weight.shape[1] + 1, 8))
+    jacobian = np.zeros((2, len(state), weight.shape[2] + 1, 8))
     jacobian[0, :, :, X] = jacobian[1, :, :, Y] = 1.0
     jacobian[0, :, :, HEADING], jacobian[1, :, :, HEADING] = -running(moved_y), running(moved_x)
     jacobian[0, :, :, SPEED], jacobian[1, :, :, SPEED] = running(cosine), running(sine)
@@ -39,11 +38,24 @@ def quadrature(
 
 
 def running(nodes: FloatArray) -> FloatArray:
-    """Running sum over the steps of (m, s, q), from 0: shape (m, s + 1)."""
-    total = nodes[..., 0]
-    for k in range(1, nodes.shape[2]):
-        total = total + nodes[..., k]
+    """Running sum over the steps of (m, q, s), from 0: shape (m, s + 1)."""
+    total = nodes[:, 0]
+    for k in range(1, nodes.shape[1]):
+        total = total + nodes[:, k]
     return np.concatenate([np.zeros((len(nodes), 1)), np.cumsum(total, axis=1)], axis=1)
+
+
+def position_covariance(
+    jacobian: FloatArray, heading: FloatArray, covariance: FloatArray, trust: FloatArray, driver_m2: FloatArray
+) -> FloatArray:
+    """J P J' and the driver's variances along and across the heading, driver_m2 (2, m, k), as (m, k, 2, 2)."""
+    root = np.ones((len(heading), 8))
+    root[:, [ACCEL, JERK, YAW_RATE, YAW_ACCEL]] = np.sqrt(trust)
+    both = root[:, :, None] * root[:, None, :]
+    scaled = np.where(both == 0.0, 0.0, covariance * both)
+    turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    driver = np.einsum("iank,ank,jank->nkij", turn, driver_m2, turn)
+    return np.einsum("inka,nab,jnkb->nkij", jacobian, scaled, jacobian) + driver
 
 
 def adapt_scale(
