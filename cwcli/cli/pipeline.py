@@ -18,6 +18,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Call
 from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, RunRules, SkipRules
 from cwcli.stages import STAGES
+from cwcli.work_share import follow_work, part_of_work
 
 if TYPE_CHECKING:
     from cwcli.digest.digest import Digest
@@ -98,7 +99,7 @@ def run_and_write(job: Job) -> JobOutcome:
     from cwcli.library.writing import write_outputs
 
     reading = job.reading
-    with Progress(quiet=job.talk.quiet) as progress:
+    with Progress(quiet=job.talk.quiet) as progress, follow_work(progress.show_share):
         progress.begin_step(f"reading {', '.join(source_names(job.source))}")
         span = (reading.start, reading.end)
         source = _source_or_imported_log(job.source) if job.command == "run" else job.source
@@ -106,13 +107,16 @@ def run_and_write(job: Job) -> JobOutcome:
             source, reading.topics_and_mappings, span, recover=reading.recover, limits=reading.resource_limits
         ) as log:
             rules = RunRules(job.skip, reading.strict, job.writing.channel_choice)
-            result = log.run_calls(job.stages, rules, progress.begin_step)
+            share = 0.9 if job.writing.output is not None else 0.98
+            with part_of_work(0.0, share):
+                result = log.run_calls(job.stages, rules, progress.begin_step)
             outcome = result.outcome
             is_silent = job.talk.quiet or job.talk.json
             # Before the writing, which ends with a last look at whether the input is as it was.
             digest = None if job.talk.quiet and not job.talk.json else _build_digest(job, result.annotated, outcome)
             following = "" if is_silent else _following_stage_or_empty(job.command, result.annotated)
-            written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
+            with part_of_work(share, 1.0, "items"):
+                written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
     outcome.written.extend(written.names)
     outcome.left_profile = written.dropped_profile
     is_imported = source is not job.source

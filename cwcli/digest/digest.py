@@ -28,7 +28,7 @@ NO_EGO_STATE_TEXT = f"no channel holds {ROLE_TEXT[EGO_STATE.role]}"
 """The reason for leaving a stage out where the car's motion was not estimated, in the words of the channels."""
 
 _OTHER_STAGES_PATTERN = re.compile(r" \(another way: --stage ([\w,-]+)\)")
-"""What a reason for leaving a stage out says of stages that do the same from other signals."""
+"""How a reason for leaving a stage out names other stages that do the same."""
 
 
 @dataclass(frozen=True)

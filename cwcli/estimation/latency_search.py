@@ -41,6 +41,8 @@ from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import (
     CONVERGED_NOISE_FACTOR,
     MAX_NOISE_MATCHINGS,
+    SEARCH_UNIT,
+    USUAL_PASSES_PER_SEARCH,
     FilterTrials,
     cut_to_window,
     with_outlier_gate,
@@ -48,6 +50,7 @@ from cwcli.estimation.trial import (
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray, median_of_values
+from cwcli.work_share import part_of_work
 
 LATENCY_GRID_STEP_S = 0.25
 """Step of the grid of latencies, s. Chosen finer than the manoeuvres that show one."""
@@ -115,6 +118,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
             side_slip_m=SEARCH_SIDE_SLIP_M,
         )
     found = []
+    n_searched, n_to_search = 0, len(predetermined) - len(decided)
     for s, role in zip(series, predetermined, strict=True):
         if role is not None:
             found.append(role)
@@ -125,7 +129,10 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
         near = [cut_to_window(r, first, end) for r in reference]
         # The first position must not count twice: at constant speed a shift in time is a shift in place.
         trials = FilterTrials(start_position_sigma_m=START_POSITION_SIGMA_M)
-        found.append(_LatencySearch(target, near, replace(layout, parameters=parameters), trials).find_latency())
+        share_done, share_after = n_searched / n_to_search, (n_searched + 1) / n_to_search
+        with part_of_work(share_done, share_after, SEARCH_UNIT, USUAL_PASSES_PER_SEARCH):
+            found.append(_LatencySearch(target, near, replace(layout, parameters=parameters), trials).find_latency())
+        n_searched += 1
     return found
 
 

@@ -100,6 +100,7 @@ from cwcli.metrics.chi_square import chi_square_mean_bounds, nis_gate_limit
 from cwcli.signals.columns import Int64Array, StateRows, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
+from cwcli.work_share import part_of_work, report_work
 
 MIN_NIS_ROWS = 20
 """Least number of rows of a source whose NIS is reported. Chosen by hand; not fitted."""
@@ -255,8 +256,10 @@ def _settled_measurements_and_track(
     measurements: Sequence[Measurements], config: EstimatorConfig, output_stamp_ns: Int64Array
 ) -> tuple[_TunedMeasurements, Track]:
     """Tune and estimate, without a source that spoils all others; see `leave_one_out`."""
-    settled = _prepare_and_tune(measurements, config)
-    track = _filter_and_smooth(settled, config, output_stamp_ns)
+    with part_of_work(0.0, 0.8):
+        settled = _prepare_and_tune(measurements, config)
+    with part_of_work(0.8, 0.9):
+        track = _filter_and_smooth(settled, config, output_stamp_ns)
     if not config.compares_sources or config.blind or config.calibration is not None:
         return settled, track
     tried: dict[tuple[SourceQuantity, ...], tuple[_TunedMeasurements, Track]] = {}
@@ -538,4 +541,8 @@ def map_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group])
         return [estimate(group) for group in groups]
     n_threads = min(len(groups), os.cpu_count() or 1)
     with ThreadPoolExecutor(n_threads, initializer=bound_array_memory_and_get_old_handler) as pool:
-        return list(pool.map(estimate, groups))
+        found = []
+        for result in pool.map(estimate, groups):
+            found.append(result)
+            report_work("vehicles", len(found), len(groups))
+        return found

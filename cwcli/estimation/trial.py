@@ -30,7 +30,13 @@ from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
+from cwcli.work_share import count_work
 
+SEARCH_UNIT = "passes of the filter"
+"""The unit in which the searches report their progress."""
+USUAL_PASSES_PER_SEARCH = 70.0
+"""Passes of the filter that one search usually takes; measured on the scenario `city`. Only the progress that is shown
+depends on it."""
 N_REMEMBERED_PASSES = 6
 """Number of passes whose results are kept. Chosen: a search returns to one of its last three trials or to none."""
 N_REMEMBERED_ORDERS = 4
@@ -118,6 +124,7 @@ class FilterTrials:
         motion = trial.parameters.to_process_model(trial.walk)
         found = _TrialPass(prepared, prepared.run_filter(start, motion, smooth=False))
         self._passes.remember_value(key, found, trial.series)
+        count_work(SEARCH_UNIT)
         return found
 
     def _find_start_and_build_pass_input(self, trial: StateLayout) -> tuple[FilterStart, PassInput]:

@@ -45,10 +45,12 @@ from cwcli.estimation.sensor_search import (
     may_show_sensor_errors,
     series_whose_forward_arm_may_be_latency,
 )
+from cwcli.estimation.trial import SEARCH_UNIT, USUAL_PASSES_PER_SEARCH
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
+from cwcli.work_share import part_of_work
 
 ACCEL_BIAS_PRIOR_SIGMA_MPS2 = 3.0
 """One sigma of an accelerometer's bias, m/s^2. Chosen: gravity through 18 degrees of pitch."""
@@ -188,7 +190,8 @@ class _ParameterSearch:
     def find_latencies_and_sensor_errors(self) -> tuple[_FoundLatencies, FoundSensorModel]:
         """Find latencies and sensor errors in turn, each with the current values of the other."""
         base, config = self._base, self._config
-        told = self._find_and_decide_latencies(base)
+        with part_of_work(0.0, 0.55):
+            told = self._find_and_decide_latencies(base)
         if config.sensor_model == "none":
             return told, FoundSensorModel()
         if config.calibration is not None and config.causal:
@@ -199,9 +202,11 @@ class _ParameterSearch:
         likeliest = _correct_stamps(base, told.compared, likeliest=True)
         if not may_show_sensor_errors(likeliest.series):
             return told, FoundSensorModel()
-        found = find_sensor_errors(self._estimate_noise_roughly(likeliest))
+        with part_of_work(0.55, 0.8, SEARCH_UNIT, USUAL_PASSES_PER_SEARCH):
+            found = find_sensor_errors(self._estimate_noise_roughly(likeliest))
         if found.model.modelled_errors and None in self._predetermined:
-            told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
+            with part_of_work(0.8, 0.95):
+                told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
             remaining_s = [each.remaining_sigma_s for each in told.applied]
             unclear = series_whose_forward_arm_may_be_latency(found, base.series, remaining_s)
             if unclear:  # a latency or a place: of the two the latency is the likelier

@@ -42,6 +42,7 @@ from cwcli.signals.columns import EastNorthRows, Int64Array
 from cwcli.signals.row_order import iter_rows_by_id, iter_track_rows
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import PredictConfig
+from cwcli.work_share import part_of_work, report_work
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 """Times ahead at which errors of paths are reported, s."""
@@ -64,8 +65,11 @@ def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageR
     """Add the errors of every motion model to the result, each vehicle against its own later track in hindsight."""
     asked = PathErrorSettings(config.horizon_s, config.step_s, config.discretisation)
     records = []
+    n_states, n_done = max(sum(map(len, result.evaluation_inputs.values())), 1), 0
     for role, states in result.evaluation_inputs.items():
-        records += model_error_records_by_horizon(states, asked, read_actual_states(log, config, role))
+        with part_of_work(n_done / n_states, (n_done + len(states)) / n_states, "tracks"):
+            records += model_error_records_by_horizon(states, asked, read_actual_states(log, config, role))
+        n_done += len(states)
     return result.with_evaluation(
         sections=(_build_prediction_section(records, config.horizon_s),),
         tables={"prediction": _build_prediction_table(records)},
@@ -234,7 +238,9 @@ def model_error_records_by_horizon(
         DEFAULT_MODEL, starts, acting_s, RolloutSettings(max(horizons), settings.step_s)
     )
     records = []
-    for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
+    tracks_of_starts = list(iter_track_rows(states.ids, states.stamp_ns))
+    for k, (vehicle, rows) in enumerate(tracks_of_starts):
+        report_work("tracks", k, len(tracks_of_starts))
         stamp_ns = states.stamp_ns[rows]
         track_ns, track_xy = stamp_ns, states.state[rows, :2]
         if actual_states is not None and vehicle in tracks:

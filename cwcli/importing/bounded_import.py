@@ -22,6 +22,7 @@ from cwcli.importing.run import plan_import, write_import
 from cwcli.importing.tables import AmbiguousError, Answers, Guess
 from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
+from cwcli.work_share import follow_work, part_of_work
 
 FUNCTION = "cwcli.importing.bounded_import:import_requested_files_in_own_process"
 """The function that the process runs."""
@@ -144,7 +145,8 @@ def import_requested_files_in_own_process(request: dict[str, Any]) -> dict[str, 
         with report.follow_reading(request["files"]):
             plan = plan_import(request["files"], answers)
         if request["target"] is not None:
-            write_import(plan, request["target"], force=request["force"], inputs=inputs, progress=report.report_writing)
+            with follow_work(report.report_share), part_of_work(READING_SHARE, 1.0, "messages"):
+                write_import(plan, request["target"], force=request["force"], inputs=inputs)
             sys.stdout.flush()
     return {
         "kinds": dict(plan.kinds),

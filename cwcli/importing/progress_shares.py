@@ -37,10 +37,6 @@ class ShareReport:
         self._reading_share = reading_share
         self._last_s = 0.0
 
-    def report_writing(self, n_written: int, n_all: int) -> None:
-        """Report the messages that are written."""
-        self._report(self._reading_share + (1.0 - self._reading_share) * n_written / max(n_all, 1))
-
     @contextmanager
     def follow_reading(self, files: Sequence[str]) -> Iterator[None]:
         """Report in the block how far the files are read, by the positions of the open ones."""
@@ -53,7 +49,7 @@ class ShareReport:
                 for path, position in _positions_of_open_files():
                     if path in sizes:
                         most[path] = max(most.get(path, 0), position)
-                self._report(self._reading_share * min(sum(most.values()) / sum(sizes.values()), 1.0))
+                self.report_share(self._reading_share * min(sum(most.values()) / sum(sizes.values()), 1.0))
 
         if self._descriptor is not None and sizes:
             threading.Thread(target=watch, daemon=True).start()
@@ -62,7 +58,8 @@ class ShareReport:
         finally:
             stop.set()
 
-    def _report(self, share: float) -> None:
+    def report_share(self, share: float) -> None:
+        """Report the share of the whole import that is done."""
         now_s = time.monotonic()
         if self._descriptor is None or now_s - self._last_s < REPORT_S:
             return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 
 from cwcli.errors import MissingSignalError
@@ -274,12 +274,8 @@ def write_import(
     *,
     force: bool = False,
     inputs: Sequence[InputFile] = (),
-    progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Write the log, unless an input has changed since it was opened.
-
-    Args:
-        progress: Called now and then with the number of messages written and of all.
 
     Raises:
         InputError: An input has changed.
@@ -295,4 +291,4 @@ def write_import(
         log.add_metadata(METADATA_NAME, {"files": ", ".join(plan.kinds), "mapping": plan.mapping_text()})
         for each in inputs:
             each.check_unchanged()
-        log.close(progress)
+        log.close()

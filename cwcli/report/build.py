@@ -47,6 +47,7 @@ from cwcli.report.tiles import TileServer
 from cwcli.report.views import LogView
 from cwcli.text import format_count
 from cwcli.warning.rows import RAISED
+from cwcli.work_share import part_of_work
 
 MAX_UNFOLDED_LOGS = 3
 """Greatest number of logs of a run that are all shown unfolded; of more, only the first is. Chosen by hand; not
@@ -129,9 +130,10 @@ def build_report(
     for index, candidate in enumerate(shown):
         say(f"{candidate.entry.name}, log {index + 1} of {len(shown)}")
         is_open = len(shown) <= MAX_UNFOLDED_LOGS or index == 0
-        made = _render_section_and_complete_candidate(
-            candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open
-        )
+        with part_of_work(index / len(shown), (index + 1) / len(shown)):
+            made = _render_section_and_complete_candidate(
+                candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open
+            )
         if made is None:
             n_misfits += 1
             if n_misfits == MAX_LOGS_TOO_LARGE:
@@ -162,18 +164,15 @@ def _build_report_of_one_log(
         require_results(log)
         if not run.is_folder:
             name = log_id_of_annotated_file(Path(source)) or log.name.rpartition("/")[2]
-            entry = LogEntry(
-                entry.id,
-                name,
-                log.name,
-                entry.log,
-                metrics=_evaluate_headline_metrics(log, system, is_needed=bool(gates)),
-            )
+            with part_of_work(0.0, 0.5, "chunks"):
+                metrics = _evaluate_headline_metrics(log, system, is_needed=bool(gates))
+            entry = LogEntry(entry.id, name, log.name, entry.log, metrics=metrics)
         results = check_gates(gates, [log_metrics_of_entry(entry)])
         section, story, badges = "", None, []
         for detail in (DetailLevel(), DetailLevel(n_pieces=400), FOLDED_DETAIL, MINIMAL_DETAIL):
             options = SectionOptions("log-1", (), detail, is_alone=True, is_open=True)
-            view = _read_and_build_log_view(log, entry, options, system)
+            with part_of_work(0.5, 0.9, "chunks"):
+                view = _read_and_build_log_view(log, entry, options, system)
             if not entry.metrics:
                 note = "No metrics are shown; `cwcli evaluate` computes them."
                 view = replace(view, notes=(*view.notes, note))

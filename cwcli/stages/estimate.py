@@ -66,6 +66,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.sources import SensorSignals, SourceConfig, read_sensor_signals
 from cwcli.stages.summaries.estimate import estimate_tables, online_states_table
+from cwcli.work_share import part_of_work
 
 EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
@@ -140,20 +141,22 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         UsageError: An override that does not fit the log.
         DataError: No usable position.
     """
-    sources = read_sensor_signals(
-        log,
-        config.sources,
-        command="estimate",
-        required=(Role.EGO_POSITION,),
-        optional=(*EGO_SENSOR_ROLES[1:], Role.REMOTE, Role.TRUTH),
-    )
+    with part_of_work(0.0, 0.1, "chunks"):
+        sources = read_sensor_signals(
+            log,
+            config.sources,
+            command="estimate",
+            required=(Role.EGO_POSITION,),
+            optional=(*EGO_SENSOR_ROLES[1:], Role.REMOTE, Role.TRUTH),
+        )
     _check_topics_of_options(config.estimator, log)
     if config.estimator.model != "cwcli" and (config.calibration is not None or config.estimator.lever_arms):
         option = "--lever-arm" if config.calibration is None else "--calibration"
         raise UsageError(f"{option} is not for --model {config.estimator.model}")
     lever_arms, transforms, stands = _read_lever_arms_if_used(log, sources, config.estimator)
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
-    estimated = _estimate_ego(sources, estimator, config.rate_hz)
+    with part_of_work(0.1, 0.7 if sources.by_role.get(Role.REMOTE) else 0.95):
+        estimated = _estimate_ego(sources, estimator, config.rate_hz)
     sources, estimated = _undo_exchanged_or_reversed_coordinates(sources, estimated, estimator, config.rate_hz)
     measurements, local_map, apart = estimated.measurements, estimated.local_map, estimated.notes
     ego, online = estimated.hindsight, estimated.online
@@ -165,9 +168,10 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         signal, seen = drop_ego_seen_by_others_and_note(signal, online, size_m, local_map)
         signal, twice = drop_senders_seen_by_others_and_note(signal, local_map)
         notes = (*notes, *seen, *twice)
-    remote = (
-        None if signal is None or not len(signal.stamp_ns) else estimate_remote_states(signal, local_map, estimator)
-    )
+    remote = None
+    if signal is not None and len(signal.stamp_ns):
+        with part_of_work(0.7, 0.95, "vehicles"):
+            remote = estimate_remote_states(signal, local_map, estimator)
     events = None if signal is None else signal.events
     whole = VehicleStates.from_ego_states(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
     hindsight = whole.round_to_published_precision()

@@ -58,6 +58,7 @@ from cwcli.vision.mounting import MountingChoice, check_mounting_ranges
 from cwcli.vision.prepared_frame import PreparedFrame, make_frame_preparer
 from cwcli.vision.rectify import Rectifier, rectified_camera
 from cwcli.vision.search_clock import SearchClock
+from cwcli.work_share import part_of_work, report_work
 
 EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
@@ -191,9 +192,12 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         search_clock=None if method.carry is None or config.every_frame else SearchClock(),
         where=f"{log.name}: {topic}",
     )
-    for decoded in images:
-        if usual.includes_log_time(decoded.log_time_ns):
-            run.search_frame(decoded)
+    n_frames = sum(channel.message_count or 0 for channel in log.channels if channel.topic == topic)
+    with part_of_work(0.0, 1.0 if config.render is None else 0.6, "frames"):
+        for n_read, decoded in enumerate(images):
+            report_work("frames", n_read, n_frames)
+            if usual.includes_log_time(decoded.log_time_ns):
+                run.search_frame(decoded)
     if not run.n_used:
         raise _no_usable_frame_error(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
     log.begin_sha256()  # for the record of the run

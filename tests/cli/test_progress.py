@@ -49,6 +49,17 @@ def test_line_tells_what_how_much_and_how_long() -> None:
     assert progress.format_line(2.0, 40) == "日" * 5 + "  25 % (2 s, about 6 s left)"  # 10 + 28 cells
 
 
+def test_share_of_the_work_tells_the_time_that_is_left() -> None:
+    progress = Progress()
+    progress.begin_step("estimate")
+    progress.show_share(0.01)  # too early to tell
+    assert progress.format_line(2.0) == "estimate   1 % (2 s)"
+    progress.show_share(0.2)
+    assert progress.format_line(5.0) == "estimate  20 % (5 s, about 20 s left)"
+    progress.show_share(1.0)
+    assert progress.format_line(25.0) == "estimate 100 % (25 s)"
+
+
 def test_a_long_name_is_no_more_work_than_a_short_one() -> None:
     """A name of a megabyte, as a log may hold one, against one that hardly fits."""
     progress = Progress()

@@ -17,6 +17,7 @@ from cwcli.cli.tables import Cell, format_table
 from cwcli.cli.text import finite_or_none, format_count
 from cwcli.errors import EXIT_DONE, CwcliError, UsageError
 from cwcli.url import display_name_of_url
+from cwcli.work_share import follow_work, part_of_work
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration, Constant
@@ -87,11 +88,12 @@ def command(
     console = Console(quiet=talk.quiet)
     drives: list[DriveEvidence] = []
     worst: CwcliError | None = None
-    with Progress(quiet=talk.quiet) as progress:
-        for log in logs:
+    with Progress(quiet=talk.quiet) as progress, follow_work(progress.show_share):
+        for k, log in enumerate(logs):
             progress.begin_step(f"estimating {log}")
             try:
-                drives.append(_estimate_drive(log, reading, sensors))
+                with part_of_work(k / len(logs), (k + 1) / len(logs)):
+                    drives.append(_estimate_drive(log, reading, sensors))
             except CwcliError as error:
                 if len(logs) == 1:
                     raise

@@ -16,6 +16,7 @@ from cwcli.errors import UsageError
 from cwcli.library.simulated import simulate_log
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.road.names import ROAD_SCENARIOS, WEATHER_NAMES
+from cwcli.work_share import follow_work, part_of_work
 
 EXAMPLES = (
     "cwcli simulate intersection -o intersection.mcap",
@@ -77,7 +78,11 @@ def command(
         raise UsageError("simulate needs a file to write", hint="name it with -o; - is standard output")
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
-    with Progress(quiet=talk.quiet) as progress:
+    with (
+        Progress(quiet=talk.quiet) as progress,
+        follow_work(progress.show_share),
+        part_of_work(0.0, 1.0, "messages"),
+    ):
         progress.begin_step(f"simulating {scenario}")
         made = simulate_log(scenario, output, seed=seed, overrides=tuple(override or ()), weather=weather, force=force)
     if talk.json:

@@ -174,8 +174,8 @@ def find_estimate_without_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
 def _own_error_text(evidence: DoubtEvidence) -> str:
     """Format what the estimate itself says of its errors, as a sentence; "" where the record does not say it."""
     rows = evidence.estimate_summary.rows_of_table_columns_or_empty("vehicles", "vehicle", "median position sigma [m]")
-    sigma_m = next((to_float_or_nan(value) for vehicle, value in rows if vehicle == EGO_ID), math.nan)
-    if not math.isfinite(sigma_m):
+    sigma_m = next((value for vehicle, value in rows if vehicle == EGO_ID), None)
+    if not isinstance(sigma_m, float) or not math.isfinite(sigma_m):
         return ""
     return f" cwcli itself reckons with typical errors of {format_number(sigma_m, 2)} m (position on one axis)."
 

@@ -36,6 +36,7 @@ from cwcli.logs.format.records import (
     read_opcode_and_content_range,
 )
 from cwcli.signals.columns import Int64Array
+from cwcli.work_share import report_work
 
 MIN_MESSAGE_BYTES = RECORD_PREFIX.size + MESSAGE_HEADER_BYTES
 """Size in bytes of a message record without payload (MCAP specification)."""
@@ -123,7 +124,8 @@ class MessageReader:
             if each.end_ns >= start_ns and each.start_ns < end_ns
         ]
         loose = deque(self._spans)
-        for chunk, payload in self.iter_chunk_payloads(chunks):
+        for n_read, (chunk, payload) in enumerate(self.iter_chunk_payloads(chunks)):
+            report_work("chunks", n_read, len(chunks))
             while loose and loose[0][0] < chunk.chunk_start:
                 yield from self.iter_unchunked_batches(channel_ids, [loose.popleft()])
             if payload is not None:

@@ -26,6 +26,7 @@ from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.source_copy import SourceCopy
 from cwcli.output import AtomicGroup, make_folder, open_output
 from cwcli.signals.columns import OutputChannel
+from cwcli.work_share import report_work
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -263,7 +264,8 @@ def _write_body_and_summary(
         writer.write_schema(schema)
     for each in new:
         writer.write_channel(each.channel)
-    for item in copy.items:
+    for n_copied, item in enumerate(copy.items):
+        report_work("items", n_copied, len(copy.items))
         last_ns = copy.copy_item_and_get_last_log_time(writer, item)
         if last_ns is not None:
             last_ns = last_ns if until_ns is None else min(last_ns, until_ns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from heapq import merge
 from itertools import islice
@@ -26,6 +26,7 @@ from cwcli.output_stream import OutputStream
 from cwcli.signals.columns import Int64Array, OutputChannel
 from cwcli.text import escape_surrogates
 from cwcli.version import __version__
+from cwcli.work_share import report_work
 
 LIBRARY_NAME = f"cwcli {__version__}"
 """The library name in the header of new logs."""
@@ -132,11 +133,8 @@ class LogWriter:
         """Add a metadata record: named texts."""
         self._writer.add_metadata(escape_surrogates(name), _encodable_texts(values))
 
-    def close(self, progress: Callable[[int, int], None] | None = None) -> None:
+    def close(self) -> None:
         """Write the messages and the summary; a second call does nothing.
-
-        Args:
-            progress: Called now and then with the number of messages written and of all.
 
         Raises:
             OutputError: The target can't be written.
@@ -155,8 +153,7 @@ class LogWriter:
                     n_written += 1
                 if n_written == before:
                     break
-                if progress is not None:
-                    progress(n_written, n_all)
+                report_work("messages", n_written, n_all)
             self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _add_feed(self, feed: MessageFeed) -> None:

@@ -53,9 +53,9 @@ def test_share_report_passes_shares_of_reading_and_writing(tmp_path: Path, monke
         file.seek(Path(path).stat().st_size // 2)
         time.sleep(0.2)
     time.sleep(0.05)
-    report.report_writing(1, 2)
+    report.report_share(0.7)
     time.sleep(0.05)
-    report.report_writing(2, 2)
+    report.report_share(1.0)
     assert is_whole.wait(5.0)
     os.close(descriptor)
     assert min(abs(share - 0.2) for share in shares) < 0.01  # half of what is read
@@ -65,9 +65,9 @@ def test_share_report_passes_shares_of_reading_and_writing(tmp_path: Path, monke
 def test_a_report_without_a_reader_does_nothing(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     os.close(reading)
-    ShareReport(writing, 0.1).report_writing(1, 2)
+    ShareReport(writing, 0.1).report_share(0.5)
     os.close(writing)
-    ShareReport(None, 0.1).report_writing(1, 2)
+    ShareReport(None, 0.1).report_share(0.5)
 
 
 def test_joined_pieces_are_the_same_columns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
