@@ -54,6 +54,7 @@ class Contradiction:
         what: What shows it, in words, with a number.
         allies: Further sources that contradict `who` and agree with each other.
         left_out: The sources that were not used for the estimate: `who`, both, or neither.
+        explains_misfits: No other source is to be blamed for what does not fit, because of this one.
     """
 
     who: SourceQuantity
@@ -61,6 +62,7 @@ class Contradiction:
     what: str
     allies: tuple[SourceQuantity, ...] = ()
     left_out: tuple[SourceQuantity, ...] = ()
+    explains_misfits: bool = False
 
     def with_left_out(self, *sources: SourceQuantity) -> Contradiction:
         """Return the contradiction with the sources that are left out of the estimate."""
@@ -83,6 +85,8 @@ class Contradiction:
             done = "no third source tells which of them is wrong"
         if self.against in self.left_out:
             left_out = "both are left out of the estimate"
+        elif self.left_out:
+            left_out = f"{self.who} is left out of the estimate"
         else:
-            left_out = f"{self.who} is left out of the estimate" if self.left_out else "both are used"
+            left_out = "both are used" if isinstance(self.against, SourceQuantity) else "it is used all the same"
         return "; ".join(part for part in (done, left_out) if part)

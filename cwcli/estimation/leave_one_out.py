@@ -9,7 +9,7 @@ Only an IMU is left out all the same, because it has no position; the fixes then
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -152,28 +152,49 @@ def find_spoiling_sources(
 ) -> tuple[SourceQuantity, ...]:
     """Return the quantities without which all misfit is gone and the others are predicted best; () if there are none.
 
+    There are none, too, where the misfit goes with another source as well, and those in neither judge for that one, but
+    nothing is gained by leaving it out: its noise is then large enough already.
+
     Args:
         trusted: Sources that are never left out.
     """
     is_misfit = bool(quantities_with_unusual_noise_or_error(reports))
     if not is_misfit and not quantities_in_doubt(reports):
         return ()
-    best: tuple[SourceQuantity, ...] = ()
-    best_gain = MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT
     groups = quantity_groups_to_leave_out(reports, trusted)
     if not is_misfit:  # a receiver may err like that, too
         groups = [group for group in groups if can_third_source_judge(reports, group)]
     if any(r.latency.status is LatencyStatus.CONTRADICTS for r in reports):
         # A clock stamps all that a source measures. Without a part of it the latency is only measured worse.
         groups = [group for group in groups if _is_whole_source(group, reports)]
+    found_without: dict[tuple[SourceQuantity, ...], Sequence[SourceReport]] = {}
+    gains: dict[tuple[SourceQuantity, ...], float] = {}
     for group in groups:
         found = reports_without(group)
         if not _do_sources_agree_clearly(found) or (not is_misfit and quantities_in_doubt(found)):
             continue
-        gain = _log_likelihood_of_others(found, group) - _log_likelihood_of_others(reports, group)
-        if gain > best_gain:
-            best, best_gain = group, gain
-    return best
+        found_without[group] = found
+        gains[group] = _log_likelihood_of_others(found, group) - _log_likelihood_of_others(reports, group)
+    best = max(gains, key=gains.__getitem__, default=())
+    best = max(gains, key=lambda group: _advantage_over(group, best, found_without), default=())
+    return best if best and gains[best] > MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT else ()
+
+
+def _advantage_over(
+    group: tuple[SourceQuantity, ...],
+    other: tuple[SourceQuantity, ...],
+    found_without: Mapping[tuple[SourceQuantity, ...], Sequence[SourceReport]],
+) -> float:
+    """Return by how much a group is the likelier culprit than another, as log-likelihood of the sources in neither.
+
+    It is 0 for the other itself, and -1 where the advantage is too small. A wrong source is itself predicted best where
+    the one that denies it is left out, so neither of both judges.
+    """
+    suspects = {*group, *other}
+    advantage = _log_likelihood_of_others(found_without[group], suspects) - _log_likelihood_of_others(
+        found_without[other], suspects
+    )
+    return advantage if advantage > MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT else 0.0 if group == other else -1.0
 
 
 def _do_sources_agree_clearly(reports: Sequence[SourceReport]) -> bool:

@@ -30,6 +30,12 @@ from cwcli.estimation.fix_scatter import (
     noise_sigma_from_scatter_about_neighbours,
     scatter_about_neighbours,
 )
+from cwcli.estimation.fixes_behind_gaps import find_contradictions_of_fixes_behind_gaps
+from cwcli.estimation.fixes_in_turns import (
+    covariance_from_fixes_in_turns,
+    distances_of_fixes_in_turns,
+    find_contradictions_of_fixes_in_turns,
+)
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.jumping_fixes import do_fixes_jump_for_good
 from cwcli.estimation.leave_one_out import (
@@ -271,7 +277,7 @@ def _settled_measurements_and_track(
         tried[quantities] = one_less, _filter_and_smooth(one_less, config, output_stamp_ns)
         return tried[quantities][1].sources
 
-    if _do_any_fixes_jump_for_good(settled.prepared):
+    if _do_any_fixes_jump_for_good(settled.prepared) or any(each.explains_misfits for each in track.contradictions):
         # Some of the fixes are wrong themselves, and no other source is to be blamed for it.
         return settled, track
     left_out = find_spoiling_sources(track.sources, reports_without, {*config.trusted_sources, *config.source_units})
@@ -352,12 +358,14 @@ def _filter_and_smooth(
         )  # fmt: skip
         return move_states_and_covariances_to_antenna(series, moved.state, moved.covariance)[0]
 
+    in_turns = distances_of_fixes_in_turns([] if config.blind else tuned.series)
     sigmas_s = delay_sigmas_s(tuned.series, tuned.latencies, tuned.delay_sigmas)
     covariance = (
         covariance
         + covariance_from_moved_stamps(tuned.series, sigmas_s, state, states_of, causal=config.causal)
         + covariance_from_clock(state, tuned.delay_sigmas.clock)
         + covariance_from_coarse_fixes(tuned.series)
+        + covariance_from_fixes_in_turns(in_turns)
     )
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
@@ -366,6 +374,11 @@ def _filter_and_smooth(
         covariance = covariance + covariance_from_drifts(reports) + covariance_from_lasting_errors(reports)
     contradictions = tuned_measurements.contradictions
     if not config.blind:
+        contradictions = (
+            *contradictions,
+            *find_contradictions_of_fixes_in_turns(in_turns),
+            *find_contradictions_of_fixes_behind_gaps(tuned.series, result.nis, result.status, reports),
+        )
         contradictions = (*contradictions, *find_values_beyond_sensor_limits(reports, contradictions))
         contradictions = (*contradictions, *find_contradictions_of_changing_latencies(reports, contradictions))
         if not contradictions and (doubt := doubt_about_lasting_errors(reports)):

@@ -430,6 +430,89 @@ def stamped_late_by_up_to(most_s: float) -> Rewrite:
     return rewrite
 
 
+def averaged_across_wrap(n: int) -> Change:
+    """The mean of the last rows, of angles from -pi to pi: wrong where they wrap."""
+
+    def change(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+        wrapped = (values + np.pi) % (2 * np.pi) - np.pi
+        mean = np.convolve(wrapped[:, 0], np.ones(n) / n)[: len(values), None]
+        return np.where(np.arange(len(values))[:, None] < n, wrapped, mean)
+
+    return change
+
+
+def east_alone(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A driver that takes the east part of a velocity for the speed."""
+    return np.abs(values * np.cos(np.interp(time_s, *TRUE_HEADING))[:, None])
+
+
+def slipping_while_faster(factor: float) -> Change:
+    """A speed of driven wheels, which slip while the car accelerates."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        accel = np.gradient(np.interp(time_s, *STANDING_SPEED), time_s)
+        return np.where(accel[:, None] > 0.4, factor * values, values)
+
+    return change
+
+
+def spiky(share: float, height: float, column: int) -> Change:
+    """Spikes of both signs in a share of the rows, as where an angle that wraps is differentiated."""
+
+    def change(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+        hit = np.random.default_rng(8).random(len(values)) < share
+        values[hit, column] += height * np.random.default_rng(7).choice([-1.0, 1.0], int(hit.sum()))
+        return values
+
+    return change
+
+
+def ended_at(share: float) -> Rewrite:
+    """A sensor that dies at a share of the log."""
+    return lambda m: [m.select_rows(m.stamp_ns < m.stamp_ns[0] + share * (m.stamp_ns[-1] - m.stamp_ns[0]))]
+
+
+def stamped_in_batches(n: int) -> Rewrite:
+    """All rows of a batch have the stamp of its last one."""
+
+    def rewrite(m: Measurements) -> list[Measurements]:
+        last = np.minimum(np.arange(len(m)) // n * n + n - 1, len(m) - 1)
+        return [replace(m, stamp_ns=m.stamp_ns[last])]
+
+    return rewrite
+
+
+def of_two_receivers(east_m: float, north_m: float, late_s: float) -> Change:
+    """Every other fix is one of a second receiver, which is late and has another datum."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        is_other = np.arange(len(values))[:, None] % 2 == 1
+        return np.where(is_other, lagging(late_s)(time_s, values) + (east_m, north_m), values)
+
+    return change
+
+
+def clock_steps_back(step_s: float) -> Rewrite:
+    """A clock that repeats a second in the middle of the log, as at a leap second."""
+
+    def rewrite(m: Measurements) -> list[Measurements]:
+        is_behind = m.stamp_ns > (m.stamp_ns[0] + m.stamp_ns[-1]) // 2
+        return [logged_after(0.02, m, m.stamp_ns - np.where(is_behind, int(step_s * 1e9), 0))]
+
+    return rewrite
+
+
+def with_new_datum_after_pause(east_m: float, north_m: float) -> Rewrite:
+    """A receiver that is silent for 15 % of the log, and then has another datum."""
+
+    def rewrite(m: Measurements) -> list[Measurements]:
+        share = (m.stamp_ns - m.stamp_ns[0]) / (m.stamp_ns[-1] - m.stamp_ns[0])
+        moved = replace(m, values=m.values + (share > 0.6)[:, None] * np.array([east_m, north_m]))
+        return [moved.select_rows((share < 0.45) | (share > 0.6))]
+
+    return rewrite
+
+
 FAULTS = (
     Fault("speed in km/h", Kind.SPEED, scaled(3.6), ("km/h",)),
     Fault("speed / 3.6", Kind.SPEED, scaled(1 / 3.6), ("divided by 3.6",)),
@@ -585,3 +668,24 @@ ROAD_FAULTS = (
 )  # fmt: skip
 """Faults of cars on the road and of their drivers' software, thought of by a tester who did not build the detection. An
 IMU whose gravity was removed, and a speed in steps of 1 km/h, are no faults and may not do harm."""
+
+SOFTWARE_FAULTS = (
+    Fault("heading filtered over 1 s", Kind.HEADING, lambda t, v: low_passed(1.0)(t, np.unwrap(v, axis=0)), ("ego_heading",)),
+    Fault("heading averaged across its wrap", Kind.HEADING, averaged_across_wrap(5), ("ego_heading",)),
+    Fault("speed of the east alone", Kind.SPEED, east_alone, ("ego_speed",)),
+    Fault("speed slips by 8 % while it grows", Kind.SPEED, slipping_while_faster(1.08), ("ego_speed",)),
+    Fault("speed ends at 60 %", Kind.SPEED, unchanged, rewrite=ended_at(0.6)),
+    Fault("gyro in deg/s, clipped at 10", Kind.IMU, only(lambda _, v: np.clip(180 / np.pi * v, -10.0, 10.0), 3, 4, 5), ("satur", "degrees/s")),
+    Fault("gyro with 1 % spikes", Kind.IMU, spiky(0.01, 60.0, 5), ("yaw rate",)),
+    Fault("accel without its slow part", Kind.IMU, only(lambda t, v: v - low_passed(5.0)(t, v.copy()), 0), ("accel",)),
+    Fault("IMU turned by a restart", Kind.IMU, partly(turned((0, 1, 0), (-1, 0, 0), (0, 0, 1)), 0.5), ("imu", "accel")),
+    Fault("IMU upside down after a restart", Kind.IMU, partly(turned((1, 0, 0), (0, -1, 0), (0, 0, -1)), 0.5), ("imu", "accel", "yaw rate")),
+    Fault("IMU stamps in batches of ten", Kind.IMU, unchanged, ("imu", "stamps"), rewrite=stamped_in_batches(10)),
+    Fault("fix rounded to 1e-4 deg", Kind.POSITION, lambda _, v: np.rint(v / (7.45, 11.13)) * (7.45, 11.13), ("round",)),
+    Fault("fix of two receivers in turns", Kind.POSITION, of_two_receivers(3.0, -2.0, 0.2), ("ego_position",)),
+    Fault("fix clock - 1 s from mid-log", Kind.POSITION, unchanged, ("clock",), rewrite=clock_steps_back(1.0)),
+    Fault("fix of another datum after a pause", Kind.POSITION, unchanged, ("ego_position",), rewrite=with_new_datum_after_pause(6.0, -4.0), is_drift=True),
+)  # fmt: skip
+"""Faults of drivers and recorders, thought of when all others were found. The datum is a drift: with an IMU alone, no
+source shows it. The speed of the east shows nothing on a straight road, and without its slow part an accelerometer costs
+accuracy that sigma holds."""

@@ -116,6 +116,24 @@ def test_the_one_without_which_the_others_fit_best_is_found() -> None:
     assert find_spoiling_sources(slightly, reports_without) == ()
 
 
+@pytest.mark.parametrize(
+    ("speed_without_imu", "expected"),
+    [(-600.0, ()), (-540.0, IMU)],  # 100 worse without the IMU than without the heading, or 40, which is less than 45
+)
+def test_a_source_that_denies_a_lagging_one_is_not_blamed(speed_without_imu: float, expected: object) -> None:
+    """Without the IMU a heading that lags is predicted well, but the speed is worse than without the heading."""
+    lags = replace(HEADING, sigma=0.03, log_likelihood=-2000.0)
+    every = (FIX, replace(SPEED, log_likelihood=-500.0), lags, ACCEL, YAW_RATE)
+
+    def reports_without(quantities: Sequence[SourceQuantity]) -> Sequence[SourceReport]:
+        left = [r for r in every if SourceQuantity(r.source, r.kind) not in quantities]
+        if len(quantities) == 2:
+            return [FIX, replace(SPEED, log_likelihood=speed_without_imu), HEADING]
+        return left
+
+    assert find_spoiling_sources(every, reports_without) == expected
+
+
 def test_a_latency_beyond_limits_is_not_explained_by_a_part_of_a_source() -> None:
     late = replace(FIX, latency=Latency(LatencyStatus.CONTRADICTS, 1.6, 0.1))
     tried = []

@@ -1,0 +1,55 @@
+"""Fixes of two receivers in turns are found by the distance that was planted; noise and motion are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cwcli.estimation.fixes_in_turns import covariance_from_fixes_in_turns, distance_of_fixes_in_turns_m
+
+TIME_S = 0.1 * np.arange(600)
+
+
+def weaving_fixes(noise_m: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Fixes of a minute on a way that weaves at 10 m/s, and the headings."""
+    heading = 1.5 * np.sin(0.2 * TIME_S)
+    way = np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    return way + noise_m * np.random.default_rng(seed).standard_normal(way.shape), heading
+
+
+@pytest.mark.parametrize(
+    ("noise_m", "offset_m"), [(0.05, (3.0, -2.0)), (0.6, (3.0, -2.0)), (1.5, (3.0, -2.0)), (0.6, (0.0, 1.5))]
+)
+def test_distance_of_two_receivers_is_found(noise_m: float, offset_m: tuple[float, float]) -> None:
+    fixes, _ = weaving_fixes(noise_m)
+    fixes[1::2] += offset_m
+    assert distance_of_fixes_in_turns_m(TIME_S, fixes) == pytest.approx(np.hypot(*offset_m), rel=0.15)
+
+
+def test_distance_of_two_antennas_turns_with_the_car() -> None:
+    fixes, heading = weaving_fixes(0.3)
+    fixes[::2] += 2.0 * np.column_stack([np.cos(heading), np.sin(heading)])[::2]
+    assert distance_of_fixes_in_turns_m(TIME_S, fixes) == pytest.approx(2.0, rel=0.1)
+
+
+def test_missing_fixes_do_not_hide_it() -> None:
+    fixes, _ = weaving_fixes(0.3)
+    fixes[1::2] += (2.0, 0.0)
+    there = np.random.default_rng(1).random(600) > 0.03
+    assert distance_of_fixes_in_turns_m(TIME_S[there], fixes[there]) == pytest.approx(2.0, rel=0.15)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.02, 0.6, 5.0])
+def test_right_fixes_are_not_in_turns(noise_m: float) -> None:
+    for seed in range(20):
+        fixes, _ = weaving_fixes(noise_m, seed)
+        assert distance_of_fixes_in_turns_m(TIME_S, fixes) == 0.0
+        assert distance_of_fixes_in_turns_m(TIME_S, np.round(fixes / 7.4) * 7.4) == 0.0
+        assert distance_of_fixes_in_turns_m(TIME_S, np.repeat(fixes[::2], 2, axis=0)) == 0.0
+    assert distance_of_fixes_in_turns_m(TIME_S[:50], fixes[:50]) == 0.0
+
+
+def test_a_right_position_needs_no_wider_sigma() -> None:
+    assert covariance_from_fixes_in_turns([("/a", 4.0)])[:2, :2].tolist() == [[2.0, 0.0], [0.0, 2.0]]
+    assert not covariance_from_fixes_in_turns([("/a", 4.0), ("/b", 0.0)]).any()
+    assert not covariance_from_fixes_in_turns([]).any()
