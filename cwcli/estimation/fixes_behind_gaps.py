@@ -45,9 +45,9 @@ def find_contradictions_of_fixes_behind_gaps(
     if len(fixes) != 1:
         return []
     s, found = series[fixes[0]], nis[fixes[0]]
-    used = np.flatnonzero(status[fixes[0]] >= UpdateStatus.USED)
-    gap_s = np.diff(s.time_s[used])
-    back = used[1:]
+    back = np.flatnonzero(status[fixes[0]] >= UpdateStatus.USED)
+    back = back[back > 0]
+    gap_s = s.time_s[back] - s.time_s[back - 1]  # where fixes are rejected instead, the gate tells it
     distance_m = np.sqrt(s.n_values_per_row * found[back, 1])
     is_far = (gap_s > MIN_GAP_S) & (found[back, 0] > MIN_NIS) & (distance_m > MIN_DISTANCE_M)
     if not is_far.any():
