@@ -194,10 +194,19 @@ def read_output_folder(out: Path) -> RecordedRun | None:
         # the manifest of a run that was killed knows of no log that has ended
         own = folder.read_entry() if folder is not None and entry.get("status") not in ENDED else None
         logs.append(RecordedLog(name, folder, own or entry))
+    return RecordedRun(tuple(logs), _gates_of_manifest(manifest))
+
+
+def read_gates_of_earlier_run(out: Path) -> tuple[str, ...]:
+    """Read the gates that an earlier run has stored in its folder; () without one."""
+    return _gates_of_manifest(read_json_object(out / MANIFEST_NAME) or {})
+
+
+def _gates_of_manifest(manifest: Document) -> tuple[str, ...]:
+    """Return the gates in a manifest; () where it holds none, for it may come from elsewhere."""
     pipeline = manifest.get("pipeline")
     gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
-    kept = tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
-    return RecordedRun(tuple(logs), kept)
+    return tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
 
 
 def read_run_time_s_by_log(out: Path) -> dict[str, float]:

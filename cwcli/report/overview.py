@@ -36,7 +36,7 @@ METRIC_COLUMNS = (
     ("warnings.count", "warnings"),
     ("warnings.missed_count", "missed"),
     ("ego.position_rmse_m", "position RMSE [m]"),
-    ("ego.position_nees", "NEES"),
+    ("ego.position_nees", "NEES of position (2: right)"),
     ("ego.gated_share", "gated [share]"),
     ("lanes.found_share", "lanes found [share]"),
     ("data.rejected_count", "messages rejected"),

@@ -368,6 +368,19 @@ def test_pipeline_file(cwcli: Run, many: Path, tmp_path: Path) -> None:
     assert manifest["logs"][0]["stages"] == ["estimate", "predict"]
 
 
+def test_gates_of_an_earlier_run_are_not_forgotten_silently(cwcli: Run, many: Path) -> None:
+    log = many / "logs/d00.mcap"
+    gates = ["--gate", "ego.position_rmse_m < 0.5", "--gate", "doubts.count < 1"]
+    first = cwcli("run", log, "-d", "out", "--stage", "estimate", *gates)
+    assert first.returncode == 0, first.stderr.decode()
+    assert b"no longer holds" not in first.stderr
+    again = cwcli("run", log, "-d", "out", "--stage", "estimate", *gates[:2])
+    assert again.returncode == 0, again.stderr.decode()
+    notes = " ".join(again.stderr.decode().split())
+    assert "note: --gate 'doubts.count < 1' of the earlier run into this folder no longer holds" in notes
+    assert "rmse" not in notes
+
+
 def test_single_log_runs_the_stages_that_it_has_signals_for(cwcli: Run, many: Path) -> None:
     done = cwcli("run", many / "logs/d00.mcap", "--json")
     document = json.loads(done.stdout)
