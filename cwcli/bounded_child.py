@@ -40,8 +40,8 @@ def serve_request() -> None:
     try:
         answer: dict[str, Any] = {"answer": function(envelope["request"])}
     except CwcliError as error:
-        told = {"what": error.what, "where": error.where, "found": list(error.found), "hint": error.hint}
-        answer = {"error": {"kind": type(error).__name__, **told}}
+        error_fields = {"what": error.what, "where": error.where, "found": list(error.found), "hint": error.hint}
+        answer = {"error": {"kind": type(error).__name__, **error_fields}}
     except BrokenPipeError:
         answer = {"error": {"kind": "pipe"}}
     except OSError as error:

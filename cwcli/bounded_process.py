@@ -107,9 +107,9 @@ def run_bounded(
         "folder": folder,
     }
     code, answer = _run_child(envelope, name, descriptors)
-    told = answer.get("error")
-    if code == 0 and isinstance(told, dict):
-        raise _error_of_answer(told, name, limits, classes)
+    error_fields = answer.get("error")
+    if code == 0 and isinstance(error_fields, dict):
+        raise _error_of_answer(error_fields, name, limits, classes)
     if code == 0 and isinstance(answer.get("answer"), dict):
         found: dict[str, Any] = answer["answer"]
         return found
@@ -187,22 +187,22 @@ def _wait_or_kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def _error_of_answer(
-    told: dict[str, Any], name: str, limits: Limits, classes: Mapping[str, type[CwcliError]]
+    error_fields: dict[str, Any], name: str, limits: Limits, classes: Mapping[str, type[CwcliError]]
 ) -> Exception:
     """Return the error by which the function has ended."""
-    kind = told.get("kind")
+    kind = error_fields.get("kind")
     if kind == "memory":
         what = f"reading it takes more than {limits.memory_mb:,} MB of memory"
         return InputError(what, where=name, hint=HARM_HINT)
     if kind == "system":
-        number = told.get("errno")
+        number = error_fields.get("errno")
         reason = os.strerror(number) if isinstance(number, int) else "unknown"
         return OutputError(f"{name} can't be converted: {reason}", where=tempfile.gettempdir(), hint=ROOM_HINT)
     if kind == "pipe":
         return BrokenPipeError()
     if kind == "bug":
-        return RuntimeError(f"in the process that reads {name}:\n{told.get('trace')}")
-    what, where, hint = (str(told.get(each, "")) for each in ("what", "where", "hint"))
-    found = told.get("found")
+        return RuntimeError(f"in the process that reads {name}:\n{error_fields.get('trace')}")
+    what, where, hint = (str(error_fields.get(each, "")) for each in ("what", "where", "hint"))
+    found = error_fields.get("found")
     listed = tuple(map(str, found)) if isinstance(found, list) else ()
     return classes.get(str(kind), InputError)(what, where=where, found=listed, hint=hint)

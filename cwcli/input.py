@@ -246,12 +246,12 @@ class InputFile:
         try:
             import hashlib
 
-            made = hashlib.sha256()
+            running_hash = hashlib.sha256()
             block = memoryview(bytearray(BYTES_HASHED_AT_ONCE))
             for file in self.disk_files:
                 for at in range(0, len(file), BYTES_HASHED_AT_ONCE):
-                    made.update(file.read_into(block[: len(file) - at], at))
-            digest.set_result(made.hexdigest())
+                    running_hash.update(file.read_into(block[: len(file) - at], at))
+            digest.set_result(running_hash.hexdigest())
         except BaseException as error:
             digest.set_exception(error)
 

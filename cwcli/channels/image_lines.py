@@ -87,10 +87,10 @@ def make_image_annotation_channel(
             "thickness": np.array([shape.thickness_px for _, shape in flat], np.float64),
         }
         counts = np.cumsum([0, *(len(each) for each in drawn)]).astype(np.int64)
-        made: dict[str, OutputField] = {"points": Repeated(counts, lines)}
+        fields: dict[str, OutputField] = {"points": Repeated(counts, lines)}
         if labels is not None:
-            made["texts"] = _text_annotations_of_frames(stamp_ns[start:stop], labels(start, stop))
-        return made
+            fields["texts"] = _text_annotations_of_frames(stamp_ns[start:stop], labels(start, stop))
+        return fields
 
     return StreamedChannel(channel.topic, channel.schema, log_time_ns, make_rows=rows)
 

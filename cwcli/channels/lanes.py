@@ -378,6 +378,6 @@ def _boundary_points_px_and_visibility(frames: LaneFrames, at: slice) -> tuple[F
     for search_w, search_h, image_w, image_h in sorted(set(map(tuple, sizes.tolist()))):
         rows = np.flatnonzero((sizes == (search_w, search_h, image_w, image_h)).all(axis=1))
         camera = None if frames.rectified_from is None else frames.rectified_from(image_w, image_h)
-        made = boundary_points_in_image(drawn[rows], (search_w, search_h), (image_w, image_h), camera)
-        points[rows], is_in[rows] = made
+        points_in_image = boundary_points_in_image(drawn[rows], (search_w, search_h), (image_w, image_h), camera)
+        points[rows], is_in[rows] = points_in_image
     return points, is_in

@@ -122,15 +122,15 @@ def true_lateral_and_heading_deviations_at_preview(
     known_m = told_m[told_m > 0.0]
     own_m = float(known_m[0]) if len(known_m) else DEFAULT_PREVIEW_M
     is_own = np.abs(preview_m - own_m) <= PREVIEW_MATCH_TOLERANCE_M
-    made = np.full((len(at_ns), len(LANE_AHEAD_FIELDS)), np.nan)
+    deviations = np.full((len(at_ns), len(LANE_AHEAD_FIELDS)), np.nan)
     ahead_m = read_matrix(columns, "ahead_m")
     has_ahead = ahead_m.shape[1] > 1 and bool((ahead_m == ahead_m[:1]).all() and (np.diff(ahead_m[0]) > 0.0).all())
     for k, name in enumerate(LANE_AHEAD_FIELDS):
         own = resample(stamp_ns[rows], read_numbers(columns, STATE_NAMES[-2:][k])[rows], at_ns, max_gap_s=max_gap_s)
-        made[is_own, k] = own[is_own]
+        deviations[is_own, k] = own[is_own]
         if has_ahead:
             lane = read_matrix(columns, name, ahead_m.shape[1])[rows]
             lane = resample(stamp_ns[rows], lane, at_ns, max_gap_s=max_gap_s)
             for row in np.flatnonzero(~is_own):
-                made[row, k] = np.interp(preview_m[row], ahead_m[0], lane[row], left=np.nan, right=np.nan)
-    return made
+                deviations[row, k] = np.interp(preview_m[row], ahead_m[0], lane[row], left=np.nan, right=np.nan)
+    return deviations

@@ -94,8 +94,8 @@ def merge_states_by_log_time(first: VehicleStates, second: VehicleStates) -> Veh
         for name in VehicleStates.__dataclass_fields__
         if name != "ids"
     }
-    made = VehicleStates(ids=concat_strings([first.ids, second.ids]), **columns)
-    return made.select_rows(np.argsort(made.log_time_ns, kind="stable"))
+    merged = VehicleStates(ids=concat_strings([first.ids, second.ids]), **columns)
+    return merged.select_rows(np.argsort(merged.log_time_ns, kind="stable"))
 
 
 def recorder_clock_difference_text(offset_ns: int, ours: RecorderClock, theirs: RecorderClock) -> str:
@@ -122,5 +122,5 @@ def _rotate_covariance(covariance: FloatArray, by_rad: FloatArray) -> FloatArray
     turn[:, 0, 0] = turn[:, 1, 1] = np.cos(by_rad)
     turn[:, 1, 0] = np.sin(by_rad)
     turn[:, 0, 1] = -turn[:, 1, 0]
-    made = turn @ covariance @ turn.transpose(0, 2, 1)
-    return 0.5 * (made + made.transpose(0, 2, 1))
+    rotated = turn @ covariance @ turn.transpose(0, 2, 1)
+    return 0.5 * (rotated + rotated.transpose(0, 2, 1))

@@ -37,13 +37,13 @@ def painted_frames_channel(
     painting = _FramePainter(images, row_of, paint)
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
-        made = painting.jpeg_files_of_rows(start, stop)
+        jpeg_files = painting.jpeg_files_of_rows(start, stop)
         n = stop - start
-        offsets = np.concatenate([[0], np.cumsum([len(each) for each in made])]).astype(np.int64)
+        offsets = np.concatenate([[0], np.cumsum([len(each) for each in jpeg_files])]).astype(np.int64)
         return {
             "timestamp": stamp_ns[start:stop],
             "frame_id": repeat_string(frame_id, n),
-            "data": Ragged(np.concatenate(made) if made else np.zeros(0, np.uint8), offsets),
+            "data": Ragged(np.concatenate(jpeg_files) if jpeg_files else np.zeros(0, np.uint8), offsets),
             "format": repeat_string("jpeg", n),
         }
 

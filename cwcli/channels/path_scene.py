@@ -75,8 +75,8 @@ def make_path_scene_channel(predicted: Sequence[AnyPaths]) -> OutputChannel:
 
 def _first_path_rows_of_each_vehicle_and_period(predicted: AnyPaths) -> Rows:
     """Rows of the first path of each vehicle in each drawing period, increasing."""
-    kept = [_first_row_of_each_period(rows, predicted.log_time_ns) for _, rows in iter_rows_by_id(predicted.ids)]
-    return np.sort(np.concatenate([np.zeros(0, np.intp), *kept]))
+    first_rows = [_first_row_of_each_period(rows, predicted.log_time_ns) for _, rows in iter_rows_by_id(predicted.ids)]
+    return np.sort(np.concatenate([np.zeros(0, np.intp), *first_rows]))
 
 
 def _evenly_spaced_path_points_m(predicted: AnyPaths, rows: Rows) -> FloatArray:

@@ -61,12 +61,12 @@ def read_lever_arms_transform_counts_and_notes(
             continue
         body, matrix = carried
         ahead_m, left_m = float(matrix[0, 3]), float(matrix[1, 3])
-        stands = f"{ahead_m:.2f} m ahead and {left_m:.2f} m to the left of {body} ({frame})"
+        place_text = f"{ahead_m:.2f} m ahead and {left_m:.2f} m to the left of {body} ({frame})"
         if is_lever_arm_on_car(ahead_m, left_m):
             found[topic] = ahead_m, left_m
-            notes.append(f"{topic} is mounted {stands}")
+            notes.append(f"{topic} is mounted {place_text}")
         else:
-            notes.append(f"{topic}: {stands} is not on the car; not used")
+            notes.append(f"{topic}: {place_text} is not on the car; not used")
     return found, counts, tuple(notes)
 
 

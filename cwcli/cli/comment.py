@@ -69,8 +69,10 @@ def format_changes_of_log(log: LogChange) -> str:
     ]
     more = len(log.changes) - MAX_METRICS_LISTED_PER_LOG
     directions = Counter(change.direction.value for change in log.changes)
-    told = ", ".join(f"{directions[word]} {word}" for word in ("worse", "gone", "better", "new") if directions[word])
-    parts = [f"**{name}**: {told}", markdown.format_markdown_table(HEADINGS, rows)]
+    counts_text = ", ".join(
+        f"{directions[word]} {word}" for word in ("worse", "gone", "better", "new") if directions[word]
+    )
+    parts = [f"**{name}**: {counts_text}", markdown.format_markdown_table(HEADINGS, rows)]
     if more > 0:
         parts.append(f"and {format_count(more, 'more metric')}")
     return "\n\n".join(parts)

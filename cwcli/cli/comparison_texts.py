@@ -109,8 +109,8 @@ def _drop_empty_columns(
     columns: Sequence[str], rows: Sequence[tuple[Cell, ...]]
 ) -> tuple[list[str], list[tuple[Cell, ...]]]:
     """Drop the columns of a table that are empty in all rows."""
-    kept = [k for k in range(len(columns)) if any(row[k] != "" for row in rows)]
-    return [columns[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
+    filled_columns = [k for k in range(len(columns)) if any(row[k] != "" for row in rows)]
+    return [columns[k] for k in filled_columns], [tuple(row[k] for k in filled_columns) for row in rows]
 
 
 def _change_cells(change: MetricChange) -> tuple[Cell, ...]:
@@ -154,10 +154,10 @@ def _comparison_notes(comparison: RunComparison, *, exact: bool) -> list[str]:
 def comparison_document(compared: ComparedRuns, written: Sequence[str]) -> Document:
     """Make the content of `--json`."""
     comparison, differing = compared.comparison, compared.differing
-    told: Document = {}
+    changes: Document = {}
     if differing is not None:
         listed = [{"change": each.change, "what": each.words, "address": each.address} for each in differing.listed]
-        told = {
+        changes = {
             "warnings": {
                 "listed": listed,
                 "count": differing.n,
@@ -167,7 +167,7 @@ def comparison_document(compared: ComparedRuns, written: Sequence[str]) -> Docum
             }
         }
     if compared.messages is not None:
-        told["messages"] = differences_as_json(compared.messages)
+        changes["messages"] = differences_as_json(compared.messages)
     return {
         "baseline": compared.before.source,
         "candidate": compared.after.source,
@@ -195,7 +195,7 @@ def comparison_document(compared: ComparedRuns, written: Sequence[str]) -> Docum
             for change in comparison.changes
         },
         "failed": list(compared.failed),
-        **told,
+        **changes,
     }
 
 
@@ -227,7 +227,7 @@ def format_markdown_summary(compared: ComparedRuns) -> str:
     """Format the summary for a CI job's page: changed metrics first, the others folded."""
     comparison, differing = compared.comparison, compared.differing
     judged = _changes_with_verdict_or_all(comparison, everything=False)
-    told = [change for change in judged if change.verdict.value not in {"same", "new"}]
+    noteworthy = [change for change in judged if change.verdict.value not in {"same", "new"}]
     counts = {
         verdict: sum(c.verdict.value == verdict for c in judged)
         for verdict in dict.fromkeys(("worse", "improved", "missing", "unclear", "same"))
@@ -238,9 +238,9 @@ def format_markdown_summary(compared: ComparedRuns) -> str:
         f"{markdown.format_code(compared.before.source)} to {markdown.format_code(compared.after.source)}, "
         f"{format_count(comparison.n_pairs, 'log')} in both",
     ]
-    if told:
-        parts.append(_format_markdown_table_of_changes(told))
-    rest = [change for change in judged if change not in told]
+    if noteworthy:
+        parts.append(_format_markdown_table_of_changes(noteworthy))
+    rest = [change for change in judged if change not in noteworthy]
     if rest:
         summary = f"<details><summary>{format_count(len(rest), 'metric')} the same</summary>"
         parts += [summary, _format_markdown_table_of_changes(rest), "</details>"]

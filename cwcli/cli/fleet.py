@@ -138,16 +138,16 @@ def distinct_errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:
     for entry in entries:
         if error := entry["error"]:
             failed.setdefault((error["what"], error["hint"], *error["found"]), []).append(entry)
-    told = []
+    errors_with_counts = []
     for (what, hint, *found), same in failed.items():
         source, where = same[0]["source"], same[0]["error"]["where"]
         place = where if where.startswith(source) else ": ".join(filter(None, (source, where)))
         others = f" (and {format_count(len(same) - 1, 'other log')})" if len(same) > 1 else ""
-        told.append(CwcliError(f"{what}{others}", where=place, found=tuple(found), hint=hint))
-    if len(told) > MAX_SHOWN_REASONS:
-        rest = CwcliError(f"{len(told) - MAX_SHOWN_REASONS} more reasons are in the manifest")
-        told = [*told[:MAX_SHOWN_REASONS], rest]
-    return told
+        errors_with_counts.append(CwcliError(f"{what}{others}", where=place, found=tuple(found), hint=hint))
+    if len(errors_with_counts) > MAX_SHOWN_REASONS:
+        rest = CwcliError(f"{len(errors_with_counts) - MAX_SHOWN_REASONS} more reasons are in the manifest")
+        errors_with_counts = [*errors_with_counts[:MAX_SHOWN_REASONS], rest]
+    return errors_with_counts
 
 
 def _log_ids_by_left_out_reason(entries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:

@@ -32,9 +32,12 @@ def health_verdict(document: Document) -> str:
     n = len(document["health"])
     if not sick:
         return "; ".join([*faults, f"{format_count(n, 'topic')} without gaps, drift, disorder or damage"])
-    told = [f"{_shorten_topic_name(topic)} ({text})" for topic, text in sick.items()]
+    topic_texts = [f"{_shorten_topic_name(topic)} ({text})" for topic, text in sick.items()]
     return "; ".join(
-        [*faults, f"trouble on {len(sick)} of {format_count(n, 'topic')}: {join_first_names_and_count_rest(told, 3)}"]
+        [
+            *faults,
+            f"trouble on {len(sick)} of {format_count(n, 'topic')}: {join_first_names_and_count_rest(topic_texts, 3)}",
+        ]
     )
 
 

@@ -81,8 +81,8 @@ class Progress:
         """
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
         left = "" if self._left is None else f", about {elapsed_s * self._left:.0f} s left"
-        told = f"{done} ({elapsed_s:.0f} s{left})"
-        return (_drop_text_beyond_width(self._what, width - 1 - terminal_cells_of_text(told)) + told)[
+        progress_text = f"{done} ({elapsed_s:.0f} s{left})"
+        return (_drop_text_beyond_width(self._what, width - 1 - terminal_cells_of_text(progress_text)) + progress_text)[
             : max(width - 1, 0)
         ]
 

@@ -55,9 +55,9 @@ class TrialMatch:
 
 def match_encounter_with_trial(clause: Clause, trial: Trial, encounter: Encounter) -> TrialMatch:
     """Compare the speeds (and the gap) of a recorded drive with those of a trial."""
-    beside = float(np.median(np.abs(encounter.lateral_offset_m)))
-    if beside > MAX_LATERAL_OFFSET_M or float(encounter.gap_m[0]) < 0.0:
-        return TrialMatch(math.inf, f"{beside:.1f} m to the side of the host's path", encounter)
+    median_offset_m = float(np.median(np.abs(encounter.lateral_offset_m)))
+    if median_offset_m > MAX_LATERAL_OFFSET_M or float(encounter.gap_m[0]) < 0.0:
+        return TrialMatch(math.inf, f"{median_offset_m:.1f} m to the side of the host's path", encounter)
     tolerance = clause.tolerance("subject-speed") or DEFAULT_SPEED_TOLERANCE_MPS
     other_tolerance = clause.tolerance("other-speed") or DEFAULT_SPEED_TOLERANCE_MPS
     host_mps = trial.given["host_speed"]

@@ -123,11 +123,11 @@ def _rss_braking_mps2(seen: DrivingSituation) -> FloatArray:
 
 def _fuzzy_braking_mps2(seen: DrivingSituation) -> FloatArray:
     """Deceleration of the fuzzy safety model; 0 where the other stays beside the ego until it has passed."""
-    beside = seen.lateral_gap_m > 0.0
+    is_beside_lane = seen.lateral_gap_m > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         lateral_s = seen.lateral_gap_m / seen.approach_mps
         passing_s = (seen.gap_m + 2.0 * seen.reach_m) / seen.closing_speed_mps
-    goes_by = beside & (~(seen.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
+    goes_by = is_beside_lane & (~(seen.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
     now = fuzzy_safety.critical_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
     ahead = fuzzy_safety.proactive_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
     hard = fuzzy_safety.HARDEST_BRAKING_MPS2 - fuzzy_safety.COMFORTABLE_BRAKING_MPS2
@@ -260,12 +260,12 @@ def _driving_situation(
     turn = other.heading_rad - own[2]
     along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
     reach = 0.5 * (ego_size[0] + other_size[0] * along + other_size[1] * across)
-    beside = 0.5 * (ego_size[1] + other_size[0] * across + other_size[1] * along)
+    half_widths_m = 0.5 * (ego_size[1] + other_size[0] * across + other_size[1] * along)
     velocity_ahead = other.speed_mps * np.cos(turn) - other.across_mps * np.sin(turn)
     velocity_left = other.speed_mps * np.sin(turn) + other.across_mps * np.cos(turn)
     return DrivingSituation(
         gap_m=np.abs(ahead) - reach,
-        lateral_gap_m=np.abs(left) - beside,
+        lateral_gap_m=np.abs(left) - half_widths_m,
         reach_m=reach,
         speed_mps=speed_mps,
         accel_mps2=accel_mps2,

@@ -65,15 +65,15 @@ def build_digest(
     drive = _read_warned_drive(log) if STAGES_OF_A_STORY & set(stages) else None
     evidence = read_evidence(log) if drive is None else drive.doubt_evidence
     doubts = find_doubts_in_evidence(evidence)
-    made = tuple(filter(None, (stage_sentence(stage, evidence.records, tables) for stage in stages)))
+    sentences = tuple(filter(None, (stage_sentence(stage, evidence.records, tables) for stage in stages)))
     if drive is not None:
         happened, more = _story_sentences(drive)
-        more = (*more, *made)
+        more = (*more, *sentences)
     else:
         length = drive_length_sentence(log, evidence.ego, evidence.records, n_heard=_count_heard_vehicles(log))
         reason = _reason_for_no_warnings(left_out) if is_run else ()
         is_length_first = is_run and evidence.ego is not None
-        happened, more = ((length, *reason), made) if is_length_first else ((*made, *reason), (length,))
+        happened, more = ((length, *reason), sentences) if is_length_first else ((*sentences, *reason), (length,))
     return Digest(happened, more, doubts, confidence_sentences(evidence))
 
 

@@ -118,16 +118,18 @@ def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
         return "No other vehicle came near enough to be measured."
     vehicle, gap_m, ttc_s = rows[0]
     if _cell_to_float_or_nan(gap_m) < 0.0:
-        told = ": their outlines overlap"
+        how_critical = ": their outlines overlap"
     else:
         facts = [f"gap {_cell_to_float_or_nan(gap_m):.1f} m"] * math.isfinite(_cell_to_float_or_nan(gap_m))
         facts += [f"time to collision {_cell_to_float_or_nan(ttc_s):.1f} s"] * math.isfinite(
             _cell_to_float_or_nan(ttc_s)
         )
-        told = f": least {' and least '.join(facts)}" if facts else ""
+        how_critical = f": least {' and least '.join(facts)}" if facts else ""
     if len(rows) == 1:
-        return f"The car encountered vehicle {_cell_to_name(vehicle)}{told}."
-    return f"Of {len(rows)} encounters the one with vehicle {_cell_to_name(vehicle)} was the most critical{told}."
+        return f"The car encountered vehicle {_cell_to_name(vehicle)}{how_critical}."
+    return (
+        f"Of {len(rows)} encounters the one with vehicle {_cell_to_name(vehicle)} was the most critical{how_critical}."
+    )
 
 
 def _crashes_by_policy_sentence(summary: RecordedSummary, tables: Tables) -> str:

@@ -168,5 +168,5 @@ def speed_at_times_mps(speed: ScalarSamples, at_ns: Int64Array, max_gap_s: float
             "no speed: the observer's model needs it", hint="bind a speed channel with `--topic ego_speed=/name`"
         )
     between = resample(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s)
-    kept = resample(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s, method="nearest")
-    return np.where(np.isfinite(between), between, kept)
+    resampled = resample(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s, method="nearest")
+    return np.where(np.isfinite(between), between, resampled)

@@ -49,11 +49,11 @@ def require_known_sources_and_note_unknown(
             where=calibration.name,
             hint=f"it knows {', '.join(calibration.sensors)}",
         )
-    told = "left out" if causal else "used as without a calibration, and left out of the online states"
-    kept = "used as without a calibration, in the online states with the noise that its messages state"
+    use_elsewhere = "left out" if causal else "used as without a calibration, and left out of the online states"
+    use_of_positions = "used as without a calibration, in the online states with the noise that its messages state"
     return [
         f"{source}: the calibration {calibration.name} does not know it; "
-        f"{kept if source in positions and not has_position else told}"
+        f"{use_of_positions if source in positions and not has_position else use_elsewhere}"
         for source in sources
         if source not in known
     ]

@@ -71,11 +71,11 @@ def notes_on_worse_prediction_with_calibration(
     if not worse or total <= 0.0:
         return []
     names = ", ".join(f"{kind.name.lower()} of {source}" for source, kind in worse)
-    told = _contradiction_texts(own, calibrated, calibration)
+    contradictions = _contradiction_texts(own, calibrated, calibration)
     return [
         f"the calibration {calibration.name} makes this log worse: with its constants the filter predicts the {names} "
         f"worse than with what the log says of itself (log-likelihood {-total:.0f})"
-        + "".join(f"; {each}" for each in told)
+        + "".join(f"; {each}" for each in contradictions)
     ]
 
 
@@ -93,8 +93,8 @@ def _empty_series_unknown_to_calibration(
     prepared: Sequence[PreparedSeries], calibration: Calibration
 ) -> list[PreparedSeries]:
     """Return the series with their own noise; those that the calibration does not know become empty."""
-    kept = apply_calibrated_noise_and_empty_unknown(prepared, calibration)
-    return [own if len(known.series) else known for own, known in zip(prepared, kept, strict=True)]
+    calibrated_series = apply_calibrated_noise_and_empty_unknown(prepared, calibration)
+    return [own if len(known.series) else known for own, known in zip(prepared, calibrated_series, strict=True)]
 
 
 def _tune_and_predict_log(prepared: Sequence[PreparedSeries], config: EstimatorConfig) -> _PredictedLog:
@@ -139,18 +139,18 @@ def _contradiction_texts(own: _PredictedLog, calibrated: _PredictedLog, calibrat
             f"calibrated: {1e3 * used.applied_s:.0f} +- {1e3 * known.sigma_in_another_drive:.0f} ms"
         )
         differences.append((off, text))
-    told = [text for off, text in sorted(differences, reverse=True) if off > SIGNIFICANT_SIGMAS]
+    texts = [text for off, text in sorted(differences, reverse=True) if off > SIGNIFICANT_SIGMAS]
     for found_series, used_series in zip(own.tuned.series, calibrated.tuned.series, strict=True):
         sigma, of_car = _root_mean_square_noise_sigma(found_series), _root_mean_square_noise_sigma(used_series)
         if (
             found_series.kind not in RATE_KINDS
             and not 1.0 / MIN_LISTED_NOISE_RATIO < sigma / of_car < MIN_LISTED_NOISE_RATIO
         ):
-            told.append(
+            texts.append(
                 f"noise of {found_series.source} {found_series.kind.name.lower()} found on it: {sigma:.2g} "
                 f"{QUANTITIES[found_series.kind].unit}, calibrated: {of_car:.2g} {QUANTITIES[found_series.kind].unit}"
             )
-    return told[:MAX_LISTED_CONTRADICTIONS]
+    return texts[:MAX_LISTED_CONTRADICTIONS]
 
 
 def _root_mean_square_noise_sigma(s: SensorSeries) -> float:

@@ -76,13 +76,13 @@ def _distance_contradiction_text(who: Kind, against: Kind, distance_ratio: float
     if distance_ratio < 0.0:
         return f"it reads {distance_ratio:.2f} times the way: its sign is wrong"
     if against is Kind.POSITION:
-        told = f"the car covered {distance_ratio:.2f} times the distance between the fixes"
+        ratio_text = f"the car covered {distance_ratio:.2f} times the distance between the fixes"
     elif who is Kind.POSITION:
-        told = f"the fixes lie {distance_ratio:.2f} times as far apart as the car went"
+        ratio_text = f"the fixes lie {distance_ratio:.2f} times as far apart as the car went"
     else:
-        told = f"its way is {distance_ratio:.2f} times as long"
+        ratio_text = f"its way is {distance_ratio:.2f} times as long"
     unit = next(
         (name for factor, name in UNITS_PER_MPS.items() if abs(distance_ratio / factor - 1.0) < UNIT_RATIO_TOLERANCE),
         "",
     )
-    return f"{told}, as if {unit} were taken for m/s" if unit and who is not Kind.POSITION else told
+    return f"{ratio_text}, as if {unit} were taken for m/s" if unit and who is not Kind.POSITION else ratio_text

@@ -104,8 +104,8 @@ def drop_stretches_without_position_and_note(
         rows = np.isin(own, np.concatenate(placed))
         n_apart = int(np.count_nonzero(~rows))
         if n_apart:
-            told = f"{n_apart} {m.kind.name.lower().replace('_', ' ')} rows lie more than {max_pause_s:g} s from"
-            notes.append(f"{m.source}: {told} any stretch with a position, left out")
+            count_text = f"{n_apart} {m.kind.name.lower().replace('_', ' ')} rows lie more than {max_pause_s:g} s from"
+            notes.append(f"{m.source}: {count_text} any stretch with a position, left out")
         if rows.any():
             near.append(m.select_rows(rows) if n_apart else m)
     return near, notes
@@ -122,10 +122,12 @@ def merge_remotes_placed_in_map_and_note(
         is_stitched: Join the ids of a vehicle that changed its id.
     """
     frame_id = "" if local_map is not None else position.frame_id if isinstance(position, PoseSignal) else ""
-    heard = [signal for signal in signals if isinstance(signal, RemoteSignal)]
-    placed = [each for each in heard if each.frame_id == frame_id and (each.x_m is not None or local_map is not None)]
+    remote_signals = [signal for signal in signals if isinstance(signal, RemoteSignal)]
+    placed = [
+        each for each in remote_signals if each.frame_id == frame_id and (each.x_m is not None or local_map is not None)
+    ]
     notes: tuple[str, ...] = ()
-    if len(placed) < len(heard):
+    if len(placed) < len(remote_signals):
         lost = "is Cartesian" if local_map is None else "is on the globe, and theirs are Cartesian"
         notes = (f"the ego position {lost}: remote vehicles can't be placed in its map and are left out",)
     if not placed:
@@ -133,8 +135,8 @@ def merge_remotes_placed_in_map_and_note(
     merged = join_remote_signals(placed)
     if not is_stitched:
         return merged, notes
-    joined, told = _join_changed_ids_and_note(merged, local_map)
-    return joined, (*notes, *told)
+    joined, id_notes = _join_changed_ids_and_note(merged, local_map)
+    return joined, (*notes, *id_notes)
 
 
 def remote_station_to_measurements(

@@ -111,13 +111,15 @@ def _stretches_away(
     anchor = int(duration_s.argmax())
     found: list[tuple[int, int]] = []
     for order in (range(anchor + 1, len(begins)), range(anchor - 1, -1, -1)):
-        kept, skipped = anchor, list[int]()
+        last_kept_stretch, skipped = anchor, list[int]()
         for stretch in order:
-            if skipped and not _leads_back(time_s, values, begins, lasts, [kept, *skipped, stretch], bound):
+            if skipped and not _leads_back(
+                time_s, values, begins, lasts, [last_kept_stretch, *skipped, stretch], bound
+            ):
                 skipped.append(stretch)
             elif skipped:
                 found.append((int(begins[min(skipped)]), int(lasts[max(skipped)]) + 1))
-                kept, skipped = stretch, []
+                last_kept_stretch, skipped = stretch, []
             else:
                 skipped.append(stretch)
     return found

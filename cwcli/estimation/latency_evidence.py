@@ -103,8 +103,8 @@ class LatencyEvidence:
         span_s = float(self.time_s[-1] - self.time_s[0])
         block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span_s)).astype(np.int64), n_blocks - 1)
         bend = np.bincount(block, self.bend, n_blocks)
-        told = np.maximum(bend, 0.0)
-        n_effective = float(told.sum()) ** 2 / float(told @ told)
+        weight = np.maximum(bend, 0.0)
+        n_effective = float(weight.sum()) ** 2 / float(weight @ weight)
         n_used = max(n_effective, MIN_EFFECTIVE_BLOCKS)
         slope = np.bincount(block, self.slope, n_blocks) + bend * (self.likeliest_latency_s - self.centre_s)
         # The slopes add up to zero; of blocks that scatter as their bends say, the mean of the sum of their squares is
@@ -126,18 +126,20 @@ class LatencyEvidence:
         block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span_s)).astype(np.int64), n_blocks - 1)
         bend = np.bincount(block, self.bend, n_blocks)
         slope = np.bincount(block, self.slope, n_blocks) + bend * (self.likeliest_latency_s - self.centre_s)
-        told = np.asarray(np.maximum(bend, 0.0))
+        weight = np.asarray(np.maximum(bend, 0.0))
         middle_s = self.time_s[0] + (np.arange(n_blocks) + 0.5) * (span_s / n_blocks)
-        about_s = float(told @ middle_s / told.sum())
+        about_s = float(weight @ middle_s / weight.sum())
         away_s = middle_s - about_s
         gain, first = 0.0, np.arange(n_blocks) // 2 % 2 == 0
         for found, judged in ((first, ~first), (~first, first)):
-            offset_s, rate = _fit_drift_offset_and_rate(away_s[found], slope[found], told[found])
-            constant_s = _parabola_vertex_s(0.0, float(slope[found].sum()), float(told[found].sum()))
-            gain += _sum_of_parabolas(constant_s, slope[judged], told[judged])
-            gain -= _sum_of_parabolas(offset_s + rate * away_s[judged], slope[judged], told[judged])
+            offset_s, rate = _fit_drift_offset_and_rate(away_s[found], slope[found], weight[found])
+            constant_s = _parabola_vertex_s(0.0, float(slope[found].sum()), float(weight[found].sum()))
+            gain += _sum_of_parabolas(constant_s, slope[judged], weight[judged])
+            gain -= _sum_of_parabolas(offset_s + rate * away_s[judged], slope[judged], weight[judged])
         return (
-            (_fit_drift_offset_and_rate(away_s, slope, told)[1], about_s) if gain > MIN_DRIFT_LIKELIHOOD_GAIN else None
+            (_fit_drift_offset_and_rate(away_s, slope, weight)[1], about_s)
+            if gain > MIN_DRIFT_LIKELIHOOD_GAIN
+            else None
         )
 
     def cross_validated_neg_log_likelihood(self) -> float:
@@ -145,8 +147,8 @@ class LatencyEvidence:
 
         The halves have equal parts of the information. NaN where one of them says nothing.
         """
-        told = np.cumsum(self.bend)
-        n = int(np.abs(told - 0.5 * told[-1]).argmin()) + 1
+        cumulative_bend = np.cumsum(self.bend)
+        n = int(np.abs(cumulative_bend - 0.5 * cumulative_bend[-1]).argmin()) + 1
         first, second = (
             (float(self.level[rows].sum()), float(self.slope[rows].sum()), float(self.bend[rows].sum()))
             for rows in (slice(0, n), slice(n, None))

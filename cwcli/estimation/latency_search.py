@@ -253,8 +253,10 @@ class _LatencySearch:
             self.trials.reuse_pass_of_known_trial(self._trial_layout_of_target(self.target), gated)
             return self
         series = [self.target, *self.reference]
-        kept, *reference = (s.select_rows(was >= UpdateStatus.USED) for s, was in zip(series, status, strict=True))
-        return replace(self, target=kept, reference=reference)
+        target_without_outliers, *reference = (
+            s.select_rows(was >= UpdateStatus.USED) for s, was in zip(series, status, strict=True)
+        )
+        return replace(self, target=target_without_outliers, reference=reference)
 
     def _add_slow_error_if_likelier(self) -> _LatencySearch | None:
         """The same search with a slow error of the positions, where the log is clearly likelier with one.
@@ -325,14 +327,14 @@ class _LatencySearch:
         if weighed is None:
             return None
         straight, found = weighed
-        bent = replace(target, noise=straight.noise, latency_s=evidence.likeliest_latency_s)
+        target_with_likeliest_latency = replace(target, noise=straight.noise, latency_s=evidence.likeliest_latency_s)
         gain = self._log_likelihood_of_scored_rows(
             replace(straight, latency_s=found.likeliest_latency_s)
-        ) - self._log_likelihood_of_scored_rows(bent)
+        ) - self._log_likelihood_of_scored_rows(target_with_likeliest_latency)
         if not (
             gain > LIKELIHOOD_FALL_AT_THREE_SIGMA
             and found.formal_sigma_s < MAX_REPORTED_SIGMA_S
-            and self._predicts_better_than_zero_latency(bent, found)
+            and self._predicts_better_than_zero_latency(target_with_likeliest_latency, found)
         ):
             return None
         sigma_s = max(found.block_scatter_sigma_s, profile.sigma_covering_possible_latencies_s(found))

@@ -32,14 +32,14 @@ def find_values_beyond_sensor_limits(
     reports: Sequence[SourceReport], known_contradictions: Sequence[Contradiction] = ()
 ) -> tuple[Contradiction, ...]:
     """Return contradictions for the sources with a constant beyond the limits of such sensors."""
-    told = {quantity for each in known_contradictions for quantity in (each.who, each.against)}
+    contradicted = {quantity for each in known_contradictions for quantity in (each.who, each.against)}
     found = []
     for report in reports:
         who = SourceQuantity(report.source, report.kind)
         words = next(iter(_iter_texts_on_exceeded_limits(report)), None)
-        if words is not None and who not in told:
+        if words is not None and who not in contradicted:
             found.append(Contradiction(who, quantity_compared_with(report, reports), words))
-        elif who not in told and report.kind is Kind.POSITION and report.noise_origin != "message":
+        elif who not in contradicted and report.kind is Kind.POSITION and report.noise_origin != "message":
             found += _find_lasting_errors(report, reports)
     return tuple(found)
 
@@ -67,11 +67,11 @@ def find_contradictions_of_changing_latencies(
     Such a latency steps, or the stamps are wrong. The line is used all the same: it is nearer to the truth than a
     constant.
     """
-    told = {quantity.source for each in known_contradictions for quantity in (each.who, *each.allies)}
+    contradicted_sources = {quantity.source for each in known_contradictions for quantity in (each.who, *each.allies)}
     found: dict[str, Contradiction] = {}
     for report in reports:
         drift = report.latency.drift
-        if report.source in told or not report.n_used or LATENCY_DRIFT_RANGE.contains_or_is_nan(drift):
+        if report.source in contradicted_sources or not report.n_used or LATENCY_DRIFT_RANGE.contains_or_is_nan(drift):
             continue
         who = SourceQuantity(report.source, Kind.IMU if report.kind in RATE_KINDS else report.kind)
         what = (

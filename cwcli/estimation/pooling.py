@@ -200,7 +200,7 @@ def _pool_latencies(
 ) -> dict[tuple[str, Kind], Constant]:
     """Pool the latencies relative to the reference of the search, then shift them to the agreed clock."""
     found: dict[tuple[str, Kind], Constant] = {}
-    told = []
+    pooled = []
     for key in keys:
         own = [(r.latency_to_reference, drive) for r, drive in reports if (r.source, r.kind) == key]
         constant = pool_constant_over_drives(
@@ -217,11 +217,11 @@ def _pool_latencies(
             minutes = sum(drive.duration_minutes for _, drive in own)
             constant = Constant(ConstantStatus.REFERENCE, 0.0, 0.0, 0.0, math.nan, len(own), minutes)
         found[key] = constant
-        told.append(
+        pooled.append(
             SourceLatency(*key, is_reference=is_reference, latency=_constant_to_latency(constant, is_reference))
         )
-    moved, _ = shift_latencies_to_agreed_clock_and_note(told)
-    for each, latency in zip(told, moved, strict=True):
+    moved, _ = shift_latencies_to_agreed_clock_and_note(pooled)
+    for each, latency in zip(pooled, moved, strict=True):
         key = (each.source, each.kind)
         if latency == each.latency or not found[key].has_value:
             continue

@@ -100,8 +100,10 @@ def clean_and_sort_measurements_and_note(
             covariance = None if covariance is None else covariance[~stale.stale_row_mask]
         stuck = stuck_row_mask(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
-            told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one value for long (stuck sensor), left out"
-            notes.append(f"{m.source}: {told}")
+            left_out_text = (
+                f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one value for long (stuck sensor), left out"
+            )
+            notes.append(f"{m.source}: {left_out_text}")
             time, values = time[~stuck], values[~stuck]
             covariance = None if covariance is None else covariance[~stuck]
         if not m.is_exact and is_first_row_contradicted(m.kind, time, values):
@@ -124,8 +126,8 @@ def clean_and_sort_measurements_and_note(
             continue
         late = burst_row_mask(time) if not m.is_exact else np.zeros(len(time), np.bool_)
         if late.any():
-            told = f"{int(late.sum())} {m.kind.name.lower()} rows arrived in bursts with late stamps, left out"
-            notes.append(f"{m.source}: {told}")
+            left_out_text = f"{int(late.sum())} {m.kind.name.lower()} rows arrived in bursts with late stamps, left out"
+            notes.append(f"{m.source}: {left_out_text}")
             time, values = time[~late], values[~late]
             covariance = None if covariance is None else covariance[~late]
         time, values, covariance = _select_changes_of_coarse_headings_and_note(m, time, values, covariance, notes)

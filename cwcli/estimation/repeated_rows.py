@@ -89,14 +89,14 @@ class StaleRows:
     def notes_for_user(self, source: str, kind: Kind) -> list[str]:
         """Return what the user is told; empty where there is nothing to tell."""
         name = kind.name.lower().replace("_", " ")
-        told = [
+        counts_and_reasons = [
             (self.n_repeated, "repeat the value before them while the vehicle moves"),
             (self.n_interpolated, "are interpolated between two measurements"),
         ]
         n = len(self.is_repetition)
         return [
             f"{source}: {count} of {n} {name} rows {why}: only one each {self.period_s:.2g} s is used"
-            for count, why in told
+            for count, why in counts_and_reasons
             if count
         ]
 

@@ -254,11 +254,11 @@ class _SensorModelTrials:
         self._scored: dict[Hashable, _SensorModelTrial] = {}
         result = self._trials.run_filter(self.base)
         # A spike of an inertial sensor spoils a row or two; a manoeuvre that looks like one must stay.
-        kept = [
+        trials = [
             replace(s.select_rows((status >= UpdateStatus.USED) | (s.kind in RATE_KINDS)), gate_nis=0.0)
             for s, status in zip(cut, result.status, strict=True)
         ]
-        self.base = replace(self.base, series=kept)
+        self.base = replace(self.base, series=trials)
 
     def run_model_trial(self, model: SensorModel, near: _SensorModelTrial | None = None) -> _SensorModelTrial:
         """Run the filter until the noise agrees with the innovations; a trial that was made before is returned.

@@ -39,11 +39,11 @@ def find_contradictions_of_drifting_fixes(
     reports: Sequence[SourceReport], known: Sequence[Contradiction]
 ) -> list[Contradiction]:
     """Return contradictions of the positions that drift off the way by the other sources."""
-    told = {quantity for each in known for quantity in (each.who, each.against)}
+    contradicted = {quantity for each in known for quantity in (each.who, each.against)}
     found = []
     for report in _iter_reports_of_drifting_fixes(reports):
         who = SourceQuantity(report.source, report.kind)
-        if who not in told:
+        if who not in contradicted:
             what = f"its fixes drift up to {report.slow_error.largest:.0f} m off the way that the other sources show"
             found.append(Contradiction(who, quantity_compared_with(report, reports), what))
     return found

@@ -68,8 +68,8 @@ def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries], trusted: Coll
     voted = find_contradicting_sources(compared, trusted)
     out = {SourceQuantity(each.who.source, kind) for each in tilted if each.left_out for kind in RATE_KINDS}
     out |= {quantity for each in voted for quantity in each.left_out}
-    kept = [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in out else p for p in prepared]
-    return SourceVoteResult(kept, (*find_impossible_fixes(prepared), *tilted, *voted), tuple(compared))
+    remaining = [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in out else p for p in prepared]
+    return SourceVoteResult(remaining, (*find_impossible_fixes(prepared), *tilted, *voted), tuple(compared))
 
 
 def compare_prepared_sources(

@@ -470,13 +470,13 @@ def _build_source_report(
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
     if int((status != STATUS_OF_ROW_BEFORE_START).sum()) >= MIN_NIS_ROWS:
-        kept = (
+        was_used = (
             nis[status >= UpdateStatus.USED]
             if (status >= UpdateStatus.USED).any()
             else nis[status == UpdateStatus.GATED]
         )
-        mean = float(kept.mean())
-        bounds = chi_square_mean_bounds(s.n_values_per_row, effective_sample_count(kept))
+        mean = float(was_used.mean())
+        bounds = chi_square_mean_bounds(s.n_values_per_row, effective_sample_count(was_used))
         inside = bounds[0] <= mean <= bounds[1]
     bias, bias_sigma = float("nan"), float("nan")
     if s.bias_state >= 0 and len(result.state):

@@ -191,35 +191,35 @@ class _ParameterSearch:
         """Find latencies and sensor errors in turn, each with the current values of the other."""
         base, config = self._base, self._config
         with part_of_work(0.0, 0.55):
-            told = self._find_and_decide_latencies(base)
+            latencies = self._find_and_decide_latencies(base)
         if config.sensor_model == "none":
-            return told, FoundSensorModel()
+            return latencies, FoundSensorModel()
         if config.calibration is not None and config.causal:
-            return told, sensor_model_from_calibration(base.series, config.calibration)
+            return latencies, sensor_model_from_calibration(base.series, config.calibration)
         if config.blind:
-            return told, FoundSensorModel()
+            return latencies, FoundSensorModel()
         # The likeliest latencies, clear or not: what is found with them then moves with the stamps.
-        likeliest = _correct_stamps(base, told.compared, likeliest=True)
+        likeliest = _correct_stamps(base, latencies.compared, likeliest=True)
         if not may_show_sensor_errors(likeliest.series):
-            return told, FoundSensorModel()
+            return latencies, FoundSensorModel()
         with part_of_work(0.55, 0.8, SEARCH_UNIT, USUAL_PASSES_PER_SEARCH):
             found = find_sensor_errors(self._estimate_noise_roughly(likeliest))
         if found.model.modelled_errors and None in self._predetermined:
             with part_of_work(0.8, 0.95):
-                told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
-            remaining_s = [each.remaining_sigma_s for each in told.applied]
+                latencies = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
+            remaining_s = [each.remaining_sigma_s for each in latencies.applied]
             unclear = series_whose_forward_arm_may_be_latency(found, base.series, remaining_s)
             if unclear:  # a latency or a place: of the two the latency is the likelier
                 found = found.mark_forward_arms_unobservable(unclear)
-                told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
-            corrected = self.layout_with(told.applied, SensorModel())
+                latencies = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
+            corrected = self.layout_with(latencies.applied, SensorModel())
             if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
-                remaining_s = [each.remaining_sigma_s for each in told.applied]
+                remaining_s = [each.remaining_sigma_s for each in latencies.applied]
                 found = find_sensor_errors(self._estimate_noise_roughly(corrected), found, remaining_s)
         if not found.model.modelled_errors:
-            return told, found
-        plain, modelled = (self.layout_with(told.applied, model) for model in (SensorModel(), found.model))
-        return told, keep_model_if_better(
+            return latencies, found
+        plain, modelled = (self.layout_with(latencies.applied, model) for model in (SensorModel(), found.model))
+        return latencies, keep_model_if_better(
             found, self._estimate_noise_roughly(plain), self._estimate_noise_roughly(modelled)
         )
 
@@ -259,12 +259,12 @@ class _ParameterSearch:
         ]
         if config.calibration is None:
             references = is_reference_of_each_series(series)
-            told = [
+            decided = [
                 SourceLatency(s.source, s.kind, is_reference, latency)
                 for s, is_reference, latency in zip(series, references, found, strict=True)
             ]
-            latencies, notes = shift_latencies_to_agreed_clock_and_note(told)
-            clock_sigma_s = disputed_clock_sigma_s(told, latencies)
+            latencies, notes = shift_latencies_to_agreed_clock_and_note(decided)
+            clock_sigma_s = disputed_clock_sigma_s(decided, latencies)
         else:
             clock_sigma_s = 0.0
             latencies, notes = fuse_latencies_with_calibration_and_note(

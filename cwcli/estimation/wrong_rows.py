@@ -35,14 +35,14 @@ def set_wrong_rows_aside_and_list_them(
     corrected: list[Measurements] = []
     corrections: list[Correction] = []
     for m in measurements:
-        kept = m
+        remaining = m
         if m.source not in trusted and len(m) >= MIN_ROWS_OF_COMPARED_SOURCE and not m.is_exact:
             rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
             rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
             time_s, values = seconds_since_zero_time(m.stamp_ns[rows], zero_ns), m.values[rows]
             frozen = frozen_row_mask(m.kind, time_s, values, fixes)
             if frozen.any():
-                kept = _without_measurement_rows(kept, rows[frozen])
+                remaining = _without_measurement_rows(remaining, rows[frozen])
                 what = "repeats one value for long, as a sensor that is stuck or saturated"
                 corrections.append(_correction_of_rows_set_aside(m, "stuck", what, frozen, time_s))
             if m.kind is Kind.POSITION:
@@ -52,7 +52,7 @@ def set_wrong_rows_aside_and_list_them(
                     moving_s, moving, max(scatter_about_neighbours(moving[:, k : k + 1]) for k in (0, 1))
                 )
                 if jumped.any():
-                    kept = _without_measurement_rows(kept, rows[jumped])
+                    remaining = _without_measurement_rows(remaining, rows[jumped])
                     what = "jumps away and back, as no car does"
                     corrections.append(_correction_of_rows_set_aside(m, "jump", what, jumped, time_s))
             if m.kind is Kind.HEADING and has_heading_jumps(time_s, values[:, 0]):
@@ -62,10 +62,10 @@ def set_wrong_rows_aside_and_list_them(
                 flipped &= ~frozen  # no row is set aside twice
                 rest = ~(flipped | frozen)
                 if flipped.any() and not has_heading_jumps(time_s[rest], values[rest, 0]):
-                    kept = _without_measurement_rows(kept, rows[flipped])
+                    remaining = _without_measurement_rows(remaining, rows[flipped])
                     what = "is reversed while the car stands"
                     corrections.append(_correction_of_rows_set_aside(m, "standstill", what, flipped, time_s))
-        corrected.append(kept)
+        corrected.append(remaining)
     return corrected, corrections
 
 

@@ -65,13 +65,15 @@ CHI_SQUARE_95_TWO_DOF = -2.0 * float(np.log(0.05))
 
 def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
     """Add the radio link and the offsets from the fixes to the result, and the track's errors if there is a truth."""
-    made: EstimateEvidence = result.evaluation_inputs
-    errors = compare_track_with_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
-    link = RadioLinkSummary(made.remotes, made.ego, made.local_map)
+    evidence: EstimateEvidence = result.evaluation_inputs
+    errors = compare_track_with_truth(
+        evidence.truths, evidence.measurements, evidence.ego, evidence.local_map, config.truth_origin
+    )
+    link = RadioLinkSummary(evidence.remotes, evidence.ego, evidence.local_map)
     entries = {
         **link.build_record_entries(),
-        **fix_offsets_to_record_entry(made.measurements, made.ego),
-        **silences_to_record_entry(made.measurements),
+        **fix_offsets_to_record_entry(evidence.measurements, evidence.ego),
+        **silences_to_record_entry(evidence.measurements),
     }
     if errors is None:
         return result.with_evaluation(sections=link.build_sections(), tables=link.build_tables(), entries=entries)
@@ -80,7 +82,7 @@ def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> Stage
         sections=(*link.build_sections(), build_truth_errors_section(errors), build_nees_section(errors)),
         tables={"estimate": table, **link.build_tables()},
         notes=errors.notes,
-        verdict=consistency_verdict_sentence(summarise_track(made.ego), errors.nees),
+        verdict=consistency_verdict_sentence(summarise_track(evidence.ego), errors.nees),
         entries={**entries, **(truth_rules_to_record_entry(errors.rules) if errors.rules else {})},
     )
 
@@ -124,9 +126,9 @@ def _truth_mounting_notes(truth: Signal) -> tuple[str, ...]:
 
 def _notes_on_unused_truth(read: SensorSignals) -> tuple[str, ...]:
     """Return notes on why no truth is used although there are candidates; the binding's note names another option."""
-    told = f" channels hold {ROLE_TEXT[Role.TRUTH]}: "
+    phrase = f" channels hold {ROLE_TEXT[Role.TRUTH]}: "
     return tuple(
-        f"{note.rpartition(';')[0]}; none is used (choose one with --truth)" for note in read.notes if told in note
+        f"{note.rpartition(';')[0]}; none is used (choose one with --truth)" for note in read.notes if phrase in note
     )
 
 

@@ -136,12 +136,12 @@ def _add_tusimple_scores(
         if not len(rows_px) or len(flat) % len(rows_px) or not (sizes[row] > 0).all():
             continue
         search_w, search_h, image_w, image_h = sizes[row].tolist()
-        beside = lanes_beside_ego(flat.reshape(-1, len(rows_px)), rows_px, image_w, image_h)
+        ego_lanes = lanes_beside_ego(flat.reshape(-1, len(rows_px)), rows_px, image_w, image_h)
         image = search_w, search_h, image_w, image_h
         lines = _boundary_columns_px(
             lanes.image_boundaries[slice(row, row + 1)], rows_px, image, lanes.lenses.camera_before_rectification(row)
         )
-        scores.append(tusimple_score([lines[k] for k in np.flatnonzero(lanes.found[row])], beside, rows_px))
+        scores.append(tusimple_score([lines[k] for k in np.flatnonzero(lanes.found[row])], ego_lanes, rows_px))
     if scores:
         headline.add_errors("lanes.truth_accuracy", np.array([score.accuracy for score in scores]))
         headline.add_errors("lanes.truth_false_share", np.array([score.false_positive for score in scores]))
@@ -177,10 +177,10 @@ def _boundary_columns_through_lens_px(
     x_px = drawn.columns_at_heights_px((search_h + 0.5 - (dense_px + 0.5) * search_h / image_h)[None], search_h)[0]
     u_px = (x_px - 0.5) * image_w / search_w - 0.5
     seen = map_rectified_to_camera_px(np.stack([u_px, np.broadcast_to(dense_px, u_px.shape)], axis=-1), lens)
-    made = np.full((len(seen), len(rows_px)), np.nan)
+    columns_px = np.full((len(seen), len(rows_px)), np.nan)
     for side, points in enumerate(seen):
         line = points[in_image_mask(points, lens)]
         if len(line) > 1:
             line = line[np.argsort(line[:, 1], kind="stable")]
-            made[side] = np.interp(rows_px, line[:, 1], line[:, 0], left=np.nan, right=np.nan)
-    return made
+            columns_px[side] = np.interp(rows_px, line[:, 1], line[:, 0], left=np.nan, right=np.nan)
+    return columns_px

@@ -118,11 +118,11 @@ class RadioLinkSummary:
         if not self.stations:
             return {}
         columns = dict(zip(LINK_TABLE_COLUMNS, zip(*map(_station_row, self.stations), strict=True), strict=True))
-        made: dict[str, Any] = {
+        columns_by_name: dict[str, Any] = {
             name: list(values) if name == "station" else np.array(values, np.float64)
             for name, values in columns.items()
         }
-        return {"link": Table("link", made, dict(LINK_TABLE_COLUMNS))}
+        return {"link": Table("link", columns_by_name, dict(LINK_TABLE_COLUMNS))}
 
     def build_record_entries(self) -> dict[str, str]:
         """Return the record's entry with the sums for the headline metrics."""

@@ -43,12 +43,12 @@ PREVIEW_STATES = ("lateral_deviation_m", "heading_deviation_rad")
 
 def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
     """Add the errors to the result, if the log has a truth of the lateral motion."""
-    made: ObserverEvidence = result.evaluation_inputs
-    if made.truth is None or not len(made.truth):
+    evidence: ObserverEvidence = result.evaluation_inputs
+    if evidence.truth is None or not len(evidence.truth):
         return result.with_evaluation()
-    errors = build_truth_errors_table(made.track, made.truth)
+    errors = build_truth_errors_table(evidence.track, evidence.truth)
     return result.with_evaluation(
-        sections=(build_truth_errors_section(errors, made.truth.topic),),
+        sections=(build_truth_errors_section(errors, evidence.truth.topic),),
         tables={errors.name: errors},
         notes=_left_out_notes(errors),
     )

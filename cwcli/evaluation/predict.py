@@ -63,12 +63,12 @@ class PathErrorSettings:
 
 def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageResult:
     """Add the errors of every motion model to the result, each vehicle against its own later track in hindsight."""
-    asked = PathErrorSettings(config.horizon_s, config.step_s, config.discretisation)
+    settings = PathErrorSettings(config.horizon_s, config.step_s, config.discretisation)
     records = []
     n_states, n_done = max(sum(map(len, result.evaluation_inputs.values())), 1), 0
     for role, states in result.evaluation_inputs.items():
         with part_of_work(n_done / n_states, (n_done + len(states)) / n_states, "tracks"):
-            records += model_error_records_by_horizon(states, asked, read_actual_states(log, config, role))
+            records += model_error_records_by_horizon(states, settings, read_actual_states(log, config, role))
         n_done += len(states)
     return result.with_evaluation(
         sections=(_build_prediction_section(records, config.horizon_s),),
@@ -105,12 +105,14 @@ def add_metrics(context: EvaluationContext) -> None:
                 add_errors_at_horizons(headline, "prediction.ego.truth_", [errors])
     table = context.tables.get("prediction")
     if table is None:
-        asked = _path_error_settings_from_record(log)
+        settings = _path_error_settings_from_record(log)
         table = _build_prediction_table(
             [
                 record
                 for who, each in states.items()
-                for record in model_error_records_by_horizon(_read_online_start_states(log, who) or each, asked, each)
+                for record in model_error_records_by_horizon(
+                    _read_online_start_states(log, who) or each, settings, each
+                )
             ]
         )
     with headline.label_rows_with_states(comparison_label(knows, outcome)):

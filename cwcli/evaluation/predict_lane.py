@@ -36,9 +36,9 @@ COURSE_SCHEMA = EGO_STATE.schema
 
 def judge_result(log: Log, config: PredictLaneConfig, result: StageResult) -> StageResult:
     """Add the errors of every path model to the result: against the truth, else against the track."""
-    made: LanePathEvidence = result.evaluation_inputs
-    reference = _truth_poses_at_frames(made.truths, log, made.lateral, made.body.observed) or made.poses
-    table = _build_path_model_error_table(made.body, reference, config)
+    evidence: LanePathEvidence = result.evaluation_inputs
+    reference = _truth_poses_at_frames(evidence.truths, log, evidence.lateral, evidence.body.observed) or evidence.poses
+    table = _build_path_model_error_table(evidence.body, reference, config)
     section = _build_prediction_section(table, config.horizon_s, reference.source)
     return result.with_evaluation(sections=(section,), tables={table.name: table})
 
@@ -71,7 +71,7 @@ def _build_path_model_error_table(body: BodyPaths, poses: VehiclePoses, config: 
     """Build the table with the errors of each path model and of constant velocity, from the same starts and poses."""
     track = body.observed.track
     horizons = error_horizons_s(config.horizon_s)
-    made = {BASELINE_MODEL: _constant_velocity_paths(body)}
+    paths_by_model = {BASELINE_MODEL: _constant_velocity_paths(body)}
     for model, name in PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL.items():
         is_own = name == body.model
         own = replace(config.path_config, model=model)
@@ -80,21 +80,21 @@ def _build_path_model_error_table(body: BodyPaths, poses: VehiclePoses, config: 
             if is_own
             else BodyPaths.predict_from_frames(body.observed, body.vehicle, own, calibrate=config.calibrate)
         )
-        made[name] = other.paths
+        paths_by_model[name] = other.paths
     compared: dict[str, HorizonErrors] = {}
     bands: list[FloatArray] = []
     x_m, y_m = poses.at_xy_m.T
-    for name, paths in made.items():
+    for name, paths in paths_by_model.items():
         placed = transform_paths_to_map(paths, x_m, y_m, poses.at_yaw_rad)
         compared[name] = horizon_errors(
             placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_INTERPOLATED_TRACK_GAP_S
         )
         bands.append(_share_inside_90_percent_band(compared[name], placed))
     columns: dict[str, TableColumn] = {
-        "vehicle": [EGO_ID] * (len(made) * len(horizons)),
+        "vehicle": [EGO_ID] * (len(paths_by_model) * len(horizons)),
         **horizon_error_table(compared),
         "inside_band_90": np.concatenate(bands),
-        "against": [poses.source] * (len(made) * len(horizons)),
+        "against": [poses.source] * (len(paths_by_model) * len(horizons)),
     }
     docs = {"inside_band_90": ColumnDoc(doc="share of the errors across the path within 1.645 of their sigma")}
     return Table("observer_prediction", columns, docs)

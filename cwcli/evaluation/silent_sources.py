@@ -38,20 +38,22 @@ def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, 
     Args:
         measurements: Of the ego; the first one has the positions, with which the states begin.
     """
-    told = [(m, np.sort(m.stamp_ns[np.isfinite(m.values).all(axis=1)])) for m in measurements]
-    told = [(m, stamp_ns) for m, stamp_ns in told if len(stamp_ns)]
-    positions_ns = [stamp_ns for m, stamp_ns in told if m.kind is Kind.POSITION]
+    stamps_by_source = [(m, np.sort(m.stamp_ns[np.isfinite(m.values).all(axis=1)])) for m in measurements]
+    stamps_by_source = [(m, stamp_ns) for m, stamp_ns in stamps_by_source if len(stamp_ns)]
+    positions_ns = [stamp_ns for m, stamp_ns in stamps_by_source if m.kind is Kind.POSITION]
     if not positions_ns:
         return {SILENCES_RECORD_KEY: "[]"}
     first_ns = min(int(each[0]) for each in positions_ns)
-    last_ns = max(int(each[-1]) for _, each in told)
+    last_ns = max(int(each[-1]) for _, each in stamps_by_source)
     found: dict[tuple[str, int, int], dict[str, Any]] = {}
-    for m, stamp_ns in told:
+    for m, stamp_ns in stamps_by_source:
         usual_s = median_of_values(np.diff(stamp_ns)) / NS_PER_S if len(stamp_ns) > 1 else 0.0
         least_s = max(MAX_UNDOUBTED_SILENCE_S, MIN_SILENCE_IN_USUAL_STEPS * usual_s)
         within_ns = stamp_ns[stamp_ns >= first_ns]
         for gap in find_stamp_gaps(within_ns, start_ns=first_ns, end_ns=last_ns, min_gap_s=least_s):
-            others = [each for each in told if each[0] is not m and _goes_on(each[1], gap.start_ns, gap.end_ns)]
+            others = [
+                each for each in stamps_by_source if each[0] is not m and _goes_on(each[1], gap.start_ns, gap.end_ns)
+            ]
             known = {name for other, _ in others for name in TOLD_QUANTITIES_BY_KIND[other.kind]}
             lost = [name for name in TOLD_QUANTITIES_BY_KIND[m.kind] if name not in known]
             if not lost or not others:

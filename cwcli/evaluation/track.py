@@ -23,21 +23,21 @@ from cwcli.stages.track import TrackConfig, TrackingEvidence
 
 def judge_result(log: Log, config: TrackConfig, result: StageResult) -> StageResult:
     """Add the scores of the tracks to the result, if the log has a truth; their sums go into the record."""
-    made: TrackingEvidence = result.evaluation_inputs
-    truth = next((each for each in made.truths if isinstance(each, TargetTruthSignal)), None)
+    evidence: TrackingEvidence = result.evaluation_inputs
+    truth = next((each for each in evidence.truths if isinstance(each, TargetTruthSignal)), None)
     if truth is None:
-        return result.with_evaluation(entries={"scores": format_score_record_json(made.result, None)})
+        return result.with_evaluation(entries={"scores": format_score_record_json(evidence.result, None)})
     errors, notes = score_tracks_against_truth(
-        truth, made.result, made.moments_ns, in_map=made.in_map, local_map=made.local_map
+        truth, evidence.result, evidence.moments_ns, in_map=evidence.in_map, local_map=evidence.local_map
     )
-    entries = {"scores": format_score_record_json(made.result, errors)}
+    entries = {"scores": format_score_record_json(evidence.result, errors)}
     if errors is None:
-        return result.with_evaluation(notes=notes, at=made.n_notes, entries=entries)
+        return result.with_evaluation(notes=notes, at=evidence.n_notes, entries=entries)
     return result.with_evaluation(
-        sections=build_score_sections(errors, len(made.result.tracks)),
+        sections=build_score_sections(errors, len(evidence.result.tracks)),
         tables={"track": append_metric_rows(result.tables["track"], target_score_metric_rows(errors))},
         notes=notes,
-        at=made.n_notes,
+        at=evidence.n_notes,
         entries=entries,
     )
 

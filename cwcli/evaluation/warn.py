@@ -72,15 +72,16 @@ def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageRes
 
     True departures from the lane are not known, so warnings of `warn-lane` get no verdict.
     """
-    made: WarningEvidence | None = result.evaluation_inputs
-    if made is None:
+    evidence: WarningEvidence | None = result.evaluation_inputs
+    if evidence is None:
         return result
     others = TARGETS.role if isinstance(config, WarnTargetsConfig) else REMOTE_STATE.role
     actual = read_actual_tracks(log, config, (EGO_STATE.role, others))
     outcomes = [
-        _judge_rule_outcome(found, outcome, actual) for found, outcome in zip(made.found, made.outcomes, strict=True)
+        _judge_rule_outcome(found, outcome, actual)
+        for found, outcome in zip(evidence.found, evidence.outcomes, strict=True)
     ]
-    numbered = number_events_over_rules(outcomes, after=made.earlier)
+    numbered = number_events_over_rules(outcomes, after=evidence.earlier)
     sections = tuple(section for outcome in numbered for section in outcome.sections)
     return replace(
         result,

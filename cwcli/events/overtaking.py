@@ -22,9 +22,11 @@ def find_overtaking(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the moments in which the ego is beside a vehicle that it passes, from its rear to its front."""
     for other_id, pair in evidence.iter_pairs():
         seen = project_on_own_path(evidence, other_id)
-        beside = (np.abs(seen.ahead_m) < seen.half_length_m) & seen.is_same_direction
-        beside &= (np.abs(seen.left_m) < MAX_LATERAL_OFFSET_OF_SAME_ROAD_M) & (seen.speed_mps > MIN_OVERTAKEN_SPEED_MPS)
-        for first, last in lasting_row_spans(beside, seen.stamp_ns, max_pause_s=2 * PROJECTION_TIME_STEP_S):
+        is_beside = (np.abs(seen.ahead_m) < seen.half_length_m) & seen.is_same_direction
+        is_beside &= (np.abs(seen.left_m) < MAX_LATERAL_OFFSET_OF_SAME_ROAD_M) & (
+            seen.speed_mps > MIN_OVERTAKEN_SPEED_MPS
+        )
+        for first, last in lasting_row_spans(is_beside, seen.stamp_ns, max_pause_s=2 * PROJECTION_TIME_STEP_S):
             before, after = seen.ahead_m[max(first - 1, 0)], seen.ahead_m[min(last + 1, len(seen.ahead_m) - 1)]
             if not (before >= seen.half_length_m and after <= -seen.half_length_m):
                 continue

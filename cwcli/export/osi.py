@@ -63,21 +63,21 @@ def encode_osi_mcap_trace(tracks: Sequence[Track]) -> bytes:
     with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
         path = Path(folder) / "trace.mcap"
         with LogWriter(path) as log:
-            made = _osi_and_protobuf_version_texts()
+            versions = _osi_and_protobuf_version_texts()
             key = "net.asam.osi.trace.channel"
             channel = log.add_channel(
                 TRACE_TOPIC,
                 "protobuf",
                 log.add_schema(TRACE_SCHEMA, "protobuf", schema.data),
                 {
-                    f"{key}.osi_version": made["min_osi_version"],
-                    f"{key}.protobuf_version": made["min_protobuf_version"],
+                    f"{key}.osi_version": versions["min_osi_version"],
+                    f"{key}.protobuf_version": versions["min_protobuf_version"],
                     f"{key}.description": "states by cwcli: " + ", ".join(dict.fromkeys(t.what for t in tracks)),
                 },
             )
             log.write_messages(channel, at_ns, encode_protobuf(schema.descriptor, fields, n))
             zero = {"zero_time": format_iso_time(0)} if n and at_ns[0] >= GPS_EPOCH_NS else {}
-            log.add_metadata("net.asam.osi.trace", {**made, **zero, "description": "states estimated by cwcli"})
+            log.add_metadata("net.asam.osi.trace", {**versions, **zero, "description": "states estimated by cwcli"})
         return path.read_bytes()
 
 
@@ -101,13 +101,13 @@ def _osi_and_protobuf_version_texts() -> Mapping[str, str]:
 def _unique_numeric_ids(tracks: Sequence[Track]) -> list[int]:
     """Give each track a unique number: its own id where that is a number and still free."""
     own = [int(t.id) if t.id.isdecimal() and t.id == str(int(t.id)) and int(t.id) < 2**64 - 1 else None for t in tracks]
-    taken: set[int] = set()
+    used_ids: set[int] = set()
     ids: list[int | None] = []
     for number in own:
-        ids.append(None if number in taken else number)
+        ids.append(None if number in used_ids else number)
         if number is not None:
-            taken.add(number)
-    free = (number for number in range(len(tracks) + len(taken) + 1) if number not in taken)
+            used_ids.add(number)
+    free = (number for number in range(len(tracks) + len(used_ids) + 1) if number not in used_ids)
     return [next(free) if number is None else number for number in ids]
 
 

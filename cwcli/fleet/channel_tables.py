@@ -54,7 +54,7 @@ def make_channel_table(name: str, columns: Columns) -> Table:
         "publish_time_ns": columns.publish_time_ns,
         "sequence": columns.sequence,
     }
-    taken = COMMON_COLUMNS | header.keys()
-    fields = {f"message.{leaf}" if leaf in taken else leaf: values for leaf, values in columns.fields.items()}
+    used_columns = COMMON_COLUMNS | header.keys()
+    fields = {f"message.{leaf}" if leaf in used_columns else leaf: values for leaf, values in columns.fields.items()}
     about = {"topic": columns.topic, "schema": columns.schema_name, "encoding": columns.message_encoding}
     return Table(name, {**header, **fields}, {"log_time_ns": LOG_TIME_DOC, "publish_time_ns": PUBLISH_TIME_DOC}, about)

@@ -38,11 +38,11 @@ def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> lis
             needs a package that is not installed.
         InputError: A folder can't be listed, or a remote store does not answer.
     """
-    kept = [os.path.realpath(folder) + os.sep for folder in results]
+    result_folders = [os.path.realpath(folder) + os.sep for folder in results]
     found: dict[str, tuple[str, str]] = {}
     for argument in arguments:
         named = {source: _absolute_path(source) for source in _expand_argument(argument)}
-        outside = {source: path for source, path in named.items() if not path.startswith(tuple(kept))}
+        outside = {source: path for source, path in named.items() if not path.startswith(tuple(result_folders))}
         if not outside:
             raise UsageError("the log is in the output folder", where=argument, hint="name another folder with -d")
         for source, path in outside.items():

@@ -33,8 +33,8 @@ def safe_file_name(text: str) -> str:
     reader of partitioned tables would take it for a date.
     """
     composed = unicodedata.normalize("NFC", text)  # some file systems do so too: an accent is part of its letter
-    kept = "".join(char if _is_plain_character(char) else "\0" for char in composed)
-    name = _cut_to_max_length(re.sub(r"^[\W_]+", "", re.sub("\0+", "_", kept))).rstrip(".")
+    with_gaps = "".join(char if _is_plain_character(char) else "\0" for char in composed)
+    name = _cut_to_max_length(re.sub(r"^[\W_]+", "", re.sub("\0+", "_", with_gaps))).rstrip(".")
     if not _NOT_ONLY_A_NUMBER.search(name) or _READ_AS_A_VALUE.fullmatch(name) or _WINDOWS_DEVICE_NAMES.fullmatch(name):
         name = f"log-{name}".rstrip("-.")
         if name == f"log-{text}":

@@ -27,17 +27,17 @@ Event = tuple[str, ElementTree.Element]
 """`start` or `end`, and the element."""
 
 
-def iter_xml_events(path: str, kept: Collection[str]) -> Iterator[Event]:
+def iter_xml_events(path: str, wanted_tags: Collection[str]) -> Iterator[Event]:
     """Yield the begin and the end of each element.
 
     Args:
-        kept: Names of elements, without a namespace, whose children are there when they end; others have none.
+        wanted_tags: Names of elements, without a namespace, whose children are there when they end; others have none.
 
     Raises:
         InputError: It can't be read, is no XML, or exceeds a bound.
     """
     parser: ElementTree.XMLPullParser[ElementTree.Element] = ElementTree.XMLPullParser(("start", "end"))
-    tree = _BoundedTree(path, kept)
+    tree = _BoundedTree(path, wanted_tags)
     n_quiet_bytes = 0
     try:
         with Path(path).open("rb") as file:
@@ -69,9 +69,9 @@ def _feed_xml_parser(parser: ElementTree.XMLPullParser[ElementTree.Element], blo
 class _BoundedTree:
     """The elements that are open, and those in the one that is kept."""
 
-    def __init__(self, path: str, kept: Collection[str]) -> None:
+    def __init__(self, path: str, wanted_tags: Collection[str]) -> None:
         self._path = path
-        self._kept = kept
+        self._kept = wanted_tags
         self._open: list[ElementTree.Element] = []
         self._depth_of_kept: int | None = None
         self._n_held = 0

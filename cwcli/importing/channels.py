@@ -50,12 +50,12 @@ def _build_quantity_channel(
 ) -> OutputChannel:
     stamp_ns = meaning.stamp_ns[rows]
     n = len(stamp_ns)
-    made: dict[str, OutputField] = {
+    output_fields: dict[str, OutputField] = {
         "header.stamp": stamp_ns,
         "header.frame_id": Strings(np.zeros(n, np.int32), (frame,)),
         **{path: column[rows] for path, column in fields.items()},
     }
-    return OutputChannel(topic, schema, stamp_ns, made)
+    return OutputChannel(topic, schema, stamp_ns, output_fields)
 
 
 def _nan_column(meaning: Meaning) -> FloatArray:

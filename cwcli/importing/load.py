@@ -81,7 +81,7 @@ class LoadedTable:
 def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[str, list[str]]:
     """Return the columns that can be each quantity: what the user or the format says, else by their names."""
     found: dict[str, list[str]] = {}
-    taken: dict[str, str] = {}
+    quantity_of_column: dict[str, str] = {}
     for quantity in QUANTITIES:
         given = answers.column_and_unit_for(table, quantity)
         if given is not None:
@@ -94,9 +94,9 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
                 )
             found[quantity] = [given[0]] if given[0] else []
             if given[0]:
-                taken[given[0]] = quantity
+                quantity_of_column[given[0]] = quantity
     for column in table.columns:
-        if column in taken:
+        if column in quantity_of_column:
             continue
         preset = table.presets.get(column)
         names = [preset.quantity] if preset is not None else quantities_of_name(column)

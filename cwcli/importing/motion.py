@@ -96,8 +96,8 @@ def spans_of_map_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) 
     changed = np.concatenate([[True], (np.diff(x) != 0) | (np.diff(y) != 0)])
     if np.count_nonzero(changed) > 2:  # a value that is held is no new position
         held = np.concatenate([[False], np.diff(stamps) < MIN_TIME_BETWEEN_SPAN_POSITIONS_S * NS_PER_S])
-        kept = changed | ~held
-        stamps, x, y = stamps[kept], x[kept], y[kept]
+        is_new_place = changed | ~held
+        stamps, x, y = stamps[is_new_place], x[is_new_place], y[is_new_place]
     if len(stamps) < 3:
         return None
     rows = first_rows_of_intervals(stamps, MIN_TIME_BETWEEN_SPAN_POSITIONS_S)

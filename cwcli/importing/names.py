@@ -290,8 +290,8 @@ def quantities_of_name(name: str) -> list[str]:
         found = _quantities_of_words(tuple("course" if word == "track" else word for word in named.words))
     if not found and name.startswith("/"):
         folders, _, last = name.rpartition("/")
-        kept = [word for word in split_name(folders).words if word not in _PATH_WORDS]
-        found = _quantities_of_words((*kept, *split_name(last).words))
+        folder_words = [word for word in split_name(folders).words if word not in _PATH_WORDS]
+        found = _quantities_of_words((*folder_words, *split_name(last).words))
     return found
 
 

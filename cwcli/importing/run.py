@@ -76,8 +76,8 @@ class ImportPlan:
     @property
     def topics(self) -> list[tuple[str, str, int, str]]:
         """Topic, schema, number of messages and table of each channel."""
-        made = [(channel.topic, channel.schema_name, len(channel), table) for table, channel in self.channels]
-        return made + [(*topic, each.name) for each in self.recordings for topic in each.topics]
+        topic_rows = [(channel.topic, channel.schema_name, len(channel), table) for table, channel in self.channels]
+        return topic_rows + [(*topic, each.name) for each in self.recordings for topic in each.topics]
 
     def mapping_text(self) -> str:
         """Return the mapping file."""

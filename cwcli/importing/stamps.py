@@ -360,10 +360,10 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
         base = TimeBaseOfNumbers(wanted, since or read.since, "given", "as you said")
     guess = Guess("time", column, base.unit, base.confidence, base.why)
     says_epoch = preset is not None or bool(CLOCK_WORDS & {*words, unit_text}) or bool(given and "-" in given[1])
-    asked = _choices_of_number_time(column, base, unit, may_be_gps=not says_epoch and can_be_gps_seconds(instants))
-    if asked is not None:
+    choices = _choices_of_number_time(column, base, unit, may_be_gps=not says_epoch and can_be_gps_seconds(instants))
+    if choices is not None:
         nothing = np.zeros(len(instants.whole), np.int64)
-        return TimeCandidate(column, "unknown", nothing, instants.valid, guess, Question(where, *asked))
+        return TimeCandidate(column, "unknown", nothing, instants.valid, guess, Question(where, *choices))
     stamp_ns = instants.to_ns(base.unit)
     rest = (
         _nanosecond_column_of_second_column(table, column) if base.unit == "s" and not instants.fraction.any() else None

@@ -131,8 +131,10 @@ def add_sigmas_to_extremes(
         at: The pair at the `moments`.
         covariances: Covariances of the host's and the other's states at the moments, (r, 8, 8) each.
     """
-    asked = {each.measure: measures[each.measure] for each in measured.extremes if _can_have_sigma(each, measures)}
-    sigmas = sigmas_of_measures(at, covariances, asked)
+    measures_with_sigma = {
+        each.measure: measures[each.measure] for each in measured.extremes if _can_have_sigma(each, measures)
+    }
+    sigmas = sigmas_of_measures(at, covariances, measures_with_sigma)
     row = {stamp_ns: k for k, stamp_ns in enumerate(at.stamp_ns.tolist())}
     extremes = tuple(
         replace(each, sigma=float(sigmas[each.measure][row[each.stamp_ns]]))

@@ -62,8 +62,8 @@ def _braking_avoids_contact(start: EdgeProjections, host_mps: FloatArray) -> Boo
     hit = accelerated_contact_time_s(start, sign * CAR_BRAKING_LIMIT_MPS2, np.zeros(len(host_mps))) <= stop_s
     (x, y), (vx, vy) = start.centre_m[:2], start.speed_mps[:2]
     way = vx * stop_s + 0.5 * sign * CAR_BRAKING_LIMIT_MPS2 * stop_s**2
-    stands = start.with_motion(x + way, y + vy * stop_s, vx + host_mps, vy)
-    return ~hit & np.isinf(straight_contact_time_s(stands))
+    after_stop = start.with_motion(x + way, y + vy * stop_s, vx + host_mps, vy)
+    return ~hit & np.isinf(straight_contact_time_s(after_stop))
 
 
 def _accelerating_avoids_contact(start: EdgeProjections, host_mps: FloatArray) -> BoolArray:

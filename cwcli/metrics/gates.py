@@ -135,8 +135,8 @@ class _GateEvaluator:
         """Check a gate: for each log if it is about single logs, else once."""
         if not self._logs:
             return (GateCheck("", CheckStatus.FAILED, "there is no log"),)
-        asked: Sequence[LogMetrics | None] = self._logs if needs_single_log(node) else (None,)
-        return tuple(self._check_one_log(node, log, allow_missing) for log in asked)
+        logs_to_check: Sequence[LogMetrics | None] = self._logs if needs_single_log(node) else (None,)
+        return tuple(self._check_one_log(node, log, allow_missing) for log in logs_to_check)
 
     def _check_one_log(self, node: Node, log: LogMetrics | None, allow_missing: bool) -> GateCheck:
         """Check a gate on one log, or on the run as a whole (None)."""
@@ -192,8 +192,8 @@ class _GateEvaluator:
             assert log is not None
             return [self._value_of_log(name, log) for name in self._metrics_matching(operand, list(log.rows))]
         if isinstance(operand, Aggregate):
-            asked = self._metrics_matching(operand.name, self._all_metric_names, operand.function)
-            return [self._aggregate_over_logs(operand.function, name) for name in asked]
+            metrics = self._metrics_matching(operand.name, self._all_metric_names, operand.function)
+            return [self._aggregate_over_logs(operand.function, name) for name in metrics]
         answers = [self._evaluate_node(operand.inner, each).holds for each in self._done]
         known = [answer for answer in answers if answer is not None]
         if not known:
@@ -210,12 +210,12 @@ class _GateEvaluator:
         if not name.is_pattern:
             extremes = [function] if function in MEASURE_EXTREMES else MEASURE_EXTREMES
             column = name.text.removeprefix(MEASURE_METRIC_PREFIX)
-            meant = [f"{MEASURE_METRIC_PREFIX}{each}_{column}" for each in extremes if name.text != column]
+            suggestions = [f"{MEASURE_METRIC_PREFIX}{each}_{column}" for each in extremes if name.text != column]
             return [
                 next(
                     (
                         each
-                        for each in meant
+                        for each in suggestions
                         if each in self._all_metric_names and name.text not in self._all_metric_names
                     ),
                     name.text,

@@ -46,24 +46,24 @@ class ChannelChoice:
         if all(stage.package == Stage.package for stage in stages):
             self.check_patterns_match_topics()
 
-    def check_patterns_match_topics(self, made: Collection[str] = ()) -> None:
+    def check_patterns_match_topics(self, written_topics: Collection[str] = ()) -> None:
         """Check that each pattern matches a channel.
 
         Args:
-            made: Further topics, in addition to those that cwcli publishes.
+            written_topics: Further topics, in addition to those that cwcli publishes.
 
         Raises:
             UsageError: A pattern matches none.
         """
-        known = (*schema_name_by_published_topic(), *made) if self.patterns else ()
+        known = (*schema_name_by_published_topic(), *written_topics) if self.patterns else ()
         for each in self.patterns:
             if not any(fnmatchcase(topic, each) for topic in known):
                 what = f"--channels {each}: cwcli writes no such channel"
                 raise UsageError(what, found=tuple(sorted(known)), hint="name some of these; * stands for any part")
 
-    def patterns_that_match_no_topic(self, made: Collection[str]) -> tuple[str, ...]:
+    def patterns_that_match_no_topic(self, written_topics: Collection[str]) -> tuple[str, ...]:
         """Return the patterns that match none of the topics of the run."""
-        return tuple(each for each in self.patterns if not any(fnmatchcase(topic, each) for topic in made))
+        return tuple(each for each in self.patterns if not any(fnmatchcase(topic, each) for topic in written_topics))
 
     def record_with_written_topics(self, result: StageResult) -> Mapping[str, str]:
         """Return the record of a stage; if channels were chosen, it lists which of the stage's topics are written."""

@@ -140,9 +140,9 @@ def run_stages(
     if first is not None and not outcome.results:
         raise first
     choice.check_patterns_match_topics(
-        made := [channel.topic for result in outcome.results for channel in result.channels]
+        written_topics := [channel.topic for result in outcome.results for channel in result.channels]
     )
-    outcome.unmade = choice.patterns_that_match_no_topic(made)
+    outcome.unmade = choice.patterns_that_match_no_topic(written_topics)
     outcome.faults = log.faults.counts_by_reason()
     if strict:
         raise_on_data_faults_or_contradictions(outcome, log.start_ns)

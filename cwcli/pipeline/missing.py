@@ -135,17 +135,17 @@ class SkipStagesAlreadyRun:
         """
         if name not in self.stage.first:
             return None
-        made = {
+        already_run = {
             role: source
             for role, source in self.stages[name].input_role_by_added_role.items()
             if role in self.stage.required
         }
-        found = bind_roles(log.channels, selection.topics, required=(), optional=tuple(made), where=log.name)
-        is_there = any(role in found for role in made)
+        found = bind_roles(log.channels, selection.topics, required=(), optional=tuple(already_run), where=log.name)
+        is_there = any(role in found for role in already_run)
         bind_roles(
             log.channels,
             selection.topics,
-            required=tuple(made if is_there else made.values()),
+            required=tuple(already_run if is_there else already_run.values()),
             ego_station=self.ego_station,
             where=log.name,
             command=self.stage.name,

@@ -110,28 +110,28 @@ class RecordingContract:
             schemas: Topic -> its schema, in one spelling.
             topics: Topic -> its statistics, by the names of the fields of `TopicHealth`.
         """
-        made = [
+        verdicts = [
             _compare_with_limit("log", name, limit, totals[_condition_name_without_min_or_max(name)])
             for name, limit in self.limits.items()
         ]
         for role in self.roles:
-            made.append(
+            verdicts.append(
                 ConditionVerdict("log", f"role {role}", "filled" if role in roles else "not filled", role in roles)
             )
         for topic, conditions in self.topics.items():
             if topic not in schemas:
-                made.append(ConditionVerdict(topic, "is there", "no such topic", holds=False))
+                verdicts.append(ConditionVerdict(topic, "is there", "no such topic", holds=False))
                 continue
             if not conditions:
-                made.append(ConditionVerdict(topic, "is there", "yes", holds=True))
+                verdicts.append(ConditionVerdict(topic, "is there", "yes", holds=True))
             for name, limit in conditions.items():
                 if name == "schema":
-                    made.append(
+                    verdicts.append(
                         ConditionVerdict(topic, f"schema {limit}", schemas[topic] or "none", schemas[topic] == limit)
                     )
                 else:
-                    made.append(_compare_with_limit(topic, name, limit, topics[topic][TOPIC_CONDITIONS[name]]))
-        return made
+                    verdicts.append(_compare_with_limit(topic, name, limit, topics[topic][TOPIC_CONDITIONS[name]]))
+        return verdicts
 
 
 def _condition_name_without_min_or_max(name: str) -> str:

@@ -53,21 +53,24 @@ def estimate_remote_states(
     config = replace(estimator, calibration=None, latency="none", sensor_model="none", compares_sources=False)
 
     def estimate_station(own: Int64Array) -> TrackSummary:
-        heard = own[is_fresh[own]]
+        fresh_rows = own[is_fresh[own]]
         fewer = None
-        if len(heard) < len(own):
-            fewer = remote_station_to_measurements(signal, heard, local_map, config.senders), signal.stamp_ns[heard]
+        if len(fresh_rows) < len(own):
+            fewer = (
+                remote_station_to_measurements(signal, fresh_rows, local_map, config.senders),
+                signal.stamp_ns[fresh_rows],
+            )
         said = remote_station_to_measurements(signal, own, local_map, config.senders)
         track, known = estimate_hindsight_and_online_tracks(
             said, config, signal.stamp_ns[own], blind=estimator.takes_no_online_parameter_from_log, online_input=fewer
         )
         hindsight.store_states_of_track(own, track)
-        online.store_states_of_track(heard, known)
+        online.store_states_of_track(fresh_rows, known)
         return summarise_track(track)
 
     hindsight, online = _CollectedStates(signal, np.ones_like(is_fresh)), _CollectedStates(signal, is_fresh)
-    told = map_in_threads(estimate_station, [own for _, own in stations])
-    tracks = {station: track for (station, _), track in zip(stations, told, strict=True)}
+    tracks_of_stations = map_in_threads(estimate_station, [own for _, own in stations])
+    tracks = {station: track for (station, _), track in zip(stations, tracks_of_stations, strict=True)}
     return RemoteStates(
         hindsight.to_vehicle_states(), online.to_vehicle_states(), tracks, int(np.count_nonzero(~is_fresh))
     )

@@ -129,7 +129,7 @@ class StageSummary:
 
     def to_record_entry(self) -> dict[str, str]:
         """Return what later readers of the log need, as an entry of the record: tables, notes, verdict, doubts."""
-        told = {
+        summary = {
             "verdict": self.verdict,
             "notes": list(self.notes),
             **({"corrections": list(self.corrections)} if self.corrections else {}),
@@ -147,7 +147,7 @@ class StageSummary:
                 if not section.is_timed
             ],
         }
-        return {"summary": json.dumps(told)}
+        return {"summary": json.dumps(summary)}
 
 
 @dataclass(frozen=True)

@@ -34,18 +34,18 @@ def add_stations_to_error(
     Returns:
         The error as it is where the log holds no V2X message that can be read.
     """
-    heard = sum(
+    n_stations = sum(
         (n for topic, n in count_stations_by_topic(log).items() if topics is None or topic in topics), Counter()
     )
-    if not heard:
+    if not n_stations:
         return error
     named = ", ".join(
         f"{escape_control_characters(station)} ({format_count(n, 'message')})"
-        for station, n in heard.most_common(MAX_STATIONS_IN_ERROR)
+        for station, n in n_stations.most_common(MAX_STATIONS_IN_ERROR)
     )
-    more = f" and {len(heard) - MAX_STATIONS_IN_ERROR} more" if len(heard) > MAX_STATIONS_IN_ERROR else ""
-    first = heard.most_common(1)[0][0]
-    is_heard = given is not None and given.lower() in {station.lower() for station in heard}
+    more = f" and {len(n_stations) - MAX_STATIONS_IN_ERROR} more" if len(n_stations) > MAX_STATIONS_IN_ERROR else ""
+    first = n_stations.most_common(1)[0][0]
+    is_heard = given is not None and given.lower() in {station.lower() for station in n_stations}
     return MissingSignalError(
         error.what,
         where=error.where,
@@ -68,15 +68,15 @@ def count_stations_by_topic(log: Log) -> dict[str, Counter[str]]:
         for channel in log.channels
         if (entry := find_input_for_role(Role.REMOTE, channel.schema_name)) is not None
     }
-    heard: dict[str, Counter[str]] = {}
+    counts_by_topic: dict[str, Counter[str]] = {}
     try:
         for topic, columns in log.load_topics(topics).items() if topics else ():
             signal, _ = build_signal(Role.REMOTE, columns)
             assert isinstance(signal, RemoteSignal)
             sent = signal.station.codes[~perceived_rows_mask(signal)]
-            counts = heard.setdefault(topic, Counter())
+            counts = counts_by_topic.setdefault(topic, Counter())
             for station, n in zip(signal.station.values, np.bincount(sent), strict=False):
                 counts[station] += int(n)
     except CwcliError:  # the channel is damaged: what was missing is still what is wrong
-        return heard
-    return heard
+        return counts_by_topic
+    return counts_by_topic

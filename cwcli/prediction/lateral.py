@@ -149,20 +149,20 @@ def road_curvature_here_and_ahead_1pm(track: LateralTrack, reach_m: FloatArray) 
     driven_m = np.cumsum(np.nan_to_num(track.speed_mps) * dt)
     here = filled.copy()
     places_m: list[float] = []
-    told: list[float] = []
+    curvatures_1pm: list[float] = []
     for i, (at_m, value, far_m) in enumerate(zip(driven_m.tolist(), ahead.tolist(), reach_m.tolist(), strict=True)):
         if not math.isnan(value):
             while places_m and places_m[-1] >= at_m + far_m:
                 places_m.pop()
-                told.pop()
+                curvatures_1pm.pop()
             places_m.append(at_m + far_m)
-            told.append(value)
+            curvatures_1pm.append(value)
         after = bisect_right(places_m, at_m)
         if 0 < after < len(places_m) and places_m[after] - places_m[after - 1] <= far_m:
             share = (at_m - places_m[after - 1]) / (places_m[after] - places_m[after - 1])
-            here[i] = told[after - 1] + share * (told[after] - told[after - 1])
+            here[i] = curvatures_1pm[after - 1] + share * (curvatures_1pm[after] - curvatures_1pm[after - 1])
         elif 0 < after == len(places_m) and at_m - places_m[-1] <= far_m:
-            here[i] = told[-1]
+            here[i] = curvatures_1pm[-1]
     return here, filled
 
 
@@ -266,8 +266,8 @@ def _position_covariance_of_lateral_paths(
     is_given = np.isfinite(given).reshape(n, -1).all(axis=1)
     start = np.where(np.asarray(is_given)[:, None, None], given, assumed)
     lever = steady_lateral_speed_per_yaw_rate_m(vehicle, speed_mps)
-    turned, bent = _integrals_of_decaying_yaw_rate_error_s_s2(time_s, config)
-    to_gamma = speed_mps * bent + lever * (turned - time_s)  # how far gamma's error carries the car sideways
+    turned, curved = _integrals_of_decaying_yaw_rate_error_s_s2(time_s, config)
+    to_gamma = speed_mps * curved + lever * (turned - time_s)  # how far gamma's error carries the car sideways
     to_lateral = np.broadcast_to(time_s, to_gamma.shape)
     across = (
         start[:, 0, 0, None] * to_lateral**2
@@ -275,7 +275,7 @@ def _position_covariance_of_lateral_paths(
         + start[:, 1, 1, None] * to_gamma**2
     )
     if config.model != "zhang2011":
-        across = across + (config.curvature_sigma_1pm * speed_mps**2 * (0.5 * time_s**2 - bent)) ** 2
+        across = across + (config.curvature_sigma_1pm * speed_mps**2 * (0.5 * time_s**2 - curved)) ** 2
     # White noise behind the yaw rate: the integral of the squared answer to an impulse.
     swing = _integrals_of_decaying_yaw_rate_error_s_s2(time_s, LateralPathConfig(adapt_s=config.adapt_s))[1]
     grown = np.concatenate([[0.0], np.cumsum(0.5 * config.step_s * (swing[1:] ** 2 + swing[:-1] ** 2))])

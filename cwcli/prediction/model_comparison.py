@@ -118,10 +118,10 @@ def compare_models_at_horizons(
     return errors
 
 
-def _initial_log_scales(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> LogScales:
+def _initial_log_scales(model: str, horizon_s: float, n: int, calibrated: FloatArray | None) -> LogScales:
     """The log scales with which a model's ellipses begin: the learned ones, or its own for all n starts, (n, k, 2)."""
-    if learned is not None and MODELS[model].learns:
-        return learned
+    if calibrated is not None and MODELS[model].learns:
+        return calibrated
     return np.tile(initial_log_scale_at_knots(model, horizon_s), (n, 1, 1))
 
 

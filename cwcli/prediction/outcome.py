@@ -91,9 +91,9 @@ def horizon_errors(
     squared = core_squared = _squared_mahalanobis(error_x, error_y, xx, xy, yy)
     if paths.core_factor is not None:
         factor = predicted["core"]
-        kept = np.maximum(1.0 - factor, 0.0)
+        remaining_share = np.maximum(1.0 - factor, 0.0)
         start = np.moveaxis(paths.position_covariance_m2[:, :1], -1, 0)
-        core = (factor * now + kept * then for now, then in zip((xx, xy, yy), start, strict=True))
+        core = (factor * now + remaining_share * then for now, then in zip((xx, xy, yy), start, strict=True))
         core_squared = _squared_mahalanobis(error_x, error_y, *core)
     return HorizonErrors(
         horizon_s=horizon,

@@ -39,9 +39,9 @@ def scale_path_covariance_in_place(paths: Paths, log_scale: LogScales, has_core:
             interpolate_log_scale(log_scale[rows, :, 1], paths.time_s),
         )
         factor = np.exp(whole)
-        kept = np.maximum(1.0 - factor, 0.0)[..., None] * covariance[:, :1]
+        remaining_covariance = np.maximum(1.0 - factor, 0.0)[..., None] * covariance[:, :1]
         covariance *= factor[..., None]
-        covariance += kept
+        covariance += remaining_covariance
         if core_factor is not None:
             core_factor[rows] = np.exp(interpolate_log_scale(log_scale[rows, :, 0], paths.time_s) - whole)
     return replace(paths, core_factor=core_factor)

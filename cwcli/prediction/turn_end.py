@@ -59,13 +59,13 @@ def left_turn_on_last_way_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, sta
     if not len(stamp_ns):
         return np.zeros(0)
     later_known_ns = np.append(np.minimum.accumulate(log_time_ns[::-1])[::-1][1:], np.iinfo(np.int64).max)
-    kept = np.flatnonzero(log_time_ns <= later_known_ns)  # the others were overtaken by a newer state
-    step_s = np.diff(stamp_ns[kept]) / NS_PER_S
-    speed_mps, heading_rad = np.abs(state[kept, SPEED]), state[kept, HEADING]
+    current_rows = np.flatnonzero(log_time_ns <= later_known_ns)  # the others were overtaken by a newer state
+    step_s = np.diff(stamp_ns[current_rows]) / NS_PER_S
+    speed_mps, heading_rad = np.abs(state[current_rows, SPEED]), state[current_rows, HEADING]
     way_m = np.cumsum(np.append(0.0, np.nan_to_num(speed_mps[1:]) * step_s))
     course_rad = np.cumsum(np.append(0.0, np.nan_to_num(wrap_angle(np.diff(heading_rad)))))
     turned = course_rad - np.interp(way_m - WAY_DRIVEN_IN_TURN_M, way_m, course_rad)
-    newest = np.searchsorted(kept, np.arange(len(stamp_ns)), side="right") - 1
+    newest = np.searchsorted(current_rows, np.arange(len(stamp_ns)), side="right") - 1
     return np.asarray(np.where(newest >= 0, turned[np.maximum(newest, 0)], 0.0))
 
 

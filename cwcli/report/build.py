@@ -131,17 +131,17 @@ def build_report(
         say(f"{candidate.entry.name}, log {index + 1} of {len(shown)}")
         is_open = len(shown) <= MAX_UNFOLDED_LOGS or index == 0
         with part_of_work(index / len(shown), (index + 1) / len(shown)):
-            made = _render_section_and_complete_candidate(
+            section = _render_section_and_complete_candidate(
                 candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open
             )
-        if made is None:
+        if section is None:
             n_misfits += 1
             if n_misfits == MAX_LOGS_TOO_LARGE:
                 break
             continue
         candidate.anchor = f"log-{index + 1}"
-        sections.append(made)
-        budget -= len(made.encode()) + len(candidate.track)
+        sections.append(section)
+        budget -= len(section.encode()) + len(candidate.track)
         if budget < row_bytes:
             break
     return assemble_run_report(run, candidates, results, sections, renderer)
@@ -306,12 +306,12 @@ def _render_section_and_complete_candidate(
                 options = SectionOptions(anchor, candidate.badges, detail, is_alone=False, is_open=is_open)
                 view = _read_and_build_log_view(log, candidate.entry, options, system)
                 candidate.story = candidate.story or view.story.headline[:MAX_STORY_CHARACTERS]
-                made = renderer.render_log_section(view)
-                if len(made.encode()) <= budget:
+                section = renderer.render_log_section(view)
+                if len(section.encode()) <= budget:
                     candidate.badges += view.story.badges
                     candidate.links = view.links
                     candidate.track = candidate.track or read_ego_track_svg_path(log)
-                    return made
+                    return section
     except CwcliError as error:
         candidate.story = candidate.story or error.what
         candidate.badges.append(Badge("can't be shown", "bad"))

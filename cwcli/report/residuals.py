@@ -176,11 +176,11 @@ def _level_and_sort_measurements(drive: Drive, measured: Measurements) -> list[M
     if not len(values):
         return []
     levelled = level_imu(drive.seconds_since_start(stamp_ns), values, None)
-    kept = stamp_ns[np.isin(drive.seconds_since_start(stamp_ns), levelled.time_s)]
-    if len(kept) != len(levelled.time_s):  # equal stamps, one of which was left out
+    levelled_ns = stamp_ns[np.isin(drive.seconds_since_start(stamp_ns), levelled.time_s)]
+    if len(levelled_ns) != len(levelled.time_s):  # equal stamps, one of which was left out
         return []
     return [
-        Measurements(measured.source, kind, kept, each[:, None])
+        Measurements(measured.source, kind, levelled_ns, each[:, None])
         for kind, each in ((Kind.ACCEL, levelled.accel_mps2), (Kind.YAW_RATE, levelled.yaw_rate_radps))
     ]
 

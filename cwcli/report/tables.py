@@ -89,12 +89,12 @@ def all_warnings_table(
         ("lead [s]", True),
         ("nearest [m]", True),
     )
-    kept = rows[:MAX_TABLE_ROWS]
+    listed = rows[:MAX_TABLE_ROWS]
     hint = "the most critical ones have figures above"
-    if len(rows) > len(kept):
+    if len(rows) > len(listed):
         hint += f"; the first {MAX_TABLE_ROWS} of {len(rows)} are listed"
-    names = tuple(anchor_name_by_warning.get(each.event_id, "") for each in drive_encounters.encounters[: len(kept)])
-    return TableView("All warnings", columns, tuple(kept), hint, row_marks=names)
+    names = tuple(anchor_name_by_warning.get(each.event_id, "") for each in drive_encounters.encounters[: len(listed)])
+    return TableView("All warnings", columns, tuple(listed), hint, row_marks=names)
 
 
 def build_log_tables(drive: Drive, entry: LogEntry, *, has_all_metrics: bool) -> list[TableView]:
@@ -155,9 +155,9 @@ def _build_metrics_tables(entry: LogEntry, has_all_metrics: bool) -> list[TableV
 
 def drop_empty_columns(table: TableView) -> TableView:
     """Drop the columns in which every row is empty."""
-    kept = [k for k in range(len(table.columns)) if any(row[k] not in ("", "-") for row in table.rows)]
-    rows = tuple(tuple(row[k] for k in kept) for row in table.rows)
-    return replace(table, columns=tuple(table.columns[k] for k in kept), rows=rows)
+    filled_columns = [k for k in range(len(table.columns)) if any(row[k] not in ("", "-") for row in table.rows)]
+    rows = tuple(tuple(row[k] for k in filled_columns) for row in table.rows)
+    return replace(table, columns=tuple(table.columns[k] for k in filled_columns), rows=rows)
 
 
 def format_metric_value(name: str, value: float) -> str:

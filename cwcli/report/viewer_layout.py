@@ -160,8 +160,8 @@ class _LayoutBuilder:
             self.panels.add_log_line_panel("log", "Warnings", WARNING_LOG.topic),
             self.panels.add_state_transitions("drive", "Warnings", [_series_of_field(WARNINGS, "state")]),
         )
-        beside = place_in_column(self._add_map_panel(), self._add_image_panel("front", self.log.cameras[:1]))
-        return split_in_two("column", split_in_two("row", self._add_scene_panel(), beside, 55.0), below, 75.0)
+        map_and_camera = place_in_column(self._add_map_panel(), self._add_image_panel("front", self.log.cameras[:1]))
+        return split_in_two("column", split_in_two("row", self._add_scene_panel(), map_and_camera, 55.0), below, 75.0)
 
     def build_signals_tab(self) -> Mosaic:
         """Build the tab of the states over time: estimated, true and measured."""
@@ -359,8 +359,8 @@ def _topics_matching(channels: Sequence[ChannelLike], is_one: Callable[[ChannelL
 
 def _calibration_topic_of_camera(topic: str, infos: Sequence[str]) -> str | None:
     """Return the calibration topic in the camera's namespace, else the only one, else None."""
-    beside = [info for info in infos if info.rpartition("/")[0] == topic.rpartition("/")[0]]
-    return beside[0] if beside else infos[0] if len(infos) == 1 else None
+    topics_beside = [info for info in infos if info.rpartition("/")[0] == topic.rpartition("/")[0]]
+    return topics_beside[0] if topics_beside else infos[0] if len(infos) == 1 else None
 
 
 def _measured_message_paths(channels: Sequence[ChannelLike], role: Role, names: Sequence[str]) -> tuple[str, ...]:

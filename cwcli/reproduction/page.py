@@ -117,7 +117,7 @@ def _format_findings(table: SummaryTable) -> list[str]:
     of_paper, of_class = (table.columns.index(column) for column in ("paper", "class"))
     if len(table.rows) > 1 and {row[of_paper] for row in table.rows} == {"-"} and _shared_cell(table, of_class):
         return _format_grids(table)
-    shared, kept = [], []
+    shared, particular = [], []
     for at, column in enumerate(table.columns):
         cells = {row[at] for row in table.rows}
         if column in COLUMNS_THAT_MAY_BE_EMPTY and cells <= {"", "-"}:
@@ -125,9 +125,9 @@ def _format_findings(table: SummaryTable) -> list[str]:
         if column in COLUMNS_THAT_MAY_BE_SHARED and len(cells) == 1 < len(table.rows):
             shared.append(f"{column}: {cells.pop()}")
         else:
-            kept.append(at)
-    rows = tuple(tuple(row[at] for at in kept) for row in table.rows)
-    short = replace(table, columns=tuple(table.columns[at] for at in kept), rows=rows)
+            particular.append(at)
+    rows = tuple(tuple(row[at] for at in particular) for row in table.rows)
+    short = replace(table, columns=tuple(table.columns[at] for at in particular), rows=rows)
     return [*(["", f"All rows: {'; '.join(shared)}."] if shared else []), "", short.to_markdown()]
 
 

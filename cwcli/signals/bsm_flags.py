@@ -109,9 +109,9 @@ def read_ros_event_flags_and_unreadable(columns: Columns) -> tuple[Int64Array, B
     is_unread = np.zeros(n, np.bool_)
     is_unread[rows[(values != 0.0) & ~is_told[rows]]] = True
     rows, values, has = rows[is_told[rows]], values[is_told[rows]], has[is_told[has_rows]]
-    told = np.where(numbers_to_bit_flags(has) & EVENTS_PRESENT_BIT, numbers_to_bit_flags(values), 0)
+    event_bits = np.where(numbers_to_bit_flags(has) & EVENTS_PRESENT_BIT, numbers_to_bit_flags(values), 0)
     for bit, flag in FLAG_NAMES_BY_ROS_BIT.items():
-        np.bitwise_or.at(found, rows[(told & bit) != 0], 1 << (N_EVENT_FLAGS - 1 - EVENT_FLAG_NAMES.index(flag)))
+        np.bitwise_or.at(found, rows[(event_bits & bit) != 0], 1 << (N_EVENT_FLAGS - 1 - EVENT_FLAG_NAMES.index(flag)))
     return found, is_unread
 
 

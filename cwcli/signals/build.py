@@ -80,14 +80,14 @@ def _build_mapped_signal(
 ) -> tuple[Signal, Quality]:
     """Build the signal of a channel whose fields the user has mapped; `build` builds it of the converted messages."""
     columns, mapping, frames = _decode_if_can_frames(columns, mapping)
-    made, is_stamped = apply_mapping_and_tell_if_stamped(columns, mapping)
+    mapped, is_stamped = apply_mapping_and_tell_if_stamped(columns, mapping)
     notes = []
     for each, of_part in parts:
         further, said, of_frames = _decode_if_can_frames(each, of_part)
-        made, note = add_quantities_of_channel(made, is_stamped, further, said)
+        mapped, note = add_quantities_of_channel(mapped, is_stamped, further, said)
         notes += [note, *(of_frames.notes if of_frames is not None else ())]
     how = replace(reading, is_override=True, clock=reading.clock if is_stamped else "log")
-    signal, quality = build(made, how)
+    signal, quality = build(mapped, how)
     quality.notes += tuple(notes)
     if frames is not None:
         quality.read += sum(frames.set_aside.values()) + sum(frames.rejected.values())

@@ -89,8 +89,11 @@ def decode_can_signals_and_add_units(columns: Columns, mapping: FieldMapping) ->
         )
     message = _find_dbc_message(columns, mapping, names.pop())
     signals = [_find_dbc_signal(columns, mapping, message, term) for term in mapping.terms]
-    taken = [*signals, *(_find_multiplexer_signal(message, signal) for signal in signals if signal.multiplexer_ids)]
-    for signal in taken:
+    all_signals = [
+        *signals,
+        *(_find_multiplexer_signal(message, signal) for signal in signals if signal.multiplexer_ids),
+    ]
+    for signal in all_signals:
         if signal.length > MAX_SIGNAL_BITS or (signal.is_float and signal.length not in FLOAT_TYPES_BY_BITS):
             raise _error_about_mapping(
                 columns, mapping, f"the signal {signal.name} has {signal.length} bits, which is not read"
@@ -99,7 +102,7 @@ def decode_can_signals_and_add_units(columns: Columns, mapping: FieldMapping) ->
     is_it = (identifier == message.frame_id) & ((is_extended == 1) == message.is_extended_frame)
     is_it &= ~(read_numbers(columns, "is_rtr") == 1) & ~(read_numbers(columns, "is_error") == 1)
     octets, n_octets = _frame_bytes_and_lengths(columns)
-    needed = _count_bytes_needed(taken)
+    needed = _count_bytes_needed(all_signals)
     octets = np.pad(octets, ((0, 0), (0, max(needed - octets.shape[1], 0))))
     is_whole = n_octets >= needed
     rejected = {FRAME_TOO_SHORT_REASON: int(np.count_nonzero(is_it & ~is_whole))}
@@ -108,23 +111,25 @@ def decode_can_signals_and_add_units(columns: Columns, mapping: FieldMapping) ->
     for reason, is_bad in faults.items():
         rejected[reason] = int(np.count_nonzero(is_bad & is_present))
         is_present &= ~is_bad
-    kept = rows[is_present]
-    others = len(columns) - len(kept) - sum(rejected.values())
+    present_rows = rows[is_present]
+    others = len(columns) - len(present_rows) - sum(rejected.values())
     fields: dict[str, Any] = {
-        name: field[kept] for name, field in columns.fields.items() if "stamp" in name and isinstance(field, np.ndarray)
+        name: field[present_rows]
+        for name, field in columns.fields.items()
+        if "stamp" in name and isinstance(field, np.ndarray)
     }
     fields |= {term.path: value[is_present] for term, value in zip(mapping.terms, values, strict=True)}
-    made = replace(
+    decoded = replace(
         columns,
-        log_time_ns=columns.log_time_ns[kept],
-        publish_time_ns=columns.publish_time_ns[kept],
-        sequence=columns.sequence[kept],
+        log_time_ns=columns.log_time_ns[present_rows],
+        publish_time_ns=columns.publish_time_ns[present_rows],
+        sequence=columns.sequence[present_rows],
         fields=fields,
     )
     terms, notes = _terms_with_dbc_units(columns, mapping, signals)
     aside = {OTHER_MESSAGE_REASON: others} if others else {}
     counts = {reason: n for reason, n in rejected.items() if n}
-    return DecodedFrames(made, aside, counts, notes), replace(mapping, terms=terms)
+    return DecodedFrames(decoded, aside, counts, notes), replace(mapping, terms=terms)
 
 
 def _find_dbc_message(columns: Columns, mapping: FieldMapping, name: str) -> DbcMessage:

@@ -137,15 +137,15 @@ def meets_condition(value: object, condition: Condition) -> bool | None:
     A value that is absent or not a number (NaN) meets none. Texts that spell a number are compared as numbers where the
     condition has one; `true` is true, a number that is not 0, and the text `true` in any case.
     """
-    asked = condition.value
+    wanted_value = condition.value
     if value is None or isinstance(value, MissingValue) or (isinstance(value, float) and math.isnan(value)):
         return False
-    if isinstance(asked, bool):
+    if isinstance(wanted_value, bool):
         truth = _truth_value_or_none(value)
-        return None if truth is None else (truth == asked) == (condition.sign == "==")
-    if isinstance(asked, str):
-        return (value == asked) == (condition.sign == "==") if isinstance(value, str) else None
-    return _compare_with_number(value, condition.sign, asked)
+        return None if truth is None else (truth == wanted_value) == (condition.sign == "==")
+    if isinstance(wanted_value, str):
+        return (value == wanted_value) == (condition.sign == "==") if isinstance(value, str) else None
+    return _compare_with_number(value, condition.sign, wanted_value)
 
 
 def _compare_with_number(value: object, sign: str, number: float) -> bool | None:

@@ -203,8 +203,8 @@ def y_direction_curvature_of_arcs_at_distance(
     ahead = rate + 2.0 * growth * x_m
     sine = start + (rate + growth * x_m) * x_m
     with np.errstate(invalid="ignore"):
-        made = np.stack([places_m, np.arcsin(sine), np.broadcast_to(ahead, places_m.shape)], axis=-1)
-    return np.where(np.isnan(places_m)[..., None], np.nan, made)
+        y_direction_curvature = np.stack([places_m, np.arcsin(sine), np.broadcast_to(ahead, places_m.shape)], axis=-1)
+    return np.where(np.isnan(places_m)[..., None], np.nan, y_direction_curvature)
 
 
 def y_direction_curvature_of_lane_centres_at_distance(
@@ -219,9 +219,11 @@ def y_direction_curvature_of_lane_centres_at_distance(
         left_and_right_arcs: Shape (n, 2, 3), as for `lateral_positions_of_arcs_m`; NaN for a line that is not known.
         x_m, change_1pm2: As for `lateral_positions_of_arcs_m`; shape (n,).
     """
-    made = y_direction_curvature_of_arcs_at_distance(centre_arcs_of_lanes(left_and_right_arcs), x_m, change_1pm2)
-    made[np.isnan(left_and_right_arcs.sum(axis=(1, 2))), 0] = np.nan
-    return made
+    y_direction_curvature = y_direction_curvature_of_arcs_at_distance(
+        centre_arcs_of_lanes(left_and_right_arcs), x_m, change_1pm2
+    )
+    y_direction_curvature[np.isnan(left_and_right_arcs.sum(axis=(1, 2))), 0] = np.nan
+    return y_direction_curvature
 
 
 def centre_arcs_of_lanes(left_and_right_arcs: LeftRightArcs) -> ArcCoefficients:

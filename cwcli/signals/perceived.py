@@ -45,8 +45,8 @@ def identify_objects_as_senders(columns: Columns) -> Senders:
     object_codes, first = key_numbers_and_rows_of_first_appearance(key)
     codes = np.full(n, -1, np.int32)
     codes[numbered] = object_codes
-    told = zip(sender.codes[numbered[first]].tolist(), number[numbered[first]].tolist(), strict=True)
-    stations = Strings(codes, tuple(f"{names[code]}:{int(k)}" for code, k in told)).merge_equal_values()
+    codes_and_numbers = zip(sender.codes[numbered[first]].tolist(), number[numbered[first]].tolist(), strict=True)
+    stations = Strings(codes, tuple(f"{names[code]}:{int(k)}" for code, k in codes_and_numbers)).merge_equal_values()
     return Senders(stations, np.zeros(n, np.bool_), np.zeros(n, np.bool_))
 
 

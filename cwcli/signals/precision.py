@@ -34,5 +34,5 @@ def round_plane_covariance(covariance: FloatArray, bits: int) -> FloatArray:
     """
     share, exponent = np.frexp(covariance)
     scaled = share * 2.0**bits
-    kept = np.stack([np.ceil(scaled[..., 0]), np.trunc(scaled[..., 1]), np.ceil(scaled[..., 2])], axis=-1)
-    return np.ldexp(kept * 2.0**-bits, exponent)
+    rounded = np.stack([np.ceil(scaled[..., 0]), np.trunc(scaled[..., 1]), np.ceil(scaled[..., 2])], axis=-1)
+    return np.ldexp(rounded * 2.0**-bits, exponent)

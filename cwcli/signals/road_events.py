@@ -71,11 +71,11 @@ def join_road_events(parts: Sequence[RoadEvents]) -> RoadEvents:
     """Join several tables into one, by stamp."""
     if not parts:
         return empty_road_events()
-    made: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
     for name in (entry.name for entry in fields(RoadEvents)):
         values = [getattr(part, name) for part in parts]
-        made[name] = _join_strings(values) if isinstance(values[0], Strings) else np.concatenate(values)
-    whole = RoadEvents(**made)
+        columns[name] = _join_strings(values) if isinstance(values[0], Strings) else np.concatenate(values)
+    whole = RoadEvents(**columns)
     return whole.select_rows(np.argsort(whole.stamp_ns, kind="stable"))
 
 

@@ -128,8 +128,8 @@ def join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> Stitch
     ended = np.flatnonzero(follower >= 0)
     for k in ended[np.argsort(signal.stamp_ns[last[ended]], kind="stable")]:
         root[follower[k]] = root[k]
-    kept, codes_of = np.unique(root, return_inverse=True)
-    station = Strings(codes_of.astype(np.int32)[station_of], tuple(names[k] for k in kept))
+    distinct_roots, codes_of = np.unique(root, return_inverse=True)
+    station = Strings(codes_of.astype(np.int32)[station_of], tuple(names[k] for k in distinct_roots))
     joined = tuple((names[k], names[follower[k]]) for k in ended)
     return StitchedSignal(replace(signal, station=station), joined, n_undecided)
 
@@ -183,8 +183,8 @@ def _find_candidate_pairs(last: _EndMessages, first: _EndMessages) -> _Candidate
         ended = np.repeat(np.arange(some.start, some.stop), counts)
         began = by_time[np.repeat(begin[some], counts) + within]
         distance = _squared_distances_of_pairs_or_inf(last.select_rows(ended), first.select_rows(began))
-        kept = distance <= MAX_RIVAL_SQUARED_DISTANCE
-        parts.append((ended[kept], began[kept], distance[kept]))
+        is_near = distance <= MAX_RIVAL_SQUARED_DISTANCE
+        parts.append((ended[is_near], began[is_near], distance[is_near]))
     return _Candidates(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 

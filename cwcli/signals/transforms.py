@@ -40,17 +40,17 @@ class Transform:
         Earth."""
         x, y, z, w = self.rotation
         size = math.sqrt(x * x + y * y + z * z + w * w)
-        made = np.eye(4)
+        matrix = np.eye(4)
         if not (0.0 < size < math.inf and all(abs(each) <= MAX_POSITION_M for each in self.translation_m)):
             return np.full((4, 4), np.nan)
         x, y, z, w = x / size, y / size, z / size, w / size
-        made[:3, :3] = [
+        matrix[:3, :3] = [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
-        made[:3, 3] = self.translation_m
-        return made
+        matrix[:3, 3] = self.translation_m
+        return matrix
 
 
 def find_body_frame_and_transform(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
@@ -64,9 +64,9 @@ def find_body_frame_and_transform(tree: Mapping[str, Transform], frame: str) -> 
         common = next((name for name in up if name in down), None)
         if common is None or (body not in tree and body not in up):
             continue
-        made = np.linalg.inv(down[common]) @ up[common]
-        if np.isfinite(made).all():
-            return body, made
+        body_transform = np.linalg.inv(down[common]) @ up[common]
+        if np.isfinite(body_transform).all():
+            return body, body_transform
     return None
 
 
@@ -85,15 +85,15 @@ def find_carrying_body_frame_and_transform(tree: Mapping[str, Transform], frame:
 
 def _transforms_to_ancestors(tree: Mapping[str, Transform], frame: str) -> dict[str, FloatArray]:
     """Return (4, 4) ancestor from frame for each ancestor, by name, the frame itself first."""
-    made = {frame: np.eye(4)}
+    by_frame = {frame: np.eye(4)}
     at = frame
-    while at in tree and len(made) < MAX_FRAME_TREE_ANCESTORS:
+    while at in tree and len(by_frame) < MAX_FRAME_TREE_ANCESTORS:
         above = tree[at].parent
-        if above in made:
+        if above in by_frame:
             break
-        made[above] = tree[at].parent_from_child_matrix() @ made[at]
+        by_frame[above] = tree[at].parent_from_child_matrix() @ by_frame[at]
         at = above
-    return made
+    return by_frame
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     if config.estimator.model != "cwcli" and (config.calibration is not None or config.estimator.lever_arms):
         option = "--lever-arm" if config.calibration is None else "--calibration"
         raise UsageError(f"{option} is not for --model {config.estimator.model}")
-    lever_arms, transforms, stands = _read_lever_arms_if_used(log, sources, config.estimator)
+    lever_arms, transforms, lever_arm_notes = _read_lever_arms_if_used(log, sources, config.estimator)
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
     with part_of_work(0.1, 0.7 if sources.by_role.get(Role.REMOTE) else 0.95):
         estimated = _estimate_ego(sources, estimator, config.rate_hz)
@@ -161,8 +161,8 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     measurements, local_map, apart = estimated.measurements, estimated.local_map, estimated.notes
     ego, online = estimated.hindsight, estimated.online
     position = sources.by_role[Role.EGO_POSITION][0]
-    heard = sources.by_role.get(Role.REMOTE, ())
-    signal, notes = merge_remotes_placed_in_map_and_note(heard, position, local_map, is_stitched=config.stitch)
+    remote_signals = sources.by_role.get(Role.REMOTE, ())
+    signal, notes = merge_remotes_placed_in_map_and_note(remote_signals, position, local_map, is_stitched=config.stitch)
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
     if signal is not None:
         signal, seen = drop_ego_seen_by_others_and_note(signal, online, size_m, local_map)
@@ -194,12 +194,12 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     tracks = {EGO_ID: summarise_track(ego), **(remote.tracks if remote else {})}
     notified = road_event_table_by_name(events, local_map)
     parameters = parameter_origin_text(estimator)
-    told = [OnlineAvailability(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
+    availabilities = [OnlineAvailability(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
     if remote is not None:
         of_remote = (
             PARAMETERS_FROM_MESSAGES if estimator.takes_no_online_parameter_from_log else parameters
         )  # a calibration says nothing of other cars
-        told.append(
+        availabilities.append(
             OnlineAvailability(REMOTE_ONLINE.topic, of_remote, remote.online.stamp_ns, remote.online.log_time_ns)
         )
         if remote.n_overtaken:
@@ -207,7 +207,13 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
     summary = _build_summary(
-        sources, (*stands, *apart, *notes), tracks, told, transforms, estimator, estimated.clock_corrections
+        sources,
+        (*lever_arm_notes, *apart, *notes),
+        tracks,
+        availabilities,
+        transforms,
+        estimator,
+        estimated.clock_corrections,
     )
     return StageResult(
         stage="estimate",
@@ -224,7 +230,9 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             **map_origin_record_entries(local_map),
             **calibration_record_entry(config.calibration),
         ),
-        evaluation_inputs=EstimateEvidence(sources.by_role.get(Role.TRUTH, ()), heard, measurements, judged, local_map),
+        evaluation_inputs=EstimateEvidence(
+            sources.by_role.get(Role.TRUTH, ()), remote_signals, measurements, judged, local_map
+        ),
     )
 
 
@@ -278,11 +286,11 @@ def _undo_exchanged_or_reversed_coordinates(
     """
     positions = sources.by_role[Role.EGO_POSITION]
     signal = positions[0]
-    kept = {*estimator.trusted_sources, *estimator.source_units}
+    decided_by_user = {*estimator.trusted_sources, *estimator.source_units}
     is_outvoted = is_position_doubted(estimated.hindsight, signal.source)
     if (
         not isinstance(signal, PositionSignal)
-        or signal.source in kept
+        or signal.source in decided_by_user
         or estimator.takes_no_online_parameter_from_log
         or not (is_outvoted or is_position_contradicted(estimated.hindsight, signal.source))
     ):

@@ -89,16 +89,16 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     columns = read_bound_columns(log, bound)
     channels: list[OutputChannel] = []
     predicted: list[LazyPaths] = []
-    made: dict[str, VehicleStates] = {}
+    states_by_channel: dict[str, VehicleStates] = {}
     inputs: list[InputMessageCount] = []
     for role, path_channel in ((EGO_STATE.role, EGO_PATH), (REMOTE_STATE.role, REMOTE_PATH)):
         if role not in columns:
             continue
-        made[role], count = read_selected_states(log, columns[role], role, config)
+        states_by_channel[role], count = read_selected_states(log, columns[role], role, config)
         inputs.append(count)
-        predicted.append(plan_paths_from_states(made[role], role, PathRequest.from_stage_config(config)))
+        predicted.append(plan_paths_from_states(states_by_channel[role], role, PathRequest.from_stage_config(config)))
         channels.append(make_lazy_path_channel(path_channel, predicted[-1], rate_hz=config.path_rate_hz))
     channels.append(make_path_scene_channel(predicted))
     summary = StageSummary(title="predict", inputs=tuple(inputs), notes=bound.notes)
     record = build_run_record("predict", log, config, summary)
-    return StageResult("predict", tuple(channels), {}, summary, record, evaluation_inputs=made)
+    return StageResult("predict", tuple(channels), {}, summary, record, evaluation_inputs=states_by_channel)

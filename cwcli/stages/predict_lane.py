@@ -216,8 +216,10 @@ def predict_ego_path_from_lateral_motion(log: Log, config: PredictLaneConfig) ->
         ),
     )
     record = build_run_record("predict-lane", log, config, summary)
-    made = LanePathEvidence(body, poses, sources.by_role.get(Role.TRUTH, ()), sources.columns.get(Role.LATERAL_TRUTH))
-    return StageResult("predict-lane", (placed, *drawn), {}, summary, record, evaluation_inputs=made)
+    evidence = LanePathEvidence(
+        body, poses, sources.by_role.get(Role.TRUTH, ()), sources.columns.get(Role.LATERAL_TRUTH)
+    )
+    return StageResult("predict-lane", (placed, *drawn), {}, summary, record, evaluation_inputs=evidence)
 
 
 predict_lane = predict_ego_path_from_lateral_motion

@@ -231,18 +231,18 @@ def _valid_rows_mask(
     for reason, bad in checks:
         counts.count_rejected(reason, int((bad & left).sum()))
         left &= ~bad
-    kept = np.flatnonzero(left)
-    fits = arrived_in_order_mask(data.stamp_ns[kept], lateness_s)
+    valid_rows = np.flatnonzero(left)
+    fits = arrived_in_order_mask(data.stamp_ns[valid_rows], lateness_s)
     counts.count_rejected("time went backwards or jumped", int((~fits).sum()))
-    left[kept[~fits]] = False
-    kept = kept[fits]
-    counts.count_repaired("arrived out of order, put in order", int((np.diff(data.stamp_ns[kept]) < 0).sum()))
-    order = np.argsort(data.stamp_ns[kept], kind="stable")
-    _, first = np.unique(data.stamp_ns[kept][order], return_index=True)
-    starts = np.repeat(first, np.diff(np.append(first, len(kept))))
-    crowded = np.arange(len(kept)) - starts >= max_scan
+    left[valid_rows[~fits]] = False
+    valid_rows = valid_rows[fits]
+    counts.count_repaired("arrived out of order, put in order", int((np.diff(data.stamp_ns[valid_rows]) < 0).sum()))
+    order = np.argsort(data.stamp_ns[valid_rows], kind="stable")
+    _, first = np.unique(data.stamp_ns[valid_rows][order], return_index=True)
+    starts = np.repeat(first, np.diff(np.append(first, len(valid_rows))))
+    crowded = np.arange(len(valid_rows)) - starts >= max_scan
     counts.count_rejected(f"more than {max_scan} in one scan", int(crowded.sum()))
-    left[kept[order[crowded]]] = False
+    left[valid_rows[order[crowded]]] = False
     return left
 
 

@@ -102,9 +102,11 @@ class ScanLoop:
             stamp, first, last = int(scans.stamp_ns[k]), int(scans.first[k]), int(scans.first[k + 1])
             self._end_coasting_tracks(stamp)
             self._predict_tracks(stamp)
-            taken = self._update_tracks_and_get_assigned_rows(stamp, first, last, int(scans.source[k]), scans.pose[k])
+            assigned_rows = self._update_tracks_and_get_assigned_rows(
+                stamp, first, last, int(scans.source[k]), scans.pose[k]
+            )
             self._confirm_and_end_tracks(stamp)
-            self._begin_tracks(stamp, np.setdiff1d(np.arange(first, last), taken))
+            self._begin_tracks(stamp, np.setdiff1d(np.arange(first, last), assigned_rows))
         return self._build_association()
 
     def _end_coasting_tracks(self, stamp: int) -> None:

@@ -335,10 +335,10 @@ class LaneTracker:
         if any(each.is_tight for each in hypotheses):
             return
         if was_better or self._n_frames % TIGHT_BEND_SEARCH_INTERVAL_FRAMES == 0:
-            bent = find_tight_bend_hypothesis(hypotheses[0], evidence, tight, size, dt_s, sideways_mps)
-            self._is_tight_bend_better = bent is not None
-            if bent is not None and was_better:
-                add_or_merge_hypothesis(hypotheses, bent, size)
+            tight_bend = find_tight_bend_hypothesis(hypotheses[0], evidence, tight, size, dt_s, sideways_mps)
+            self._is_tight_bend_better = tight_bend is not None
+            if tight_bend is not None and was_better:
+                add_or_merge_hypothesis(hypotheses, tight_bend, size)
 
     def _predict_line_pair_if_published(
         self, each: LaneHypothesis, lane: ImageLane, change: int, frame: LaneFrame, camera: Camera, dt_s: float

@@ -142,9 +142,9 @@ def _vanishing_point_votes_on_grid(
     du = (grid_u_px - 0.5 * (segments_uv_px[:, :1] + segments_uv_px[:, 2:3])).astype(np.float32)
     dv = (grid_v_px - 0.5 * (segments_uv_px[:, 1:2] + segments_uv_px[:, 3:])).astype(np.float32)
     # at the distance from a segment that 0.02 rad and a pixel at its ends allow, a quarter of its votes is left
-    beside = 1.0 / (length * (ANGLE_LEAVING_QUARTER_OF_VOTES_RAD + 1.0 / length))
-    across = (du * (rise * beside)[:, None].astype(np.float32))[:, None, :]
-    across = across - (dv * (run * beside)[:, None].astype(np.float32))[:, :, None]
+    vote_beside = 1.0 / (length * (ANGLE_LEAVING_QUARTER_OF_VOTES_RAD + 1.0 / length))
+    across = (du * (rise * vote_beside)[:, None].astype(np.float32))[:, None, :]
+    across = across - (dv * (run * vote_beside)[:, None].astype(np.float32))[:, :, None]
     across *= across
     away = (du * du)[:, None, :] + (dv * dv + np.float32(1e-9))[:, :, None]
     across += away

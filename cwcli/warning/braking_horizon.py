@@ -129,11 +129,11 @@ def _rows_and_paths_in_one_stream(
     own = interpolate_paths(pairs.host, pairs.host_row[rows], np.zeros(len(rows)), now)
     theirs = interpolate_paths(pairs.other, pairs.other_row[rows], pairs.age_s[rows], now)
     turn = np.cos(theirs.heading_rad[:, 0] - own.heading_rad[:, 0])
-    stands = np.abs(theirs.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
-    kept = rows[stands | (turn > np.cos(MAX_HEADING_DIFFERENCE_IN_STREAM_RAD))]
-    host = interpolate_paths(pairs.host, pairs.host_row[kept], np.zeros(len(kept)), time_s)
-    other = interpolate_paths(pairs.other, pairs.other_row[kept], pairs.age_s[kept], time_s)
-    return kept, host, other
+    is_standing = np.abs(theirs.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
+    rows_in_stream = rows[is_standing | (turn > np.cos(MAX_HEADING_DIFFERENCE_IN_STREAM_RAD))]
+    host = interpolate_paths(pairs.host, pairs.host_row[rows_in_stream], np.zeros(len(rows_in_stream)), time_s)
+    other = interpolate_paths(pairs.other, pairs.other_row[rows_in_stream], pairs.age_s[rows_in_stream], time_s)
+    return rows_in_stream, host, other
 
 
 def _braking_horizon_s(
@@ -154,8 +154,10 @@ def _braking_horizon_s(
     need_s = np.minimum(
         TIME_FROM_WARNING_TO_BRAKING_S + closing_mps / (2.0 * DECELERATION_AFTER_WARNING_MPS2), config.max_horizon_s
     )
-    stands = np.abs(theirs.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
-    counts = np.isfinite(overlap_s) & (closing_mps >= MIN_CLOSING_SPEED_MPS) & (stands | (need_s > config.horizon_s))
+    is_standing = np.abs(theirs.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
+    counts = (
+        np.isfinite(overlap_s) & (closing_mps >= MIN_CLOSING_SPEED_MPS) & (is_standing | (need_s > config.horizon_s))
+    )
     return np.where(counts, need_s, np.nan)
 
 

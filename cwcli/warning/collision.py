@@ -64,9 +64,9 @@ class PathPairs:
             return out
         every = max(1, int(MAX_STEP_OF_THINNED_PATHS_S / float(time_s[1]) + 1e-6))
         ends = np.searchsorted(time_s, np.array(ends_s) - 1e-9)
-        kept = sort_distinct_values(np.concatenate([np.arange(0, len(time_s), every), ends]))
-        at_s = time_s[kept]
-        out[near] = self.select_rows(near)._contact_probability(at_s, at_s, ends=np.searchsorted(kept, ends))
+        checked_times = sort_distinct_values(np.concatenate([np.arange(0, len(time_s), every), ends]))
+        at_s = time_s[checked_times]
+        out[near] = self.select_rows(near)._contact_probability(at_s, at_s, ends=np.searchsorted(checked_times, ends))
         return out
 
     def contact_probability_if_braking(self, deceleration_mps2: float, horizon_s: float) -> FloatArray:

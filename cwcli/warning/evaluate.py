@@ -103,8 +103,8 @@ def find_warnings(
     config = config or WarningConfig()
     rule = _require_rule_and_horizon(host, config)
     time_s = _evaluation_times_s(host, config, rule)
-    heard = [other for other in others if len(other.stamp_ns) and len(host.stamp_ns)]
-    pairs = evaluate_pairs(host, heard, rule, config, time_s)
+    others_with_states = [other for other in others if len(other.stamp_ns) and len(host.stamp_ns)]
+    pairs = evaluate_pairs(host, others_with_states, rule, config, time_s)
     ids = event_id_by_pair_and_event(pairs)
     return FoundWarnings(
         host, config, pairs, ids, warning_rows_of_pairs(pairs, ids, rule=config.rule, clock=host, words=rule.words)

@@ -64,8 +64,8 @@ def kind_of_each_warning(states: PairStates) -> npt.NDArray[np.int8]:
     angle_rad = wrap_angle(other[:, HEADING] - host[:, HEADING])
     kinds = np.full(len(host), WarningKind.COLLISION, np.int8)
     kinds[_drives_parallel_at_distance_mask(host, other, left_m, angle_rad, states.sizes)] = WarningKind.BESIDE_LANE
-    stands = (np.abs(host[:, SPEED]) < STANDSTILL_SPEED_MPS) & (host[:, ACCEL] < MAX_STANDING_ACCEL_MPS2)
-    kinds[stands] = WarningKind.HOST_STANDS
+    is_standing = (np.abs(host[:, SPEED]) < STANDSTILL_SPEED_MPS) & (host[:, ACCEL] < MAX_STANDING_ACCEL_MPS2)
+    kinds[is_standing] = WarningKind.HOST_STANDS
     kinds[_follower_mask(host, ahead_m, left_m, angle_rad, states.sizes)] = WarningKind.FROM_BEHIND
     return kinds
 

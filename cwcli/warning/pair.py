@@ -197,17 +197,19 @@ def _evaluate_window(
             )
     of_moment = host, other, window.first + host_row, theirs, (other_row, place, age_s)
     states = pair_states_at_moments(*of_moment) if rule.uses_states else None
-    asked = replace(measures, by_name=evaluate_named_measures(rule.measures, *of_moment), states=states)
+    measures_with_horizon = replace(measures, by_name=evaluate_named_measures(rule.measures, *of_moment), states=states)
     if looks_farther:
-        asked = replace(asked, farther=measure_to_braking_horizon(measures, pairs, config, persistence_s))
-    decision = rule.decide(asked, onset, config, persistence_s)
+        measures_with_horizon = replace(
+            measures_with_horizon, farther=measure_to_braking_horizon(measures, pairs, config, persistence_s)
+        )
+    decision = rule.decide(measures_with_horizon, onset, config, persistence_s)
     kinds = np.zeros(len(host_row), np.int8)
     if rule.leaves_out_kinds:
         raised = np.flatnonzero(decision.raised if decision.at_once is None else decision.raised | decision.at_once)
         if len(raised):
             at_raised = host, other, window.first + host_row[raised], theirs
-            told = pair_states_at_moments(*at_raised, (other_row[raised], place[raised], age_s[raised]))
-            kinds[raised] = kind_of_each_warning(told)
+            states_at_warnings = pair_states_at_moments(*at_raised, (other_row[raised], place[raised], age_s[raised]))
+            kinds[raised] = kind_of_each_warning(states_at_warnings)
     return _WindowEvaluation(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()), kinds)
 
 

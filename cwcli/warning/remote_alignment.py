@@ -49,17 +49,17 @@ def pair_with_newest_state(
     newest = np.full(n + 1, -1, dtype=np.intp)
     np.maximum.at(newest, np.minimum(usable_from, n), np.arange(m, dtype=np.intp))
     newest = np.maximum.accumulate(newest[:n])
-    heard = newest >= 0
+    has_state = newest >= 0
     age_ns = np.zeros(n, dtype=np.int64)
-    age_ns[heard] = host.stamp_ns[heard] - other.stamp_ns[newest[heard]]
-    fresh = heard & (age_ns <= round(max_age_s * NS_PER_S))
+    age_ns[has_state] = host.stamp_ns[has_state] - other.stamp_ns[newest[has_state]]
+    fresh = has_state & (age_ns <= round(max_age_s * NS_PER_S))
     rows = np.flatnonzero(fresh)
     return StatePairing(
         host_row=rows,
         other_row=newest[rows],
         age_s=age_ns[rows] / NS_PER_S,
-        n_without_message=int(n - heard.sum()),
-        n_stale=int(heard.sum() - fresh.sum()),
+        n_without_message=int(n - has_state.sum()),
+        n_stale=int(has_state.sum() - fresh.sum()),
     )
 
 

@@ -191,11 +191,11 @@ def _print_evaluation(
     console.print_summary(format_table(headings, [_metric_cells(row) for row in own]))
     if len(shown) < len(pooled):
         console.print_summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
-    beside = _system_metric_rows(pooled)
-    if beside:
+    system_rows = _system_metric_rows(pooled)
+    if system_rows:
         console.print_summary("")
         console.print_summary("The other system and cwcli")
-        console.print_summary(format_table(SYSTEM_TABLE_HEADINGS, beside))
+        console.print_summary(format_table(SYSTEM_TABLE_HEADINGS, system_rows))
     for log in [log for log in run.logs if log.error][:MAX_SHOWN_FAILURES]:
         console.print_note(f"{log.id} failed: {log.error}")
     for note, ids in _log_ids_by_note(run).items():
@@ -358,9 +358,9 @@ def _format_markdown_summary(
             metric_rows,
         )
     )
-    beside = [(markdown.format_code(str(name)), *cells) for name, *cells in _system_metric_rows(pooled)]
-    if beside:
-        parts.append(markdown.format_markdown_table(SYSTEM_TABLE_HEADINGS, beside))
+    system_rows = [(markdown.format_code(str(name)), *cells) for name, *cells in _system_metric_rows(pooled)]
+    if system_rows:
+        parts.append(markdown.format_markdown_table(SYSTEM_TABLE_HEADINGS, system_rows))
     return "\n\n".join(parts) + "\n"
 
 

@@ -139,24 +139,24 @@ def _write_ros_log(opened: Log, output: str, force: bool, console: Console, prog
     from cwcli.export.ros.convert import write_ros_log
 
     with progress, follow_work(progress.show_share), part_of_work(0.0, 1.0, "items"):
-        made = write_ros_log(opened, output, force=force)
-    if made.left_out:
-        console.print_note(f"left out, because no ROS message fits: {join_names(list(made.left_out))}")
-    for topic, counts in made.left_messages.items():
+        written = write_ros_log(opened, output, force=force)
+    if written.left_out:
+        console.print_note(f"left out, because no ROS message fits: {join_names(list(written.left_out))}")
+    for topic, counts in written.left_messages.items():
         said = join_names([f"{n} whose {field} it can't hold" for field, n in counts.items()])
         console.print_note(f"{topic}: the ROS message does without messages: {said}")
-    for topic, fields in made.left_fields.items():
+    for topic, fields in written.left_fields.items():
         console.print_note(f"{topic}: the ROS message has no field {join_names(fields)}: left out")
-    if made.replaced:
-        console.print_note(f"{join_names(made.replaced)}: the recorded channel is replaced by the converted one")
+    if written.replaced:
+        console.print_note(f"{join_names(written.replaced)}: the recorded channel is replaced by the converted one")
     return {
         "what": "log",
-        "rows": made.n_messages_made,
-        "rows_copied": made.n_messages_kept,
-        "left_out": made.left_out,
-        "left_messages": made.left_messages,
-        "left_fields": made.left_fields,
-        "replaced": made.replaced,
+        "rows": written.n_messages_made,
+        "rows_copied": written.n_messages_kept,
+        "left_out": written.left_out,
+        "left_messages": written.left_messages,
+        "left_fields": written.left_fields,
+        "replaced": written.replaced,
     }
 
 

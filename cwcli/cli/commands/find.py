@@ -138,48 +138,48 @@ def command(
             other_system=other_system,
             step=lambda k, name: progress.begin_step(f"searching {name} ({k + 1} of {len(sources)})"),
         )
-        kept = search.found[: results.limit]
+        listed = search.found[: results.limit]
         clips: dict[str, str] = {}
         if results.clips is not None:
             clips = write_clips(
-                kept,
+                listed,
                 search.paths,
                 results.clips,
                 limits.open_log,
                 margin_s=results.margin,
                 force=results.force,
-                step=lambda k, name: progress.begin_step(f"cutting {name} ({k + 1} of {len(kept)})"),
+                step=lambda k, name: progress.begin_step(f"cutting {name} ({k + 1} of {len(listed)})"),
             )
         if results.report is not None:
             page = build_event_page(
                 f"find {query.text}",
-                kept,
+                listed,
                 search.paths,
                 limits.open_log,
                 margin_s=results.margin,
                 clip_addresses=addresses_of_clips(clips, results.report),
-                step=lambda k, name: progress.begin_step(f"drawing {name} ({k} of {len(kept)} events)"),
+                step=lambda k, name: progress.begin_step(f"drawing {name} ({k} of {len(listed)} events)"),
             )
             write_file(results.report, page, force=results.force)
         if results.output is not None:
-            write_table(table_of_events(kept), results.output, force=results.force)
+            write_table(table_of_events(listed), results.output, force=results.force)
     if talk.json:
-        console.print_document("find", _search_as_json(search, kept, clips))
+        console.print_document("find", _search_as_json(search, listed, clips))
         return
-    _print_search(console, search, kept, query.text)
+    _print_search(console, search, listed, query.text)
     print_written_files(console, written)
     if clips:
         console.print_summary(f"wrote {format_count(len(clips), 'clip')} into {shorten_and_escape(str(results.clips))}")
 
 
-def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent, ...], text: str) -> None:
+def _print_search(console: Console, search: FleetSearch, listed: tuple[FoundEvent, ...], text: str) -> None:
     """Print the events, the most severe first, and what could not be searched."""
     n_logs = len(search.paths)
     console.print_heading(
         f"find {text}: {format_count(len(search.found), 'event')} in {format_count(n_logs, 'log')}"
-        + (f", the {len(kept)} most severe" if len(kept) < len(search.found) else "")
+        + (f", the {len(listed)} most severe" if len(listed) < len(search.found) else "")
     )
-    if kept:
+    if listed:
         rows = [
             (
                 shorten_and_escape(PurePosixPath(each.log).name or each.log),
@@ -191,7 +191,7 @@ def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent,
                 each.moment.severity,
                 each.id,
             )
-            for each in kept[:MAX_SHOWN_EVENTS]
+            for each in listed[:MAX_SHOWN_EVENTS]
         ]
         head = (
             "log",
@@ -204,15 +204,15 @@ def _print_search(console: Console, search: FleetSearch, kept: tuple[FoundEvent,
             "id",
         )
         console.print_summary(format_table(head, rows))
-    if len(kept) > MAX_SHOWN_EVENTS:
-        console.print_note(f"{len(kept) - MAX_SHOWN_EVENTS} more events are in -o and --json")
+    if len(listed) > MAX_SHOWN_EVENTS:
+        console.print_note(f"{len(listed) - MAX_SHOWN_EVENTS} more events are in -o and --json")
     for event, n in search.missing.items():
         console.print_note(f"{event}: not searched in {format_count(n, 'log')} without the channels that it needs")
     for name, error in search.failed:
         console.print_note(f"{shorten_and_escape(name)} was not searched: {error.what}")
 
 
-def _search_as_json(search: FleetSearch, kept: tuple[FoundEvent, ...], clips: dict[str, str]) -> dict[str, Any]:
+def _search_as_json(search: FleetSearch, listed: tuple[FoundEvent, ...], clips: dict[str, str]) -> dict[str, Any]:
     """The content of `--json`."""
     return {
         "logs": len(search.paths),
@@ -234,7 +234,7 @@ def _search_as_json(search: FleetSearch, kept: tuple[FoundEvent, ...], clips: di
                 "words": each.words,
                 "clip": clips.get(each.id),
             }
-            for each in kept
+            for each in listed
         ],
         "missing": dict(search.missing),
         "failed": [{"log": name, "error": str(error)} for name, error in search.failed],

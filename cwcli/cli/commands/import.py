@@ -116,9 +116,9 @@ def command(
     target = str(replace_stdout_path_by_dash(output or "-"))
     if target == "-" and talk.json and not preview:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
-    beside = mapping_file_name(target) if target != "-" else None
+    mapping_file = mapping_file_name(target) if target != "-" else None
     if not preview:
-        own = beside if beside != mapping else None
+        own = mapping_file if mapping_file != mapping else None
         refuse_unwritable_targets([target, own], force=force, inputs=files)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-" and not preview)
     given = _merge_options_and_mapping_file(answers, mapping)
@@ -126,14 +126,14 @@ def command(
         progress.begin_step(f"import {', '.join(files)}")
         follow = progress if progress.is_shown else None
         report = import_files(files, given, None if preview else target, force=force, progress=follow)
-    if not preview and beside is not None and beside != mapping:
-        write_file(beside, report.mapping_text.encode(), force=force)
+    if not preview and mapping_file is not None and mapping_file != mapping:
+        write_file(mapping_file, report.mapping_text.encode(), force=force)
     if talk.json:
         console.print_document("import", _import_document(report, None if preview else target))
         return
     _print_report(console, report)
     if not preview and target != "-":
-        print_written_files(console, [target, *([beside] if beside not in (None, mapping) else [])])
+        print_written_files(console, [target, *([mapping_file] if mapping_file not in (None, mapping) else [])])
 
 
 def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None) -> Answers:
@@ -201,8 +201,8 @@ def _print_report(console: Console, report: ImportReport) -> None:
             format_table(headings, [[escape_control_characters(text) for text in row] for row in texts])
         )
         console.print_summary("")
-    made = [(topic, schema, n) for topic, schema, n, _ in report.topics]
-    console.print_summary(format_table(("topic", "schema", "messages"), made))
+    topic_rows = [(topic, schema, n) for topic, schema, n, _ in report.topics]
+    console.print_summary(format_table(("topic", "schema", "messages"), topic_rows))
     for table, notes in report.notes.items():
         for note in notes:
             console.print_note(f"{table}: {note}")

@@ -206,15 +206,15 @@ def _suggest_ego_stations_and_list_notes(log: Log, why: dict[str, UnboundReason]
         shell_quote_station_id,
     )
 
-    heard = count_stations_by_topic(log)
+    stations_by_topic = count_stations_by_topic(log)
     for topic in lists_option:
-        for station, _ in heard.get(topic, Counter()).most_common(1):
+        for station, _ in stations_by_topic.get(topic, Counter()).most_common(1):
             option = EGO_STATION_OPTION.replace("ID", shell_quote_station_id(station))
             tries = (option if each == EGO_STATION_OPTION else each for each in why[topic].tries)
             why[topic] = why[topic]._replace(tries=tuple(tries))
     if not topics:
         return []
-    most = sum(heard.values(), Counter[str]()).most_common(MAX_STATIONS_IN_ERROR)
+    most = sum(stations_by_topic.values(), Counter[str]()).most_common(MAX_STATIONS_IN_ERROR)
     named = " or ".join(shell_quote_station_id(station) for station, _ in most) or "ID"
     return [f"a station of {', '.join(topics)} can be the ego: --ego-station {named}"]
 

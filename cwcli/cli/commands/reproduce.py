@@ -168,7 +168,7 @@ def _check_output_targets(paper: str, targets: OutputTargets, labelled: str | No
         require_matplotlib()
 
 
-def _write_outputs(made: Reproduction, paper: str, targets: OutputTargets) -> list[str]:
+def _write_outputs(reproduction: Reproduction, paper: str, targets: OutputTargets) -> list[str]:
     """Write all outputs or none; returns the names of the files."""
     from cwcli.metrics.table import write_table
     from cwcli.output import AtomicGroup, make_folder
@@ -180,35 +180,40 @@ def _write_outputs(made: Reproduction, paper: str, targets: OutputTargets) -> li
 
             make_folder(targets.plots)
             written += write_plots(
-                made.plots, targets.plots, together, paper=paper, file_format=targets.plot_format, force=targets.force
+                reproduction.plots,
+                targets.plots,
+                together,
+                paper=paper,
+                file_format=targets.plot_format,
+                force=targets.force,
             )
         if targets.report is not None:
-            written += _write_report_page(made, targets.report, together, force=targets.force)
+            written += _write_report_page(reproduction, targets.report, together, force=targets.force)
         if targets.metrics is not None:
-            write_table(made.table, targets.metrics, force=targets.force, together=together)
+            write_table(reproduction.table, targets.metrics, force=targets.force, together=together)
             written.append(targets.metrics)
     return written
 
 
-def _write_report_page(made: Reproduction, folder: str, together: AtomicGroup, *, force: bool) -> list[str]:
+def _write_report_page(reproduction: Reproduction, folder: str, together: AtomicGroup, *, force: bool) -> list[str]:
     """Write the page, and its pictures into a folder next to it; returns the names of the files."""
     from cwcli.output import make_folder, write_file
     from cwcli.reproduction.page import format_markdown_page, picture_folder_path
     from cwcli.reproduction.plots import write_plots
 
-    paper = made.expectations.paper
+    paper = reproduction.expectations.paper
     target, pictures = Path(folder) / f"{paper}.md", Path(folder) / picture_folder_path(paper)
     make_folder(pictures, parents=True)
-    written = write_plots(made.plots, str(pictures), together, paper=paper, file_format="png", force=force)
-    write_file(target, format_markdown_page(made).encode(), force=force, together=together)
+    written = write_plots(reproduction.plots, str(pictures), together, paper=paper, file_format="png", force=force)
+    write_file(target, format_markdown_page(reproduction).encode(), force=force, together=together)
     return [str(target), *written]
 
 
-def _finding_records(made: Reproduction) -> list[dict[str, str | float | bool | None]]:
+def _finding_records(reproduction: Reproduction) -> list[dict[str, str | float | bool | None]]:
     """List the findings as records; numbers that are not finite are None."""
     return [
         {name: None if isinstance(cell, float) and not math.isfinite(cell) else cell for name, cell in record.items()}
-        for record in made.table.rows_as_dicts()
+        for record in reproduction.table.rows_as_dicts()
     ]
 
 
@@ -245,8 +250,8 @@ def command(
         progress.begin_step(f"reproducing {paper}")
         where = None if options.labelled is None else Path(options.labelled)
         request = ReproductionRequest(n_seeds, options.jobs, n_frames, wanted, where, progress.begin_step)
-        made: Reproduction = import_module_attribute(entry.reproduce)(request)
-        written = _write_outputs(made, paper, targets)
+        reproduction: Reproduction = import_module_attribute(entry.reproduce)(request)
+        written = _write_outputs(reproduction, paper, targets)
     console = Console(quiet=talk.quiet)
     if talk.json:
         document = {
@@ -254,12 +259,12 @@ def command(
             "seeds": n_seeds,
             **({"frames": n_frames} if entry.frames else {}),
             "written": written,
-            "failed": [f"{each.expected.figure}: {each.expected.what}" for each in made.failed_findings],
-            "findings": _finding_records(made),
-            **made.summary.to_json(),
+            "failed": [f"{each.expected.figure}: {each.expected.what}" for each in reproduction.failed_findings],
+            "findings": _finding_records(reproduction),
+            **reproduction.summary.to_json(),
         }
         console.print_document("reproduce", document)
     else:
-        print_stage_summary(console, made.summary)
+        print_stage_summary(console, reproduction.summary)
         print_written_files(console, written)
-    return EXIT_GATE_FAILED if made.failed_findings else EXIT_DONE
+    return EXIT_GATE_FAILED if reproduction.failed_findings else EXIT_DONE

@@ -191,11 +191,11 @@ def gather_all_options(
     """
     from cwcli.cli.console import closest_names_hint
 
-    asked = [name.strip() for names in pipeline.stages for name in names.split(",")]
-    for name in asked:
+    stage_names = [name.strip() for names in pipeline.stages for name in names.split(",")]
+    for name in stage_names:
         if name not in STAGES:
             raise UsageError(f"there is no stage {name}", hint=closest_names_hint(name, list(STAGES)))
-    wanted = tuple(name for name in STAGES if name in (asked or DEFAULT_STAGES))
+    wanted = tuple(name for name in STAGES if name in (stage_names or DEFAULT_STAGES))
     return AllOptions(pipeline, inputs, stages, wanted)
 
 

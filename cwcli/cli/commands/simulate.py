@@ -84,24 +84,26 @@ def command(
         part_of_work(0.0, 1.0, "messages"),
     ):
         progress.begin_step(f"simulating {scenario}")
-        made = simulate_log(scenario, output, seed=seed, overrides=tuple(override or ()), weather=weather, force=force)
+        simulated = simulate_log(
+            scenario, output, seed=seed, overrides=tuple(override or ()), weather=weather, force=force
+        )
     if talk.json:
         document = {
-            "scenario": made.scenario,
-            "seed": made.seed,
+            "scenario": simulated.scenario,
+            "seed": simulated.seed,
             "output": output,
             "channels": [
                 {"topic": entry.topic, "schema": entry.schema_name, "messages": entry.n_messages, "lost": entry.n_lost}
-                for entry in made.channels
+                for entry in simulated.channels
             ],
         }
         Console(quiet=talk.quiet).print_document("simulate", document)
         return
     console = Console(quiet=talk.quiet, summary_to_stderr=output == "-")
-    console.print_heading(f"simulate {made.scenario}")
-    console.print_summary(wrap_paragraph(escape_control_characters(made.description)))
+    console.print_heading(f"simulate {simulated.scenario}")
+    console.print_summary(wrap_paragraph(escape_control_characters(simulated.description)))
     console.print_summary("")
-    rows = [(entry.topic, entry.schema_name, entry.n_messages, entry.n_lost) for entry in made.channels]
+    rows = [(entry.topic, entry.schema_name, entry.n_messages, entry.n_lost) for entry in simulated.channels]
     console.print_summary(format_table(("topic", "schema", "messages", "messages lost on the link"), rows))
     console.print_summary("")
     print_written_files(console, [output] if output != "-" else [])

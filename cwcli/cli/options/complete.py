@@ -98,12 +98,12 @@ def run_completion_with_bash_equals_fix(complete: Callable[[], object]) -> None:
     if os.environ.get("_CWCLI_COMPLETE") != BASH_COMPLETION or not _join_words_split_at_equals():
         complete()
         return
-    told = io.StringIO()
+    captured = io.StringIO()
     try:
-        with contextlib.redirect_stdout(told):
+        with contextlib.redirect_stdout(captured):
             complete()
     finally:
-        sys.stdout.writelines(f"{line.partition('=')[2]}\n" for line in told.getvalue().splitlines())
+        sys.stdout.writelines(f"{line.partition('=')[2]}\n" for line in captured.getvalue().splitlines())
 
 
 def _join_words_split_at_equals() -> bool:

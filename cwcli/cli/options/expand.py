@@ -66,10 +66,12 @@ def expand_dataclass_parameters(
     @functools.wraps(function)
     def call_with_dataclasses(**values: Any) -> Any:
         arguments = {name: values[name] for name in plain}
-        made = {name: kind(**{of: values[at] for of, at in fields.items()}) for name, (kind, fields) in groups.items()}
-        arguments |= {name: options for name, options in made.items() if name not in of_stages}
+        dataclasses_by_name = {
+            name: kind(**{of: values[at] for of, at in fields.items()}) for name, (kind, fields) in groups.items()
+        }
+        arguments |= {name: options for name, options in dataclasses_by_name.items() if name not in of_stages}
         if of_stages:
-            arguments[STAGES_PARAMETER] = {name: made[name] for name in of_stages}
+            arguments[STAGES_PARAMETER] = {name: dataclasses_by_name[name] for name in of_stages}
         return function(**arguments)
 
     signature = inspect.Signature(sorted(parameters, key=lambda parameter: parameter.kind))

@@ -30,7 +30,7 @@ SILENCES_RECORD_KEY = "silences"
 
 
 def find_silences(evidence: DoubtEvidence) -> list[Finding]:
-    """Return each silence of a source of the ego in which the car drives and nothing else tells the same."""
+    """Return each silence of a source of the ego in which the car drives and nothing else measures the same."""
     found = [_finding_of_silence(evidence, silence, silent_s) for silence, silent_s in _doubtful_silences(evidence)]
     return sorted(found, key=lambda each: -each.value)
 
@@ -77,17 +77,21 @@ def _finding_of_silence(evidence: DoubtEvidence, silence: dict[str, Any], silent
         when, advice = f"before {end_s:.0f} s ({lasting})", f"--start {end_s:.0f}"
     else:
         when, advice = f"between {begin_s:.0f} and {end_s:.0f} s ({lasting})", "--start or --end"
-    others = [_other_text(topic, told) for topic, told in silence["others"].items()]
+    others = [_other_text(topic, quantities) for topic, quantities in silence["others"].items()]
     lost = _join_with_and([_short(each) for each in silence["quantities"]])
     return Finding(
         silent_s,
-        f"{_short(silence.get('source'))} tells no {lost} {when}; there the states rest on {_join_with_and(others)}.",
+        f"{_short(silence.get('source'))} reports no {lost} {when}; there the states rest on {_join_with_and(others)}.",
         f"Find out why that sensor was silent; leave that part out with {advice}, or use it as of a car without it.",
     )
 
 
-def _other_text(topic: str, told: Any) -> str:
-    return f"{_short(topic)} ({', '.join(_short(each) for each in told)})" if isinstance(told, list) else _short(topic)
+def _other_text(topic: str, quantities: Any) -> str:
+    return (
+        f"{_short(topic)} ({', '.join(_short(each) for each in quantities)})"
+        if isinstance(quantities, list)
+        else _short(topic)
+    )
 
 
 def _short(text: Any) -> str:
@@ -100,7 +104,7 @@ def _join_with_and(words: list[str]) -> str:
 
 SILENCE = DoubtRule(
     summary=(
-        "a sensor that is silent while the car drives and nothing else tells the same, in a tenth of the track or "
+        "a sensor that is silent while the car drives and nothing else measures the same, in a tenth of the track or "
         "behind the last position"
     ),
     short_name="silent sensor",

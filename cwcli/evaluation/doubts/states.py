@@ -35,14 +35,14 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
     rules = {
         name: rule for name, rule in recorded.items() if isinstance(rule, dict) and isinstance(rule.get("text"), str)
     }
-    told: set[str] = set()
+    reported: set[str] = set()
     for nees, name in sorted(found, reverse=True):
         rule = rules.get(name)
         if not TOLERATED_VARIANCE_FACTOR < nees < math.inf:
             continue
         if rule is not None:
-            if rule["text"] not in told:
-                told.add(rule["text"])
+            if rule["text"] not in reported:
+                reported.add(rule["text"])
                 names = [each for each, other in rules.items() if other.get("text") == rule["text"]]
                 yield _finding_of_truth_rule(names, rule, nees)
         else:
@@ -106,8 +106,8 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
     ego = evidence.ego.sort_by_stamp_without_repeats()
     step_s = np.diff(ego.stamp_ns) / NS_PER_S
     counted = step_s <= MAX_STANDSTILL_STEP_S
-    stands = np.abs(ego.state[:-1, SPEED]) < MAX_STANDSTILL_SPEED_MPS
-    standing_s, all_s = float(step_s[stands & counted].sum()), float(step_s[counted].sum())
+    is_standing = np.abs(ego.state[:-1, SPEED]) < MAX_STANDSTILL_SPEED_MPS
+    standing_s, all_s = float(step_s[is_standing & counted].sum()), float(step_s[counted].sum())
     if standing_s > MAX_TOTAL_STANDSTILL_S:
         yield Finding(
             standing_s,

@@ -109,11 +109,11 @@ def read_flag_from_topic(log: Log, topic: str, condition: Condition) -> FlagOver
         notes.append(
             f"{topic}: in {n_unlike} of {n} messages `{condition.text}` can't be compared: it counts as not set"
         )
-    kept = said.answers != FIELD_MISSING
-    if not kept.all():
-        notes.append(f"{topic}: {n - int(kept.sum())} of {n} messages lack the field: the flag counts as unchanged")
+    is_known = said.answers != FIELD_MISSING
+    if not is_known.all():
+        notes.append(f"{topic}: {n - int(is_known.sum())} of {n} messages lack the field: the flag counts as unchanged")
     shift_ns, note = _clock_shift_ns_and_notes(columns, topic)
-    flag = FlagOverTime(said.log_time_ns[kept] + shift_ns, said.answers[kept] == CONDITION_HOLDS)
+    flag = FlagOverTime(said.log_time_ns[is_known] + shift_ns, said.answers[is_known] == CONDITION_HOLDS)
     return FlagOverTime(flag.time_ns, flag.is_set, (*notes, *note, *_notes_on_implausible_flag(flag, topic, condition)))
 
 

@@ -71,7 +71,7 @@ def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, Fr
             at_s = _times_along_path_s(
                 placed, np.where(np.isfinite(speed_mps), speed_mps, ego.speed_mps[k]), ego.xy_m[k]
             )
-        xy_m[at] = _interpolate_path_points(time_s, at_s, placed, stands=bool(speed_mps[-1] < MIN_PATH_SPEED_MPS))
+        xy_m[at] = _interpolate_path_points(time_s, at_s, placed, is_standing=bool(speed_mps[-1] < MIN_PATH_SPEED_MPS))
     if n_timeless:
         how = "the car's own speed" if n_slow else "the speeds they give"
         context.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: computed from {how}")
@@ -127,9 +127,11 @@ def _times_along_path_s(xy_m: EastNorthRows, speed_mps: FloatArray, ego_m: Float
     return np.asarray(at_s - (at_s[nearest] + share[nearest] * (at_s[nearest + 1] - at_s[nearest])))
 
 
-def _interpolate_path_points(time_s: FloatArray, at_s: FloatArray, xy_m: EastNorthRows, *, stands: bool) -> FloatArray:
+def _interpolate_path_points(
+    time_s: FloatArray, at_s: FloatArray, xy_m: EastNorthRows, *, is_standing: bool
+) -> FloatArray:
     """Interpolate a path at given times; NaN before and after it, or its end if the car stands there."""
-    behind = None if stands else np.nan
+    behind = None if is_standing else np.nan
     return np.column_stack([np.interp(time_s, at_s, values, left=np.nan, right=behind) for values in xy_m.T])
 
 

@@ -78,7 +78,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     estimated = read_run_records(log).get("estimate", {})
     local_map = local_map_from_estimate_record(estimated)
     known = {each.topic: each.schema_name for each in foreign if each.schema_name in ROS_CONVERSIONS}
-    made, left_messages, left_fields, unreadable = [], {}, {}, {}
+    converted, left_messages, left_fields, unreadable = [], {}, {}, {}
     for topic, name in ros_topic_names(known).items():
         try:
             channel, left_messages[topic], left_fields[topic] = _convert_channel_and_count_left_out(
@@ -89,13 +89,13 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
                 raise
             unreadable[topic] = f"{known[topic]}: {error.what}"
         else:
-            made.append(channel)
-    made_topics = {each.topic for each in made}
+            converted.append(channel)
+    made_topics = {each.topic for each in converted}
     foreign_ids = {each.id for each in foreign}
     replaced = [each.topic for each in log.channels if each.id not in foreign_ids and each.topic in made_topics]
     report = annotate_log(
         log,
-        made,
+        converted,
         {
             METADATA_RECORD: {
                 "cwcli": __version__,

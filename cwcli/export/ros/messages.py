@@ -222,9 +222,12 @@ def _diagnostics_fields(columns: Columns, _map: LocalMap | None) -> Fields:
     stamp_ns, _ = read_integers(columns, "known_ns", "stamp_ns", required=True)
     state = read_integers(columns, "state", required=True)[0]
     event = read_integers(columns, "event_id", required=True)[0]
-    told = {name: read_numbers(columns, name) for name in WARNING_VALUE_FIELDS}
+    values_by_field = {name: read_numbers(columns, name) for name in WARNING_VALUE_FIELDS}
     values = [
-        {"event_id": str(event[k]), **{name: f"{each[k]:.6g}" for name, each in told.items() if np.isfinite(each[k])}}
+        {
+            "event_id": str(event[k]),
+            **{name: f"{each[k]:.6g}" for name, each in values_by_field.items() if np.isfinite(each[k])},
+        }
         for k in range(n)
     ]
     offsets = np.cumsum([0, *map(len, values)]).astype(np.int64)

@@ -87,9 +87,11 @@ def _rows_of_best_provider_and_note(data: bytes) -> tuple[bytes, str]:
     names, *rows = data.splitlines(keepends=True)
     found = {row.partition(b",")[0].decode() for row in rows}
     best = next((name for name in PROVIDERS if name in found), min(found))
-    kept = [row for row in rows if row.startswith(f"{best},".encode())]
+    provider_rows = [row for row in rows if row.startswith(f"{best},".encode())]
     others = ", ".join(sorted(found - {best}))
-    return b"".join([names, *kept]), f"positions of {best}" + (f"; those of {others} left out" if others else "")
+    return b"".join([names, *provider_rows]), f"positions of {best}" + (
+        f"; those of {others} left out" if others else ""
+    )
 
 
 def _without_calibrated_duplicates(tables: Sequence[SourceTable]) -> list[SourceTable]:

@@ -74,8 +74,10 @@ def _read_rtklib_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     def read(columns: Sequence[str]) -> Iterator[Batch]:
         plain = [name for name in columns if name != STAMP]
         for batch in iter_text_rows(path, head, layout, [*plain, FIRST, SECOND], (path, notes)):
-            made = {STAMP: _utc_ns_of_time_cells(batch[FIRST], batch[SECOND], scale)} if STAMP in columns else {}
-            yield {**{name: batch[name] for name in plain}, **made}
+            columns_read = (
+                {STAMP: _utc_ns_of_time_cells(batch[FIRST], batch[SECOND], scale)} if STAMP in columns else {}
+            )
+            yield {**{name: batch[name] for name in plain}, **columns_read}
 
     presets = {name: PRESETS.get(name, Preset("ignored")) for name in names}
     presets[STAMP] = Preset("time", "ns")

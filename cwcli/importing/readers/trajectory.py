@@ -148,10 +148,10 @@ def find_stamps_of_rows(path: str, answers: Answers, n: int) -> RowStamps:
         stamp_ns = np.rint(np.arange(n) * (NS_PER_S / float(rate.group(1)))).astype(np.int64)
         return RowStamps(stamp_ns, f"{source}, as you said")
     if not source:
-        beside = Path(path).with_name("times.txt")
-        if not beside.is_file():
+        times_file = Path(path).with_name("times.txt")
+        if not times_file.is_file():
             raise Question(path, "its rows have no times", "--times times.txt, or --times 10Hz").as_error()
-        source = str(beside)
+        source = str(times_file)
     stamps = read_time_lines_ns(source, n + 1)
     if len(stamps) != n:
         shown = f"more than {n}" if len(stamps) > n else len(stamps)

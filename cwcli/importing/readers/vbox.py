@@ -67,15 +67,15 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     def read(columns: Sequence[str]) -> Iterator[Batch]:
         last_ns[:] = [0, 0]
         for batch in iter_text_rows(path, head, layout, list(columns), (path, notes)):
-            made: dict[str, object] = {}
+            columns_read: dict[str, object] = {}
             for name in columns:
                 if name == "time":
-                    made[name] = _stamps_ns(batch[name], last_ns) + day_ns
+                    columns_read[name] = _stamps_ns(batch[name], last_ns) + day_ns
                 elif name in MINUTES:
-                    made[name] = read_number_cells_and_count_bad(batch[name], ".")[0] / 60.0 * MINUTES[name][1]
+                    columns_read[name] = read_number_cells_and_count_bad(batch[name], ".")[0] / 60.0 * MINUTES[name][1]
                 else:
-                    made[name] = batch[name]
-            yield made
+                    columns_read[name] = batch[name]
+            yield columns_read
 
     presets = {"time": Preset("time", "ns")}
     presets |= {name: Preset(MINUTES[name][0], "deg") for name in names if name in MINUTES}

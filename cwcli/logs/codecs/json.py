@@ -147,16 +147,16 @@ class JsonDecoder:
         """Decode the batch with the kernel; at a message with unknown keys learn them and decode it again."""
         n = len(payloads)
         at = self._run_decode_kernel(payloads, status, 0)
-        learned = -1
+        learned_at = -1
         while at < n:
-            if at == learned:  # its keys can't be learned
+            if at == learned_at:  # its keys can't be learned
                 status[at] = kernel.STATUS_ODD
                 for room in self._rooms:
                     room.cursors[:, at] = room.cursors[:, at - 1] if at else 0
                 at += 1
             else:
                 self._learn_keys_of_message(payloads.message_bytes(at))
-                learned = at
+                learned_at = at
             at = self._run_decode_kernel(payloads, status, at)
 
     def _run_decode_kernel(self, payloads: Payloads, status: npt.NDArray[np.uint8], begin: int) -> int:

@@ -106,8 +106,8 @@ def encode_varints(values: npt.NDArray[np.uint64]) -> ByteRows:
     sizes = np.maximum((groups != 0).sum(axis=1), 1).astype(np.int64)
     more = np.arange(width) < sizes[:, None] - 1
     encoded = ((groups & np.uint64(0x7F)) | (more.astype(np.uint64) << np.uint64(7))).astype(np.uint8)
-    kept = np.arange(width) < sizes[:, None]
-    return ByteRows(encoded[kept], offsets_from_sizes(sizes))
+    is_byte_used = np.arange(width) < sizes[:, None]
+    return ByteRows(encoded[is_byte_used], offsets_from_sizes(sizes))
 
 
 def encode_varint(value: int) -> bytes:

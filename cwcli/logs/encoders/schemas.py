@@ -48,9 +48,11 @@ def find_message_schema(name: str) -> MessageSchema:
         KeyError: There is no such message.
     """
     standard = name.startswith("foxglove.")
-    kept = OSI_DESCRIPTOR_SET_FILE if name.startswith("osi3.") else CWCLI_DESCRIPTOR_SET_FILE
+    descriptor_file = OSI_DESCRIPTOR_SET_FILE if name.startswith("osi3.") else CWCLI_DESCRIPTOR_SET_FILE
     descriptor = (
-        _find_foxglove_descriptor(name) if standard else _load_descriptor_pool(kept).FindMessageTypeByName(name)
+        _find_foxglove_descriptor(name)
+        if standard
+        else _load_descriptor_pool(descriptor_file).FindMessageTypeByName(name)
     )
     return MessageSchema(name, _serialize_descriptor_set(descriptor.file), descriptor)
 

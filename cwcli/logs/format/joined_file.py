@@ -168,7 +168,7 @@ def _assign_log_ids_of_part(
         known: Content -> id in the log -> details; extended here.
         is_shared: Entries of one part with equal content share one id.
     """
-    taken = {new_id for ids in known.values() for new_id in ids}
+    used_ids = {new_id for ids in known.values() for new_id in ids}
     numbered: dict[int, int] = {}
     rest = []
     used: set[int] = set()
@@ -185,11 +185,11 @@ def _assign_log_ids_of_part(
         ids = known.setdefault(content, {})
         new_id = next((each for each in ids if is_shared or each not in used), None)
         if new_id is None:
-            new_id = own_id if own_id not in taken and own_id < UNKNOWN_CHANNEL_ID else max(taken, default=0) + 1
+            new_id = own_id if own_id not in used_ids and own_id < UNKNOWN_CHANNEL_ID else max(used_ids, default=0) + 1
             if new_id >= UNKNOWN_CHANNEL_ID:
                 raise InputError("its parts have more than 65,534 ids of schemas or channels")
             ids[new_id] = details
-            taken.add(new_id)
+            used_ids.add(new_id)
         numbered[own_id] = new_id
         used.add(new_id)
     return numbered

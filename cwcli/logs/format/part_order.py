@@ -43,27 +43,27 @@ def arrange_parts(file: JoinedFile, indexes: Sequence[LogIndex]) -> list[LogInde
     Raises:
         InputError: Two parts that have to be compared can't be read.
     """
-    kept: list[tuple[InputFile, LogIndex]] = []
+    remaining_parts: list[tuple[InputFile, LogIndex]] = []
     repeated: list[InputFile] = []
     for part, index in zip(file.parts, indexes, strict=True):
-        if any(_is_same_file_content(part, index, *other) for other in kept):
+        if any(_is_same_file_content(part, index, *other) for other in remaining_parts):
             repeated.append(part)
         else:
-            kept.append((part, index))
-    kept.sort(key=lambda each: _first_and_last_log_time_ns(each[1]) or (0, 0))
-    parts = [part for part, _ in kept]
+            remaining_parts.append((part, index))
+    remaining_parts.sort(key=lambda each: _first_and_last_log_time_ns(each[1]) or (0, 0))
+    parts = [part for part, _ in remaining_parts]
     _note_parts(file, "repeated parts", repeated)
     if not file.listed_message_counts:
         _note_missing_part_numbers(file, parts)
     else:
-        _note_wrong_listed_counts(file, kept)
+        _note_wrong_listed_counts(file, remaining_parts)
     _note_overlaps_and_gaps(
-        file, [(part, span) for part, index in kept if (span := _first_and_last_log_time_ns(index))]
+        file, [(part, span) for part, index in remaining_parts if (span := _first_and_last_log_time_ns(index))]
     )
-    if len({index.profile for _, index in kept}) > 1:
-        file.notes["parts with different profiles"] = len(kept)
+    if len({index.profile for _, index in remaining_parts}) > 1:
+        file.notes["parts with different profiles"] = len(remaining_parts)
     file.set_final_part_order(parts)
-    return [index for _, index in kept]
+    return [index for _, index in remaining_parts]
 
 
 def _first_and_last_log_time_ns(index: LogIndex) -> FirstAndLastNs | None:

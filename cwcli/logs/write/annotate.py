@@ -139,7 +139,7 @@ def annotate_log(
     )
     chosen = options.chosen_topics
     new = _assign_channel_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
-    kept = profile_kept_by_channels_or_empty(
+    profile = profile_kept_by_channels_or_empty(
         index.profile if options.profile is None else options.profile,
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
         index.schemas | {each.schema.id: each.schema for each in new},
@@ -156,7 +156,7 @@ def annotate_log(
         writer = RecordWriter(output)
         copy.write_header_and_definitions(
             writer,
-            kept,
+            profile,
             replaced_ids=frozenset(replaced),
             replaced_metadata=options.excluded_metadata_names.union(metadata),
             written_schema_ids=frozenset(each.schema.id for each in new),
@@ -173,7 +173,7 @@ def annotate_log(
         replaced_topics=tuple(sorted({each.topic for each in replaced.values()})),
         n_chunks_lost=faults.chunks_lost,
         n_bytes_lost=faults.bytes_lost,
-        dropped_profile=index.profile if kept != index.profile else "",
+        dropped_profile=index.profile if profile != index.profile else "",
     )
 
 
@@ -224,9 +224,11 @@ def annotate_parts(
     for k, (part, index, target) in enumerate(zip(file.parts, indexes, written, strict=True)):
         until = min((start - 1 for start in starts[k + 1 :] if start is not None), default=None)
         replaced = frozenset(each.id for each in index.channels.values() if each.topic in topics)
-        kept = (each for each in index.channels.values() if each.id not in replaced)
+        remaining_channels = (each for each in index.channels.values() if each.id not in replaced)
         schemas = index.schemas | {each.schema.id: each.schema for each in new}
-        profile = profile_kept_by_channels_or_empty(index.profile, [*kept, *(each.channel for each in new)], schemas)
+        profile = profile_kept_by_channels_or_empty(
+            index.profile, [*remaining_channels, *(each.channel for each in new)], schemas
+        )
         copy = SourceCopy(part, index, Faults(), recover=source.recover)
         with open_output(target, force=force, inputs=file.disk_files, together=together) as output:
             writer = RecordWriter(output)

@@ -231,7 +231,7 @@ class MessageMerge:
         header = np.zeros(n, MESSAGE_RECORD_DTYPE)
         header["opcode"] = Opcode.MESSAGE
         header["log_time"] = log_time_ns
-        taken: list[tuple[npt.NDArray[np.intp], ByteRows]] = []
+        rows_and_bytes: list[tuple[npt.NDArray[np.intp], ByteRows]] = []
         for k in np.flatnonzero(np.bincount(feed_of)).tolist():
             feed = self._feeds[k]
             at = np.flatnonzero(feed_of == k)
@@ -240,13 +240,13 @@ class MessageMerge:
             header["sequence"][at] = feed.first_sequence + np.arange(rows.start, rows.stop)
             header["publish_time"][at] = feed.publish_time_ns[rows]
             header["length"][at] = messages.sizes + (MESSAGE_RECORD_DTYPE.itemsize - RECORD_PREFIX.size)
-            taken.append((at, messages))
+            rows_and_bytes.append((at, messages))
         offsets = offsets_from_sizes(header["length"].astype(np.int64) + RECORD_PREFIX.size)
         data = np.empty(int(offsets[-1]), np.uint8)
         sliding_byte_windows(data, MESSAGE_RECORD_DTYPE.itemsize)[offsets[:-1]] = header.view(
             np.dtype((np.void, MESSAGE_RECORD_DTYPE.itemsize))
         )
-        for at, messages in taken:
+        for at, messages in rows_and_bytes:
             starts = offsets[at] + MESSAGE_RECORD_DTYPE.itemsize
             copy_rows(data, starts, messages.data, messages.offsets[:-1], messages.sizes)
         return ChunkPayload(data, start_ns, end_ns, _index_entries_by_channel(header, offsets))

@@ -77,7 +77,7 @@ class SourceCopy:
         self._replaced_ids: frozenset[int] = frozenset()
         self._replaced_metadata: frozenset[str] = frozenset()
         self._written_schema_ids: frozenset[int] = frozenset()
-        self.items: list[Item] = [kept for item in index.items for kept in self._iter_intact_items(item)]
+        self.items: list[Item] = [intact for item in index.items for intact in self._iter_intact_items(item)]
         self.n_messages = 0
         self.n_chunks = 0
 
@@ -164,13 +164,15 @@ class SourceCopy:
             writer.copy_bytes(self._source, 0, index.header_length)
         else:
             writer.write_header(profile, index.library)
-        kept = [each for each in index.channels.values() if each.id not in replaced_ids]
-        orphans = {index.channels[each].schema_id for each in replaced_ids} - {each.schema_id for each in kept}
+        remaining_channels = [each for each in index.channels.values() if each.id not in replaced_ids]
+        orphans = {index.channels[each].schema_id for each in replaced_ids} - {
+            each.schema_id for each in remaining_channels
+        }
         listed_only = not self._faults.bytes_lost and not index.renumberings
         for schema in index.schemas.values():
             if schema.id not in orphans:
                 writer.write_schema(schema, listed_only=listed_only)
-        for channel in kept:
+        for channel in remaining_channels:
             writer.write_channel(channel, listed_only=listed_only)
 
     def check_source_unchanged(self) -> None:
@@ -305,7 +307,7 @@ def remove_channels_from_records(
     Raises:
         RecordError: A record reaches beyond the given bytes, or is too short for a channel id.
     """
-    kept = bytearray()
+    remaining = bytearray()
     for opcode, start, end in iter_opcodes_and_record_bounds(records):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and not definitions:
             continue
@@ -317,5 +319,5 @@ def remove_channels_from_records(
                 in channel_ids
             ):
                 continue
-        kept += records[start:end]
-    return memoryview(kept)
+        remaining += records[start:end]
+    return memoryview(remaining)

@@ -69,19 +69,19 @@ def reproduce_song2016(request: ReproductionRequest) -> Reproduction:
         if request.wants_any_of(figures)
         for each in (TRAP_SCENARIOS if kind == "traps" else (name,))
     ]
-    made: list[tuple[list[StudyPart], list[SummaryTable]]] = []
+    parts_and_tables: list[tuple[list[StudyPart], list[SummaryTable]]] = []
     if request.jobs > 1:
         with process_pool(request.jobs) as pool:
             running = [(task, pool.submit(_run_task, *task)) for task in tasks]
             for task, future in running:
-                made.append(future.result())
+                parts_and_tables.append(future.result())
                 request.tick(f"{task[0]}: {task[1]}")
     else:
         for task in tasks:
-            made.append(_run_task(*task))
+            parts_and_tables.append(_run_task(*task))
             request.tick(f"{task[0]}: {task[1]}")
-    parts = [part for found, _ in made for part in found]
-    sections = [section for _, found in made for section in found]
+    parts = [part for found, _ in parts_and_tables for part in found]
+    sections = [section for _, found in parts_and_tables for section in found]
     return assemble_reproduction("song2016", parts, format_seed_note(tasks), sections=sections, only=request.only)
 
 

@@ -76,7 +76,7 @@ def _measure_shares_found(key: str, log: Log, topic: str) -> list[MeasuredNumber
             continue
         row = int(near[0])
         width_px, height_px = rows.image_size[row].tolist()
-        beside = lanes_beside_ego(flat.reshape(-1, len(heights)), heights, width_px, height_px)
+        ego_lanes = lanes_beside_ego(flat.reshape(-1, len(heights)), heights, width_px, height_px)
         lines = [
             np.interp(heights, line[::-1, 1], line[::-1, 0], left=np.nan, right=np.nan)
             for line in (
@@ -87,7 +87,7 @@ def _measure_shares_found(key: str, log: Log, topic: str) -> list[MeasuredNumber
         is_searched = heights >= height_px * (1.0 - SEARCHED_HEIGHT_SHARE)
         right = [
             tusimple_score([line[is_searched] for line in lines], [truth[is_searched]], heights[is_searched])
-            for truth in beside
+            for truth in ego_lanes
         ]
         n_boundaries += len(right)
         n_found += sum(score.false_negative == 0.0 for score in right)

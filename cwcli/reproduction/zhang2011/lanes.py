@@ -87,8 +87,8 @@ def _run_methods_on_all_sets(n_drives: int, jobs: int, seed: int, tick: Callable
     ]
     found: dict[str, list[dict[str, MethodResults]]] = {name: [] for name in ROAD_SET_NAMES}
 
-    def collect_results(task: tuple[str, int, int], made: dict[str, MethodResults]) -> None:
-        found[task[0]].append(made)
+    def collect_results(task: tuple[str, int, int], results_by_set: dict[str, MethodResults]) -> None:
+        found[task[0]].append(results_by_set)
         if task[2] == n_drives:
             tick(f"lanes: {task[0]}")
 
@@ -118,14 +118,17 @@ def _concatenate_results(parts: Sequence[MethodResults]) -> MethodResults:
 
 def _correct_share_numbers(name: str, key: str, results: Results) -> list[MeasuredNumber]:
     """Return the shares of frames in which a method finds both boundaries."""
-    made = results[name][key]
+    method_results = results[name][key]
     return [
-        _correct_share_with_interval(f"{key}, {name}: both boundaries right", made.is_correct[:, N_UNSTABLE_FRAMES:]),
         _correct_share_with_interval(
-            f"{key}, {name}: the same in the first six frames", made.is_correct[:, :N_UNSTABLE_FRAMES]
+            f"{key}, {name}: both boundaries right", method_results.is_correct[:, N_UNSTABLE_FRAMES:]
         ),
         _correct_share_with_interval(
-            f"{key}, {name}: the same by the stripe's centre", made.is_correct_by_centre[:, N_UNSTABLE_FRAMES:]
+            f"{key}, {name}: the same in the first six frames", method_results.is_correct[:, :N_UNSTABLE_FRAMES]
+        ),
+        _correct_share_with_interval(
+            f"{key}, {name}: the same by the stripe's centre",
+            method_results.is_correct_by_centre[:, N_UNSTABLE_FRAMES:],
         ),
     ]
 
@@ -140,8 +143,12 @@ def _correct_share_with_interval(what: str, is_right: BoolArray) -> MeasuredNumb
 def _correct_share_plot(name: str, methods: Mapping[str, MethodResults]) -> Plot:
     """Plot the share of correct frames over the frames of a drive."""
     curves = [
-        Curve(key, np.arange(1.0, made.is_correct.shape[1] + 1.0), 100.0 * made.is_correct.mean(axis=0))
-        for key, made in methods.items()
+        Curve(
+            key,
+            np.arange(1.0, method_results.is_correct.shape[1] + 1.0),
+            100.0 * method_results.is_correct.mean(axis=0),
+        )
+        for key, method_results in methods.items()
     ]
     level = ("the paper's", PAPER_CORRECT_PERCENT[name]) if name in PAPER_CORRECT_PERCENT else None
     return Plot(

@@ -108,7 +108,7 @@ def make_radio_codec(form: str) -> V2xCodec:
     def decode_all(columns: Columns, ledger: RowLedger) -> RemoteRows:
         found = frames.unwrap_frames(columns, form)
         _reject_rows_by_status_code(ledger, found.status, frames.FRAME_FAULT_TEXTS)
-        made = empty_remote_rows(len(columns))
+        decoded_rows = empty_remote_rows(len(columns))
         is_known = np.zeros(len(columns), np.bool_)
         for kind, part, rows, status in _decode_messages_describing_their_sender(columns, found, form):
             is_known[rows] = True
@@ -116,7 +116,7 @@ def make_radio_codec(form: str) -> V2xCodec:
             with ledger.part_ledger(rows, part) as inner:
                 decoded = kind.codec.decode(part, inner)
             for entry in fields(RemoteRows):
-                getattr(made, entry.name)[rows] = getattr(decoded, entry.name)
+                getattr(decoded_rows, entry.name)[rows] = getattr(decoded, entry.name)
         rows, denms, notified = _decode_denms_with_rows_and_events(columns, found, form)
         _reject_undecodable_rows(ledger, rows, denms.status)
         if len(notified):
@@ -128,18 +128,18 @@ def make_radio_codec(form: str) -> V2xCodec:
         n_signed = int(np.count_nonzero(found.is_signed_mask & ledger.keep))
         if n_signed:
             ledger.add_note(f"{n_signed} messages {SIGNED_NOTE}")
-        return made
+        return decoded_rows
 
     def objects(columns: Columns) -> Objects:
         found = frames.unwrap_frames(columns, form)
-        made = []
+        decoded_objects = []
         for name, kind in PERCEPTION_MESSAGES.items():
             rows, decoded = _decode_messages_named_with_rows(found, form, name, kind.packed)
             of_row = decoded.rows[kind.packed.objects_path]
             if len(of_row):
                 quantities = kind.read_fields(decoded)
-                made.append((columns.with_fields_of_rows(rows[of_row], quantities), kind.codec))
-        return tuple(made)
+                decoded_objects.append((columns.with_fields_of_rows(rows[of_row], quantities), kind.codec))
+        return tuple(decoded_objects)
 
     def events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
         found = frames.unwrap_frames(columns, form)

@@ -241,9 +241,9 @@ def _knots_and_curvatures_with_bends_and_ramps(
     if not (config.bends_1pm or config.ramp_degps):
         return knots_m, curvature, vertical
     fine_m = np.arange(knots_m[0], knots_m[-1], FINE_KNOT_M)
-    bent = draw_mountain_curvature_1pm(fine_m, config.bends_1pm, rng)
-    bent += draw_ramp_curvature_1pm(fine_m, math.radians(config.ramp_degps), config.speed_mps, rng)
-    return fine_m, bent, np.interp(fine_m, knots_m, vertical)
+    added_curvature_1pm = draw_mountain_curvature_1pm(fine_m, config.bends_1pm, rng)
+    added_curvature_1pm += draw_ramp_curvature_1pm(fine_m, math.radians(config.ramp_degps), config.speed_mps, rng)
+    return fine_m, added_curvature_1pm, np.interp(fine_m, knots_m, vertical)
 
 
 def _add_configured_difficulties_to_scene(

@@ -47,7 +47,7 @@ def surface_grey_by_row_and_cell(rows: ImageRows, scene: RoadScene) -> Float32Ar
 def light_factor_by_row_and_cell(rows: ImageRows, scene: RoadScene) -> Float32Array | None:
     """Factor of shadows and headlights on the grey, by row and cell, shape (n, cells); None if it is 1 everywhere."""
     light = scene.light
-    made: Float32Array | None = None
+    light_factor: Float32Array | None = None
     if light.dapple > 0 or light.shadows:
         dark = np.zeros((len(rows.v_px), len(CELL_OFFSETS_M)), np.float32)
         if light.dapple > 0:
@@ -59,11 +59,11 @@ def light_factor_by_row_and_cell(rows: ImageRows, scene: RoadScene) -> Float32Ar
             ):
                 continue
             dark = np.maximum(dark, _shadow_share_by_row_and_cell(rows, shadow))
-        made = 1.0 - (1.0 - light.shadow_depth) * dark
+        light_factor = 1.0 - (1.0 - light.shadow_depth) * dark
     if light.night:
         lit = headlight_factor_by_row_and_cell(rows)
-        made = lit if made is None else made * lit
-    return made
+        light_factor = lit if light_factor is None else light_factor * lit
+    return light_factor
 
 
 def headlight_factor_by_row_and_cell(rows: ImageRows) -> Float32Array:

@@ -64,10 +64,10 @@ class Texture:
         length = np.maximum(end_m - start_m, 1e-3).astype(np.float32)[:, None]
         if np.array_equal(start_m[:-1], end_m[1:]):  # neighbouring rows share an edge
             sums = self._running_sum_at(np.concatenate([end_m[:1], start_m]))
-            made = (sums[:-1] - sums[1:]) / length
+            mean = (sums[:-1] - sums[1:]) / length
         else:
-            made = (self._running_sum_at(end_m) - self._running_sum_at(start_m)) / length
-        return np.roll(made, shift, axis=1) if shift else made
+            mean = (self._running_sum_at(end_m) - self._running_sum_at(start_m)) / length
+        return np.roll(mean, shift, axis=1) if shift else mean
 
     def _running_sum_at(self, station_m: FloatArray) -> Float32Array:
         """The running sum from station 0 to the stations (n,), shape (n, cells); it repeats with the texture."""
@@ -117,12 +117,12 @@ def verge_texture() -> Texture:
 def crack_texture() -> Texture:
     """The relative grey of sealed cracks: thin dark lines along and across the road."""
     rng = np.random.default_rng(103)
-    made = np.zeros((N_TEXTURE_CELLS_ALONG_ROAD, N_TEXTURE_CELLS_ACROSS_ROAD))
+    texture = np.zeros((N_TEXTURE_CELLS_ALONG_ROAD, N_TEXTURE_CELLS_ACROSS_ROAD))
     for _ in range(9):  # along, wandering
         length = int(rng.integers(100, 500))
         start = int(rng.integers(0, N_TEXTURE_CELLS_ALONG_ROAD))
         path = rng.integers(60, N_TEXTURE_CELLS_ACROSS_ROAD - 60) + np.cumsum(rng.normal(0.0, 0.25, length))
-        made[
+        texture[
             (start + np.arange(length)) % N_TEXTURE_CELLS_ALONG_ROAD,
             np.clip(path.round().astype(int), 0, N_TEXTURE_CELLS_ACROSS_ROAD - 1),
         ] = -0.35
@@ -133,8 +133,8 @@ def crack_texture() -> Texture:
             + slant * np.arange(N_TEXTURE_CELLS_ACROSS_ROAD)
             + np.cumsum(rng.normal(0.0, 0.4, N_TEXTURE_CELLS_ACROSS_ROAD))
         )
-        made[at.round().astype(int) % N_TEXTURE_CELLS_ALONG_ROAD, np.arange(N_TEXTURE_CELLS_ACROSS_ROAD)] = -0.35
-    return _make_texture(np.minimum(made, np.roll(made, 1, axis=0)))
+        texture[at.round().astype(int) % N_TEXTURE_CELLS_ALONG_ROAD, np.arange(N_TEXTURE_CELLS_ACROSS_ROAD)] = -0.35
+    return _make_texture(np.minimum(texture, np.roll(texture, 1, axis=0)))
 
 
 @cache
@@ -156,5 +156,5 @@ def remaining_paint_texture_and_mean(level: float) -> tuple[Texture, FloatArray]
         + 0.8 * _draw_smooth_noise(rng, shape, (60.0, 30.0))
         + 0.5 * rng.standard_normal(shape)
     )
-    kept = (field > np.quantile(field, 1.0 - level)).astype(np.float64)
-    return _make_texture(kept), kept.mean(axis=0)
+    remaining_paint = (field > np.quantile(field, 1.0 - level)).astype(np.float64)
+    return _make_texture(remaining_paint), remaining_paint.mean(axis=0)

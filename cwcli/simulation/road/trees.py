@@ -24,8 +24,10 @@ def _make_tree_shape_cover_and_light(shape_number: int) -> tuple[Float32Array, F
     radius = np.hypot(freq[:, None], freq[None, :])
 
     def noise(sigma_px: float) -> FloatArray:
-        made = np.fft.ifft2(np.fft.fft2(rng.standard_normal(u.shape)) * np.exp(-2 * (np.pi * radius * sigma_px) ** 2))
-        return np.asarray(made.real / made.real.std())
+        filtered = np.fft.ifft2(
+            np.fft.fft2(rng.standard_normal(u.shape)) * np.exp(-2 * (np.pi * radius * sigma_px) ** 2)
+        )
+        return np.asarray(filtered.real / filtered.real.std())
 
     top, low = 0.02, rng.uniform(0.7, 0.95)  # of the crown; the rest is trunk
     middle, half = (top + low) / 2, (low - top) / 2

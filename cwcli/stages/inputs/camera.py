@@ -108,9 +108,11 @@ def find_camera_source(
     """
     chosen = dict(topics)
     if Role.CAMERA_INFO.value not in chosen:
-        beside = [name for name in _camera_info_topics(log) if _topic_namespace(name) == _topic_namespace(camera_topic)]
-        if len(beside) == 1:
-            chosen[Role.CAMERA_INFO.value] = beside[0]
+        camera_info_topics = [
+            name for name in _camera_info_topics(log) if _topic_namespace(name) == _topic_namespace(camera_topic)
+        ]
+        if len(camera_info_topics) == 1:
+            chosen[Role.CAMERA_INFO.value] = camera_info_topics[0]
     sources = read_sensor_signals(log, Selection(topics=chosen), command="lanes", optional=(Role.CAMERA_INFO,))
     found = sources.by_role.get(Role.CAMERA_INFO, ())
     info = found[0] if found and isinstance(found[0], CameraInfoSignal) else None
@@ -224,17 +226,17 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
         return MountingSource(Mounting(**given), is_pitch_known=True)
     pose, counts, notes = _pose_from_transforms(log, frame_id.lstrip("/"))
     if pose is None:
-        made = Mounting(**given)
+        mounting = Mounting(**given)
         note = (
-            f"{ASSUMED_MOUNTING_TEXT}: {made.height_m:g} m above the road, level, straight ahead and in the "
+            f"{ASSUMED_MOUNTING_TEXT}: {mounting.height_m:g} m above the road, level, straight ahead and in the "
             f"middle of the car are assumed ({', '.join(MOUNTING_OPTION_NAMES.values())})"
         )
         notes = notes if given else (*notes, note)
-        return MountingSource(made, "pitch_rad" in given, counts, notes)
-    made = Mounting(pose.height_m, pose.pitch_rad, pose.yaw_rad, pose.roll_rad, pose.lateral_m)
+        return MountingSource(mounting, "pitch_rad" in given, counts, notes)
+    mounting = Mounting(pose.height_m, pose.pitch_rad, pose.yaw_rad, pose.roll_rad, pose.lateral_m)
     if given:
         notes = (*notes, f"{', '.join(MOUNTING_OPTION_NAMES[name] for name in given)} counts before the transform")
-    return MountingSource(replace(made, **given), True, counts, notes)
+    return MountingSource(replace(mounting, **given), True, counts, notes)
 
 
 def _pose_from_transforms(

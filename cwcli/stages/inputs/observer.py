@@ -127,8 +127,8 @@ def _common_preview_distance_m(previews_m: FloatArray, where: str) -> float:
     distinct = sort_distinct_values(previews_m)
     low, high = PREVIEW_DISTANCE_RANGE_M
     if len(distinct) > 1:
-        told = f"{distinct[0]:g} and {distinct[1]:g} m"
-        raise DataError(f"the preview distance changes within the channel: {told}", where=where)
+        distances_text = f"{distinct[0]:g} and {distinct[1]:g} m"
+        raise DataError(f"the preview distance changes within the channel: {distances_text}", where=where)
     if not low <= distinct[0] <= high:
         raise DataError(f"a preview distance of {distinct[0]:g} m is not between {low:g} and {high:g} m", where=where)
     return float(distinct[0])

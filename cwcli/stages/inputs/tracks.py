@@ -136,17 +136,17 @@ def add_sigmas_of_extremes(
     known = _read_covariances_at_stamps(
         log, tracks, {vehicle: np.concatenate(each) for vehicle, each in wanted.items() if each}
     )
-    made = []
+    rows_with_sigmas = []
     for pair in pairs:
         stamps = at[pair.other_id]
         if not len(stamps):
-            made.append(pair)
+            rows_with_sigmas.append(pair)
             continue
         here = tracks.pair_with_ego(pair.other_id).select_rows(np.searchsorted(tracks.ego.stamp_ns, stamps))
         own, theirs_ns = known[tracks.ego_id], wanted[pair.other_id][0]
         covariances = _covariances_at_stamps(own, stamps), _covariances_at_stamps(known[pair.other_id], theirs_ns)
-        made.append(add_sigmas_to_extremes(pair, here, measures, covariances))
-    return made
+        rows_with_sigmas.append(add_sigmas_to_extremes(pair, here, measures, covariances))
+    return rows_with_sigmas
 
 
 def _covariances_at_stamps(known: Mapping[int, FloatArray], stamps: Int64Array) -> FloatArray:
@@ -162,10 +162,10 @@ def _read_covariances_at_stamps(
     found: dict[str, dict[int, FloatArray]] = {vehicle: {} for vehicle in wanted}
     stamps = {vehicle: sort_distinct_values(each) for vehicle, each in wanted.items()}
     for topic, role in dict.fromkeys(tracks.topics[vehicle] for vehicle in wanted):
-        asked = [vehicle for vehicle in wanted if tracks.topics[vehicle] == (topic, role)]
-        for states in _iter_states_near_stamps(log, topic, role, tracks, asked, stamps):
+        vehicles_of_channel = [vehicle for vehicle in wanted if tracks.topics[vehicle] == (topic, role)]
+        for states in _iter_states_near_stamps(log, topic, role, tracks, vehicles_of_channel, stamps):
             for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
-                if vehicle in asked:
+                if vehicle in vehicles_of_channel:
                     here = rows[np.isin(states.stamp_ns[rows], stamps[vehicle])]
                     pairs = zip(states.stamp_ns[here].tolist(), states.covariance[here], strict=True)
                     found[vehicle].update((stamp, covariance.copy()) for stamp, covariance in pairs)

@@ -218,7 +218,7 @@ def test_painted_frames_and_thumbnails_have_their_lines_on_the_markings(bent: Se
     data: Any = channels[1].make_rows(3, 4)["data"]
     painted = cv2.imdecode(np.asarray(data.values, np.uint8), cv2.IMREAD_COLOR)
     drive = read_drive(bent.log)
-    pictures, _ = make_thumbnails_and_explain_gaps(bent.log, drive, [int(times[3])])
+    pictures, _ = make_thumbnails_and_explain_gaps(bent.log, drive.camera_topic, drive.lanes, [int(times[3])])
     small = pictures[int(times[3])]
     file = base64.b64decode(small.data_uri.partition(",")[2])
     thumbnail = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR)
