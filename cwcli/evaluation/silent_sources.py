@@ -16,7 +16,7 @@ from cwcli.signals.units import NS_PER_S
 
 MIN_SILENCE_IN_USUAL_STEPS = 5.0
 """Least duration of a silence in usual steps of its source. Chosen: as for the gaps of `cwcli info`."""
-TOLD_QUANTITIES_BY_KIND = {
+MEASURED_QUANTITIES_BY_KIND = {
     Kind.POSITION: ("position",),
     Kind.VELOCITY: ("speed", "heading"),
     Kind.SPEED: ("speed",),
@@ -25,7 +25,7 @@ TOLD_QUANTITIES_BY_KIND = {
     Kind.YAW_RATE: ("yaw rate",),
     Kind.IMU: ("acceleration", "yaw rate"),
 }
-"""What each kind tells: a silence matters only where no other source tells the same."""
+"""Kind of a measurement -> the quantities that it measures; a silence matters only where no other source has them."""
 
 
 def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, str]:
@@ -54,8 +54,8 @@ def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, 
             others = [
                 each for each in stamps_by_source if each[0] is not m and _goes_on(each[1], gap.start_ns, gap.end_ns)
             ]
-            known = {name for other, _ in others for name in TOLD_QUANTITIES_BY_KIND[other.kind]}
-            lost = [name for name in TOLD_QUANTITIES_BY_KIND[m.kind] if name not in known]
+            known = {name for other, _ in others for name in MEASURED_QUANTITIES_BY_KIND[other.kind]}
+            lost = [name for name in MEASURED_QUANTITIES_BY_KIND[m.kind] if name not in known]
             if not lost or not others:
                 continue
             silence = found.setdefault(
@@ -73,7 +73,7 @@ def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, 
             silence["quantities"] += [name for name in lost if name not in silence["quantities"]]
             for other, _ in others:
                 of_topic = silence["others"].setdefault(other.source, [])
-                of_topic += [name for name in TOLD_QUANTITIES_BY_KIND[other.kind] if name not in of_topic]
+                of_topic += [name for name in MEASURED_QUANTITIES_BY_KIND[other.kind] if name not in of_topic]
     return {SILENCES_RECORD_KEY: json.dumps(list(found.values()))}
 
 

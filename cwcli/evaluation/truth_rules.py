@@ -82,17 +82,17 @@ class _Rows:
     covariance: FloatArray
     late_s: float = 0.0
 
-    def at(self, state: int, late_s: float) -> FloatArray:
+    def state_at(self, state: int, late_s: float) -> FloatArray:
         """The track at the true times of the rows, (n,); NaN outside of it."""
         return np.interp(self.stamp_s - late_s, self.track_s, self.track[:, state], left=np.nan, right=np.nan)
 
-    def estimated(self, late_s: float) -> FloatArray:
+    def estimated_quantity(self, late_s: float) -> FloatArray:
         """The estimated quantity at the true times of the rows, (n, d)."""
-        return np.column_stack([self.at(i, late_s) for i in STATES_OF_QUANTITY[self.quantity]])
+        return np.column_stack([self.state_at(i, late_s) for i in STATES_OF_QUANTITY[self.quantity]])
 
     def error(self, late_s: float) -> FloatArray:
         """Track minus truth, (n, d)."""
-        error = self.estimated(late_s) - self.truth
+        error = self.estimated_quantity(late_s) - self.truth
         return np.asarray(wrap_angle(error) if self.quantity == "heading" else error)
 
     def select(self, rows: BoolArray) -> _Rows:
@@ -235,7 +235,7 @@ def _with_truth(rows: _Rows, truth: FloatArray) -> _Rows:
 
 
 def _point_columns(rows: _Rows) -> FloatArray:
-    heading = rows.at(HEADING, rows.late_s)
+    heading = rows.state_at(HEADING, rows.late_s)
     ahead = np.column_stack([np.cos(heading), np.sin(heading)])
     return np.stack([ahead, np.column_stack([-ahead[:, 1], ahead[:, 0]])], axis=2)
 
@@ -245,13 +245,13 @@ def _datum_columns(rows: _Rows) -> FloatArray:
 
 
 def _map_columns(rows: _Rows) -> FloatArray:
-    xy = rows.estimated(rows.late_s)
+    xy = rows.estimated_quantity(rows.late_s)
     x, y = (xy - np.nanmean(xy, axis=0)).T
     return np.stack([*np.moveaxis(_datum_columns(rows), 2, 0), np.stack([x, y], 1), np.stack([-y, x], 1)], axis=2)
 
 
 def _speed_columns(rows: _Rows) -> FloatArray:
-    return rows.estimated(rows.late_s)[:, :, None]
+    return rows.estimated_quantity(rows.late_s)[:, :, None]
 
 
 def _fit_clock_with(other: _Kind | None) -> _Fit:
@@ -341,7 +341,7 @@ def _fit_turn(sign: float) -> _Fit:
     """Return the constant (1,) in truth = sign * track + constant."""
 
     def fit(rows: _Rows, chosen: BoolArray) -> FloatArray:
-        difference = (rows.truth - sign * rows.estimated(rows.late_s))[:, 0]
+        difference = (rows.truth - sign * rows.estimated_quantity(rows.late_s))[:, 0]
         use = chosen & np.isfinite(difference)
         return np.array([np.angle(np.exp(1j * difference[use]).mean())])
 
@@ -359,7 +359,7 @@ def _held_mask(rows: _Rows) -> BoolArray:
     is_new = np.append(True, (np.diff(rows.truth, axis=0) != 0.0).any(axis=1))
     first = np.flatnonzero(is_new)
     last = np.append(first[1:], len(is_new)) - 1
-    there = np.nan_to_num(rows.estimated(rows.late_s))
+    there = np.nan_to_num(rows.estimated_quantity(rows.late_s))
     is_held = (rows.stamp_s[last] - rows.stamp_s[first] > MIN_HELD_TIME_S) & (
         np.hypot(*(there[last] - there[first]).T) > MIN_MOVEMENT_WHILE_HELD_M
     )
