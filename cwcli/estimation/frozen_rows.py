@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.odd_sensors import MAX_REPEATED_ROW_SHARE, MIN_STUCK_DURATION_S, MIN_STUCK_ROWS, stuck_row_mask
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, ValueRows
+from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, ValueRows, median_of_values
 
 MIN_MOVING_SPEED_MPS = 3.0
 """Least mean speed in m/s, by the fixes, of a car that surely moves, so that a repeated zero is a fault. Chosen by
@@ -19,6 +19,16 @@ MIN_HELD_FIXES = 4
 MAX_HELD_FIX_CHANGE_M = 1e-3
 """Greatest change in m, east or north, of a fix that is held: a height that goes on moves the place in the map by less.
 Chosen below the noise of every receiver."""
+MIN_RESTING_S = 5.0
+"""Least time, s, for which fixes with noise rest although the car moves on. Chosen: in less a fix rounded to 11 m,
+a ten thousandth of a degree, rests lawfully at walking speed."""
+ROWS_OF_RESTING_NOISE, RESTING_RADIUS_IN_SIGMAS, MIN_RESTING_RADIUS_M = 5, 4.0, 0.3
+"""Last resting rows whose scatter tells the noise, and how far from the last one the others rest: so many sigmas, and
+at least so many metres. Chosen by hand; not fitted."""
+MOTION_CHECK_S = 1.0
+"""Time before and after a rest, s, in which a car that did not stand moves. Chosen by hand: a car stops more slowly."""
+MAX_JUMP_STEP_TO_USUAL = 3.0
+"""Longest step, in usual ones, in which the fixes jump to where the car is. Chosen by hand: behind a pause they may."""
 MIN_SATURATED_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
 MAX_SMOOTH_DIFFERENCE_RATIO = 0.5
@@ -79,7 +89,8 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows, fixes: Fi
             lambda begin_s, end_s: fixes.mean_speed_mps(begin_s, end_s) > MIN_MOVING_SPEED_MPS,
         )
     if kind is Kind.POSITION:
-        return _held_fix_mask(time_s, values)
+        held = _held_fix_mask(time_s, values)
+        return held | _resting_fix_mask(time_s, values, held)
     return np.zeros(len(time_s), np.bool_)
 
 
@@ -99,6 +110,44 @@ def _held_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
     # Of fixes that are repeated all the time `repeated_rows` knows more.
     is_usual = len(elsewhere) > 0 and elsewhere.mean() >= MAX_REPEATED_ROW_SHARE
     return np.zeros(len(time_s), np.bool_) if is_usual else held
+
+
+def _resting_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_known: BoolArray) -> BoolArray:
+    """Return a mask (n,) of fixes (n, 2) that rest with some noise, between a moving car and a jump to where it is.
+
+    A receiver without satellites may filter its last fix on and on. One of a car that stands comes to rest more slowly,
+    and the next fix is near. Fixes that are known to be held are not looked at.
+    """
+    resting = np.zeros(len(time_s), np.bool_)
+    if len(time_s) < 2 * MIN_STUCK_ROWS:
+        return resting
+    step_s, step_m = np.diff(time_s), np.hypot(*np.diff(fixes_m, axis=0).T)
+    is_jump = (
+        ~is_known[:-1]
+        & (step_m > MIN_MOVING_SPEED_MPS * MIN_RESTING_S)
+        & (step_s < MAX_JUMP_STEP_TO_USUAL * median_of_values(step_s))
+    )
+
+    def is_moving(row: int, other_s: float) -> bool:
+        other = int(np.clip(np.searchsorted(time_s, other_s), 0, len(time_s) - 1))
+        way_m = float(np.hypot(*(fixes_m[other] - fixes_m[row])))
+        return way_m > MIN_MOVING_SPEED_MPS * abs(float(time_s[other] - time_s[row])) > 0.0
+
+    for last in np.flatnonzero(is_jump).tolist():
+        noise_m = float(np.hypot(*fixes_m[max(last - ROWS_OF_RESTING_NOISE, 0) : last + 1].std(axis=0)))
+        radius_m = max(RESTING_RADIUS_IN_SIGMAS * noise_m, MIN_RESTING_RADIUS_M)
+        apart = np.flatnonzero(np.hypot(*(fixes_m[:last] - fixes_m[last]).T) > radius_m)
+        begin = int(apart[-1]) + 1 if len(apart) else 0
+        lasts_long = time_s[last] - time_s[begin] >= MIN_RESTING_S
+        goes_on = step_m[last] > MIN_MOVING_SPEED_MPS * (time_s[last + 1] - time_s[begin])
+        if (
+            lasts_long
+            and goes_on
+            and is_moving(begin, time_s[begin] - MOTION_CHECK_S)
+            and is_moving(last + 1, time_s[last + 1] + MOTION_CHECK_S)
+        ):
+            resting[begin + 1 : last + 1] = True
+    return resting
 
 
 def _begin_and_end_of_true_stretches(mask: BoolArray, min_rows: int) -> list[tuple[int, int]]:

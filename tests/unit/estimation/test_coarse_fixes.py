@@ -62,6 +62,39 @@ def test_a_held_fix_may_move_in_the_map_as_its_height_goes_on() -> None:
     assert frozen_row_mask(Kind.POSITION, TIME_S, held, FixMotion(TIME_S, held)).sum() == 100
 
 
+def evenly_driven_m(noise_m: float) -> np.ndarray:
+    """Fixes ten times a second of a car that drives east at 10 m/s, with noise."""
+    noise = noise_m * np.random.default_rng(1).standard_normal((600, 2))
+    return np.column_stack([np.arange(600.0), np.zeros(600)]) + noise
+
+
+def resting_rows(fixes_m: np.ndarray) -> np.ndarray:
+    time_s = 0.1 * np.arange(len(fixes_m))
+    return np.flatnonzero(frozen_row_mask(Kind.POSITION, time_s, fixes_m, FixMotion(time_s, fixes_m)))
+
+
+@pytest.mark.parametrize("noise_m", [0.02, 0.5])
+def test_fixes_that_rest_with_noise_while_the_car_drives_on_are_set_aside(noise_m: float) -> None:
+    fixes_m = evenly_driven_m(0.5)
+    noise = noise_m * np.random.default_rng(2).standard_normal((100, 2))
+    fixes_m[200:300] = np.array([200.0, 0.0]) + noise  # 10 s, in which the car drives 100 m
+    rows = resting_rows(fixes_m)
+    assert set(rows) <= set(range(195, 300))
+    assert len(rows) >= 95
+
+
+def test_a_car_that_stands_and_a_way_without_a_jump_rest_lawfully() -> None:
+    """It brakes within two seconds, stands for ten, and starts again; then its receiver jumps by 30 m as it stands."""
+    speed = np.concatenate([np.full(200, 10.0), np.linspace(10, 0, 20), np.zeros(100), np.linspace(0, 10, 50)])
+    x_m = 0.1 * np.cumsum(np.concatenate([speed, np.full(230, 10.0)]))
+    fixes_m = np.column_stack([x_m, np.zeros(600)]) + 0.3 * np.random.default_rng(3).standard_normal((600, 2))
+    assert not len(resting_rows(fixes_m))
+    jumped = fixes_m.copy()
+    jumped[280:] += [30.0, 0.0]
+    assert not len(resting_rows(jumped))
+    assert not len(resting_rows(np.rint(evenly_driven_m(0.5) / 11.0) * 11.0))
+
+
 def test_fixes_that_are_repeated_all_the_time_are_not_stuck() -> None:
     slow = np.repeat(FIXES_M[::60], 60, axis=0)  # one each 3 s
     assert not frozen_row_mask(Kind.POSITION, TIME_S, slow, FixMotion(TIME_S, slow)).any()
