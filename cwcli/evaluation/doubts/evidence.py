@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import field
@@ -62,6 +63,13 @@ class DoubtEvidence:
     def summary_of_stage(self, stage: str) -> RecordedSummary:
         """Return the summary in the record of a stage; an empty one without a record."""
         return read_recorded_summary(self.records.get(stage, {}))
+
+    def may_hold_stamp(self, stamp_ns: float) -> bool:
+        """Tell whether the log may hold this stamp: it lies between its states, or is not known."""
+        if self.ego is None or not len(self.ego) or not math.isfinite(stamp_ns):
+            return True
+        first_ns, last_ns = int(self.ego.stamp_ns.min()), int(self.ego.stamp_ns.max())
+        return first_ns - NS_PER_S <= stamp_ns <= last_ns + NS_PER_S
 
     def seconds_since_start(self, stamp_ns: float) -> float:
         """Return the seconds from the log's start to a stamp."""

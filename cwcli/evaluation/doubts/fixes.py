@@ -29,6 +29,8 @@ def find_track_offsets_from_fixes(evidence: DoubtEvidence) -> Iterator[Finding]:
         offset_m, sigma_m, at_ns = (read_finite_number_or_nan(each, key) for key in ("offset_m", "sigma_m", "stamp_ns"))
         if not (offset_m > MIN_DOUBTED_OFFSET_M and sigma_m > 0.0 and offset_m > MAX_UNDOUBTED_OFFSET_SIGMAS * sigma_m):
             continue
+        if not evidence.may_hold_stamp(at_ns):  # the log is a part of the one that was estimated
+            continue
         at = f" at {max(evidence.seconds_since_start(at_ns), 0.0):.0f} s" if np.isfinite(at_ns) else ""
         yield Finding(
             offset_m / sigma_m,

@@ -115,12 +115,10 @@ DOUBTFUL = [
     (
         "fixes",
         evidence(
-            fix_offsets=[
-                {"source": "/fix", "quantity": "position", "offset_m": 9.0, "sigma_m": 1.5, "stamp_ns": 60 * S}
-            ]
+            fix_offsets=[{"source": "/fix", "quantity": "position", "offset_m": 9.0, "sigma_m": 1.5, "stamp_ns": 6 * S}]
         ),
         6.0,
-        "The track is 9.0 m away from the measured positions of /fix at 60 s, 6 times its own uncertainty.",
+        "The track is 9.0 m away from the measured positions of /fix at 6 s, 6 times its own uncertainty.",
     ),
     (
         "errors",
@@ -384,6 +382,14 @@ def test_noise_of_the_fixes_is_no_offset() -> None:
     noise_m = 3.0 * rng.standard_normal((600, 2))
     assert entry_of(noise_m)["sigma_m"] == pytest.approx(math.hypot(3.0, 0.5), rel=0.1)
     assert names(evidence(fix_offsets=[entry_of(noise_m)])) == []
+
+
+def test_offset_in_a_part_that_was_cut_out_is_no_doubt() -> None:
+    """The record is of the whole log; states 0 to 9 s are left of it."""
+    offset = {"offset_m": 9.0, "sigma_m": 1.0}
+    assert names(evidence(fix_offsets=[{**offset, "stamp_ns": 5 * S}])) == ["fixes"]
+    assert names(evidence(fix_offsets=[{**offset, "stamp_ns": 60 * S}])) == []
+    assert names(evidence(fix_offsets=[offset])) == ["fixes"]
 
 
 def test_least_over_window_by_hand() -> None:
