@@ -108,7 +108,9 @@ def interpolate_acting_time_s(acting_s: FloatArray, time_s: FloatArray) -> Float
 
 def acting_slopes_between_knots(acting_s: FloatArray) -> FloatArray:
     """By how much acting times (m, k) grow in a second before each knot, (m, k)."""
-    return np.asarray(np.diff(acting_s, axis=1, prepend=0.0) / np.diff(HORIZON_KNOTS_S, prepend=0.0))
+    out = acting_s.copy()
+    out[:, 1:] -= acting_s[:, :-1]
+    return np.asarray(out / np.diff(HORIZON_KNOTS_S, prepend=0.0))
 
 
 def time_between_knots_s(time_s: FloatArray) -> FloatArray:
