@@ -47,7 +47,10 @@ def run_on_many_logs(
         progress.begin_step("looking for logs")
         unchanged: set[str] = set()
 
-        def report(task: LogTask, status: str, done: int, total: int) -> None:
+        def report(task: LogTask | None, status: str, done: int, total: int) -> None:
+            if task is None:
+                progress.begin_step(f"running {format_count(total, 'log')}")
+                return
             unchanged.update({task.id} if status == "unchanged" else ())
             progress.begin_step(f"{done} of {format_count(total, 'log')} done, the last {task.id} ({status})")
             progress(done, total, skipped=len(unchanged))

@@ -58,7 +58,7 @@ from cwcli.output import make_folder, refuse_unwritable_targets
 from cwcli.pipeline.selection import check_selection_options
 from cwcli.url import display_name_of_url
 
-Report = Callable[[LogTask, str, int, int], None]
+Report = Callable[[LogTask | None, str, int, int], None]
 """Called with a task, its status, the number of ended logs and of all."""
 TaskRunner = Callable[
     [list[tuple[LogTask, FileState]], list[LogTask]], Generator[tuple[LogTask, "TaskResult | WorkerDied"]]
@@ -104,7 +104,8 @@ def run_fleet(
         jobs: Worker processes; None: as many as there are processors.
         ray: Address of a Ray cluster, `auto` for the one of this machine, `local` for one of its own; None: no Ray.
         force: Remove all results of earlier runs in the folder first.
-        report: Called when a log ends, with the task, its status, the number of ended logs and of all logs.
+        report: Called when a log ends, with the task, its status, the number of ended logs and of all logs; before the
+            first, once the logs are found, with None, "found" and these numbers.
 
     Raises:
         UsageError: A pattern matches nothing, a folder holds no log, a log lies in the output folder, or that holds
@@ -120,8 +121,9 @@ def run_fleet(
         raise UsageError("a Ray cluster does not write into a store", where=display_name_of_url(str(out)), hint=hint)
     with StoreFolder(str(out)) as store:
 
-        def send_and_report(task: LogTask, status: str, done: int, total: int) -> None:
-            store.send_log(task.id)
+        def send_and_report(task: LogTask | None, status: str, done: int, total: int) -> None:
+            if task is not None:
+                store.send_log(task.id)
             report(task, status, done, total)
 
         result = _run_into_folder(sources, plan, store.path, run_tasks, force, send_and_report, store.send_manifest)
@@ -170,6 +172,7 @@ def _run_into_folder(
                 statuses[task.id] = "unchanged"
                 report(task, "unchanged", len(statuses), len(tasks))
             return FleetResult(folder, index.manifest, statuses)
+        report(None, "found", 0, len(tasks))
         tables = index.manifest.get(TABLES_KEY, [])
         write_json_object(_make_manifest(plan, tasks, {}, tables), folder / MANIFEST_NAME)
         after_begin()

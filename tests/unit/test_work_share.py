@@ -60,9 +60,9 @@ def test_error_in_a_part_is_passed_on_and_ends_it() -> None:
 def test_run_tells_growing_shares_and_writes_the_same(
     log: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = []
+    written: list[bytes] = []
     shares: list[float] = []
-    for show in (lambda self, share: None, lambda self, share: shares.append(share)):
+    for show in (lambda _, share: None, lambda _, share: shares.append(share)):
         monkeypatch.setattr(Progress, "show_share", show)
         target = tmp_path / f"{len(written)}.mcap"
         assert run_command_line(["run", str(SAMPLES / f"{log}.mcap"), "-o", str(target), "-q"]) == 0

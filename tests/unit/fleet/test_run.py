@@ -117,8 +117,16 @@ def test_twins_from_two_folders_keep_apart(plan: FleetPlan, tmp_path: Path) -> N
         (tmp_path / day).mkdir()
         (tmp_path / day / "drive.mcap").write_bytes((SAMPLES / f"{sample}.mcap").read_bytes())
     plan = dataclasses.replace(plan, stages=plan.stages[:1])
-    fleet = run_fleet([f"{tmp_path}/day1/*.mcap", f"{tmp_path}/day2/*.mcap"], plan, tmp_path / "out", jobs=1)
+    told: list[tuple[str, str, int, int]] = []
+
+    def report(task: LogTask | None, status: str, done: int, total: int) -> None:
+        told.append(("" if task is None else task.id, status, done, total))
+
+    sources = [f"{tmp_path}/day1/*.mcap", f"{tmp_path}/day2/*.mcap"]
+    fleet = run_fleet(sources, plan, tmp_path / "out", jobs=1, report=report)
     assert list(fleet.statuses) == ["day1_drive", "day2_drive"]
+    assert told[0] == ("", "found", 0, 2)
+    assert [(done, total) for _, _, done, total in told[1:]] == [(1, 2), (2, 2)]
     hashes = {entry["sha256"] for entry in fleet.manifest["logs"]}
     assert len(hashes) == 2
 
